@@ -1,0 +1,62 @@
+"""Time as an argument: the one clock that a loop, a device and a simulated plant share.
+
+A loop asks `now_s` and `sleep_until`; it never asks the machine. With `MonotonicClock` that is real time. With
+`VirtualClock` sleeping *is* what makes time pass: it jumps, and everything that lives on the same clock (an
+in-process plant, a simulated device in another process) is told the new time before the sleeper goes on. The same
+program so runs in real time and, faithfully and repeatably, as fast as the machine can compute.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+
+class Clock(Protocol):
+    """Seconds since an arbitrary origin, never going back."""
+
+    def now_s(self) -> float:
+        """The time now, in seconds."""
+        ...
+
+    def sleep_until(self, time_s: float) -> None:
+        """Return when `now_s()` has reached `time_s`; at once if it is past."""
+        ...
+
+
+class MonotonicClock:
+    """Real time."""
+
+    def now_s(self) -> float:
+        """Seconds of the machine's monotonic clock."""
+        return time.monotonic()
+
+    def sleep_until(self, time_s: float) -> None:
+        """Sleep until `time_s`; at once if it is past."""
+        remaining_s = time_s - time.monotonic()
+        if remaining_s > 0:
+            time.sleep(remaining_s)
+
+
+class VirtualClock:
+    """Time that passes only when somebody sleeps."""
+
+    def __init__(self, start_s: float = 0.0) -> None:
+        self._now_s = start_s
+        self._followers: list[Callable[[float], None]] = []
+
+    def now_s(self) -> float:
+        """Virtual seconds."""
+        return self._now_s
+
+    def sleep_until(self, time_s: float) -> None:
+        """Jump to `time_s` and tell every follower; nothing happens if it is past."""
+        if time_s > self._now_s:
+            self._now_s = time_s
+            for follower in self._followers:
+                follower(time_s)
+
+    def follow(self, advance_to: Callable[[float], None]) -> None:
+        """Call `advance_to(time_s)` at every jump: how a simulated plant keeps up with its controller."""
+        self._followers.append(advance_to)

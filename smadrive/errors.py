@@ -1,0 +1,104 @@
+"""Everything smadrive raises.
+
+The tree says whose fault it is; every message names what, where, the value, the limit and the cure.
+
+    SmadriveError
+    ├── ConfigError             the user's files and options                    exit code 2
+    │   ├── DataError           a table of samples that cannot be used
+    │   └── ModelError          a hysteresis model that cannot be true
+    │       └── CertificateError    ... or that may not be used for feedforward
+    ├── TransportError          the talk failed: no port, port lost             exit code 3
+    │   └── DeadlineError       no complete reply before the deadline
+    ├── ProtocolError           a reply that is not the answer to the request   exit code 3
+    ├── DeviceError             the device answered, and the answer is no       exit code 3
+    │   ├── ExceptionReply      a Modbus exception code
+    │   ├── IdentityError       another device than the profile describes
+    │   └── ReadBackError       a written value that did not arrive
+    ├── SafetyError             heating refused, or stopped by the supervisor   exit code 4
+    │   └── TripError           a latched trip
+    └── IdentificationError     the data do not determine the model             exit code 5
+"""
+
+from __future__ import annotations
+
+
+class SmadriveError(Exception):
+    """Root of the tree. `exit_code` is what the command line returns for it."""
+
+    exit_code = 1
+
+
+class ConfigError(SmadriveError):
+    """A file or an option of the user cannot be used as it stands."""
+
+    exit_code = 2
+
+
+class DataError(ConfigError):
+    """A table of samples cannot be used: a missing column, a cell that is no number, lengths that differ."""
+
+
+class ModelError(ConfigError):
+    """Parameters that describe no valid hysteresis model (crossing branches, σ ≤ 0, sets outside the data)."""
+
+
+class CertificateError(ModelError):
+    """A model without the certificates that its use requires."""
+
+
+class TransportError(SmadriveError):
+    """The connection failed: the port is missing, busy, forbidden or gone."""
+
+    exit_code = 3
+
+
+class DeadlineError(TransportError):
+    """No complete reply arrived before the absolute deadline."""
+
+
+class ProtocolError(SmadriveError):
+    """A reply arrived that is not the answer to the request: CRC, unit, function, byte count, sequence."""
+
+    exit_code = 3
+
+
+class DeviceError(SmadriveError):
+    """The device answered, and its answer is no."""
+
+    exit_code = 3
+
+
+class ExceptionReply(DeviceError):
+    """A Modbus exception reply; `code` is the exception code of the standard (1 illegal function, 2 address, ...)."""
+
+    def __init__(self, message: str, code: int) -> None:
+        super().__init__(message)
+        self.code = code
+
+
+class IdentityError(DeviceError):
+    """The device on the bus is not the one that the profile describes."""
+
+
+class ReadBackError(DeviceError):
+    """A written register reads back another value."""
+
+
+class SafetyError(SmadriveError):
+    """Heating is refused, or was stopped."""
+
+    exit_code = 4
+
+
+class TripError(SafetyError):
+    """The supervisor or the device tripped; `number` is the fault's number, the message its cause and remedy."""
+
+    def __init__(self, message: str, number: int) -> None:
+        super().__init__(message)
+        self.number = number
+
+
+class IdentificationError(SmadriveError):
+    """The data do not determine the model that was asked for."""
+
+    exit_code = 5

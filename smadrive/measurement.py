@@ -1,0 +1,25 @@
+"""What one exchange with the rig told about the wire: the type that both columns share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+
+
+@dataclass(frozen=True, slots=True)
+class Measurement:
+    """One sample of the wire, in engineering units. A quantity that was not measured, or is invalid, is NaN.
+
+    `temperature_fault` names why the temperature is invalid (open thermocouple, ...), None when it is valid;
+    `device_faults` and `device_limits` are the names of the device's own latched faults and "limited by" codes.
+    """
+
+    time_s: float
+    temperature_c: float
+    current_a: float
+    voltage_v: float
+    displacement_mm: float = nan
+    temperature_fault: str | None = None
+    device_faults: tuple[str, ...] = ()
+    device_limits: tuple[str, ...] = ()
+    armed: bool = False
