@@ -1,0 +1,87 @@
+"""TOML files into typed values: one loader, one kind of message, for rigs, wires, profiles and simulated devices."""
+
+from __future__ import annotations
+
+import difflib
+import tomllib
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from smadrive.errors import ConfigError
+
+
+class Section(BaseModel):
+    """A table of a config file: immutable, and every key that it does not know is refused."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+
+ConfigT = TypeVar("ConfigT", bound=BaseModel)
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """The tables of the file; ConfigError when it is missing, unreadable or no TOML."""
+    try:
+        return tomllib.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise ConfigError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read ({error})") from None
+    except tomllib.TOMLDecodeError as error:
+        raise ConfigError(f"{path}: not valid TOML: {error}") from None
+
+
+def load_config(path: Path, kind: type[ConfigT]) -> ConfigT:
+    """The file as a validated `kind`; ConfigError names file, key, value and cure in one line."""
+    return validate(read_toml(path), kind, where=str(path))
+
+
+def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT:
+    """`tables` as a validated `kind`; ConfigError tells the first problem, and how many more there are."""
+    try:
+        return kind.model_validate(tables)
+    except ValidationError as error:
+        problems = error.errors()
+        first = problems[0]
+        key = ".".join(str(part) for part in first["loc"]) or "the file"
+        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
+        raise ConfigError(f"{where}: {key}: {_complaint(dict(first), kind)}{more}") from None
+
+
+def _complaint(problem: dict[str, Any], kind: type[BaseModel]) -> str:
+    if problem["type"] == "extra_forbidden":
+        return "unknown key" + nearest(str(problem["loc"][-1]), _known_keys(kind, problem["loc"][:-1]))
+    if problem["type"] == "missing":
+        return "is missing"
+    message = str(problem["msg"]).removeprefix("Value error, ")
+    value = problem["input"]
+    return message if isinstance(value, dict) else f"{message} (it is {value!r})"
+
+
+def nearest(name: str, known: Iterable[str]) -> str:
+    """The tail of a message about an unknown `name`: the nearest known one, or all of them."""
+    names = sorted(known)
+    close = difflib.get_close_matches(name, names, n=1)
+    return f"; did you mean '{close[0]}'?" if close else f"; known are: {', '.join(names)}"
+
+
+def _known_keys(kind: type[BaseModel], path: tuple[Any, ...]) -> set[str]:
+    """The keys allowed at `path` below `kind`, found by walking the field annotations."""
+    models = [kind]
+    for part in path:
+        models = [inner for model in models for inner in _models_below(model, part)] or models
+    return {field.alias or name for model in models for name, field in model.model_fields.items()}
+
+
+def _models_below(model: type[BaseModel], part: Any) -> list[type[BaseModel]]:
+    field = model.model_fields.get(part) if isinstance(part, str) else None
+    return [] if field is None else _models_in(field.annotation)
+
+
+def _models_in(annotation: Any) -> list[type[BaseModel]]:
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return [annotation]
+    return [model for part in getattr(annotation, "__args__", ()) for model in _models_in(part)]

@@ -1,0 +1,82 @@
+"""Heat balance of the wire and its inverse.
+
+One lumped temperature T, austenite fraction w (the state of the hysteresis model, rising on heating):
+
+    m c · dT/dt = P - Q · dw/dt - h A (T - T_ambient)        P = I² R(w),  R(w) = R_cold (1 + r w),  Q = m L_h
+
+Latent heat Q is absorbed on heating and given back on cooling; at mid-transformation it doubles the apparent heat
+capacity, so a feedforward without it is wrong where it matters most. r differs in sign between wires: it is fitted.
+The thermocouple, a bead on the wire, follows with a first-order lag: lag · dT_tc/dt = T - T_tc.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, sqrt
+
+from smadrive.errors import ModelError
+
+
+@dataclass(frozen=True, slots=True)
+class HeatBalance:
+    """Parameters of the heat balance above. Every model of this module is a method of it.
+
+    Raises ModelError when a parameter that must be positive is not.
+    """
+
+    heat_capacity_j_per_k: float
+    loss_w_per_k: float
+    latent_heat_j: float
+    ambient_c: float
+    resistance_cold_ohm: float
+    resistance_change: float
+    thermocouple_lag_s: float
+
+    def __post_init__(self) -> None:
+        """Refuse parameters that no wire has."""
+        for name in ("heat_capacity_j_per_k", "loss_w_per_k", "resistance_cold_ohm"):
+            value = getattr(self, name)
+            if not value > 0:
+                raise ModelError(f"heat balance: {name} must be positive, it is {value:g}")
+        for name in ("latent_heat_j", "thermocouple_lag_s"):
+            value = getattr(self, name)
+            if not value >= 0:
+                raise ModelError(f"heat balance: {name} must not be negative, it is {value:g}")
+        if not self.resistance_change > -1:
+            raise ModelError(f"heat balance: resistance_change must exceed -1, it is {self.resistance_change:g}")
+
+    @property
+    def time_constant_s(self) -> float:
+        """τ = m c / (h A), without transformation."""
+        return self.heat_capacity_j_per_k / self.loss_w_per_k
+
+    def resistance_ohm(self, phase: float) -> float:
+        """R(w) at austenite fraction `phase`."""
+        return self.resistance_cold_ohm * (1.0 + self.resistance_change * phase)
+
+    def step(self, temperature_c: float, power_w: float, phase_per_k: float, dt_s: float) -> float:
+        """Temperature after `dt_s` at constant power, with the transformation's slope dw/dT frozen (exact then)."""
+        settled_c = self.ambient_c + power_w / self.loss_w_per_k
+        capacity = self.heat_capacity_j_per_k + self.latent_heat_j * phase_per_k
+        return settled_c + (temperature_c - settled_c) * exp(-dt_s * self.loss_w_per_k / capacity)
+
+    def step_thermocouple(self, reading_c: float, wire_before_c: float, wire_after_c: float, dt_s: float) -> float:
+        """Reading after `dt_s` while the wire moves linearly between its two temperatures (exact)."""
+        lag_s = self.thermocouple_lag_s
+        if lag_s <= 0:
+            return wire_after_c
+        decay = exp(-dt_s / lag_s)
+        ramp_c = wire_after_c - wire_before_c
+        return wire_before_c + (reading_c - wire_before_c) * decay + ramp_c * (1.0 - (1.0 - decay) * lag_s / dt_s)
+
+    def power_w(self, temperature_c: float, rate_c_per_s: float, phase_rate_per_s: float) -> float:
+        """Inverse heat balance: the power that moves the wire at this rate. Negative: the wire cannot cool so fast."""
+        return (
+            self.heat_capacity_j_per_k * rate_c_per_s
+            + self.latent_heat_j * phase_rate_per_s
+            + self.loss_w_per_k * (temperature_c - self.ambient_c)
+        )
+
+    def current_a(self, power_w: float, phase: float) -> float:
+        """The heater current that gives `power_w` (zero for a negative power)."""
+        return sqrt(max(power_w, 0.0) / self.resistance_ohm(phase))
