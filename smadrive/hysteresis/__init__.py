@@ -1,0 +1,31 @@
+"""Rate-independent hysteresis: Duhem and T-S fuzzy Duhem models, their exact stepping, their inverse, their certificates."""
+
+from smadrive.hysteresis.certificate import Certificate
+from smadrive.hysteresis.duhem import DuhemModel
+from smadrive.hysteresis.fuzzy import GaussianSets, Rule, TrapezoidSets, TriangularSets
+from smadrive.hysteresis.inverse import InverseFeedforward, InverseTrajectory, Inversion
+from smadrive.hysteresis.mixture import GaussianMixture
+from smadrive.hysteresis.model import HysteresisModel, HysteresisState
+from smadrive.hysteresis.modelfile import load_model, save_model
+from smadrive.hysteresis.reversal import DeadBand, play
+from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
+
+__all__ = [
+    "Certificate",
+    "DeadBand",
+    "DuhemModel",
+    "GaussianMixture",
+    "GaussianSets",
+    "HysteresisModel",
+    "HysteresisState",
+    "InverseFeedforward",
+    "InverseTrajectory",
+    "Inversion",
+    "Rule",
+    "TSFuzzyDuhem",
+    "TrapezoidSets",
+    "TriangularSets",
+    "load_model",
+    "play",
+    "save_model",
+]

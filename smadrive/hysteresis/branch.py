@@ -1,0 +1,174 @@
+"""The exact branch engine: what Duhem and T-S fuzzy Duhem models have in common.
+
+On a stretch of monotone input every branch is a linear ODE dw/dv = a(v) w + b(v). With Λ(v) = ∫a dv and any particular
+solution P(v)
+
+    w(v1) = P(v1) + (w(v0) - P(v0)) exp(Λ(v1) - Λ(v0))
+
+whatever the distance v1 - v0: no ODE solver, no step size. Λ and P of both branches are tabulated once as cubic Hermite
+pieces on one grid (their derivatives a and a P + b are known, so the error is of fourth order). A trajectory is then one
+vector expression per branch, chained at its turning points; a single step is a few multiplications and one exp.
+
+Outside the grid the state is held: the input is clamped to [lower, upper].
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from math import exp, inf
+
+import numpy as np
+
+from smadrive.hysteresis.arrays import FloatArray
+
+_CHUNK = 8192  # samples evaluated at once: the working set stays in the cache
+_Row = tuple[float, float, float, float, float, float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Branch:
+    """One branch at the nodes of a grid: Λ, its derivative a, a particular solution P and its derivative a P + b."""
+
+    exponent: FloatArray
+    rate: FloatArray
+    target: FloatArray
+    target_slope: FloatArray
+
+    def pieces(self, nodes: FloatArray) -> FloatArray:
+        """Cubic coefficients (8, cells) in v - nodes[cell]: P from constant to cubic, then Λ likewise."""
+        width = np.diff(nodes)
+        return np.vstack([_hermite(width, self.target, self.target_slope), _hermite(width, self.exponent, self.rate)])
+
+
+def _hermite(width: FloatArray, value: FloatArray, slope: FloatArray) -> FloatArray:
+    secant = np.diff(value) / width
+    left, right = slope[:-1], slope[1:]
+    return np.vstack(
+        [value[:-1], left, (3 * secant - 2 * left - right) / width, (left + right - 2 * secant) / width**2]
+    )
+
+
+class BranchEngine:
+    """Exact stepping along two tabulated branches.
+
+    `nodes` are `bins` uniform cells over [lower, upper] plus at most one extra node (a kink of a or b) inside each.
+    """
+
+    def __init__(self, nodes: FloatArray, bins: int, heating: Branch, cooling: Branch) -> None:
+        self.nodes, self.heating, self.cooling = nodes, heating, cooling
+        self.lower, self.upper = float(nodes[0]), float(nodes[-1])
+        self._cells = len(nodes) - 1
+        self._last_bin = bins - 1
+        self._bins_per_unit = bins / (self.upper - self.lower)
+        self._coefficients = np.hstack([cooling.pieces(nodes), heating.pieces(nodes)])
+        starts = self.lower + np.arange(bins) / self._bins_per_unit
+        self._first = (
+            np.minimum(np.searchsorted(nodes, starts + 1e-6 / self._bins_per_unit, side="right"), self._cells) - 1
+        )
+        inside = nodes[self._first + 1] < starts + (1 - 1e-6) / self._bins_per_unit
+        self._split = np.where(inside, nodes[self._first + 1], inf)
+        self._has_splits = bool(inside.any())
+
+    def evaluate(self, v: FloatArray, rising: np.ndarray) -> tuple[FloatArray, FloatArray]:
+        """P(v) and Λ(v), each sample on the branch of its direction. `v` lies in [lower, upper]."""
+        target, exponent = np.empty_like(v), np.empty_like(v)
+        for start in range(0, len(v), _CHUNK):
+            part = slice(start, start + _CHUNK)
+            self._evaluate_chunk(v[part], rising[part], target[part], exponent[part])
+        return target, exponent
+
+    def _evaluate_chunk(self, v: FloatArray, rising: np.ndarray, target: FloatArray, exponent: FloatArray) -> None:
+        cell = ((v - self.lower) * self._bins_per_unit).astype(np.intp)
+        np.minimum(cell, self._last_bin, out=cell)
+        if self._has_splits:
+            beyond = v >= self._split.take(cell)
+            cell = self._first.take(cell)
+            cell += beyond
+        t = v - self.nodes.take(cell)
+        cell += self._cells * rising
+        for first, result in ((0, target), (4, exponent)):
+            self._coefficients[first + 3].take(cell, out=result, mode="clip")
+            for row in (first + 2, first + 1, first):
+                result *= t
+                result += self._coefficients[row].take(cell)
+
+    def trajectory(self, v: FloatArray, w_start: float) -> FloatArray:
+        """States w at every sample of the input path `v` (1-D), from w_start at v[0]."""
+        path = np.clip(v, self.lower, self.upper)
+        states = np.empty_like(path)
+        states[0] = w_start
+        if len(path) == 1:
+            return states
+        rising = path[1:] > path[:-1]
+        starts = np.concatenate([[0], np.flatnonzero(rising[1:] != rising[:-1]) + 1])
+        ends = np.concatenate([starts[1:], [len(path) - 1]])
+        target, exponent = self.evaluate(path[1:], rising)
+        start_target, start_exponent = self.evaluate(path[starts], rising[starts])
+        decay = np.exp(exponent[ends - 1] - start_exponent)
+        excess = _chain(w_start, start_target, target[ends - 1], decay)
+        exponent -= np.repeat(start_exponent, ends - starts)
+        np.exp(exponent, out=exponent)
+        exponent *= np.repeat(excess, ends - starts)
+        np.add(target, exponent, out=states[1:])
+        return states
+
+    @cached_property
+    def _rows(self) -> tuple[list[_Row], list[_Row]]:
+        """The same table for the scalar path, plain floats: (cooling, heating)."""
+        table = np.vstack([np.tile(self.nodes[:-1], 2), self._coefficients]).T.tolist()
+        rows: list[_Row] = [tuple(row) for row in table]
+        return rows[: self._cells], rows[self._cells :]
+
+    @cached_property
+    def _lookup(self) -> tuple[list[int], list[float]]:
+        return self._first.tolist(), self._split.tolist()
+
+    def row(self, v: float, *, rising: bool) -> _Row:
+        """The table row for one input in [lower, upper]: node, four coefficients of P, four of Λ."""
+        first, split = self._lookup
+        number = min(int((v - self.lower) * self._bins_per_unit), self._last_bin)
+        return self._rows[rising][first[number] + (v >= split[number])]
+
+    def clamp(self, v: float) -> float:
+        """`v` held to the grid."""
+        return self.lower if v < self.lower else self.upper if v > self.upper else v
+
+    def move(self, w: float, v0: float, v1: float) -> float:
+        """The state at v1 after a monotone move from (v0, w)."""
+        v0, v1 = self.clamp(v0), self.clamp(v1)
+        if v1 == v0:
+            return w
+        rising = v1 > v0
+        node, p0, p1, p2, p3, l0, l1, l2, l3 = self.row(v0, rising=rising)
+        t = v0 - node
+        excess = w - (((p3 * t + p2) * t + p1) * t + p0)
+        exponent = ((l3 * t + l2) * t + l1) * t + l0
+        node, p0, p1, p2, p3, l0, l1, l2, l3 = self.row(v1, rising=rising)
+        t = v1 - node
+        return ((p3 * t + p2) * t + p1) * t + p0 + excess * exp(((l3 * t + l2) * t + l1) * t + l0 - exponent)
+
+    def local_law(self, v: float, *, rising: bool) -> tuple[float, float]:
+        """a and b of dw/dv = a w + b at one input; both zero outside the grid, where the state is held."""
+        if not self.lower <= v <= self.upper:
+            return 0.0, 0.0
+        node, p0, p1, p2, p3, _, l1, l2, l3 = self.row(v, rising=rising)
+        t = v - node
+        rate = (3 * l3 * t + 2 * l2) * t + l1
+        return rate, (3 * p3 * t + 2 * p2) * t + p1 - rate * (((p3 * t + p2) * t + p1) * t + p0)
+
+    def target(self, v: float, *, rising: bool) -> float:
+        """P at one input: the state on the branch that attracts this direction."""
+        v = self.clamp(v)
+        node, p0, p1, p2, p3, *_ = self.row(v, rising=rising)
+        t = v - node
+        return ((p3 * t + p2) * t + p1) * t + p0
+
+
+def _chain(w_start: float, start_target: FloatArray, end_target: FloatArray, decay: FloatArray) -> FloatArray:
+    """w - P at the start of each monotone run: the runs' affine maps applied one after another."""
+    excess, w = [], w_start
+    for p_start, p_end, factor in zip(start_target.tolist(), end_target.tolist(), decay.tolist(), strict=True):
+        excess.append(w - p_start)
+        w = p_end + (w - p_start) * factor
+    return np.array(excess)

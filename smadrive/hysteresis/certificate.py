@@ -1,0 +1,99 @@
+"""What linear system theory proves of a branch model dw/dv = a w + b, checked rule by rule.
+
+Contraction   a ≤ -λ on heating and a ≥ λ on cooling: two trajectories of one input approach as exp(-λ · TV(v)), TV the
+              total variation of v, so the unknown initial state is forgotten after a known travel and a periodic input
+              has one attracting loop. A whole loop shrinks differences by exp(-∮|a| dv), usually far more.
+Boundedness   the equilibria S = -b/a (heating) and R = -b/a (cooling) lie in [0, 1]: w never leaves [0, 1].
+Monotone      the slope is affine in w: heating rises below S(v), cooling falls above R(v). Between R(v) and S(v) the
+              inverse is unique. A Duhem model has R = h₊, S = h₋, so all it can reach is invertible.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from smadrive.hysteresis.arrays import FloatArray
+    from smadrive.hysteresis.branch import Branch, BranchEngine
+
+_ROUNDING = 1e-9
+
+
+@dataclass(frozen=True, slots=True)
+class Certificate:
+    """Proven properties of a model.
+
+    contraction_rate   λ in 1/(unit of v); not positive: not contracting
+    loop_contraction   factor by which one loop over the whole range shrinks the distance of two trajectories
+    bounded            w stays in [0, 1]
+    invertible_share   share of the area between the major branches in which both directions have the right slope sign
+    """
+
+    contraction_rate: float
+    loop_contraction: float
+    bounded: bool
+    invertible_share: float
+
+    @property
+    def contracting(self) -> bool:
+        """Whether every rule contracts."""
+        return self.contraction_rate > 0
+
+    @property
+    def monotone(self) -> bool:
+        """Whether the inverse is unique wherever the model can be."""
+        return self.invertible_share > 1 - _ROUNDING
+
+    @property
+    def holds(self) -> bool:
+        """Whether the model may drive a feedforward: contracting and bounded."""
+        return self.contracting and self.bounded
+
+    def forgetting_travel(self, factor: float) -> float:
+        """Travel of v, in its unit, after which an unknown initial state matters less than `factor`."""
+        return float(np.log(1 / factor) / self.contraction_rate) if self.contracting else float("inf")
+
+
+def certify(engine: BranchEngine, laws: Iterable[tuple[FloatArray, FloatArray]] | None = None) -> Certificate:
+    """Certificate of a tabulated model; `laws` are (a, b) of heating and of cooling at its rules, None: at the table's nodes."""
+    (a_heating, b_heating), (a_cooling, b_cooling) = laws or (_law(engine.heating), _law(engine.cooling))
+    up, down = engine.heating.exponent, engine.cooling.exponent
+    return Certificate(
+        contraction_rate=float(min(-a_heating.max(), a_cooling.min())),
+        loop_contraction=float(np.exp(min(up[-1] - up[0] + down[0] - down[-1], 700.0))),
+        bounded=_within(b_heating, -a_heating) and _within(-b_cooling, a_cooling),
+        invertible_share=_invertible_share(engine),
+    )
+
+
+def _law(branch: Branch) -> tuple[FloatArray, FloatArray]:
+    return branch.rate, branch.target_slope - branch.rate * branch.target
+
+
+def _within(drive: FloatArray, rate: FloatArray) -> bool:
+    """0 ≤ drive/rate ≤ 1, without dividing."""
+    return bool(np.all(drive >= -_ROUNDING * np.abs(rate)) and np.all(drive <= rate + _ROUNDING * np.abs(rate)))
+
+
+def _invertible_share(engine: BranchEngine) -> float:
+    low = np.minimum(engine.heating.target, engine.cooling.target)
+    high = np.maximum(engine.heating.target, engine.cooling.target)
+    bottom, top = invertible_band(engine)
+    good = np.clip(np.minimum(high, top) - np.maximum(low, bottom), 0.0, None)
+    slack = _ROUNDING * (engine.upper - engine.lower)
+    area = float(np.trapezoid(high - low, engine.nodes))
+    return min(1.0, (float(np.trapezoid(good, engine.nodes)) + slack) / area) if area > 0 else 1.0
+
+
+def invertible_band(engine: BranchEngine) -> tuple[FloatArray, FloatArray]:
+    """R(v) and S(v) at the table's nodes: between them the output rises on heating and falls on cooling."""
+    (a_heating, b_heating), (a_cooling, b_cooling) = _law(engine.heating), _law(engine.cooling)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        top = np.where(a_heating < 0, -b_heating / a_heating, np.where(b_heating >= 0, np.inf, -np.inf))
+        bottom = np.where(a_cooling > 0, -b_cooling / a_cooling, np.where(b_cooling >= 0, -np.inf, np.inf))
+    return bottom, top

@@ -1,0 +1,171 @@
+"""The classical Duhem model, Eqs. (1)-(6) of Lee, Park, Baek (IJFIS 2013), corrected.
+
+    heating:  dw/dv = (h₋ - w)/d · g₊         cooling:  dw/dv = (w - h₊)/d · g₋         d = h₋ - h₊ > 0,  g± = h±'
+
+The scale k is counted once, in y = offset + k w. The particular solutions are the major branches themselves: P = h₊ with
+a = -g₊/d on heating, P = h₋ with a = g₋/d on cooling. d is a difference of nearly equal numbers in both tails; it is
+formed from ln h below the loop and from ln(1 - h) above it, so a tends to a Mills ratio instead of 0/0.
+
+Nine standard deviations beyond every component the branches have met to 1e-18; there the state is held.
+"""
+
+from __future__ import annotations
+
+from typing import Self
+
+import numpy as np
+
+from smadrive.errors import ModelError
+from smadrive.hysteresis.arrays import FloatArray
+from smadrive.hysteresis.branch import Branch
+from smadrive.hysteresis.certificate import Certificate, certify
+from smadrive.hysteresis.mixture import GaussianMixture
+from smadrive.hysteresis.model import HysteresisModel, check_output_map
+from smadrive.hysteresis.tabulate import integrate_rate, quadrature_points, tabulate
+
+_SATURATED = 9.0  # standard deviations
+_NO_KINKS = np.empty(0)
+
+
+class DuhemModel(HysteresisModel):
+    """A Duhem model whose branches h± are mixtures of Gaussian distributions.
+
+    Raises ModelError when the branches cross inside `input_range` or do not overlap it.
+    """
+
+    def __init__(
+        self,
+        heating: GaussianMixture,
+        cooling: GaussianMixture,
+        scale: float,
+        offset: float,
+        input_range: tuple[float, float],
+    ) -> None:
+        lower, upper = check_output_map(scale, offset, input_range)
+        spans = heating.span(_SATURATED), cooling.span(_SATURATED)
+        start, end = max(lower, min(s[0] for s in spans)), min(upper, max(s[1] for s in spans))
+        if start >= end:
+            raise ModelError(
+                f"input_range ({lower:g}, {upper:g}) holds no part of the loop; the means are {heating.means + cooling.means}"
+            )
+        _refuse_crossing(heating, cooling, lower, upper)
+        self.heating = heating
+        self.cooling = cooling
+        engine = tabulate(start, end, lambda nodes: duhem_branches(heating, cooling, nodes), _NO_KINKS)
+        super().__init__(engine, scale, offset, (lower, upper))
+
+    @classmethod
+    def gaussian(
+        cls,
+        *,
+        mu_heating: float,
+        mu_cooling: float,
+        sigma_heating: float,
+        sigma_cooling: float,
+        scale: float = 1.0,
+        offset: float = 0.0,
+        input_range: tuple[float, float],
+    ) -> Self:
+        """One Gaussian per branch, the paper's case. mu, sigma and input_range in the unit of v, scale in that of y."""
+        if (mu_heating, mu_cooling, sigma_heating, sigma_cooling) == (75, 70, 35, -45):
+            raise ModelError(
+                "these are the columns of the paper's Table 1 as printed, where μ and σ are swapped: sigma_cooling = -45 is no "
+                "standard deviation, and with 45 the branches cross at v = 92.5, inside the range; use DuhemModel.table1()"
+            )
+        heating = GaussianMixture((1.0,), (float(mu_heating),), (float(sigma_heating),))
+        cooling = GaussianMixture((1.0,), (float(mu_cooling),), (float(sigma_cooling),))
+        return cls(heating, cooling, scale, offset, input_range)
+
+    @classmethod
+    def table1(cls) -> Self:
+        """Table 1 of the paper with its columns unswapped: k 40, μ₊ 35, μ₋ -45, σ₊ 75, σ₋ 70, range ±300."""
+        return cls.gaussian(
+            mu_heating=35, mu_cooling=-45, sigma_heating=75, sigma_cooling=70, scale=40, input_range=(-300, 300)
+        )
+
+    @classmethod
+    def mixture(
+        cls,
+        *,
+        heating: GaussianMixture,
+        cooling: GaussianMixture,
+        scale: float = 1.0,
+        offset: float = 0.0,
+        input_range: tuple[float, float],
+    ) -> Self:
+        """Several Gaussians per branch, as measured wires need (one leaves 2-4 % of the span, two about 0.5 %)."""
+        return cls(heating, cooling, scale, offset, input_range)
+
+    def admissible(self, v: float) -> tuple[float, float]:
+        """[h₊(v), h₋(v)]: between the branches."""
+        return self.engine.target(v, rising=True), self.engine.target(v, rising=False)
+
+    def local_laws(self, v: FloatArray, *, rising: bool) -> tuple[FloatArray, FloatArray]:
+        """a(v) and b(v) of dw/dv = a w + b: the derivation approach of the paper, Eq. (9), any shape of v."""
+        log_gap = _log_gap(self.heating, self.cooling, v)
+        if rising:
+            rate = -np.exp(self.heating.log_pdf(v) - log_gap)
+            return rate, -rate * self.cooling.cdf(v)
+        rate = np.exp(self.cooling.log_pdf(v) - log_gap)
+        return rate, -rate * self.heating.cdf(v)
+
+    def certificate(self) -> Certificate:
+        """Contraction rate min g±/d over the loop, boundedness and invertible band."""
+        return certify(self.engine)
+
+
+def _log_gap(heating: GaussianMixture, cooling: GaussianMixture, v: FloatArray, floor: float = 0.0) -> FloatArray:
+    """ln(h₋ - h₊), from the side where the two are small. A relative gap below `floor` counts as `floor`."""
+    low_heating, low_cooling = heating.log_cdf(v), cooling.log_cdf(v)
+    high_heating, high_cooling = heating.log_sf(v), cooling.log_sf(v)
+    below = low_cooling < high_heating
+    larger = np.where(below, low_cooling, high_heating)
+    ratio = np.where(below, low_heating - low_cooling, high_cooling - high_heating)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.asarray(larger + np.log(np.maximum(-np.expm1(ratio), floor)))
+
+
+def duhem_branches(
+    heating: GaussianMixture, cooling: GaussianMixture, nodes: FloatArray, floor: float = 0.0
+) -> tuple[Branch, Branch]:
+    """Heating and cooling branch at the nodes of a grid.
+
+    With floor = 0 branches that cross raise ModelError; a positive floor keeps the trial points of a fit finite.
+    """
+    points = quadrature_points(nodes)
+    log_gap, inner_gap = (_log_gap(heating, cooling, v, floor) for v in (nodes, points))
+    crossed = ~np.isfinite(log_gap)
+    if crossed.any():
+        raise ModelError(_crossing_message(float(nodes[np.argmax(crossed)]), float(nodes[0]), float(nodes[-1])))
+    branches = []
+    for sign, mixture in ((-1.0, heating), (1.0, cooling)):
+        rate = sign * np.exp(mixture.log_pdf(nodes) - log_gap)
+        inner_rate = sign * np.exp(mixture.log_pdf(points) - inner_gap)
+        exponent = integrate_rate(nodes, inner_rate).exponent
+        branches.append(Branch(exponent, rate, mixture.cdf(nodes), np.exp(mixture.log_pdf(nodes))))
+    return branches[0], branches[1]
+
+
+def _refuse_crossing(heating: GaussianMixture, cooling: GaussianMixture, lower: float, upper: float) -> None:
+    """One Gaussian per branch crosses at v* = (μ₊σ₋ - μ₋σ₊)/(σ₋ - σ₊), exactly; mixtures are checked at the table's nodes."""
+    if len(heating.means) > 1 or len(cooling.means) > 1:
+        return
+    (mu_h,), (s_h,), (mu_c,), (s_c,) = heating.means, heating.sigmas, cooling.means, cooling.sigmas
+    if s_h == s_c:
+        if mu_h <= mu_c:
+            raise ModelError(
+                f"mu_heating = {mu_h:g} must exceed mu_cooling = {mu_c:g}: a wire transforms later on heating"
+            )
+        return
+    crossing = (mu_h * s_c - mu_c * s_h) / (s_c - s_h)
+    if lower <= crossing <= upper:
+        raise ModelError(_crossing_message(crossing, lower, upper))
+    if mu_h <= mu_c:
+        raise ModelError(f"mu_heating = {mu_h:g} must exceed mu_cooling = {mu_c:g}: a wire transforms later on heating")
+
+
+def _crossing_message(v: float, lower: float, upper: float) -> str:
+    return (
+        f"the branches cross at v = {v:.6g}, inside the working range [{lower:g}, {upper:g}], where the Duhem slope is singular; "
+        "bring the sigmas closer together, move the means apart or narrow input_range"
+    )

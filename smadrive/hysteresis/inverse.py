@@ -1,0 +1,128 @@
+"""Inverse feedforward: the input that brings the wire to a wanted output.
+
+From the state (v0, w0) the wanted w1 fixes the direction, sign(w1 - w0), and on that branch
+
+    P(v1) + (w0 - P(v0)) exp(Λ(v1) - Λ(v0)) = w1
+
+has one solution v1, found by a bracketed Newton iteration. It starts from the closed form within one rule,
+Δv = ln((a w1 + b)/(a w0 + b))/a. What cannot be reached is no error but an outcome: the input goes to the end of the range
+and the result says so. In real time the state must be that of the *estimated* wire, not of the wanted one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp, isfinite, log
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from smadrive.errors import DataError
+from smadrive.hysteresis.arrays import FloatArray, finite_array
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    from smadrive.hysteresis.model import HysteresisModel, HysteresisState
+
+_CLOSE = 1e-10  # of the scale: closer than this the output counts as reached
+_ITERATIONS = 100
+
+
+class Inversion(NamedTuple):
+    """Input v to command, output y it leads to, and whether that is the wanted one."""
+
+    v: float
+    y: float
+    reachable: bool
+
+
+@dataclass(frozen=True, slots=True)
+class InverseTrajectory:
+    """Inputs, the outputs they lead to, and per sample whether the wanted output was reachable; one row per sample."""
+
+    v: FloatArray
+    y: FloatArray
+    reachable: NDArray[np.bool_]
+
+
+class InverseFeedforward:
+    """The inverse of a hysteresis model: `update` for one sample, `trajectory` for a whole reference."""
+
+    def __init__(self, model: HysteresisModel) -> None:
+        self.model = model
+
+    def update(self, state: HysteresisState, y_wanted: float) -> Inversion:
+        """The input that takes the wire from `state` to `y_wanted` (unit of y). Raises DataError when it is not finite."""
+        if not isfinite(y_wanted):
+            raise DataError(f"wanted output is {y_wanted}; it must be finite")
+        model = self.model
+        w1 = (y_wanted - model.offset) / model.scale
+        if abs(w1 - state.w) <= _CLOSE:
+            return Inversion(state.v, state.y, True)
+        v, w = self._solve(state, w1)
+        return Inversion(v, model.offset + model.scale * w, abs(w - w1) <= 10 * _CLOSE)
+
+    def trajectory(self, y_ref: ArrayLike, v0: float, y0: float | None = None) -> InverseTrajectory:
+        """Inputs for a reference path from input v0 (and output y0; None: on the heating branch), sample by sample."""
+        wanted = finite_array("reference y_ref", y_ref)
+        if wanted.ndim != 1:
+            raise DataError(f"y_ref has shape {wanted.shape}; pass one wire's reference as a 1-D array")
+        state = self.model.initial_state(v0, y0)
+        inversions = []
+        for y in wanted.tolist():
+            inversion = self.update(state, y)
+            state = self.model.step(state, inversion.v)
+            inversions.append(inversion)
+        v, y_reached, reachable = zip(*inversions, strict=True)
+        return InverseTrajectory(np.array(v), np.array(y_reached), np.array(reachable))
+
+    def _solve(self, state: HysteresisState, w1: float) -> tuple[float, float]:
+        """v1 and the state reached there: bracketed Newton between the present input and the end of the range."""
+        engine = self.model.engine
+        rising = w1 > state.w
+        v0 = engine.clamp(state.v)
+        near, far = v0, engine.upper if rising else engine.lower
+        if near == far:
+            return v0, state.w
+        node, p0, p1, p2, p3, l0, l1, l2, l3 = engine.row(v0, rising=rising)
+        t = v0 - node
+        excess = state.w - (((p3 * t + p2) * t + p1) * t + p0)
+        exponent = ((l3 * t + l2) * t + l1) * t + l0
+        v = _first_guess(engine.local_law(v0, rising=rising), v0, state.w, w1, far)
+        w = state.w
+        end_checked = False
+        for _ in range(_ITERATIONS):
+            node, p0, p1, p2, p3, l0, l1, l2, l3 = engine.row(v, rising=rising)
+            t = v - node
+            decayed = excess * exp(((l3 * t + l2) * t + l1) * t + l0 - exponent)
+            w = ((p3 * t + p2) * t + p1) * t + p0 + decayed
+            missing = w1 - w
+            if -1e-13 < missing < 1e-13:
+                break
+            if (missing > 0) == rising:
+                if v == far:
+                    break
+                near = v
+            else:
+                far, end_checked = v, True
+            slope = (3 * p3 * t + 2 * p2) * t + p1 + decayed * ((3 * l3 * t + 2 * l2) * t + l1)
+            newton = v + missing / slope if slope > 0 else far
+            if near < newton < far or far < newton < near:
+                v = newton
+            elif end_checked:
+                v = (near + far) / 2
+                if v in (near, far):
+                    break
+            else:
+                v = far
+        return v, w
+
+
+def _first_guess(law: tuple[float, float], v0: float, w0: float, w1: float, far: float) -> float:
+    a, b = law
+    start, end = a * w0 + b, a * w1 + b
+    if a == 0 or start <= 0 or end <= 0:
+        return far
+    guess = v0 + log(end / start) / a
+    return guess if min(v0, far) < guess < max(v0, far) else far

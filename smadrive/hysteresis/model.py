@@ -1,0 +1,113 @@
+"""What every hysteresis model of smadrive does: state in, state out, nothing hidden.
+
+    w  normalised state in [0, 1], the transformed fraction          y = offset + scale · w    (scale may be negative)
+    v  input. Rising input runs along the heating branch, falling input along the cooling branch.
+
+Inside `input_range` the branch engine is exact. Outside, the wire counts as fully transformed: the input is clamped to
+the range, the state is held and the slope is zero, so nothing a sensor says can make the model diverge.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from smadrive.errors import DataError, ModelError
+from smadrive.hysteresis.arrays import FloatArray, finite_array
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from smadrive.hysteresis.branch import BranchEngine
+    from smadrive.hysteresis.certificate import Certificate
+
+
+class HysteresisState(NamedTuple):
+    """Input v, output y and normalised state w of one wire."""
+
+    v: float
+    y: float
+    w: float
+
+
+class HysteresisModel:
+    """Common half of DuhemModel and TSFuzzyDuhem. A subclass gives the engine and `admissible(v)`."""
+
+    def __init__(self, engine: BranchEngine, scale: float, offset: float, input_range: tuple[float, float]) -> None:
+        self.engine = engine
+        self.scale = scale
+        self.offset = offset
+        self.input_range = input_range
+
+    def admissible(self, v: float) -> tuple[float, float]:
+        """Smallest and largest state w that the model can be in at input v."""
+        raise NotImplementedError
+
+    def certificate(self) -> Certificate:
+        """What is proven of this model: contraction, boundedness, invertible band."""
+        raise NotImplementedError
+
+    def simulate(self, v: ArrayLike, y0: ArrayLike | None = None) -> FloatArray:
+        """Outputs y along an input path; shape of `v`: (samples,) or (samples, wires).
+
+        `y0` is the output at v[0], one number or one per wire; None: on the heating branch. It is held to what the
+        model can reach at v[0]. Raises DataError for samples that are not finite.
+        """
+        path = finite_array("input v", v)
+        columns = path.reshape(len(path), -1)
+        starts = self._start_states(columns[0], y0)
+        states = np.empty_like(columns)
+        for wire, w_start in enumerate(starts):
+            states[:, wire] = self.engine.trajectory(np.ascontiguousarray(columns[:, wire]), w_start)
+        states *= self.scale
+        states += self.offset
+        return states.reshape(path.shape)
+
+    def _start_states(self, v0: FloatArray, y0: ArrayLike | None) -> list[float]:
+        if y0 is None:
+            return [self.initial_state(v).w for v in v0.tolist()]
+        outputs = finite_array("initial output y0", np.atleast_1d(np.asarray(y0, dtype=np.float64)))
+        if outputs.size not in (1, len(v0)):
+            raise DataError(f"y0 has {outputs.size} values for {len(v0)} wires; pass one number or one per wire")
+        outputs = np.broadcast_to(outputs.ravel(), (len(v0),))
+        return [self.initial_state(v, y).w for v, y in zip(v0.tolist(), outputs.tolist(), strict=True)]
+
+    def initial_state(self, v0: float, y: float | None = None) -> HysteresisState:
+        """State at input v0 with output y, held to what the model can reach there; None: on the heating branch.
+
+        Raises DataError when v0 or y is not finite.
+        """
+        if not isfinite(v0) or (y is not None and not isfinite(y)):
+            raise DataError(f"initial state: v0 = {v0}, y = {y}; both must be finite")
+        v0 = float(v0)
+        if y is None:
+            w = self.engine.target(v0, rising=True)
+        else:
+            low, high = self.admissible(v0)
+            w = min(max(float((y - self.offset) / self.scale), low), high)
+        return HysteresisState(v0, self.offset + self.scale * w, w)
+
+    def step(self, state: HysteresisState, v1: float) -> HysteresisState:
+        """State after the input moved monotonically from state.v to v1: exact for a move of any size."""
+        v1 = float(v1)
+        w = self.engine.move(state.w, state.v, v1)
+        return HysteresisState(v1, self.offset + self.scale * w, w)
+
+    def slope(self, state: HysteresisState, direction: int) -> float:
+        """dy/dv at the state when the input rises (direction > 0) or falls: scale · (a w + b)."""
+        rate, bias = self.engine.local_law(state.v, rising=direction > 0)
+        return self.scale * (rate * state.w + bias)
+
+
+def check_output_map(scale: float, offset: float, input_range: tuple[float, float]) -> tuple[float, float]:
+    """The range as floats. Raises ModelError when y = offset + scale · w or the input range means nothing."""
+    if not isfinite(scale) or scale == 0:
+        raise ModelError(f"scale is {scale}; it must be finite and not zero (negative: the output falls on heating)")
+    if not isfinite(offset):
+        raise ModelError(f"offset is {offset}; it must be finite")
+    lower, upper = map(float, input_range)
+    if not (isfinite(lower) and isfinite(upper) and lower < upper):
+        raise ModelError(f"input_range is ({lower}, {upper}); it must be finite and increasing")
+    return lower, upper

@@ -1,0 +1,178 @@
+"""Models as JSON files: schema version, kind, parameters, provenance. The only file access of the maths.
+
+A file is written beside its place and renamed, so a reader never sees half a model. Reading refuses whatever is not a
+complete, finite, certified model, with one line that names file, key, value and cure.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from smadrive.errors import CertificateError, ModelError
+from smadrive.hysteresis.duhem import DuhemModel
+from smadrive.hysteresis.fuzzy import FuzzySets, GaussianSets, TrapezoidSets, TriangularSets
+from smadrive.hysteresis.mixture import GaussianMixture
+from smadrive.hysteresis.model import HysteresisModel
+from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
+
+SCHEMA_VERSION = 1
+_LAWS = ("a_heating", "b_heating", "a_cooling", "b_cooling")
+
+
+def save_model(
+    model: HysteresisModel, path: str | os.PathLike[str], *, provenance: Mapping[str, Any] | None = None
+) -> None:
+    """Write `model` to `path`; `provenance` is any JSON object (source file, date, fit figures). Raises ModelError."""
+    document = {
+        "schema": SCHEMA_VERSION,
+        **_describe(model),
+        "scale": model.scale,
+        "offset": model.offset,
+        "input_range": list(model.input_range),
+        "provenance": dict(provenance or {}),
+    }
+    try:
+        text = json.dumps(document, indent=2, allow_nan=False) + "\n"
+    except (TypeError, ValueError) as error:
+        raise ModelError(
+            f"{path}: provenance cannot be written as JSON: {error}; use plain strings and finite numbers"
+        ) from error
+    _replace(Path(path), text)
+
+
+def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
+    """Read a model. Raises ModelError for a file that is none, CertificateError for rules that are not certified."""
+    try:
+        document = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+    except ValueError as error:
+        raise ModelError(f"{path}: not a JSON file: {error}; write it with save_model") from error
+    fields = _Fields(str(path), document)
+    if fields.value("schema") != SCHEMA_VERSION:
+        raise ModelError(
+            f"{path}: schema is {fields.value('schema')}; this version reads {SCHEMA_VERSION}; identify the model again"
+        )
+    model = _build(fields)
+    certificate = model.certificate()
+    if not (certificate.holds or allow_uncertified):
+        raise CertificateError(
+            f"{path}: not certified (contraction_rate {certificate.contraction_rate:.3g}, bounded {certificate.bounded}); "
+            "identify it again, or pass allow_uncertified=True to simulate it only"
+        )
+    return model
+
+
+def _describe(model: HysteresisModel) -> dict[str, Any]:
+    if isinstance(model, DuhemModel):
+        return {"kind": "duhem", "heating": _mixture_json(model.heating), "cooling": _mixture_json(model.cooling)}
+    if isinstance(model, TSFuzzyDuhem):
+        laws = (*model.heating_law, *model.cooling_law)
+        return {
+            "kind": "tsfuzzy",
+            "sets": _sets_json(model.sets),
+            **{k: v.tolist() for k, v in zip(_LAWS, laws, strict=True)},
+        }
+    raise ModelError(f"a {type(model).__name__} has no file format; save a DuhemModel or a TSFuzzyDuhem")
+
+
+def _mixture_json(mixture: GaussianMixture) -> dict[str, Any]:
+    return {"weights": list(mixture.weights), "means": list(mixture.means), "sigmas": list(mixture.sigmas)}
+
+
+def _sets_json(sets: FuzzySets) -> dict[str, Any]:
+    shape: dict[str, Any]
+    match sets:
+        case TrapezoidSets(flat=flat):
+            shape = {"shape": "trapezoid", "flat": flat}
+        case GaussianSets(width=width):
+            shape = {"shape": "gaussian", "width": width}
+        case _:
+            shape = {"shape": "triangular"}
+    return {**shape, "centres": list(sets.centres)}
+
+
+class _Fields:
+    """A JSON object that knows where it stands, so that every refusal names file and key."""
+
+    def __init__(self, place: str, document: Any) -> None:
+        if not isinstance(document, dict):
+            raise ModelError(
+                f"{place}: expected a JSON object, found {type(document).__name__}; write it with save_model"
+            )
+        self.place, self.document = place, document
+
+    def value(self, key: str) -> Any:
+        if key not in self.document:
+            raise ModelError(f"{self.place}: key '{key}' is missing; write the file with save_model")
+        return self.document[key]
+
+    def number(self, key: str) -> float:
+        value = self.value(key)
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise ModelError(f"{self.place}: {key} = {value!r} is not a number; put a number there")
+        return float(value)
+
+    def numbers(self, key: str) -> tuple[float, ...]:
+        values = self.value(key)
+        if not isinstance(values, list) or any(isinstance(x, bool) or not isinstance(x, int | float) for x in values):
+            raise ModelError(f"{self.place}: {key} = {values!r} is not a list of numbers; put one there")
+        return tuple(map(float, values))
+
+    def inner(self, key: str) -> _Fields:
+        return _Fields(f"{self.place}: {key}", self.value(key))
+
+
+def _build(fields: _Fields) -> DuhemModel | TSFuzzyDuhem:
+    input_range = fields.numbers("input_range")
+    if len(input_range) != 2:
+        raise ModelError(f"{fields.place}: input_range has {len(input_range)} numbers; give lower and upper end")
+    common = {"scale": fields.number("scale"), "offset": fields.number("offset"), "input_range": input_range}
+    kind = fields.value("kind")
+    try:
+        if kind == "duhem":
+            return DuhemModel(_mixture(fields.inner("heating")), _mixture(fields.inner("cooling")), **common)
+        if kind == "tsfuzzy":
+            return TSFuzzyDuhem(_sets(fields.inner("sets")), **{key: fields.numbers(key) for key in _LAWS}, **common)
+    except ModelError as error:
+        message = str(error)
+        raise ModelError(message if message.startswith(fields.place) else f"{fields.place}: {message}") from error
+    raise ModelError(f"{fields.place}: kind = {kind!r} is unknown; it must be 'duhem' or 'tsfuzzy'")
+
+
+def _mixture(fields: _Fields) -> GaussianMixture:
+    return GaussianMixture(fields.numbers("weights"), fields.numbers("means"), fields.numbers("sigmas"))
+
+
+def _sets(fields: _Fields) -> FuzzySets:
+    shape, centres = fields.value("shape"), fields.numbers("centres")
+    if shape == "triangular":
+        return TriangularSets(centres)
+    if shape == "trapezoid":
+        return TrapezoidSets(centres, fields.number("flat"))
+    if shape == "gaussian":
+        return GaussianSets(centres, fields.number("width"))
+    raise ModelError(
+        f"{fields.place}: shape = {shape!r} is unknown; it must be 'triangular', 'trapezoid' or 'gaussian'"
+    )
+
+
+def _replace(path: Path, text: str) -> None:
+    try:
+        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be written: {error.strerror}; check the folder") from error
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as stream:
+            stream.write(text)
+            stream.flush()
+            os.fsync(stream.fileno())
+        os.replace(temporary, path)
+    except BaseException:
+        Path(temporary).unlink(missing_ok=True)
+        raise

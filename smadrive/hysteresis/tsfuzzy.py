@@ -1,0 +1,148 @@
+"""The T-S fuzzy Duhem model: rules blended into one law per branch, stepped exactly.
+
+    dw/dv = Σ_i μ_i(v) (a_i w + b_i) = a(v) w + b(v)           one (a_i, b_i) per fuzzy set and direction
+
+Each rule is a scalar semilinear Duhem model (Oh and Bernstein, IEEE TAC 50(5):631-645, 2005). As particular solutions the
+engine uses the branches of the attracting major loop: the state that a full sweep up and down the range leads back to.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from smadrive.errors import ModelError
+from smadrive.hysteresis.arrays import FloatArray
+from smadrive.hysteresis.branch import Branch
+from smadrive.hysteresis.certificate import Certificate, certify
+from smadrive.hysteresis.fuzzy import FuzzySets, Rule
+from smadrive.hysteresis.model import HysteresisModel, check_output_map
+from smadrive.hysteresis.tabulate import cell_maps, integrate_rate, march, quadrature_points, tabulate
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from smadrive.hysteresis.duhem import DuhemModel
+
+
+class TSFuzzyDuhem(HysteresisModel):
+    """Rules on fuzzy sets of v, two per set: one for rising, one for falling input.
+
+    a_heating, b_heating, a_cooling, b_cooling: one number per set, in 1/(unit of v). Raises ModelError for lengths that
+    differ, values that are not finite, sets outside `input_range`, and rules that expand beyond all bounds. Rules that
+    merely do not contract are allowed: certificate() tells, and load_model refuses them.
+    """
+
+    def __init__(
+        self,
+        sets: FuzzySets,
+        *,
+        a_heating: ArrayLike,
+        b_heating: ArrayLike,
+        a_cooling: ArrayLike,
+        b_cooling: ArrayLike,
+        scale: float = 1.0,
+        offset: float = 0.0,
+        input_range: tuple[float, float],
+    ) -> None:
+        lower, upper = check_output_map(scale, offset, input_range)
+        outside = [c for c in sets.centres if not lower <= c <= upper]
+        if outside:
+            raise ModelError(
+                f"set centre {outside[0]:g} lies outside input_range ({lower:g}, {upper:g}); move it or widen the range"
+            )
+        self.sets = sets
+        self.heating_law = _consequents("heating", len(sets.centres), a_heating, b_heating)
+        self.cooling_law = _consequents("cooling", len(sets.centres), a_cooling, b_cooling)
+        engine = tabulate(lower, upper, self._branches, sets.kinks)
+        super().__init__(engine, scale, offset, (lower, upper))
+
+    @classmethod
+    def from_duhem(cls, model: DuhemModel, sets: FuzzySets) -> Self:
+        """The paper's derivation approach: the Duhem model's local laws at the centres of the sets, Eq. (9)."""
+        centres = np.clip(np.array(sets.centres), model.engine.lower, model.engine.upper)
+        a_heating, b_heating = model.local_laws(centres, rising=True)
+        a_cooling, b_cooling = model.local_laws(centres, rising=False)
+        return cls(
+            sets,
+            a_heating=a_heating,
+            b_heating=b_heating,
+            a_cooling=a_cooling,
+            b_cooling=b_cooling,
+            scale=model.scale,
+            offset=model.offset,
+            input_range=model.input_range,
+        )
+
+    @property
+    def rules(self) -> tuple[Rule, ...]:
+        """All rules, those for rising input first."""
+        return tuple(
+            Rule(centre, direction, float(a), float(b))
+            for direction, law in ((1, self.heating_law), (-1, self.cooling_law))
+            for centre, a, b in zip(self.sets.centres, *law, strict=True)
+        )
+
+    def rules_text(self) -> str:
+        """The rules as IF-THEN sentences, one a line."""
+        return "\n".join(map(str, self.rules))
+
+    def rules_table(self) -> str:
+        """The rules as a table: centre, then a and b of either direction."""
+        lines = [f"{'centre':>12} {'a rising':>13} {'b rising':>13} {'a falling':>13} {'b falling':>13}"]
+        for values in zip(self.sets.centres, *self.heating_law, *self.cooling_law, strict=True):
+            lines.append(f"{values[0]:12.6g} " + " ".join(f"{float(value):13.6g}" for value in values[1:]))
+        return "\n".join(lines)
+
+    def admissible(self, v: float) -> tuple[float, float]:  # noqa: ARG002
+        """[0, 1] at every input."""
+        return 0.0, 1.0
+
+    def certificate(self) -> Certificate:
+        """Contraction rate, boundedness and invertible band, decided rule by rule."""
+        return certify(self.engine, (self.heating_law, self.cooling_law))
+
+    def _branches(self, nodes: FloatArray) -> tuple[Branch, Branch]:
+        at_nodes, at_points = self.sets.weights(nodes), self.sets.weights(quadrature_points(nodes))
+        maps = []
+        for rising, (a, b) in ((True, self.heating_law), (False, self.cooling_law)):
+            cells = integrate_rate(nodes, at_points @ a)
+            maps.append((cells, *_contained(*cell_maps(nodes, cells, at_points @ b, rising=rising))))
+        (up, up_gain, up_shift), (down, down_gain, down_shift) = maps
+        bottom = _closing_state(up_gain, up_shift, down_gain, down_shift)
+        heating = march(bottom, up_gain, up_shift, rising=True)
+        cooling = march(float(heating[-1]), down_gain, down_shift, rising=False)
+        branches = []
+        for cells, target, (a, b) in ((up, heating, self.heating_law), (down, cooling, self.cooling_law)):
+            rate = at_nodes @ a
+            branches.append(Branch(cells.exponent, rate, target, rate * target + at_nodes @ b))
+        return branches[0], branches[1]
+
+
+def _closing_state(up_gain: FloatArray, up_shift: FloatArray, down_gain: FloatArray, down_shift: FloatArray) -> float:
+    """The state at the lower end that one full loop maps onto itself; 0 when the loop does not contract."""
+    gain = float(np.prod(up_gain) * np.prod(down_gain))
+    if not gain < 1:
+        return 0.0
+    top = march(0.0, up_gain, up_shift, rising=True)[-1]
+    return float(march(float(top), down_gain, down_shift, rising=False)[0]) / (1 - gain)
+
+
+def _contained(gain: FloatArray, shift: FloatArray) -> tuple[FloatArray, FloatArray]:
+    growth = float(np.sum(np.log(np.maximum(gain, 1e-300))))
+    if not (np.isfinite(shift).all() and growth < 50):
+        raise ModelError("the rules expand by more than exp(50) over the range; heating needs a ≤ 0, cooling a ≥ 0")
+    return gain, shift
+
+
+def _consequents(name: str, sets: int, a: ArrayLike, b: ArrayLike) -> tuple[FloatArray, FloatArray]:
+    pair = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
+    for symbol, values in zip("ab", pair, strict=True):
+        if values.shape != (sets,):
+            raise ModelError(
+                f"{name} rules: {symbol} has shape {values.shape}; one number per set is needed, {sets} in all"
+            )
+        if not np.isfinite(values).all():
+            raise ModelError(f"{name} rules: {symbol} = {values.tolist()}; all must be finite")
+    return pair
