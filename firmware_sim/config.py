@@ -1,0 +1,89 @@
+"""SIM.toml: a simulated rig, that is a wire, its sensors and the board that heats it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from pydantic import Field, model_validator
+
+from smadrive.configfile import Section, load_config
+from smadrive.shipped import shipped_file
+
+
+class Wire(Section):
+    """The lumped wire. Mass and heat capacity stand apart because the latent heat is per mass."""
+
+    heat_capacity_j_per_k: float = Field(gt=0)
+    loss_w_per_k: float = Field(gt=0)
+    mass_kg: float = Field(gt=0)
+    latent_heat_j_per_kg: float = Field(ge=0)
+    resistance_cold_ohm: float = Field(gt=0)
+    resistance_change: float = Field(gt=-1)
+    ambient_c: float
+    stroke_mm: float = Field(gt=0)
+
+
+class Transformation(Section):
+    """Centre and width of the two branches of the hysteresis, in °C."""
+
+    mu_heating_c: float
+    mu_cooling_c: float
+    sigma_heating_c: float = Field(gt=0)
+    sigma_cooling_c: float = Field(gt=0)
+    range_c: tuple[float, float]
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Transformation:
+        if self.range_c[0] >= self.range_c[1]:
+            raise ValueError(f"range_c {self.range_c} must rise")
+        return self
+
+
+class Thermocouple(Section):
+    """The bead on the wire and its converter."""
+
+    lag_s: float = Field(ge=0)
+    noise_c: float = Field(ge=0)
+    quantum_c: float = Field(gt=0)
+    conversion_s: float = Field(ge=0.01, le=0.1)
+    cold_junction_c: float
+    cold_junction_drift_c_per_h: float = 0.0
+
+
+class Displacement(Section):
+    """The displacement sensor; leave the table out where none is fitted."""
+
+    noise_mm: float = Field(ge=0)
+
+
+class Sense(Section):
+    """The board's measurement of heater voltage and current."""
+
+    current_noise_a: float = Field(ge=0)
+    voltage_noise_v: float = Field(ge=0)
+
+
+class Board(Section):
+    """Power-up defaults and hardware limits of the board."""
+
+    watchdog_s: float = Field(ge=0.05, le=10)
+    temperature_max_c: float
+    supply_limit_a: float = Field(gt=0)
+    serial_number: int = Field(default=1, ge=0, le=0xFFFFFFFF)
+
+
+class SimConfig(Section):
+    """A whole simulated rig."""
+
+    wire: Wire
+    transformation: Transformation
+    thermocouple: Thermocouple
+    sense: Sense
+    board: Board
+    displacement: Displacement | None = None
+
+
+def load_sim(name_or_path: str | Path) -> SimConfig:
+    """The simulated rig at a path (`*.toml`), or the shipped one of that name; ConfigError names file, key and cure."""
+    path = Path(name_or_path)
+    return load_config(path if path.suffix == ".toml" else shipped_file("sims", str(name_or_path)), SimConfig)

@@ -1,0 +1,108 @@
+"""The simulated rig in one piece: wire, sensors, firmware, registers, bus.
+
+It lives on the time it is told: `advance_to` moves everything on in ticks of 10 ms. The same config, seed and calls
+give the same rig, to the last bit, at any speed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from firmware_sim.config import SimConfig
+from firmware_sim.faults import BusFaults, Delivery
+from firmware_sim.firmware import Firmware
+from firmware_sim.plant import Plant
+from firmware_sim.registers import RegisterBank
+from firmware_sim.responder import Responder
+from firmware_sim.sensors import Sensors
+from smadrive.clock import Clock
+from smadrive.device.profile import Profile, load_profile
+from smadrive.modbus.inprocess import InProcessTransport
+
+TICK_S = 0.01
+FIRMWARE_VERSION = 100
+
+
+class SimulatedDevice:
+    """A board with a wire on it. `faults` holds what goes wrong on the bus, `sensors` and `plant` what goes wrong there."""
+
+    def __init__(
+        self, config: SimConfig, profile: Profile, seed: int, log: Callable[[str], None] | None = None
+    ) -> None:
+        """`log` gets a line per event, with the device's time."""
+        self.time_s = 0.0
+        self.profile = profile
+        self.events: list[str] = []
+        self._log = log
+        self.plant = Plant(config.wire, config.transformation)
+        self.sensors = Sensors(config, self.plant, seed)
+        self.firmware = Firmware(config.board, self.sensors, self._event)
+        self.faults = BusFaults()
+        bank = RegisterBank(profile)
+        bank.preset("serial_number", config.board.serial_number)
+        bank.preset("firmware_version", FIRMWARE_VERSION)
+        self.responder = Responder(profile.serial.unit_id, bank, self.firmware)
+
+    @classmethod
+    def from_config(
+        cls,
+        config: SimConfig,
+        seed: int = 0,
+        profile: Profile | None = None,
+        log: Callable[[str], None] | None = None,
+    ) -> SimulatedDevice:
+        """The rig of `config`, speaking the map of `profile` (the reference one by default)."""
+        return cls(config, profile or load_profile("sma-reference"), seed, log)
+
+    def advance_to(self, time_s: float) -> None:
+        """Let the device's time reach `time_s`; nothing happens if it is past."""
+        while (remaining_s := time_s - self.time_s) > 1e-9:
+            self._tick(min(TICK_S, remaining_s))
+
+    def receive(self, data: bytes, time_s: float) -> list[Delivery]:
+        """Bytes from the bus at `time_s`: the replies, with the times at which they arrive."""
+        self.advance_to(time_s)
+        replies = self.responder.receive(data, time_s)
+        return [delivery for reply in replies for delivery in self.faults.apply(reply, time_s)]
+
+    def transport(self, clock: Clock | None = None) -> InProcessTransport:
+        """A connection to it in this process, on `clock`; by default on the device's own time, which waiting moves on."""
+        return InProcessTransport(self, clock or DeviceClock(self), self.profile.serial.baudrate)
+
+    def power_cycle(self) -> None:
+        """The supply fails and returns: the firmware starts anew, the wire goes on cooling."""
+        self._event("power-up")
+        self.firmware.restart()
+
+    def switch_off(self) -> None:
+        """The simulation ends, and with it the heating."""
+        self.firmware.restart()
+        self._event("heater off, end")
+
+    def _tick(self, dt_s: float) -> None:
+        before_c = self.plant.temperature_c
+        self.plant.advance(self.firmware.current_a, dt_s)
+        self.sensors.advance(before_c, dt_s)
+        self.time_s += dt_s
+        self.firmware.tick(dt_s)
+
+    def _event(self, text: str) -> None:
+        line = f"t={self.time_s:.3f} s {text}"
+        self.events.append(line)
+        if self._log is not None:
+            self._log(line)
+
+
+class DeviceClock:
+    """The device's own time as a clock."""
+
+    def __init__(self, device: SimulatedDevice) -> None:
+        self._device = device
+
+    def now_s(self) -> float:
+        """The device's time."""
+        return self._device.time_s
+
+    def sleep_until(self, time_s: float) -> None:
+        """Let the device live until then."""
+        self._device.advance_to(time_s)

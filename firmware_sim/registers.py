@@ -1,0 +1,121 @@
+"""The register bank of a simulated device: any profile, filled and read by role.
+
+A write is checked whole before any of it takes effect: a request that is refused has changed nothing.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from smadrive.device.profile import Profile
+from smadrive.device.registers import Register
+from smadrive.errors import ConfigError
+
+ILLEGAL_ADDRESS = 2
+ILLEGAL_VALUE = 3
+
+
+class Refusal(Exception):  # noqa: N818  (a Modbus word)
+    """The request is answered by the exception `code`."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"exception {code}")
+        self.code = code
+
+
+class RegisterBank:
+    """The registers of `profile`, all zero but those that prove its identity."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._words: dict[str, dict[int, int]] = {"holding": {}, "input": {}}
+        self._at: dict[int, tuple[str, Register]] = {}
+        self._roles: list[tuple[str, Register]] = []
+        self._role_of = {name: role for role, name in profile.roles.model_dump(exclude_none=True).items()}
+        for name, register in profile.registers.items():
+            self._words[register.table] |= dict.fromkeys(register.addresses, 0)
+            if register.table == "holding":
+                self._at[register.address] = (name, register)
+            if name in self._role_of:
+                self._roles.append((self._role_of[name], register))
+        for proof in profile.identify:
+            register = profile.register(proof.register_)
+            self._store(register, register.pack(proof.ranges[0][0]))
+
+    def publish(self, quantities: Mapping[str, float | None], table: str, first: int, count: int) -> None:
+        """Refresh the registers of these roles that lie in a range about to be read."""
+        for role, register in self._roles:
+            if register.table != table or not first <= register.address < first + count or role not in quantities:
+                continue
+            value = quantities[role]
+            self._store(register, _no_reading(register) if value is None else _saturated(register, value))
+
+    def preset(self, name: str, value: float) -> None:
+        """Set a register that no role fills; a profile without it is none the worse."""
+        if name in self._profile.registers:
+            register = self._profile.register(name)
+            self._store(register, _saturated(register, value))
+
+    def read(self, table: str, first: int, count: int) -> list[int]:
+        """The words; Refusal when one of them does not exist."""
+        words = self._words[table]
+        try:
+            return [words[address] for address in range(first, first + count)]
+        except KeyError:
+            raise Refusal(ILLEGAL_ADDRESS) from None
+
+    def check_readable(self, table: str, first: int, count: int) -> None:
+        """Refusal when one of the words does not exist."""
+        words = self._words[table]
+        if any(address not in words for address in range(first, first + count)):
+            raise Refusal(ILLEGAL_ADDRESS)
+
+    def checked(self, first: int, words: Sequence[int]) -> list[tuple[str, Register, Sequence[int]]]:
+        """The whole registers that `words` would write; Refusal when one cannot be written so."""
+        found = []
+        at = 0
+        while at < len(words):
+            if first + at not in self._at:
+                raise Refusal(ILLEGAL_ADDRESS)
+            name, register = self._at[first + at]
+            part = words[at : at + register.size]
+            if not register.writable or len(part) < register.size:
+                raise Refusal(ILLEGAL_ADDRESS)
+            found.append((name, register, part))
+            at += register.size
+        for name, register, part in found:
+            try:
+                register.encode(register.decode(part).value, name)
+            except ConfigError:
+                raise Refusal(ILLEGAL_VALUE) from None
+        return found
+
+    def values(self, parts: Sequence[tuple[str, Register, Sequence[int]]]) -> dict[str, float]:
+        """What checked registers mean, for those that play a role, by role."""
+        return {
+            self._role_of[name]: register.decode(part).value for name, register, part in parts if name in self._role_of
+        }
+
+    def store(self, parts: Sequence[tuple[str, Register, Sequence[int]]]) -> None:
+        """Write checked registers; a write-only one keeps nothing."""
+        for _, register, part in parts:
+            if register.access == "rw":
+                self._store(register, part)
+
+    def _store(self, register: Register, words: Sequence[int]) -> None:
+        self._words[register.table].update(zip(register.addresses, words, strict=True))
+
+
+def _no_reading(register: Register) -> tuple[int, ...]:
+    """The register's first sentinel: what this device shows when it has no reading."""
+    return register.pattern(next(iter(register.invalid), 0))
+
+
+def _saturated(register: Register, value: float) -> tuple[int, ...]:
+    """`value` as the device would show it: at the end of the type's range when it exceeds it."""
+    exact = (value - register.offset) / register.scale
+    if register.type == "float32":
+        return register.pack(exact)
+    bits = 16 * register.size
+    lowest, highest = (0, (1 << bits) - 1) if register.type[0] == "u" else (-(1 << bits - 1), (1 << bits - 1) - 1)
+    return register.pack(min(max(round(exact), lowest), highest))

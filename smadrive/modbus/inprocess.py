@@ -1,0 +1,76 @@
+"""A transport without a wire: real frames to a responder in the same process, on whatever clock the test or demo has.
+
+On a virtual clock waiting for a reply *is* what makes time pass, so timeouts, late replies and watchdogs happen
+exactly and at once.
+"""
+
+from __future__ import annotations
+
+import heapq
+from typing import Protocol, Self
+
+from smadrive.clock import Clock
+from smadrive.errors import TransportError
+
+
+class Peer(Protocol):
+    """The other end of the wire."""
+
+    def receive(self, data: bytes, time_s: float) -> list[tuple[float, bytes]]:
+        """Take the bytes that arrive at `time_s`; the answers, each with the time at which it arrives."""
+        ...
+
+
+class InProcessTransport:
+    """Talks to `peer` as if through a serial line."""
+
+    def __init__(self, peer: Peer, clock: Clock, baudrate: int = 115200) -> None:
+        """`baudrate` only sets the silences that the standard derives from it: bytes take no time here."""
+        self.clock = clock
+        self.name = "in process"
+        self.baudrate = baudrate
+        self._peer = peer
+        self._arriving: list[tuple[float, int, bytes]] = []
+        self._order = 0
+        self._open = True
+
+    def write(self, data: bytes) -> None:
+        """Hand `data` to the peer; TransportError when closed."""
+        self._check_open()
+        for due_s, answer in self._peer.receive(data, self.clock.now_s()):
+            self._order += 1
+            heapq.heappush(self._arriving, (due_s, self._order, answer))
+
+    def read(self, deadline_s: float) -> bytes:
+        """Whatever has arrived, at least one byte; empty when nothing came before `deadline_s`."""
+        self._check_open()
+        arriving = self._arriving
+        if not arriving or arriving[0][0] > deadline_s:
+            self.clock.sleep_until(deadline_s)
+            return b""
+        if arriving[0][0] > self.clock.now_s():
+            self.clock.sleep_until(arriving[0][0])
+        return heapq.heappop(arriving)[2]
+
+    def discard(self) -> int:
+        """Throw away what has arrived; the number of bytes."""
+        self._check_open()
+        discarded = 0
+        now_s = self.clock.now_s()
+        while self._arriving and self._arriving[0][0] <= now_s:
+            discarded += len(heapq.heappop(self._arriving)[2])
+        return discarded
+
+    def close(self) -> None:
+        """Nothing passes any more; closing twice does no harm."""
+        self._open = False
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def _check_open(self) -> None:
+        if not self._open:
+            raise TransportError("the in-process connection is closed: open a new one")

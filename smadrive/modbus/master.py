@@ -1,0 +1,245 @@
+"""The one master of a bus: one request, one reply, nothing taken on trust.
+
+A reply counts only if unit, function, byte count (or echo), length and CRC are those of the request; anything else is
+a ProtocolError at once. RTU replies carry no transaction number, so a reply that comes after its deadline looks like
+the answer to the next request. Three things keep it from being taken for one:
+
+1. after a failure the bus is quarantined: nothing is sent before it has been silent, and what arrives is discarded;
+2. a reply that is still owed is remembered. If the next request's right reply would look the same, a probe whose
+   reply looks different goes first; a device answers in order, so after the probe's reply nothing old can come;
+3. bytes that nobody asked for, found before a request, also lead to quarantine.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Literal
+
+from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
+from smadrive.modbus import frames, requests
+from smadrive.modbus.requests import Request
+from smadrive.modbus.transport import Transport
+
+Trace = Callable[[float, Literal["sent", "received"], bytes], None]
+
+LATEST_REPLY_S = 2.0  # a reply that has not come by then is lost for good
+TURNAROUND_S = 0.1  # after a broadcast, serial line V1.02 section 2.4.1
+
+EXCEPTIONS = {
+    1: "illegal function",
+    2: "illegal data address",
+    3: "illegal data value",
+    4: "device failure",
+    5: "acknowledged, in progress",
+    6: "device busy",
+    8: "memory parity error",
+    10: "gateway path unavailable",
+    11: "gateway target did not respond",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class BusTiming:
+    """What one device needs of the bus.
+
+    `response_timeout_s` starts when the request has left the wire; `min_gap_s` is the least pause before a request;
+    `silence` keeps the standard's 3.5 characters; only requests that write nothing are retried, `read_retries` times.
+    """
+
+    response_timeout_s: float = 0.2
+    min_gap_s: float = 0.0
+    silence: bool = True
+    read_retries: int = 2
+
+
+@dataclass(slots=True)
+class BusCounters:
+    """What happened on the bus since the master was made."""
+
+    requests: int = 0
+    replies: int = 0
+    exceptions: int = 0
+    timeouts: int = 0
+    crc_errors: int = 0
+    wrong_replies: int = 0
+    retries: int = 0
+    quarantines: int = 0
+    probes: int = 0
+    discarded_bytes: int = 0
+
+
+class Master:
+    """Sends requests to the devices of one bus, one at a time. Not for several threads at once."""
+
+    def __init__(self, transport: Transport, trace: Trace | None = None) -> None:
+        """Take over `transport`; `trace(time_s, direction, bytes)` sees every byte that passes."""
+        self.transport = transport
+        self.clock = transport.clock
+        self.counters = BusCounters()
+        self._trace = trace
+        self._silence_s = silence_s(transport.baudrate)
+        self._character_s = 11 / transport.baudrate
+        self._free_at_s = self.clock.now_s() + self._silence_s
+        self._suspect = False
+        self._owed: dict[tuple[int, bytes, int], float] = {}
+
+    def execute(self, unit_id: int, request: Request, timing: BusTiming) -> bytes:
+        """The payload of the reply of `unit_id` to `request`.
+
+        DeadlineError, ProtocolError, ExceptionReply; TransportError when the connection is lost. Reads are retried
+        after the first two.
+        """
+        retries = 0 if request.writes else timing.read_retries
+        while True:
+            try:
+                return self._transact_surely(unit_id, request, timing)
+            except (DeadlineError, ProtocolError):
+                if retries == 0:
+                    raise
+                retries -= 1
+                self.counters.retries += 1
+
+    def broadcast(self, request: Request, timing: BusTiming) -> None:
+        """Send a write to every device; nobody answers. Returns after the turnaround delay of the standard."""
+        self._settle(timing)
+        self._send(frames.BROADCAST, request)
+        self.clock.sleep_until(self.clock.now_s() + TURNAROUND_S)
+
+    def distrust(self) -> None:
+        """Quarantine the bus before the next request: for callers that find a reply stale by its content."""
+        self._suspect = True
+
+    def _transact_surely(self, unit_id: int, request: Request, timing: BusTiming) -> bytes:
+        self._settle(timing)
+        if self._owed and self._could_be_mistaken(unit_id, request):
+            self._probe(unit_id, request, timing)
+            self._settle(timing)
+        return self._transact(unit_id, request, timing)
+
+    def _transact(self, unit_id: int, request: Request, timing: BusTiming) -> bytes:
+        sent_s = self._send(unit_id, request)
+        reply_size = len(request.reply_head) + request.payload_size + 3
+        on_wire_s = (len(request.pdu) + 3 + reply_size) * self._character_s
+        try:
+            payload = self._receive(unit_id, request, reply_size, sent_s + on_wire_s + timing.response_timeout_s)
+        except (DeadlineError, ProtocolError):
+            self._suspect = True
+            self._owed[_shape(unit_id, request)] = self.clock.now_s() + LATEST_REPLY_S
+            raise
+        finally:
+            self._free_at_s = self.clock.now_s()
+        if self._owed:
+            self._nothing_owed_by(unit_id)
+        return payload
+
+    def _send(self, unit_id: int, request: Request) -> float:
+        frame = frames.seal(unit_id, request.pdu)
+        now_s = self.clock.now_s()
+        if self._trace is not None:
+            self._trace(now_s, "sent", frame)
+        self.counters.requests += 1
+        self.transport.write(frame)
+        return now_s
+
+    def _receive(self, unit_id: int, request: Request, reply_size: int, deadline_s: float) -> bytes:
+        """Collect the reply, refusing it as soon as a byte is wrong."""
+        right_head = bytes((unit_id,)) + request.reply_head
+        reply = b""
+        while True:
+            reply += self._arrived(deadline_s, reply, unit_id, request)
+            if reply.startswith(right_head):
+                if len(reply) >= reply_size:
+                    return self._checked(reply, reply_size, unit_id, request)[len(right_head) : -2]
+            elif len(reply) >= 2 and reply[:2] == bytes((unit_id, request.function | 0x80)):
+                if len(reply) >= 5:
+                    self._refuse(self._checked(reply, 5, unit_id, request)[2], unit_id, request)
+            elif not right_head.startswith(reply):
+                self.counters.wrong_replies += 1
+                raise ProtocolError(
+                    f"{self._who(unit_id, request)}: the reply starts {reply[: len(right_head)].hex(' ')}, "
+                    f"the right one starts {right_head.hex(' ')}: discarded"
+                )
+
+    def _arrived(self, deadline_s: float, reply: bytes, unit_id: int, request: Request) -> bytes:
+        data = self.transport.read(deadline_s)
+        if not data:
+            self.counters.timeouts += 1
+            raise DeadlineError(
+                f"{self._who(unit_id, request)}: {len(reply) or 'no'} bytes of the reply before the deadline: is the "
+                "device powered, and are unit id, baud rate and parity right?"
+            )
+        if self._trace is not None:
+            self._trace(self.clock.now_s(), "received", data)
+        return data
+
+    def _checked(self, reply: bytes, size: int, unit_id: int, request: Request) -> bytes:
+        if len(reply) > size:
+            self.counters.wrong_replies += 1
+            raise ProtocolError(f"{self._who(unit_id, request)}: {len(reply)} bytes, the right reply has {size}")
+        if not frames.crc_holds(reply):
+            self.counters.crc_errors += 1
+            raise ProtocolError(f"{self._who(unit_id, request)}: wrong CRC: check cable, termination and baud rate")
+        self.counters.replies += 1
+        return reply
+
+    def _refuse(self, code: int, unit_id: int, request: Request) -> None:
+        self.counters.exceptions += 1
+        meaning = EXCEPTIONS.get(code, "unknown")
+        raise ExceptionReply(f"{self._who(unit_id, request)}: the device refuses: exception {code}, {meaning}", code)
+
+    def _settle(self, timing: BusTiming) -> None:
+        """Return when the bus may be used: silent for long enough, and empty."""
+        gap_s = max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)
+        self.clock.sleep_until(self._free_at_s + gap_s)
+        stray = self.transport.discard()
+        self.counters.discarded_bytes += stray
+        if stray or self._suspect:
+            self._quarantine(timing, silent_since_s=self.clock.now_s() if stray else self._free_at_s)
+
+    def _quarantine(self, timing: BusTiming, silent_since_s: float) -> None:
+        """Listen until the bus has been silent for one response timeout."""
+        self.counters.quarantines += 1
+        quiet_s = max(timing.response_timeout_s, self._silence_s)
+        give_up_s = self.clock.now_s() + LATEST_REPLY_S + quiet_s
+        while data := self.transport.read(silent_since_s + quiet_s):
+            self.counters.discarded_bytes += len(data)
+            silent_since_s = self.clock.now_s()
+            if silent_since_s > give_up_s:
+                raise TransportError(
+                    f"{self.transport.name}: the bus is never silent: is another master talking on it?"
+                )
+        self._suspect = False
+
+    def _could_be_mistaken(self, unit_id: int, request: Request) -> bool:
+        now_s = self.clock.now_s()
+        self._owed = {shape: until_s for shape, until_s in self._owed.items() if until_s > now_s}
+        return _shape(unit_id, request) in self._owed
+
+    def _probe(self, unit_id: int, request: Request, timing: BusTiming) -> None:
+        """Read something whose reply no owed reply resembles; its answer, even a refusal, proves the bus clean."""
+        self.counters.probes += 1
+        candidates = (requests.read_holding(min(request.address, 0xFFF0), count) for count in range(1, 17))
+        probe = next(candidate for candidate in candidates if _shape(unit_id, candidate) not in self._owed)
+        try:
+            self._transact(unit_id, probe, timing)
+        except ExceptionReply:
+            pass  # refused is answered
+        self._nothing_owed_by(unit_id)
+
+    def _nothing_owed_by(self, unit_id: int) -> None:
+        """A device answers in order: it has answered a later request, so an older reply can no longer come."""
+        self._owed = {shape: until_s for shape, until_s in self._owed.items() if shape[0] != unit_id}
+
+    def _who(self, unit_id: int, request: Request) -> str:
+        return f"{self.transport.name}, unit {unit_id}, function {request.function} at {request.address}"
+
+
+def silence_s(baudrate: int) -> float:
+    """The pause between frames: 3.5 characters of 11 bits, and 1.75 ms above 19200 bits/s (V1.02, section 2.5.1.1)."""
+    return 1.75e-3 if baudrate > 19200 else 3.5 * 11 / baudrate
+
+
+def _shape(unit_id: int, request: Request) -> tuple[int, bytes, int]:
+    """What tells a reply from the reply to another request."""
+    return unit_id, request.reply_head, request.payload_size

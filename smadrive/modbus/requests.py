@@ -1,0 +1,136 @@
+"""Requests, and what the reply to each must look like.
+
+A right reply starts with bytes that are known before it is sent (function and byte count of a read, the echo of a
+write) and has a known length. So a request is its PDU, the head and the size of the right reply: comparing the head
+checks function, byte count, register count and echoed address in one step, and two requests whose heads and sizes
+differ can never be answered by each other's reply.
+
+Limits of the standard (application protocol V1.1b3, section 6) are checked when the request is made.
+"""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+MAX_READ_REGISTERS = 125
+MAX_WRITE_REGISTERS = 123
+MAX_EXCHANGE_WRITE_REGISTERS = 121
+MAX_READ_BITS = 2000
+MAX_WRITE_BITS = 1968
+
+
+@dataclass(frozen=True, slots=True)
+class Request:
+    """A request PDU and the shape of its answer: `reply_head` followed by `payload_size` bytes."""
+
+    pdu: bytes
+    reply_head: bytes
+    payload_size: int
+    writes: bool
+
+    @property
+    def function(self) -> int:
+        """The function code."""
+        return self.pdu[0]
+
+    @property
+    def address(self) -> int:
+        """The first address that is read or written (of FC23: read)."""
+        return int.from_bytes(self.pdu[1:3], "big")
+
+
+def read_holding(address: int, count: int) -> Request:
+    """FC03: `count` holding registers from `address`."""
+    return _read(3, address, count, MAX_READ_REGISTERS, 2 * count)
+
+
+def read_input(address: int, count: int) -> Request:
+    """FC04: `count` input registers from `address`."""
+    return _read(4, address, count, MAX_READ_REGISTERS, 2 * count)
+
+
+def read_coils(address: int, count: int) -> Request:
+    """FC01: `count` coils from `address`."""
+    return _read(1, address, count, MAX_READ_BITS, (count + 7) // 8)
+
+
+def read_discrete(address: int, count: int) -> Request:
+    """FC02: `count` discrete inputs from `address`."""
+    return _read(2, address, count, MAX_READ_BITS, (count + 7) // 8)
+
+
+def write_register(address: int, word: int) -> Request:
+    """FC06: one holding register."""
+    _check_range(address, 1, 1)
+    pdu = struct.pack(">BHH", 6, address, word)
+    return Request(pdu, reply_head=pdu, payload_size=0, writes=True)
+
+
+def write_coil(address: int, on: bool) -> Request:
+    """FC05: one coil."""
+    _check_range(address, 1, 1)
+    pdu = struct.pack(">BHH", 5, address, 0xFF00 if on else 0)
+    return Request(pdu, reply_head=pdu, payload_size=0, writes=True)
+
+
+def write_registers(address: int, words: Sequence[int]) -> Request:
+    """FC16: consecutive holding registers."""
+    count = len(words)
+    _check_range(address, count, MAX_WRITE_REGISTERS)
+    head = struct.pack(">BHH", 16, address, count)
+    return Request(head + struct.pack(f">B{count}H", 2 * count, *words), head, payload_size=0, writes=True)
+
+
+def write_coils(address: int, states: Sequence[bool]) -> Request:
+    """FC15: consecutive coils."""
+    count = len(states)
+    _check_range(address, count, MAX_WRITE_BITS)
+    head = struct.pack(">BHH", 15, address, count)
+    packed = sum(1 << bit for bit, on in enumerate(states) if on).to_bytes((count + 7) // 8, "little")
+    return Request(head + bytes((len(packed),)) + packed, head, payload_size=0, writes=True)
+
+
+def mask_write(address: int, and_mask: int, or_mask: int) -> Request:
+    """FC22: register = (register AND and_mask) OR (or_mask AND NOT and_mask)."""
+    _check_range(address, 1, 1)
+    pdu = struct.pack(">BHHH", 22, address, and_mask, or_mask)
+    return Request(pdu, reply_head=pdu, payload_size=0, writes=True)
+
+
+def exchange(write_address: int, words: Sequence[int], read_address: int, read_count: int) -> Request:
+    """FC23: write `words`, then read `read_count` holding registers, in one transaction."""
+    count = len(words)
+    _check_range(write_address, count, MAX_EXCHANGE_WRITE_REGISTERS)
+    _check_range(read_address, read_count, MAX_READ_REGISTERS)
+    pdu = struct.pack(f">BHHHHB{count}H", 23, read_address, read_count, write_address, count, 2 * count, *words)
+    return Request(pdu, bytes((23, 2 * read_count)), payload_size=2 * read_count, writes=True)
+
+
+def registers_of(payload: bytes) -> tuple[int, ...]:
+    """The registers that a reply's payload carries."""
+    return struct.unpack(f">{len(payload) // 2}H", payload)
+
+
+def bits_of(payload: bytes, count: int) -> tuple[bool, ...]:
+    """The first `count` bits that a reply's payload carries, lowest bit of the first byte first."""
+    packed = int.from_bytes(payload, "little")
+    return tuple(bool(packed >> bit & 1) for bit in range(count))
+
+
+def _read(function: int, address: int, count: int, most: int, payload_size: int) -> Request:
+    _check_range(address, count, most)
+    return Request(
+        pdu=struct.pack(">BHH", function, address, count),
+        reply_head=bytes((function, payload_size)),
+        payload_size=payload_size,
+        writes=False,
+    )
+
+
+def _check_range(address: int, count: int, most: int) -> None:
+    if not 1 <= count <= most:
+        raise ValueError(f"{count} addresses in one request; the standard allows 1 to {most}")
+    if not 0 <= address <= 0x10000 - count:
+        raise ValueError(f"{count} addresses from {address} leave the address space 0..65535")
