@@ -29,6 +29,7 @@ class Time(StrEnum):
 
 @main.command()
 def serve(
+    *,
     sim: Annotated[str, typer.Argument(help="A SIM.toml, or the name of a shipped one.", metavar="SIM.toml")],
     pty: Annotated[Path | None, typer.Option(help="Also reachable under this path (a symbolic link).")] = None,
     profile: Annotated[str, typer.Option(help="The register map: a shipped name or a path.")] = "sma-reference",
@@ -39,13 +40,13 @@ def serve(
     """Serve a simulated heater board on a serial port, and print the port's URL as the first line."""
     try:
         with _event_log(log) as events:
-            _serve(sim, profile, pty, time, seed, events)
+            _serve(sim=sim, profile=profile, pty=pty, time=time, seed=seed, events=events)
     except SmadriveError as error:
         typer.echo(f"firmware-sim: {error}", err=True)
         raise typer.Exit(error.exit_code) from None
 
 
-def _serve(sim: str, profile: str, pty: Path | None, time: Time, seed: int, events: TextIO) -> None:
+def _serve(*, sim: str, profile: str, pty: Path | None, time: Time, seed: int, events: TextIO) -> None:
     def log(line: str) -> None:
         events.write(line + "\n")
         events.flush()

@@ -24,7 +24,7 @@ FIRMWARE_VERSION = 100
 
 
 class SimulatedDevice:
-    """A board with a wire on it. `faults` holds what goes wrong on the bus, `sensors` and `plant` what goes wrong there."""
+    """A board with a wire on it. What goes wrong is a method: of `faults` (the bus), `sensors` and `plant`."""
 
     def __init__(
         self, config: SimConfig, profile: Profile, seed: int, log: Callable[[str], None] | None = None
@@ -36,7 +36,8 @@ class SimulatedDevice:
         self._log = log
         self.plant = Plant(config.wire, config.transformation)
         self.sensors = Sensors(config, self.plant, seed)
-        self.firmware = Firmware(config.board, self.sensors, self._event)
+        keyed = profile.roles.arm is not None
+        self.firmware = Firmware(config.board, self.sensors, keyed=keyed, log=self._event)
         self.faults = BusFaults()
         bank = RegisterBank(profile)
         bank.preset("serial_number", config.board.serial_number)
@@ -66,7 +67,7 @@ class SimulatedDevice:
         return [delivery for reply in replies for delivery in self.faults.apply(reply, time_s)]
 
     def transport(self, clock: Clock | None = None) -> InProcessTransport:
-        """A connection to it in this process, on `clock`; by default on the device's own time, which waiting moves on."""
+        """A connection in this process, on `clock`; by default on the device's own time, which waiting moves on."""
         return InProcessTransport(self, clock or DeviceClock(self), self.profile.serial.baudrate)
 
     def power_cycle(self) -> None:

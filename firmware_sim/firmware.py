@@ -1,10 +1,12 @@
-"""The board's firmware: state machine, watchdog, limits, latched faults. docs/sma-reference.md is its specification.
+"""The board's firmware: state machine, watchdog, limits, latched faults. docs/sma-reference.md specifies it.
 
     idle --arm key--> armed --enable = 0--> idle
       any fault (from idle or armed) --> fault --clear key, cause gone--> idle
 
 Current flows only while armed. A fault, and leaving `armed` in any way, zero the current and the enable. Only a
 sequence number that differs from the one before feeds the watchdog.
+
+A map without arm key is that of a plain supply: enable = 1 is enough to heat, and no watchdog ends it.
 """
 
 from __future__ import annotations
@@ -13,6 +15,7 @@ from collections.abc import Callable, Mapping
 from enum import IntEnum, IntFlag
 
 from firmware_sim.config import Board
+from firmware_sim.refusal import DEVICE_FAILURE, ILLEGAL_VALUE, Refusal
 from firmware_sim.sensors import Sensors
 
 DERATE_C = 5.0
@@ -30,7 +33,7 @@ class State(IntEnum):
 
 
 class Fault(IntFlag):
-    """The register `faults`: latched."""
+    """The bits of the register `faults`: latched."""
 
     WATCHDOG = 1 << 0
     OVER_TEMPERATURE = 1 << 1
@@ -42,7 +45,7 @@ class Fault(IntFlag):
 
 
 class Limit(IntFlag):
-    """The register `limits`: what holds the current back now."""
+    """The bits of the register `limits`: what holds the current back now."""
 
     CURRENT_MAX = 1 << 0
     SUPPLY = 1 << 1
@@ -52,19 +55,20 @@ class Limit(IntFlag):
 class Firmware:
     """Reads `sensors`, decides `current_a`. `log` gets one line per event, without its time."""
 
-    def __init__(self, board: Board, sensors: Sensors, log: Callable[[str], None]) -> None:
+    def __init__(self, board: Board, sensors: Sensors, *, keyed: bool, log: Callable[[str], None]) -> None:
+        """`keyed`: the map has an arm key, and so the watchdog."""
         self._board = board
         self._sensors = sensors
+        self._keyed = keyed
         self._log = log
         self.restart()
 
     def restart(self) -> None:
         """A power-up: idle, nothing latched, everything configured back to its default."""
         self.state = State.IDLE
-        self.faults = Fault(0)
-        self.limits = Limit(0)
+        self.faults = 0
+        self.limits = 0
         self.sequence = 0
-        self.enabled = False
         self.commanded_a = 0.0
         self.current_a = 0.0
         self.uptime_s = 0.0
@@ -78,16 +82,21 @@ class Firmware:
         """Let `dt_s` pass: check the sensors, run the watchdog, set the current."""
         self.uptime_s += dt_s
         self._unfed_s += dt_s
-        causes = self._sensor_faults() | self._current_faults(dt_s)
-        if self.state is State.ARMED and self._unfed_s >= self.watchdog_s - 1e-9:
-            causes |= Fault.WATCHDOG
-        if causes & ~self.faults:
-            self._trip(causes & ~self.faults)
+        causes = [*self._sensor_faults(), *self._current_faults(dt_s)]
+        if self._keyed and self.state is State.ARMED and self._unfed_s >= self.watchdog_s - 1e-9:
+            causes.append(Fault.WATCHDOG)
+        if causes:
+            self._trip(causes)
         self._set_current()
 
-    def refuses(self, values: Mapping[str, float]) -> bool:
-        """Whether a write of these roles cannot be carried out now (exception 04)."""
-        return "arm" in values and (self.state is not State.IDLE or self.temperature_c is None)
+    def check(self, values: Mapping[str, float]) -> None:
+        """Refusal when a write of these roles cannot be carried out: a limit above the board's, arming in a fault."""
+        too_hot = values.get("temperature_max", 0.0) > self._board.temperature_max_c
+        too_much = values.get("current_max", 0.0) > self._board.supply_limit_a
+        if too_hot or too_much:
+            raise Refusal(ILLEGAL_VALUE)
+        if "arm" in values and self.state is not State.IDLE:
+            raise Refusal(DEVICE_FAILURE)
 
     def write(self, values: Mapping[str, float]) -> None:
         """Carry out a write of these roles, all of one request together."""
@@ -101,30 +110,22 @@ class Firmware:
             self._arm()
         if "fault_clear" in values:
             self._clear()
-        if self.state is State.ARMED:
-            self.commanded_a = values.get("heater_current", self.commanded_a)
-            if not values.get("heater_enable", True):
-                self._leave_armed(State.IDLE)
-                self._log("disarmed")
+        self._command(values)
         self._set_current()
-
-    @property
-    def temperature_c(self) -> float | None:
-        """The temperature as the registers show it; None while the converter has no reading."""
-        return None if self._sensors.failure in ("open", "short") else self._sensors.temperature_c
 
     def quantities(self) -> dict[str, float | None]:
         """What the registers show, by role; None: no reading."""
         sensors = self._sensors
+        unreadable = sensors.failure in ("open", "short")
         return {
-            "temperature": self.temperature_c,
+            "temperature": None if unreadable else sensors.temperature_c,
             "cold_junction": sensors.cold_junction_c,
             "heater_current": self.commanded_a,
-            "heater_enable": float(self.enabled),
+            "heater_enable": 1 if self.state is State.ARMED else 0,
             "measured_current": sensors.current_a,
             "measured_voltage": sensors.voltage_v,
             "displacement": sensors.displacement_mm(),
-            "status": self.state,
+            "status": self.state.value,
             "faults": self.faults,
             "limits": self.limits,
             "sequence": self.sequence,
@@ -136,74 +137,78 @@ class Firmware:
             "current_max": self.current_max_a,
         }
 
-    def _sensor_faults(self) -> Fault:
+    def _command(self, values: Mapping[str, float]) -> None:
+        if self.state is State.ARMED or not self._keyed:
+            self.commanded_a = values.get("heater_current", self.commanded_a)
+        enable = values.get("heater_enable")
+        if self.state is State.ARMED and enable == 0:
+            self._leave_armed(State.IDLE)
+            self._log("disarmed")
+        elif enable and not self._keyed and self.state is State.IDLE:
+            self._arm()
+
+    def _sensor_faults(self) -> list[Fault]:
         sensors = self._sensors
         if sensors.failure == "open":
-            return Fault.THERMOCOUPLE_OPEN
+            return [Fault.THERMOCOUPLE_OPEN]
         if sensors.failure == "short":
-            return Fault.THERMOCOUPLE_SHORT
-        faults = Fault(0)
+            return [Fault.THERMOCOUPLE_SHORT]
+        faults = []
         if sensors.temperature_c >= self.temperature_max_c:
-            faults |= Fault.OVER_TEMPERATURE
+            faults.append(Fault.OVER_TEMPERATURE)
         if not COLD_JUNCTION_RANGE_C[0] <= sensors.cold_junction_c <= COLD_JUNCTION_RANGE_C[1]:
-            faults |= Fault.COLD_JUNCTION_RANGE
+            faults.append(Fault.COLD_JUNCTION_RANGE)
         return faults
 
-    def _current_faults(self, dt_s: float) -> Fault:
+    def _current_faults(self, dt_s: float) -> list[Fault]:
         """More current than set: the switch is shorted. Less than half: the heater is open. Both debounced."""
         excess = self._sensors.current_a > 1.1 * self.current_a + CURRENT_MARGIN_A
         lack = self.current_a > CURRENT_MARGIN_A and self._sensors.current_a < 0.5 * self.current_a
         self._current_wrong_s = self._current_wrong_s + dt_s if excess or lack else 0.0
         if self._current_wrong_s < DEBOUNCE_S - 1e-9:
-            return Fault(0)
-        return Fault.OVER_CURRENT if excess else Fault.HEATER_OPEN
+            return []
+        return [Fault.OVER_CURRENT if excess else Fault.HEATER_OPEN]
 
-    def _trip(self, causes: Fault) -> None:
-        self.faults |= causes
+    def _trip(self, causes: list[Fault]) -> None:
         for fault in causes:
-            self._log(self._story(fault))
-        self._leave_armed(State.FAULT)
+            if not fault & self.faults:
+                self._log(self._story(fault))
+                self.faults |= fault.value
+                self._leave_armed(State.FAULT)
 
     def _story(self, fault: Fault) -> str:
         if fault is Fault.WATCHDOG:
             return f"watchdog: no new sequence for {self.watchdog_s:.3f} s, heater off"
         if fault is Fault.OVER_TEMPERATURE:
-            return f"over_temperature: {self._sensors.temperature_c:.1f} degC, limit {self.temperature_max_c:g}, heater off"
+            hot_c, limit_c = self._sensors.temperature_c, self.temperature_max_c
+            return f"over_temperature: {hot_c:.1f} degC, the limit is {limit_c:g} degC, heater off"
         return f"{(fault.name or '').lower()}: heater off"
 
     def _arm(self) -> None:
         self.state = State.ARMED
-        self.enabled = True
         self._unfed_s = 0.0
-        self._log(f"armed, watchdog {self.watchdog_s:.3f} s")
+        self._log(f"armed, watchdog {self.watchdog_s:.3f} s" if self._keyed else "output on, no watchdog")
 
     def _clear(self) -> None:
-        """Forget the latched faults; those whose cause persists come back with the next tick."""
+        """Forget the latched faults; those whose cause persists are latched again at once, or after their debounce."""
         self._log("faults cleared")
-        self.faults = Fault(0)
+        self.faults = 0
         self._current_wrong_s = 0.0
         self._leave_armed(State.IDLE)
-        if causes := self._sensor_faults():
-            self._trip(causes)
+        self._trip(self._sensor_faults())
 
     def _leave_armed(self, state: State) -> None:
         self.state = state
-        self.enabled = False
         self.commanded_a = 0.0
 
     def _set_current(self) -> None:
-        self.limits = Limit(0)
+        self.limits = 0
         current_a = self.commanded_a if self.state is State.ARMED else 0.0
-        for limit, most_a in self._bounds():
-            if current_a > most_a:
-                current_a, self.limits = most_a, self.limits | limit
-        self.current_a = current_a
-
-    def _bounds(self) -> list[tuple[Limit, float]]:
         margin_c = self.temperature_max_c - self._sensors.temperature_c
-        derated_a = self.current_max_a * min(max(margin_c / DERATE_C, 0.0), 1.0)
-        return [
-            (Limit.CURRENT_MAX, self.current_max_a),
-            (Limit.SUPPLY, self._board.supply_limit_a),
-            (Limit.TEMPERATURE, derated_a),
-        ]
+        if current_a > self.current_max_a:
+            current_a, self.limits = self.current_max_a, Limit.CURRENT_MAX.value
+        if current_a > self._board.supply_limit_a:
+            current_a, self.limits = self._board.supply_limit_a, self.limits | Limit.SUPPLY.value
+        if margin_c < DERATE_C and current_a > (derated_a := self.current_max_a * max(margin_c, 0.0) / DERATE_C):
+            current_a, self.limits = derated_a, self.limits | Limit.TEMPERATURE.value
+        self.current_a = current_a

@@ -7,20 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from firmware_sim.refusal import ILLEGAL_ADDRESS, ILLEGAL_VALUE, Refusal
 from smadrive.device.profile import Profile
 from smadrive.device.registers import Register
 from smadrive.errors import ConfigError
-
-ILLEGAL_ADDRESS = 2
-ILLEGAL_VALUE = 3
-
-
-class Refusal(Exception):  # noqa: N818  (a Modbus word)
-    """The request is answered by the exception `code`."""
-
-    def __init__(self, code: int) -> None:
-        super().__init__(f"exception {code}")
-        self.code = code
 
 
 class RegisterBank:
@@ -103,7 +93,9 @@ class RegisterBank:
                 self._store(register, part)
 
     def _store(self, register: Register, words: Sequence[int]) -> None:
-        self._words[register.table].update(zip(register.addresses, words, strict=True))
+        table = self._words[register.table]
+        for address, word in zip(register.addresses, words, strict=True):
+            table[address] = word
 
 
 def _no_reading(register: Register) -> tuple[int, ...]:
@@ -114,8 +106,5 @@ def _no_reading(register: Register) -> tuple[int, ...]:
 def _saturated(register: Register, value: float) -> tuple[int, ...]:
     """`value` as the device would show it: at the end of the type's range when it exceeds it."""
     exact = (value - register.offset) / register.scale
-    if register.type == "float32":
-        return register.pack(exact)
-    bits = 16 * register.size
-    lowest, highest = (0, (1 << bits) - 1) if register.type[0] == "u" else (-(1 << bits - 1), (1 << bits - 1) - 1)
-    return register.pack(min(max(round(exact), lowest), highest))
+    whole = exact if register.type == "float32" else round(exact)
+    return register.pack(min(max(whole, register.lowest), register.highest))

@@ -11,12 +11,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from firmware_sim.firmware import Firmware
-from firmware_sim.registers import ILLEGAL_ADDRESS, ILLEGAL_VALUE, Refusal, RegisterBank
+from firmware_sim.refusal import ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, Refusal
+from firmware_sim.registers import RegisterBank
 from firmware_sim.stream import RequestStream
 from smadrive.modbus import frames, requests
-
-ILLEGAL_FUNCTION = 1
-DEVICE_FAILURE = 4
 
 
 @dataclass(slots=True)
@@ -59,9 +57,7 @@ class Responder:
             return None
         self.counters.requests += 1
         try:
-            if function not in self._functions:
-                raise Refusal(ILLEGAL_FUNCTION)
-            pdu = bytes((function,)) + self._functions[function](data)
+            pdu = bytes((function,)) + self._functions.get(function, _unknown)(data)
         except Refusal as refusal:
             self.counters.exceptions += 1
             pdu = bytes((function | 0x80, refusal.code))
@@ -112,8 +108,7 @@ class Responder:
             raise Refusal(ILLEGAL_ADDRESS)
         parts = self._bank.checked(first, words)
         values = self._bank.values(parts)
-        if self._firmware.refuses(values):
-            raise Refusal(DEVICE_FAILURE)
+        self._firmware.check(values)
         self._bank.store(parts)
         self._firmware.write(values)
 
@@ -123,6 +118,10 @@ class Responder:
 
     def _refresh(self, table: str, first: int, count: int) -> None:
         self._bank.publish(self._firmware.quantities(), table, first, count)
+
+
+def _unknown(_data: bytes) -> bytes:
+    raise Refusal(ILLEGAL_FUNCTION)
 
 
 def _check_quantity(count: int, most: int) -> None:

@@ -72,7 +72,10 @@ class Device:
             request = requests.write_register(register.address, words[0])
         else:
             request = requests.write_registers(register.address, words)
-        self.master.execute(self.unit_id, request, self._timing)
+        try:
+            self.master.execute(self.unit_id, request, self._timing)
+        except ExceptionReply as refusal:
+            raise ExceptionReply(f"register '{name}' = {value:g} {register.unit}: {refusal}", refusal.code) from None
         if register.access == "rw":
             self._confirm(name, words)
 
@@ -88,7 +91,7 @@ class Device:
         return source.decode(requests.registers_of(self.master.execute(self.unit_id, request, self._timing)))
 
     def enter_safe_state(self) -> None:
-        """Write the profile's safe state, confirmed by read-back; tried again on a bad bus, then the error is raised."""
+        """Write the profile's safe state, confirmed by read-back; tried again on a bad bus, then raises the error."""
         for attempt in range(1, SAFE_STATE_ATTEMPTS + 1):
             try:
                 for step in self.profile.safe_state:
@@ -111,8 +114,8 @@ class Device:
         found = requests.registers_of(payload)
         if found != words:
             raise ReadBackError(
-                f"unit {self.unit_id}, register '{name}': wrote {register.decode(words).value:g} {register.unit}, reads "
-                f"back {register.decode(found).value:g} {register.unit}: is the device locked or in a fault?"
+                f"unit {self.unit_id}, register '{name}': wrote {register.decode(words).value:g} {register.unit}, "
+                f"reads back {register.decode(found).value:g} {register.unit}: is the device locked or in a fault?"
             )
 
     def _writable(self, name: str) -> Register:
@@ -125,8 +128,8 @@ class Device:
         spans = self._spans_of(names)
         if len(spans) != 1 or spans[0].table != "holding":
             raise ConfigError(
-                f"'{self.profile.profile.id}': {', '.join(names)} cannot be {verb} in one request: they must be adjacent "
-                "holding registers"
+                f"'{self.profile.profile.id}': {', '.join(names)} cannot be {verb} in one request: they must be "
+                "adjacent holding registers"
             )
         return spans
 
@@ -141,10 +144,8 @@ def _plan(profile: Profile, names: tuple[str, ...]) -> tuple[_Span, ...]:
     """Adjacent registers together, no more in one request than the device can."""
     most = profile.timing.max_read_registers
     groups: list[list[tuple[str, Register]]] = []
-    ordered = sorted(
-        ((name, profile.register(name)) for name in names), key=lambda item: (item[1].table, item[1].address)
-    )
-    for name, register in ordered:
+    registers = sorted(((profile.register(name), name) for name in names), key=lambda item: _place(item[0]))
+    for register, name in registers:
         group = groups[-1] if groups else []
         adjacent = group and group[-1][1].table == register.table and group[-1][1].addresses.stop == register.address
         if adjacent and register.addresses.stop - group[0][1].address <= most:
@@ -152,6 +153,10 @@ def _plan(profile: Profile, names: tuple[str, ...]) -> tuple[_Span, ...]:
         else:
             groups.append([(name, register)])
     return tuple(_span(group) for group in groups)
+
+
+def _place(register: Register) -> tuple[str, int]:
+    return register.table, register.address
 
 
 def _span(group: list[tuple[str, Register]]) -> _Span:

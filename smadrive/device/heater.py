@@ -97,14 +97,11 @@ class HeaterBoard:
         now = self.exchange(0.0)
         if now.device_faults:
             raise SafetyError(
-                f"not armed: latched on the device: {', '.join(now.device_faults)}: remove the cause and clear the faults"
+                f"not armed, latched on the device: {', '.join(now.device_faults)}: remove the cause, clear the faults"
             )
         if not self._heatable:
-            reason = (
-                now.temperature_fault
-                or f"{now.temperature_c:.1f} °C is at or above {self.limits.temperature_max_c:g} °C"
-            )
-            raise SafetyError(f"not armed: the temperature does not allow it: {reason}")
+            hot = f"{now.temperature_c:.1f} °C, the limit is {self.limits.temperature_max_c:g} °C"
+            raise SafetyError(f"not armed: the temperature does not allow it: {now.temperature_fault or hot}")
         profile = self.device.profile
         self.device.write(profile.role("watchdog_s"), watchdog_s)
         self.device.write(profile.role("temperature_max"), self.limits.temperature_max_c)
@@ -145,7 +142,7 @@ class HeaterBoard:
         return measurement
 
     def enter_safe_state(self) -> None:
-        """Zero current and heater off, confirmed by read-back, tried several times; raises when it stays unconfirmed."""
+        """Zero current and heater off, confirmed by read-back; tried several times, raises when unconfirmed."""
         self._armed = False
         self.device.enter_safe_state()
 

@@ -95,12 +95,12 @@ class Register(Section):
         """Whether the device lets it be written."""
         return self.access != "r"
 
-    @property
+    @cached_property
     def size(self) -> int:
         """How many 16-bit registers it spans."""
         return 1 if self.type in ("uint16", "int16") else 2
 
-    @property
+    @cached_property
     def addresses(self) -> range:
         """The addresses it spans."""
         return range(self.address, self.address + self.size)
@@ -120,7 +120,7 @@ class Register(Section):
         return self._named(raw, value) if self.enum or self.bits else Reading(raw, value)
 
     def encode(self, value: float, name: str) -> tuple[int, ...]:
-        """The words that carry `value`; ConfigError when it is not finite, outside [min, max] or no state of the enum."""
+        """The words that carry `value`; ConfigError when not finite, outside [min, max] or no state of the enum."""
         if not isfinite(value):
             raise ConfigError(f"register '{name}': {value} cannot be written; give a finite number")
         if self.min is not None and self.max is not None and not self.min <= value <= self.max:
@@ -138,6 +138,8 @@ class Register(Section):
 
     def pack(self, raw: float) -> tuple[int, ...]:
         """The words of a raw number."""
+        if self.type == "uint16":
+            return (int(raw),)
         words = struct.unpack(f">{self.size}H", struct.pack(f">{_CODES[self.type]}", raw))
         return words if self.word_order == "big" else words[::-1]
 
@@ -161,10 +163,10 @@ class Register(Section):
     def _raw_of(self, value: float) -> int | float:
         exact = (value - self.offset) / self.scale
         raw = exact if self.type == "float32" else round(exact)
-        if not self._lowest <= raw <= self._highest:
+        if not self.lowest <= raw <= self.highest:
             raise ValueError(
                 f"{value:g} {self.unit} is raw {raw:g}, which overflows {self.type} "
-                f"({self._lowest:g} to {self._highest:g})"
+                f"({self.lowest:g} to {self.highest:g})"
             )
         return raw
 
@@ -182,13 +184,15 @@ class Register(Section):
         return {self.pattern(bits): reason for bits, reason in self.invalid.items()}
 
     @cached_property
-    def _lowest(self) -> float:
+    def lowest(self) -> float:
+        """The least raw number of the type."""
         if self.type == "float32":
             return -_FLOAT32_MAX
         return 0 if self.type.startswith("u") else -(1 << 16 * self.size - 1)
 
     @cached_property
-    def _highest(self) -> float:
+    def highest(self) -> float:
+        """The greatest raw number of the type."""
         if self.type == "float32":
             return _FLOAT32_MAX
         return (1 << 16 * self.size - (0 if self.type.startswith("u") else 1)) - 1

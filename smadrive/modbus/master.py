@@ -13,6 +13,7 @@ the answer to the next request. Three things keep it from being taken for one:
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import Literal
 
@@ -206,9 +207,7 @@ class Master:
             self.counters.discarded_bytes += len(data)
             silent_since_s = self.clock.now_s()
             if silent_since_s > give_up_s:
-                raise TransportError(
-                    f"{self.transport.name}: the bus is never silent: is another master talking on it?"
-                )
+                raise TransportError(f"{self.transport.name}: the bus is never silent: does another master talk?")
         self._suspect = False
 
     def _could_be_mistaken(self, unit_id: int, request: Request) -> bool:
@@ -221,10 +220,8 @@ class Master:
         self.counters.probes += 1
         candidates = (requests.read_holding(min(request.address, 0xFFF0), count) for count in range(1, 17))
         probe = next(candidate for candidate in candidates if _shape(unit_id, candidate) not in self._owed)
-        try:
+        with suppress(ExceptionReply):  # refused is answered
             self._transact(unit_id, probe, timing)
-        except ExceptionReply:
-            pass  # refused is answered
         self._nothing_owed_by(unit_id)
 
     def _nothing_owed_by(self, unit_id: int) -> None:

@@ -1,0 +1,16 @@
+"""Why a request is refused: the exception codes of the standard."""
+
+from __future__ import annotations
+
+ILLEGAL_FUNCTION = 1
+ILLEGAL_ADDRESS = 2
+ILLEGAL_VALUE = 3
+DEVICE_FAILURE = 4
+
+
+class Refusal(Exception):  # noqa: N818  (no error of the simulator: a legal answer)
+    """The request is answered by the exception `code`."""
+
+    def __init__(self, code: int) -> None:
+        super().__init__(f"exception {code}")
+        self.code = code
