@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from math import fsum, isfinite
 
 import numpy as np
-from scipy.special import log_ndtr, logsumexp, ndtr
+from scipy.special import log_ndtr, ndtr
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis.arrays import FloatArray
@@ -59,13 +59,16 @@ class GaussianMixture:
 
     def log_cdf(self, v: FloatArray) -> FloatArray:
         """ln h(v)."""
-        return np.asarray(logsumexp(log_ndtr(self._standard(v)), b=np.array(self.weights), axis=-1))
+        return self._log_blend(log_ndtr(self._standard(v)))
 
     def log_sf(self, v: FloatArray) -> FloatArray:
         """ln(1 - h(v))."""
-        return np.asarray(logsumexp(log_ndtr(-self._standard(v)), b=np.array(self.weights), axis=-1))
+        return self._log_blend(log_ndtr(-self._standard(v)))
 
     def log_pdf(self, v: FloatArray) -> FloatArray:
         """ln g(v)."""
         exponents = -0.5 * self._standard(v) ** 2 - _LOG_ROOT_TWO_PI
-        return np.asarray(logsumexp(exponents, b=np.array(self.weights) / np.array(self.sigmas), axis=-1))
+        return self._log_blend(exponents - np.log(self.sigmas))
+
+    def _log_blend(self, logs: FloatArray) -> FloatArray:
+        return np.asarray(np.logaddexp.reduce(logs + np.log(self.weights), axis=-1))

@@ -1,0 +1,7 @@
+"""Models from measured records: excitation, Duhem and T-S fuzzy Duhem fits, and how good they are."""
+
+from smadrive.identification.duhem_fit import identify_duhem
+from smadrive.identification.quality import Fit
+from smadrive.identification.tsfuzzy_fit import identify_tsfuzzy
+
+__all__ = ["Fit", "identify_duhem", "identify_tsfuzzy"]

@@ -1,0 +1,151 @@
+"""Identification of a Duhem model by its simulated output.
+
+Unknown are mean, width and weight of every Gaussian of both branches, scale and offset. The error of the simulated output
+is minimised (slopes would amplify noise and bias the loop), first with one Gaussian per branch, then with more, started
+from several splits of the first. The branches must not cross: where h₋ comes closer to h₊ than a margin, measured in
+standard deviations, a penalty pushes them apart; it is raised until the model is valid over the whole range.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import OptimizeResult, isotonic_regression, least_squares
+from scipy.special import ndtri_exp, softmax
+
+from smadrive.errors import IdentificationError, ModelError
+from smadrive.hysteresis.branch import BranchEngine
+from smadrive.hysteresis.duhem import DuhemModel, duhem_branches
+from smadrive.hysteresis.mixture import GaussianMixture
+from smadrive.identification.quality import Fit, judge
+from smadrive.identification.record import Record, prepare
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from smadrive.hysteresis.arrays import FloatArray
+
+_CELLS = 256  # table of a trial model: its error is far below any measurement's
+_FLOOR = 1e-2  # least relative gap between the branches of a trial model
+_MARGIN = 0.05  # standard deviations between the branches
+_PENALTIES = (0.03, 0.3, 3.0, 30.0)
+_EXPLAINED = 0.5  # least share of the output's variance that a dependence on the input explains
+_SPLITS = ((0.6, 0.6, 0.9), (0.0, 0.5, 1.5), (0.9, 0.7, 0.7))  # shift and widths, in σ of the single Gaussian
+
+
+def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band: float | None = None) -> Fit[DuhemModel]:
+    """The Duhem model with `components` Gaussians per branch that reproduces the record best.
+
+    v, y (samples,): input and output. `dead_band`: radius of the reversal filter in the unit of v, None: from the noise
+    of v. Raises DataError for samples that cannot be used, IdentificationError when the record determines no loop.
+    """
+    if components < 1:
+        raise IdentificationError(f"components = {components}; a branch needs at least 1 Gaussian")
+    return fit_duhem(prepare(v, y, dead_band), components)
+
+
+def fit_duhem(record: Record, components: int) -> Fit[DuhemModel]:
+    """The same for a prepared record."""
+    for penalty in _PENALTIES:
+        problem = _Problem(record, penalty)
+        best = problem.solve(problem.first_guess())
+        if components > 1:
+            best = min((problem.solve(guess) for guess in problem.splits(best.x, components)), key=lambda result: float(result.cost))
+        try:
+            model = problem.model(best.x)
+        except ModelError:
+            continue
+        fit = judge(model, record.path, record.y, float(record.mean_y[0]))
+        if np.var(fit.residual) > (1 - _EXPLAINED) * np.var(record.y):
+            raise IdentificationError(
+                f"the output does not follow the input: a loop explains {100 * (1 - np.var(fit.residual) / np.var(record.y)):.0f} % of "
+                f"its variance, at least {100 * _EXPLAINED:.0f} % are needed; check that the columns belong to one wire"
+            )
+        return fit
+    raise IdentificationError(
+        "heating and cooling branch could not be kept apart over the record's range; check the order of the samples and "
+        "that the output rises (or falls) later on heating than on cooling"
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class _Problem:
+    """Least squares over x = (heating means, log widths, weights; cooling likewise; scale, offset), in units of the spans."""
+
+    record: Record
+    penalty: float
+
+    def mixtures(self, x: FloatArray) -> tuple[GaussianMixture, GaussianMixture]:
+        lower, upper = self.record.input_range
+        span = upper - lower
+        made = []
+        for means, log_widths, logits in x[:-2].reshape(2, 3, -1):
+            weights = softmax(logits) * (1 - 1e-3) + 1e-3 / len(logits)
+            widths = span * np.exp(np.clip(log_widths, -7.0, 3.0))
+            made.append(GaussianMixture(tuple(weights / weights.sum()), tuple(lower + span * means), tuple(widths)))
+        return made[0], made[1]
+
+    def output_map(self, x: FloatArray) -> tuple[float, float]:
+        return float(x[-2]) * self.record.output_span, float(x[-1]) * self.record.output_span
+
+    def model(self, x: FloatArray) -> DuhemModel:
+        scale, offset = self.output_map(x)
+        return DuhemModel(*self.mixtures(x), scale, offset, self.record.input_range)
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        record = self.record
+        heating, cooling = self.mixtures(x)
+        scale, offset = self.output_map(x)
+        nodes = np.linspace(*record.input_range, _CELLS + 1)
+        engine = BranchEngine(nodes, _CELLS, *duhem_branches(heating, cooling, nodes, _FLOOR))
+        bounds = sorted(float(np.interp(record.v[0], nodes, m.target)) for m in (engine.heating, engine.cooling))
+        start = min(max((record.mean_y[0] - offset) / scale, bounds[0]), bounds[1])
+        error = (offset + scale * engine.trajectory(record.v, start) - record.mean_y) / record.output_span
+        gap = _probit(cooling, nodes[::4]) - _probit(heating, nodes[::4])
+        crossing = self.penalty * np.sqrt(len(record.path) / len(gap)) * np.maximum(_MARGIN - gap, 0)
+        return np.concatenate([error * np.sqrt(record.count), crossing])
+
+    def solve(self, x: FloatArray) -> OptimizeResult:
+        return least_squares(self.residuals, x, x_scale="jac", ftol=1e-5, xtol=1e-5, max_nfev=40)
+
+    def first_guess(self) -> FloatArray:
+        """One Gaussian per branch from the quantiles of the monotone curve through each branch's samples."""
+        record = self.record
+        lower, upper = record.input_range
+        falls = np.corrcoef(record.v, record.mean_y)[0, 1] < 0
+        low, high = np.percentile(record.mean_y, (1, 99))
+        scale, offset = (low - high, high) if falls else (high - low, low)
+        quantiles = []
+        for rising in (True, False):
+            chosen = record.rising == rising
+            order = np.argsort(record.v[chosen], kind="stable")
+            place = (record.v[chosen][order] - lower) / (upper - lower)
+            curve = isotonic_regression((record.mean_y[chosen][order] - offset) / scale).x
+            quantiles.append([place[min(np.searchsorted(curve, q), len(place) - 1)] for q in (0.16, 0.5, 0.84)])
+        (a1, a2, a3), (c1, c2, c3) = quantiles
+        width = max((a3 - a1 + c3 - c1) / 4, 0.01)
+        a2 = max(a2, c2 + 0.1 * width)
+        log_width = np.log(width)
+        return np.array([a2, log_width, 0.0, c2, log_width, 0.0, scale / record.output_span, offset / record.output_span])
+
+    def splits(self, x: FloatArray, components: int) -> list[FloatArray]:
+        """Starts with more Gaussians: those of the single-Gaussian solution spread over shifts and widths."""
+        branches = x[:-2].reshape(2, 3)
+        starts = []
+        for shift, first_width, last_width in _SPLITS:
+            made = []
+            for (mean, log_width, _), mirror in product(branches, (1,)):
+                place = np.linspace(-1, 1, components) * mirror
+                widths = np.linspace(first_width, last_width, components)
+                made.append([mean + shift * place * np.exp(log_width), log_width + np.log(widths), np.zeros(components)])
+            starts.append(np.concatenate([np.ravel(made), x[-2:]]))
+        return starts
+
+
+def _probit(mixture: GaussianMixture, v: FloatArray) -> FloatArray:
+    """Φ⁻¹(h(v)), exact in both tails."""
+    low, high = mixture.log_cdf(v), mixture.log_sf(v)
+    return np.where(low < high, ndtri_exp(np.minimum(low, high)), -ndtri_exp(np.minimum(low, high)))

@@ -1,0 +1,107 @@
+"""A measured record made ready for a fit: false reversals removed, checked for what it can determine, thinned.
+
+The model is rate-independent and steps exactly, so samples between turning points carry no dynamics, only noise: within
+a run, samples that share a cell of a few thousandths of the input span are replaced by their mean, with their count as
+weight. Turning points are kept as they are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from smadrive.errors import IdentificationError
+from smadrive.hysteresis.arrays import FloatArray, paired_vectors
+from smadrive.hysteresis.reversal import check_radius, monotone_runs
+
+_CELLS = 400  # thinning cells over the input span
+_NOISE_BAND = 4.0  # standard deviations of the input noise per dead band radius
+_WIDEST_BAND = 0.025  # of the input span: coarse sampling must not pass for noise
+_LEAST_COVERAGE = 0.6  # of the input span, in either direction
+
+
+@dataclass(frozen=True, slots=True)
+class Record:
+    """Input path without false reversals and outputs, whole (`path`, `y`) and thinned (`v`, `mean_y`, `count`)."""
+
+    path: FloatArray
+    y: FloatArray
+    v: FloatArray
+    mean_y: FloatArray
+    count: FloatArray
+    input_range: tuple[float, float]
+    output_span: float
+    noise: float
+
+    @property
+    def rising(self) -> FloatArray:
+        """Whether each thinned sample was reached by rising input (the first counts like the second)."""
+        moves = self.v[1:] > self.v[:-1]
+        return np.concatenate([moves[:1], moves])
+
+
+def noise_deviation(samples: FloatArray) -> float:
+    """Standard deviation of white noise on a smooth record, from the median absolute second difference."""
+    if len(samples) < 5:
+        return 0.0
+    return float(np.median(np.abs(np.diff(samples, 2)))) / 0.6745 / np.sqrt(6.0)
+
+
+def prepare(v: FloatArray, y: FloatArray, dead_band: float | None) -> Record:
+    """Check, clean and thin a record. `dead_band`: radius in the unit of v, None: from the noise of v.
+
+    Raises DataError for samples that cannot be used, IdentificationError for records that determine no hysteresis.
+    """
+    v, y = paired_vectors(v, y)
+    span, output_span = float(np.ptp(v)), float(np.ptp(y))
+    if span == 0:
+        raise IdentificationError(f"the input is constant at {v[0]:g}; record at least one full loop")
+    if output_span == 0:
+        raise IdentificationError(f"the output is constant at {y[0]:g}; check the sensor, then record at least one full loop")
+    widest = _WIDEST_BAND * span
+    radius = min(_NOISE_BAND * noise_deviation(v), widest) if dead_band is None else check_radius(dead_band)
+    path = monotone_runs(v, radius)
+    _require_loop(path, span)
+    corners = _corners(path)
+    thin_v, thin_y, count = _thin(path, y, corners, span / _CELLS)
+    noise = noise_deviation(y) / output_span
+    return Record(path, y, thin_v, thin_y, count, (float(v.min()), float(v.max())), output_span, noise)
+
+
+def _corners(path: FloatArray) -> FloatArray:
+    moving = np.flatnonzero(np.diff(path))
+    rising = np.diff(path)[moving] > 0
+    turns = moving[1:][rising[1:] != rising[:-1]]
+    corners = np.zeros(len(path), dtype=bool)
+    corners[[0, -1]] = True
+    corners[turns] = True
+    return corners
+
+
+def _require_loop(path: FloatArray, span: float) -> None:
+    """Both directions must have been travelled over most of the input span."""
+    moves = np.diff(path)
+    edges = np.linspace(path.min(), path.max(), 101)
+    for name, chosen in (("rising", moves > 0), ("falling", moves < 0)):
+        low, high = np.minimum(path[:-1], path[1:])[chosen], np.maximum(path[:-1], path[1:])[chosen]
+        covered = np.zeros(100)
+        np.add.at(covered, np.clip(np.searchsorted(edges, low, side="right") - 1, 0, 99), 1)
+        np.add.at(covered, np.clip(np.searchsorted(edges, high, side="left") - 1, 0, 99), 1)
+        for start, end in zip(np.searchsorted(edges, low), np.searchsorted(edges, high), strict=True):
+            covered[start : max(end - 1, start)] += 1
+        share = float(np.mean(covered > 0))
+        if share < _LEAST_COVERAGE:
+            raise IdentificationError(
+                f"less than one full loop: the {name} input covers {100 * share:.0f} % of the input span of {span:g}, at least "
+                f"{100 * _LEAST_COVERAGE:.0f} % are needed in each direction; record a full loop, with reversals if possible"
+            )
+
+
+def _thin(path: FloatArray, y: FloatArray, corners: FloatArray, cell: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+    place = np.floor((path - path.min()) / cell).astype(np.int64)
+    new = np.ones(len(path), dtype=bool)
+    new[1:] = (place[1:] != place[:-1]) | corners[1:] | corners[:-1]
+    group = np.cumsum(new) - 1
+    count = np.bincount(group).astype(np.float64)
+    return np.bincount(group, path) / count, np.bincount(group, y) / count, count
