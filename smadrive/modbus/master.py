@@ -6,7 +6,8 @@ the answer to the next request. Three things keep it from being taken for one:
 
 1. after a failure the bus is quarantined: nothing is sent before it has been silent, and what arrives is discarded;
 2. a reply that is still owed is remembered. If the next request's right reply would look the same, a probe whose
-   reply looks different goes first; a device answers in order, so after the probe's reply nothing old can come;
+   reply looks different goes first (a read that has worked before, if there is one); a device answers in order, so
+   after the probe's reply nothing old can come;
 3. bytes that nobody asked for, found before a request, also lead to quarantine.
 """
 
@@ -15,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import chain
 from typing import Literal
 
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
@@ -22,9 +24,12 @@ from smadrive.modbus import frames, requests
 from smadrive.modbus.requests import Request
 from smadrive.modbus.transport import Transport
 
+Shape = tuple[int, bytes, int]  # unit, reply head, payload size: what tells a reply from the reply to another request
 Trace = Callable[[float, Literal["sent", "received"], bytes], None]
 
-LATEST_REPLY_S = 2.0  # a reply that has not come by then is lost for good
+LATEST_REPLY_S = 10.0  # a reply that has not come by then is lost for good
+NEVER_SILENT_S = 2.0
+PROBES = 3
 TURNAROUND_S = 0.1  # after a broadcast, serial line V1.02 section 2.4.1
 
 EXCEPTIONS = {
@@ -81,9 +86,10 @@ class Master:
         self._trace = trace
         self._silence_s = silence_s(transport.baudrate)
         self._character_s = 11 / transport.baudrate
-        self._free_at_s = self.clock.now_s() + self._silence_s
+        self._free_at_s = self.clock.now_s()
         self._suspect = False
-        self._owed: dict[tuple[int, bytes, int], float] = {}
+        self._owed: dict[Shape, float] = {}
+        self._proven: dict[Shape, Request] = {}
 
     def execute(self, unit_id: int, request: Request, timing: BusTiming) -> bytes:
         """The payload of the reply of `unit_id` to `request`.
@@ -114,7 +120,7 @@ class Master:
     def _transact_surely(self, unit_id: int, request: Request, timing: BusTiming) -> bytes:
         self._settle(timing)
         if self._owed and self._could_be_mistaken(unit_id, request):
-            self._probe(unit_id, request, timing)
+            self._flush_owed(unit_id, request, timing)
             self._settle(timing)
         return self._transact(unit_id, request, timing)
 
@@ -132,6 +138,8 @@ class Master:
             self._free_at_s = self.clock.now_s()
         if self._owed:
             self._nothing_owed_by(unit_id)
+        if not request.writes:
+            self._proven[_shape(unit_id, request)] = request
         return payload
 
     def _send(self, unit_id: int, request: Request) -> float:
@@ -202,7 +210,7 @@ class Master:
         """Listen until the bus has been silent for one response timeout."""
         self.counters.quarantines += 1
         quiet_s = max(timing.response_timeout_s, self._silence_s)
-        give_up_s = self.clock.now_s() + LATEST_REPLY_S + quiet_s
+        give_up_s = self.clock.now_s() + NEVER_SILENT_S + quiet_s
         while data := self.transport.read(silent_since_s + quiet_s):
             self.counters.discarded_bytes += len(data)
             silent_since_s = self.clock.now_s()
@@ -215,11 +223,24 @@ class Master:
         self._owed = {shape: until_s for shape, until_s in self._owed.items() if until_s > now_s}
         return _shape(unit_id, request) in self._owed
 
+    def _flush_owed(self, unit_id: int, request: Request, timing: BusTiming) -> None:
+        """Probe until the probe's own reply comes; a ProtocolError means that an owed one has come instead."""
+        for attempt in range(1, PROBES + 1):
+            try:
+                self._probe(unit_id, request, timing)
+            except ProtocolError:
+                if attempt == PROBES:
+                    raise
+                self._settle(timing)
+            else:
+                return
+
     def _probe(self, unit_id: int, request: Request, timing: BusTiming) -> None:
         """Read something whose reply no owed reply resembles; its answer, even a refusal, proves the bus clean."""
         self.counters.probes += 1
-        candidates = (requests.read_holding(min(request.address, 0xFFF0), count) for count in range(1, 17))
-        probe = next(candidate for candidate in candidates if _shape(unit_id, candidate) not in self._owed)
+        proven = (known for shape, known in self._proven.items() if shape[0] == unit_id)
+        tries = (requests.read_holding(min(request.address, 0xFFF0), count) for count in range(1, 17))
+        probe = next(one for one in chain(proven, tries) if _shape(unit_id, one) not in self._owed)
         with suppress(ExceptionReply):  # refused is answered
             self._transact(unit_id, probe, timing)
         self._nothing_owed_by(unit_id)
@@ -237,6 +258,5 @@ def silence_s(baudrate: int) -> float:
     return 1.75e-3 if baudrate > 19200 else 3.5 * 11 / baudrate
 
 
-def _shape(unit_id: int, request: Request) -> tuple[int, bytes, int]:
-    """What tells a reply from the reply to another request."""
+def _shape(unit_id: int, request: Request) -> Shape:
     return unit_id, request.reply_head, request.payload_size

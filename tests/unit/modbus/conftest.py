@@ -1,0 +1,69 @@
+"""A far end that says exactly what a test wants, on virtual time."""
+
+import pytest
+
+from smadrive.clock import VirtualClock
+from smadrive.modbus import frames
+from smadrive.modbus.inprocess import InProcessTransport
+from smadrive.modbus.master import BusTiming, Master
+
+
+class Script:
+    """Answers request n with `answers[n]`: a list of (delay in seconds, bytes). `heard` keeps time and request."""
+
+    def __init__(self, *answers):
+        self.answers = list(answers)
+        self.heard = []
+
+    def receive(self, data, time_s):
+        self.heard.append((time_s, data))
+        answer = self.answers.pop(0) if self.answers else []
+        return [(time_s + delay_s, reply) for delay_s, reply in answer]
+
+
+class Registers:
+    """A slow device: register n holds n; it answers in order, each reply later by the next of `delays_s`."""
+
+    def __init__(self, delays_s=()):
+        self.delays_s = list(delays_s)
+        self.busy_until_s = 0.0
+
+    def receive(self, data, time_s):
+        first, count = int.from_bytes(data[2:4], "big"), int.from_bytes(data[4:6], "big")
+        words = b"".join(register.to_bytes(2, "big") for register in range(first, first + count))
+        delay_s = self.delays_s.pop(0) if self.delays_s else 0.001
+        self.busy_until_s = max(time_s, self.busy_until_s) + delay_s
+        return [(self.busy_until_s, frames.seal(data[0], bytes((data[1], len(words))) + words))]
+
+
+TIMING = BusTiming(response_timeout_s=0.1, read_retries=0)
+
+
+@pytest.fixture
+def bus():
+    """Make a master that talks to a peer on virtual time."""
+
+    def make(peer, baudrate=115200, trace=None):
+        return Master(InProcessTransport(peer, VirtualClock(), baudrate), trace)
+
+    return make
+
+
+@pytest.fixture
+def script():
+    return Script
+
+
+@pytest.fixture
+def slow_registers():
+    return Registers
+
+
+@pytest.fixture
+def timing():
+    return TIMING
+
+
+@pytest.fixture(scope="session")
+def slow_registers_class():
+    return Registers

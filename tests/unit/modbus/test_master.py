@@ -1,0 +1,223 @@
+"""The master takes no wrong reply for a right one: not a damaged, not a foreign, above all not a late one."""
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smadrive.clock import VirtualClock
+from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
+from smadrive.modbus import frames, requests
+from smadrive.modbus.inprocess import InProcessTransport
+from smadrive.modbus.master import BusTiming, Master, silence_s
+
+READ = requests.read_holding(10, 4)
+RIGHT = frames.seal(1, bytes.fromhex("03 08 000A 000B 000C 000D"))
+
+
+def test_a_right_reply_in_pieces_is_put_together(bus, script, timing):
+    master = bus(script([(0.01, RIGHT[:1]), (0.02, RIGHT[1:6]), (0.03, RIGHT[6:])]))
+    assert requests.registers_of(master.execute(1, READ, timing)) == (10, 11, 12, 13)
+    assert master.counters.replies == 1
+
+
+@pytest.mark.parametrize(
+    ("wrong", "says"),
+    [
+        (frames.seal(2, RIGHT[1:-2]), "the right one starts 01 03 08"),
+        (frames.seal(1, b"\x04" + RIGHT[2:-2]), "the right one starts 01 03 08"),
+        (frames.seal(1, bytes.fromhex("03 04 000A 000B")), "the right one starts 01 03 08"),
+        (b"\xff\x00\x37" + RIGHT, "the right one starts 01 03 08"),
+        (RIGHT[:-1] + b"\x00", "wrong CRC"),
+        (RIGHT[:4] + b"\x99" + RIGHT[5:], "wrong CRC"),
+        (RIGHT + b"\x00", "14 bytes, the right reply has 13"),
+        (RIGHT + RIGHT, "26 bytes, the right reply has 13"),
+        (bytes.fromhex("01 83 02 00 00"), "wrong CRC"),
+        (bytes.fromhex("01 90 02") + frames.crc(bytes.fromhex("01 90 02")), "the right one starts 01 03 08"),
+    ],
+    ids=["unit", "function", "count", "junk", "crc", "payload", "tail", "twice", "exception crc", "foreign exception"],
+)
+def test_a_wrong_reply_is_refused_at_once(bus, script, timing, wrong, says):
+    master = bus(script([(0.0, wrong)]))
+    before_s = master.clock.now_s()
+    with pytest.raises(ProtocolError, match=says):
+        master.execute(1, READ, timing)
+    assert master.clock.now_s() - before_s < timing.response_timeout_s
+    assert master.counters.wrong_replies + master.counters.crc_errors == 1
+
+
+def test_silence_is_a_missed_deadline(bus, script, timing):
+    master = bus(script())
+    with pytest.raises(DeadlineError, match=r"unit 1, function 3 at 10: no bytes of the reply.*powered"):
+        master.execute(1, READ, timing)
+    on_wire_s = (8 + 13) * 11 / 115200
+    assert master.clock.now_s() == pytest.approx(silence_s(115200) + on_wire_s + timing.response_timeout_s)
+
+
+def test_half_a_reply_is_a_missed_deadline(bus, script, timing):
+    with pytest.raises(DeadlineError, match="6 bytes of the reply"):
+        bus(script([(0.0, RIGHT[:6])])).execute(1, READ, timing)
+
+
+def test_a_refusal_carries_code_and_meaning(bus, script, timing):
+    master = bus(script([(0.0, frames.seal(1, b"\x83\x02"))]))
+    with pytest.raises(ExceptionReply, match="exception 2, illegal data address") as refusal:
+        master.execute(1, READ, timing)
+    assert refusal.value.code == 2
+    assert master.counters.exceptions == 1
+
+
+@given(
+    delays_s=st.lists(st.floats(0.0, 4.0), min_size=1, max_size=12),
+    asked=st.lists(st.tuples(st.integers(0, 50), st.integers(1, 3)), min_size=5, max_size=20),
+)
+@settings(max_examples=300, deadline=None)
+def test_a_late_reply_never_answers_another_request(slow_registers_class, delays_s, asked):
+    master = Master(InProcessTransport(slow_registers_class(delays_s), VirtualClock()))
+    for first, count in asked:
+        try:
+            payload = master.execute(1, requests.read_holding(first, count), BusTiming(0.1, read_retries=1))
+        except (DeadlineError, ProtocolError):
+            continue
+        assert requests.registers_of(payload) == tuple(range(first, first + count))
+
+
+def test_a_reply_150_ms_late_is_discarded_and_the_next_read_is_right(bus, slow_registers, timing):
+    master = bus(slow_registers([0.25]))
+    with pytest.raises(DeadlineError):
+        master.execute(1, requests.read_holding(10, 4), timing)
+    for first in (500, 700):
+        payload = master.execute(1, requests.read_holding(first, 4), timing)
+        assert requests.registers_of(payload) == tuple(range(first, first + 4))
+    assert master.counters.quarantines >= 1
+    assert master.counters.probes == 2  # the first one met the late reply
+
+
+def test_a_device_that_hung_for_seconds_answers_nothing_wrong(bus, slow_registers, timing):
+    master = bus(slow_registers([0.001, 3.0]))
+    master.execute(1, requests.read_holding(0, 2), timing)
+    outcomes = []
+    for first in range(100, 150):
+        try:
+            outcomes.append(
+                requests.registers_of(master.execute(1, requests.read_holding(first, 1), timing))[0] == first
+            )
+        except (DeadlineError, ProtocolError):
+            outcomes.append(None)
+    assert set(outcomes[:10]) == {None}
+    assert set(outcomes[-5:]) == {True}
+    assert False not in outcomes
+
+
+def test_a_device_that_is_silent_on_what_it_does_not_know_is_probed_with_what_it_knows(bus, timing):
+    class Shy:
+        known = (requests.read_holding(0, 1), requests.read_holding(4, 2))
+        lost = 0
+
+        def receive(self, data, time_s):
+            answers = {
+                frames.seal(1, one.pdu): bytes((3, one.payload_size)) + bytes(one.payload_size) for one in self.known
+            }
+            self.lost -= 1
+            return [] if self.lost == 0 or data not in answers else [(time_s, frames.seal(1, answers[data]))]
+
+    far = Shy()
+    master = bus(far)
+    for one in far.known:
+        master.execute(1, one, timing)
+    far.lost = 1
+    with pytest.raises(DeadlineError):
+        master.execute(1, far.known[0], timing)
+    assert master.execute(1, far.known[0], timing) == b"\0\0"
+
+
+def test_a_write_after_a_lost_read_needs_no_probe(bus, script, timing):
+    write = requests.write_register(5, 1)
+    far = script([], [(0.0, frames.seal(1, write.pdu))])
+    master = bus(far)
+    with pytest.raises(DeadlineError):
+        master.execute(1, READ, timing)
+    master.execute(1, write, timing)
+    assert len(far.heard) == 2
+    assert far.heard[1][0] - far.heard[0][0] >= 2 * timing.response_timeout_s
+
+
+def test_reads_are_retried_and_writes_are_not(bus, script):
+    patient = BusTiming(0.1, read_retries=2)
+    far = script([], [], [(0.0, RIGHT)])
+    far.answers.insert(1, [(0.0, frames.seal(1, bytes.fromhex("03 02 000A")))])  # of the probe
+    far.answers.insert(3, [(0.0, frames.seal(1, bytes.fromhex("03 02 000A")))])
+    master = bus(far)
+    assert requests.registers_of(master.execute(1, READ, patient)) == (10, 11, 12, 13)
+    assert master.counters.retries == 2
+
+    far = script()
+    with pytest.raises(DeadlineError):
+        bus(far).execute(1, requests.write_register(5, 1), patient)
+    assert len(far.heard) == 1
+
+
+def test_bytes_nobody_asked_for_lead_to_quarantine(bus, script, timing):
+    far = script([(0.0, RIGHT), (0.01, b"\x55\x55")], [(0.0, RIGHT)])
+    master = bus(far)
+    master.execute(1, READ, timing)
+    master.clock.sleep_until(master.clock.now_s() + 0.02)
+    master.execute(1, READ, timing)
+    assert master.counters.discarded_bytes == 2
+    assert far.heard[1][0] - far.heard[0][0] >= timing.response_timeout_s
+
+
+def test_a_bus_that_is_never_silent_is_given_up(bus, script, timing):
+    master = bus(script([(0.01 * i, b"\x00") for i in range(1000)]))
+    with pytest.raises(ProtocolError):
+        master.execute(1, READ, timing)
+    with pytest.raises(TransportError, match="never silent"):
+        master.execute(1, READ, timing)
+
+
+@pytest.mark.parametrize(
+    ("baudrate", "pause_s"), [(9600, 3.5 * 11 / 9600), (19200, 3.5 * 11 / 19200), (115200, 1.75e-3)]
+)
+def test_the_pause_between_frames_is_that_of_the_standard(bus, script, baudrate, pause_s):
+    far = script([(0.0, RIGHT)], [(0.0, RIGHT)], [(0.0, RIGHT)])
+    master = bus(far, baudrate)
+    for timing in (BusTiming(), BusTiming(), BusTiming(silence=False)):
+        master.execute(1, READ, timing)
+    times_s = [time_s for time_s, _ in far.heard]
+    assert times_s[1] - times_s[0] == pytest.approx(pause_s)
+    assert times_s[2] == times_s[1]
+
+
+def test_a_device_may_want_a_longer_pause(bus, script):
+    far = script([(0.0, RIGHT)], [(0.0, RIGHT)])
+    master = bus(far)
+    for _ in range(2):
+        master.execute(1, READ, BusTiming(min_gap_s=0.05))
+    assert far.heard[1][0] - far.heard[0][0] == pytest.approx(0.05)
+
+
+def test_a_broadcast_waits_for_no_reply(bus, script, timing):
+    far = script()
+    bus(far).broadcast(requests.write_register(5, 1), timing)
+    assert far.heard[0][1] == frames.seal(0, bytes.fromhex("06 0005 0001"))
+
+
+def test_the_trace_sees_every_byte(bus, script, timing):
+    seen = []
+    bus(script([(0.0, RIGHT)]), trace=lambda *event: seen.append(event[1:])).execute(1, READ, timing)
+    assert seen == [("sent", frames.seal(1, READ.pdu)), ("received", RIGHT)]
+
+
+def test_a_distrusted_bus_is_quarantined(bus, script, timing):
+    far = script([(0.0, RIGHT)], [(0.0, RIGHT)])
+    master = bus(far)
+    master.execute(1, READ, timing)
+    master.distrust()
+    master.execute(1, READ, timing)
+    assert far.heard[1][0] - far.heard[0][0] >= timing.response_timeout_s
+
+
+def test_a_closed_transport_says_so(bus, script, timing):
+    master = bus(script())
+    master.transport.close()
+    with pytest.raises(TransportError, match="closed"):
+        master.execute(1, READ, timing)

@@ -1,0 +1,97 @@
+"""URLs and serial ports; a pseudo-terminal is the port."""
+
+import os
+
+import pytest
+
+from smadrive.errors import ConfigError, TransportError
+from smadrive.modbus.transport import SerialSettings, open_transport
+
+
+@pytest.fixture
+def terminal():
+    near, far = os.openpty()
+    path = os.ttyname(far)
+    os.close(far)
+    yield near, path
+    os.close(near)
+
+
+@pytest.mark.parametrize(
+    ("url", "says"),
+    [
+        ("/dev/ttyUSB0", "unknown scheme ''; write serial:///dev/ttyUSB0"),
+        ("tcp://host:502", "unknown scheme 'tcp'"),
+        ("serial://dev/ttyUSB0", "three slashes"),
+        ("serial:///", "names no port"),
+        ("serial:///dev/x?baud=9600", "cannot use 'baud=9600'; allowed are baudrate="),
+        ("serial:///dev/x?baudrate=fast", "cannot use 'baudrate=fast'"),
+        ("serial:///dev/x?baudrate=0", "cannot use 'baudrate=0'"),
+        ("serial:///dev/x?parity=even", r"cannot use 'parity=even'.*N\|E\|O"),
+        ("serial:///dev/x?stopbits=3", "cannot use 'stopbits=3'"),
+    ],
+)
+def test_a_url_that_makes_no_sense_is_refused(url, says):
+    with pytest.raises(ConfigError, match=says):
+        open_transport(url)
+
+
+def test_a_missing_port_names_those_present():
+    with pytest.raises(TransportError, match=r"/dev/ttyNone: no such port; serial ports present: .*plugged in"):
+        open_transport("serial:///dev/ttyNone")
+
+
+def test_a_file_is_no_port(tmp_path):
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(TransportError, match="cannot be opened as a serial port"):
+        open_transport(f"serial://{file}")
+
+
+def test_a_port_in_use_is_refused_and_free_again_after_close(terminal):
+    _, path = terminal
+    with open_transport(f"serial://{path}"), pytest.raises(TransportError, match="busy: another program"):
+        open_transport(f"serial://{path}")
+    open_transport(f"serial://{path}").close()
+
+
+def test_the_url_overrules_the_defaults(terminal):
+    _, path = terminal
+    defaults = SerialSettings(baudrate=9600, stopbits=2)
+    with open_transport(f"serial://{path}", defaults) as transport:
+        assert transport.baudrate == 9600
+    with open_transport(f"serial://{path}?baudrate=57600&parity=E&stopbits=1", defaults) as transport:
+        assert transport.baudrate == 57600
+
+
+def test_bytes_pass_both_ways_and_can_be_discarded(terminal):
+    near, path = terminal
+    with open_transport(f"serial://{path}") as transport:
+        transport.write(b"\x01\x03\x0a\x0d\x11")
+        assert os.read(near, 100) == b"\x01\x03\x0a\x0d\x11"
+        os.write(near, b"\x0a\x0d\x00\xff")
+        assert transport.read(transport.clock.now_s() + 5) == b"\x0a\x0d\x00\xff"
+        assert transport.read(transport.clock.now_s()) == b""
+        assert transport.discard() == 0
+        os.write(near, b"xyz")
+        assert transport.read(transport.clock.now_s() + 5) == b"xyz"
+
+
+def test_a_vanished_port_is_a_lost_connection():
+    near, far = os.openpty()
+    with open_transport(f"serial://{os.ttyname(far)}") as transport:
+        os.close(far)
+        os.close(near)
+        with pytest.raises(TransportError, match=r"connection is lost.*plugged in"):
+            transport.read(transport.clock.now_s() + 5)
+        with pytest.raises(TransportError, match="connection is lost"):
+            transport.write(b"x")
+
+
+def test_a_closed_port_is_a_lost_connection_and_closing_twice_does_no_harm(terminal):
+    transport = open_transport(f"serial://{terminal[1]}")
+    transport.close()
+    transport.close()
+    for use in (lambda: transport.write(b"x"), transport.discard, lambda: transport.read(transport.clock.now_s())):
+        with pytest.raises(TransportError, match="connection is lost"):
+            use()
