@@ -10,6 +10,9 @@ from math import nan
 class Measurement:
     """One sample of the wire, in engineering units. A quantity that was not measured, or is invalid, is NaN.
 
+    `current_a` and `voltage_v` are those of the period that ends with this sample: the command written by the same
+    exchange acts only afterwards.
+
     `temperature_fault` names why the temperature is invalid (open thermocouple, ...), None when it is valid;
     `device_faults` and `device_limits` are the names of the device's own latched faults and "limited by" codes.
     """

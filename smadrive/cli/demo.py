@@ -1,0 +1,161 @@
+"""`smadrive demo`: the whole product at work on a simulated wire, over real Modbus frames on a real serial port."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.progress import Progress
+
+from smadrive.cli.demo_report import write_demo_report
+from smadrive.cli.identify import certificate, rules
+from smadrive.cli.output import AsJson, Output
+from smadrive.cli.run import APPROACH_S, HEADER, table_row
+from smadrive.control.feedforward import DisplacementInverse, HysteresisInverse, StaticMap
+from smadrive.control.loop import LoopFigures, Tick
+from smadrive.control.reference import Reference, sine
+from smadrive.errors import DataError
+from smadrive.identification.wire_fit import WireFit, identify_wire
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig
+from smadrive.runlog import TrackingFigures, open_recorder, row, tracking_figures
+from smadrive.telemetry.log import Log, read_log
+from smadrive.testing.simulator import ServedSimulator
+from smadrive.wirefile import save_wire
+
+SIM = "flexinol-lt-0.15mm"
+RIG = "simulated"
+PERIOD_S = 56.0
+"""0.0178 Hz, the sine of the published tracking records."""
+LOW, HIGH = 0.2, 0.8
+"""The reference sweeps this part of the identified stroke."""
+REST_S = 20.0
+"""Between experiments the wire cools to the room."""
+
+WITH, WITHOUT = "inverse feedforward", "plain temperature map"
+
+
+@dataclass(frozen=True)
+class Arm:
+    """One tracking run of the demo."""
+
+    name: str
+    log: Log
+    figures: TrackingFigures
+
+
+def main(
+    folder: Annotated[Path, typer.Option("--output-dir", "-o", help="Where logs, model and report go.")] = Path(
+        "smadrive-demo"
+    ),
+    real_time: Annotated[bool, typer.Option("--real-time", help="Run at 1x (some ten minutes) instead of virtual time.")] = False,
+    seed: Annotated[int, typer.Option(help="Seed of the simulated sensors' noise.")] = 0,
+    as_json: AsJson = False,
+) -> None:
+    """Excite a simulated wire, identify it from the record, track with and without the inverse, write a report."""
+    output = Output(as_json)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise DataError(f"{folder}: cannot be made ({error.strerror}): choose another --output-dir") from None
+    with ServedSimulator(SIM, real_time=real_time, seed=seed, log=folder / "firmware.log") as simulator:
+        config = load_rig(RIG).at(simulator.url)
+        output.say(f"firmware-sim serves the simulated wire at {simulator.url}")
+        with Rig(config, simulator.clock) as bench, output.progress() as progress:
+            excitation = _excite(bench, progress, folder / "excitation.h5")
+            wire = _identify(bench, progress, excitation)
+            save_wire(
+                folder / "model.json",
+                wire.hysteresis.model,
+                wire.thermal.balance,
+                {"rms_percent": wire.hysteresis.rms_percent, "max_percent": wire.hysteresis.max_percent},
+                source=str(excitation.path),
+            )
+            inverses: dict[str, DisplacementInverse] = {
+                WITH: HysteresisInverse(wire.hysteresis.model),
+                WITHOUT: StaticMap(wire.thermal.wire_temperature_c, excitation.column("displacement_mm")),
+            }
+            arms = [_track(bench, progress, folder, name, inverse, wire) for name, inverse in inverses.items()]
+    report = folder / "report.html"
+    write_demo_report(report, wire, excitation, [(arm.name, arm.log, arm.figures) for arm in arms])
+    output.table(HEADER, [table_row(arm.name, arm.figures) for arm in arms])
+    output.say(f"report: {report}   model: {folder / 'model.json'}   logs: {folder}/*.h5")
+    output.result(
+        {
+            "inverse": asdict(arms[0].figures),
+            "plain_map": asdict(arms[1].figures),
+            "identify": {
+                "kind": "tsfuzzy",
+                "rules": rules(wire.hysteresis),
+                "rms_percent": wire.hysteresis.rms_percent,
+                "max_percent": wire.hysteresis.max_percent,
+                "model_file": str(folder / "model.json"),
+                "certificate": certificate(wire.hysteresis),
+            },
+            "excitation_log_file": str(excitation.path),
+            "report_file": str(report),
+        }
+    )
+
+
+def _excite(bench: Rig, progress: Progress, path: Path) -> Log:
+    excitation = bench.excitation(bench.heater.exchange(0.0).temperature_c)
+    _recorded(bench, progress, path, "exciting", excitation.duration_s, lambda record: bench.excite(excitation, record))
+    return read_log(path)
+
+
+def _identify(bench: Rig, progress: Progress, log: Log) -> WireFit:
+    task = progress.add_task("identifying", total=None)
+    names = ("time_s", "current_a", "voltage_v", "temperature_c", "displacement_mm")
+    wire = identify_wire(*(log.column(name) for name in names), bench.nominal_balance)
+    progress.update(task, total=1, completed=1)
+    return wire
+
+
+def _track(
+    bench: Rig, progress: Progress, folder: Path, name: str, inverse: DisplacementInverse, wire: WireFit
+) -> Arm:
+    model, balance = wire.hysteresis.model, wire.thermal.balance
+    bench.rest(REST_S)
+    reference = _reference(model.offset, model.scale)
+    path = folder / f"{name.replace(' ', '-')}.h5"
+    loop = _recorded(
+        bench,
+        progress,
+        path,
+        f"tracking, {name}",
+        reference.duration_s,
+        lambda record: bench.track(reference, model, balance, inverse, record),
+    )
+    log = read_log(path)
+    return Arm(name, log, tracking_figures(log, reference, abs(model.scale), loop))
+
+
+def _reference(offset_mm: float, scale_mm: float) -> Reference:
+    return sine(
+        low_mm=offset_mm + LOW * scale_mm, high_mm=offset_mm + HIGH * scale_mm, period_s=PERIOD_S, cycles=2.0
+    ).with_approach(offset_mm, APPROACH_S)
+
+
+def _recorded(
+    bench: Rig,
+    progress: Progress,
+    path: Path,
+    title: str,
+    duration_s: float,
+    run: Callable[[Callable[[Tick], None]], LoopFigures],
+) -> LoopFigures:
+    """Run something with its ticks in a log and on the progress bar."""
+    task = progress.add_task(title, total=duration_s)
+    with open_recorder(path, bench, title) as recorder:
+
+        def record(tick: Tick) -> None:
+            recorder.row(row(tick))
+            progress.update(task, completed=tick.time_s)
+
+        figures = run(record)
+    progress.update(task, completed=duration_s)
+    return figures

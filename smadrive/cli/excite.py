@@ -1,0 +1,38 @@
+"""`smadrive excite`: the identification experiment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from smadrive.cli.output import AsJson, Output
+from smadrive.cli.probe import RigFile
+from smadrive.control.loop import Tick
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig
+from smadrive.runlog import open_recorder, row
+
+
+def main(
+    rig: RigFile,
+    log_file: Annotated[Path, typer.Option("--log-file", "-o", help="Log (.h5) to write.")],
+    as_json: AsJson = False,
+) -> None:
+    """Drive the wire of RIG through the temperature path of its [excitation], within its limits, and record it."""
+    output = Output(as_json)
+    with Rig(load_rig(rig)) as bench:
+        excitation = bench.excitation(bench.heater.exchange(0.0).temperature_c)
+        with open_recorder(log_file, bench, "excitation") as recorder, output.progress() as progress:
+            task = progress.add_task("exciting", total=excitation.duration_s)
+
+            def record(tick: Tick) -> None:
+                recorder.row(row(tick))
+                progress.update(task, completed=tick.time_s)
+
+            figures = bench.excite(excitation, record)
+    output.say(f"{log_file}: {figures.ticks} samples, {figures.missed_deadlines} missed deadlines; the heater is off")
+    output.result(
+        {"ticks": figures.ticks, "missed_deadlines": figures.missed_deadlines, "trips": 0, "log_file": str(log_file)}
+    )

@@ -1,0 +1,98 @@
+"""`smadrive identify`: a model from recorded data."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from enum import StrEnum
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from smadrive.cli.output import AsJson, Output
+from smadrive.identification.quality import Fit
+from smadrive.identification.wire_fit import identify_hysteresis, identify_wire
+from smadrive.telemetry.log import is_log, read_log
+from smadrive.telemetry.table import read_table
+from smadrive.thermal import HeatBalance
+from smadrive.wirefile import save_wire
+
+
+class Kind(StrEnum):
+    """Which model to fit."""
+
+    tsfuzzy = "tsfuzzy"
+    duhem = "duhem"
+
+
+def main(
+    data: Annotated[Path, typer.Argument(help="CSV, or the log (.h5) of `smadrive excite`.")],
+    model_file: Annotated[Path, typer.Option("--model-file", "-o", help="Model file (JSON) to write.")],
+    kind: Annotated[Kind, typer.Option(help="T-S fuzzy Duhem model, or Duhem model.")] = Kind.tsfuzzy,
+    sets: Annotated[int, typer.Option(min=3, max=99, help="Fuzzy sets on the input; two rules for each.")] = 11,
+    input_column: Annotated[str, typer.Option("--input", help="Column of the input (CSV).")] = "temperature_c",
+    output_column: Annotated[str, typer.Option("--output", help="Column of the output (CSV).")] = "displacement_mm",
+    as_json: AsJson = False,
+) -> None:
+    """Fit a hysteresis model to DATA. From a log the heat balance is fitted too, and the thermocouple's lag removed."""
+    output = Output(as_json)
+    balance = None
+    with output.progress() as progress:
+        progress.add_task(f"fitting {data.name}", total=None)
+        if is_log(data):
+            fit, balance = _from_log(data, kind, sets)
+        else:
+            table = read_table(data)
+            fit = identify_hysteresis(table.column(input_column), table.column(output_column), kind.value, sets)
+    figures = {"rms_percent": fit.rms_percent, "max_percent": fit.max_percent}
+    save_wire(model_file, fit.model, balance, figures, source=str(data))
+    _tell(output, fit, model_file, balance)
+    output.result(
+        {
+            "kind": kind.value,
+            "rules": rules(fit),
+            "rms_percent": fit.rms_percent,
+            "max_percent": fit.max_percent,
+            "model_file": str(model_file),
+            "certificate": certificate(fit),
+            **({} if balance is None else {"heat_balance": asdict(balance)}),
+        }
+    )
+
+
+def rules(fit: Fit) -> int:
+    """Number of rules of a fitted model; 0 for a Duhem model, which has none."""
+    return len(getattr(fit.model, "rules", ()))
+
+
+def certificate(fit: Fit) -> dict[str, float | bool]:
+    """The certificate as plain values."""
+    return {**asdict(fit.certificate), "holds": fit.certificate.holds}
+
+
+def _from_log(path: Path, kind: Kind, sets: int) -> tuple[Fit, HeatBalance]:
+    log = read_log(path)
+    names = ("time_s", "current_a", "voltage_v", "temperature_c", "displacement_mm")
+    start = HeatBalance(**log.json_attribute("nominal_balance"))
+    wire = identify_wire(*(log.column(name) for name in names), start, kind=kind.value, sets=sets)
+    return wire.hysteresis, wire.thermal.balance
+
+
+def _tell(output: Output, fit: Fit, model_file: Path, balance: HeatBalance | None) -> None:
+    rows = [
+        ("RMS error", f"{fit.rms_percent:.3f} %", "of the output span"),
+        ("max error", f"{fit.max_percent:.3f} %", "of the output span"),
+        ("rules", str(rules(fit)), ""),
+        ("contraction", f"{fit.certificate.contraction_rate:.3g}", "per unit of input"),
+        ("certified", "yes" if fit.certificate.holds else "no", "contracting and bounded"),
+    ]
+    if balance is not None:
+        rows += [
+            ("heat capacity", f"{1e3 * balance.heat_capacity_j_per_k:.2f} mJ/K", ""),
+            ("loss", f"{1e3 * balance.loss_w_per_k:.2f} mW/K", f"time constant {balance.time_constant_s:.2f} s"),
+            ("latent heat", f"{balance.latent_heat_j:.3f} J", ""),
+            ("resistance", f"{balance.resistance_cold_ohm:.2f} Ω", f"{100 * balance.resistance_change:+.1f} % when hot"),
+            ("thermocouple lag", f"{1e3 * balance.thermocouple_lag_s:.0f} ms", ""),
+        ]
+    output.table(("", "value", ""), rows)
+    output.say(f"model: {model_file}")

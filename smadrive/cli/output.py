@@ -1,0 +1,58 @@
+"""What commands print: tables and progress for a person, one JSON object for a program."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
+from rich.table import Table
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on stdout.")]
+
+
+class Output:
+    """Where a command's results go. Progress goes to stderr, and only to a terminal."""
+
+    def __init__(self, as_json: bool) -> None:
+        self._as_json = as_json
+        self._console = Console(highlight=False, soft_wrap=True)
+
+    def say(self, text: str) -> None:
+        """One line for a person."""
+        if not self._as_json:
+            self._console.print(text, markup=False)
+
+    def table(self, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
+        """A table for a person: the first column names, the others are numbers."""
+        if self._as_json:
+            return
+        table = Table(header_style="bold")
+        for n, name in enumerate(header):
+            table.add_column(name, justify="right" if n else "left")
+        for row in rows:
+            table.add_row(*row)
+        self._console.print(table)
+
+    def result(self, values: Mapping[str, Any]) -> None:
+        """The JSON object for a program."""
+        if self._as_json:
+            json.dump(values, sys.stdout, indent=2)
+            print()
+
+    def progress(self) -> Progress:
+        """A progress display: a context manager whose `add_task`/`update` draw bars."""
+        console = Console(stderr=True)
+        return Progress(
+            SpinnerColumn(),
+            TextColumn("{task.description}"),
+            BarColumn(),
+            TaskProgressColumn(),
+            TimeRemainingColumn(),
+            console=console,
+            disable=self._as_json or not console.is_terminal,
+        )

@@ -1,0 +1,47 @@
+"""`smadrive probe`: is every device of the rig there, is it the right one, and what does it say?"""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from math import isfinite
+from typing import Annotated
+
+import typer
+
+from smadrive.cli.output import AsJson, Output
+from smadrive.measurement import Measurement
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig
+
+RigFile = Annotated[str, typer.Argument(help="Rig file, or the name of a shipped rig.")]
+
+
+def main(rig: RigFile, as_json: AsJson = False) -> None:
+    """Connect to RIG, check the identity of every device and show its live values. The heater stays off."""
+    output = Output(as_json)
+    config = load_rig(rig)
+    with Rig(config) as open_rig:
+        measurement = open_rig.heater.exchange(0.0)
+        identity = open_rig.identity
+    output.say(f"{config.name}: {config.devices[0].name} is a {identity}")
+    output.table(("quantity", "value"), _rows(measurement))
+    values = {name: value if _is_plain(value) else None for name, value in asdict(measurement).items()}
+    output.result({"rig": config.name, "device": config.devices[0].name, "identity": identity, **values})
+
+
+def _rows(measurement: Measurement) -> list[tuple[str, str]]:
+    temperature = measurement.temperature_fault or f"{measurement.temperature_c:.2f} °C"
+    displacement = f"{measurement.displacement_mm:.4f} mm" if isfinite(measurement.displacement_mm) else "not fitted"
+    return [
+        ("temperature", temperature),
+        ("displacement", displacement),
+        ("heater current", f"{measurement.current_a:.4f} A"),
+        ("heater voltage", f"{measurement.voltage_v:.3f} V"),
+        ("faults", ", ".join(measurement.device_faults) or "none"),
+        ("limited by", ", ".join(measurement.device_limits) or "nothing"),
+    ]
+
+
+def _is_plain(value: object) -> bool:
+    """JSON has no NaN: a quantity that was not measured becomes null."""
+    return not isinstance(value, float) or isfinite(value)

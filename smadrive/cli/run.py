@@ -1,0 +1,88 @@
+"""`smadrive run`: track a displacement reference."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from smadrive.cli.output import AsJson, Output
+from smadrive.cli.probe import RigFile
+from smadrive.control.feedforward import HysteresisInverse
+from smadrive.control.loop import Tick
+from smadrive.control.reference import Reference, parse_reference
+from smadrive.errors import ConfigError
+from smadrive.rig import Rig
+from smadrive.rigconfig import RigConfig, load_rig
+from smadrive.runlog import TrackingFigures, open_recorder, row, tracking_figures
+from smadrive.telemetry.log import read_log
+from smadrive.telemetry.table import read_table
+from smadrive.wirefile import load_wire_file
+
+APPROACH_S = 10.0
+"""How long the wire takes to come to the beginning of the reference; not scored."""
+
+HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")
+
+
+def main(
+    rig: RigFile,
+    reference: Annotated[str, typer.Option(help="CSV (time_s, displacement_mm), or sine:low_mm=…,high_mm=…,period_s=…")],
+    log_file: Annotated[Path, typer.Option("--log-file", "-o", help="Log (.h5) to write.")],
+    model: Annotated[Path | None, typer.Option(help="Model file; that of the rig file by default.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Make the wire of RIG follow a displacement reference, with the inverse of its identified model."""
+    output = Output(as_json)
+    config = load_rig(rig)
+    hysteresis, balance = load_wire_file(_model_file(config, model))
+    wanted = read_reference(reference)
+    with Rig(config) as bench:
+        measured = bench.heater.exchange(0.0)
+        start_mm = hysteresis.initial_state(measured.temperature_c).y
+        path = wanted.with_approach(start_mm, APPROACH_S)
+        with open_recorder(log_file, bench, "tracking") as recorder, output.progress() as progress:
+            task = progress.add_task("tracking", total=path.duration_s)
+
+            def record(tick: Tick) -> None:
+                recorder.row(row(tick))
+                progress.update(task, completed=tick.time_s)
+
+            loop = bench.track(
+                path, hysteresis, balance or bench.nominal_balance, HysteresisInverse(hysteresis), record
+            )
+    figures = tracking_figures(read_log(log_file), path, abs(hysteresis.scale), loop)
+    output.table(HEADER, [table_row("tracking", figures)])
+    output.say(f"log: {log_file}")
+    output.result(asdict(figures))
+
+
+def read_reference(text: str) -> Reference:
+    """The reference of a CSV file, or of a one-line form."""
+    if Path(text).suffix.lower() == ".csv":
+        table = read_table(Path(text))
+        return Reference.from_samples(table.column("time_s"), table.column("displacement_mm"))
+    return parse_reference(text)
+
+
+def table_row(name: str, figures: TrackingFigures) -> tuple[str, ...]:
+    """One line of the table of figures."""
+    return (
+        name,
+        f"{figures.rms_percent:.2f} %",
+        f"{figures.max_percent:.2f} %",
+        str(figures.trips),
+        str(figures.missed_deadlines),
+    )
+
+
+def _model_file(config: RigConfig, option: Path | None) -> Path:
+    if option is not None:
+        return option
+    if config.model is None:
+        raise ConfigError(
+            f"rig '{config.name}' names no model: excite and identify the wire, then pass --model or set model in the rig file"
+        )
+    return Path(config.model)

@@ -1,0 +1,29 @@
+"""`smadrive simulate`: a model's output for the input path in a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from smadrive.cli.output import AsJson, Output
+from smadrive.hysteresis import load_model
+from smadrive.telemetry.table import read_table, write_table
+
+
+def main(
+    model: Annotated[Path, typer.Argument(help="Model file (JSON), as written by `identify`.")],
+    csv: Annotated[Path, typer.Argument(help="CSV with the input path.")],
+    output_file: Annotated[Path, typer.Option("--output-file", "-o", help="CSV to write.")],
+    input_column: Annotated[str, typer.Option("--input", help="Column of the input.")] = "temperature_c",
+    output_column: Annotated[str, typer.Option("--output", help="Column to write.")] = "displacement_mm",
+    as_json: AsJson = False,
+) -> None:
+    """Simulate MODEL along the input path in CSV and write the outputs beside it."""
+    output = Output(as_json)
+    table = read_table(csv)
+    y = load_model(model).simulate(table.column(input_column))
+    write_table(output_file, table.cells, {output_column: y})
+    output.say(f"{output_file}: {len(y)} samples, {output_column} from {y.min():.4g} to {y.max():.4g}")
+    output.result({"samples": len(y), "output_file": str(output_file)})

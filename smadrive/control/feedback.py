@@ -1,0 +1,45 @@
+"""PI feedback on temperature around a feedforward.
+
+    command = clamp(feedforward + Kp e + I),    dI/dt = Ki e while the command is inside its limits
+
+Anti-windup by conditional integration: the feedforward alone drives the command deep into its lower limit at every
+turning point (no negative power exists), and back-calculation would then tear the integral away from the small model
+error it stands for. Gains follow from the heat balance by pole placement: with Kp = m c / Tc the error decays with the
+chosen time constant Tc, with Ki = Kp / Ti a model error is gone after Ti.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from smadrive.thermal import HeatBalance
+
+
+@dataclass(frozen=True, slots=True)
+class PIGains:
+    """Kp in W/K and Ki in W/(K s)."""
+
+    proportional_w_per_k: float
+    integral_w_per_k_s: float
+
+    @classmethod
+    def for_balance(cls, balance: HeatBalance, closed_loop_s: float, integral_s: float) -> PIGains:
+        """Gains that give the wire `closed_loop_s` as closed-loop time constant and `integral_s` as integral time."""
+        proportional = balance.heat_capacity_j_per_k / closed_loop_s
+        return cls(proportional, proportional / integral_s)
+
+
+@dataclass(slots=True)
+class TemperatureFeedback:
+    """The PI controller above. Its state is the integral, in watts."""
+
+    gains: PIGains
+    integral_w: float = field(default=0.0, init=False)
+
+    def update(self, error_c: float, feedforward_w: float, limit_w: float, dt_s: float) -> float:
+        """The power command in [0, `limit_w`], W, for error = setpoint - process value."""
+        unclamped = feedforward_w + self.gains.proportional_w_per_k * error_c + self.integral_w
+        command = min(max(unclamped, 0.0), limit_w)
+        if command == unclamped:
+            self.integral_w += self.gains.integral_w_per_k_s * error_c * dt_s
+        return command

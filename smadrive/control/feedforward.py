@@ -1,0 +1,126 @@
+"""Displacement → temperature → power: the inverse feedforward on the estimated state of the wire.
+
+The inverse starts from where the observer believes the wire to be, not from where it was meant to be. Its direction is
+that of the reference: an estimate a hair ahead of the reference must make the wire wait, not turn back, because after
+a turning point a hysteretic wire answers only many kelvin later. Only an error beyond `REVERSAL_TOLERANCE` turns it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy.optimize import isotonic_regression
+
+from smadrive.control.observer import WireEstimate
+from smadrive.errors import DataError
+from smadrive.hysteresis import HysteresisModel, HysteresisState, InverseFeedforward
+from smadrive.thermal import HeatBalance
+
+REVERSAL_TOLERANCE = 0.01
+"""Fraction of the stroke by which the estimate may lead the reference before the wire is driven back."""
+
+WAITING_RANGE_C = 2.0
+"""How far below (above) its present temperature a wire that leads the reference is held while it waits, K."""
+
+MAP_LEVELS = 50
+"""Entries of the plain map: a table, as one would write it down."""
+
+
+class Target(NamedTuple):
+    """The temperature for a displacement, and how it moves with the displacement there (0 where it is held)."""
+
+    temperature_c: float
+    k_per_mm: float
+
+
+class DisplacementInverse(Protocol):
+    """Anything that tells the temperature for a wanted displacement."""
+
+    def target(self, state: HysteresisState, wanted_mm: float, direction: int) -> Target:
+        """Where the wire stands at `wanted_mm`, coming from `state` in `direction` (+1: the phase rises)."""
+        ...
+
+
+class HysteresisInverse:
+    """The exact inverse of a hysteresis model, with the direction rule above."""
+
+    def __init__(self, model: HysteresisModel) -> None:
+        self._model = model
+        self._inverse = InverseFeedforward(model)
+
+    def target(self, state: HysteresisState, wanted_mm: float, direction: int) -> Target:
+        """See DisplacementInverse; what is out of reach gives the end of the model's range, held."""
+        lead = direction * (state.y - wanted_mm) / self._model.scale
+        if 0.0 <= lead <= REVERSAL_TOLERANCE:
+            return self._wait(state, lead, direction)
+        inversion = self._inverse.update(state, wanted_mm)
+        reached = self._model.step(state, inversion.v)
+        slope = self._model.slope(reached, 1 if inversion.v >= state.v else -1)
+        return Target(inversion.v, 1.0 / slope if inversion.reachable and slope else 0.0)
+
+    def _wait(self, state: HysteresisState, lead: float, direction: int) -> Target:
+        """A little behind the state, along its own branch, until the reference has caught up."""
+        per_k = self._model.slope(state, direction) / self._model.scale
+        if lead >= per_k * WAITING_RANGE_C:
+            return Target(state.v - direction * WAITING_RANGE_C, 0.0)
+        return Target(state.v - direction * lead / per_k, 1.0 / (per_k * self._model.scale))
+
+
+class StaticMap:
+    """The plain temperature map: displacement as a single-valued monotone function of temperature, no hysteresis.
+
+    Fitted to the same record by isotonic regression and tabulated at `MAP_LEVELS` displacements, it runs midway between
+    the branches: what a calibration table would do, and the baseline that the inverse feedforward is compared with.
+    """
+
+    def __init__(self, temperature_c: ArrayLike, displacement_mm: ArrayLike) -> None:
+        temperature = np.asarray(temperature_c, dtype=np.float64)
+        displacement = np.asarray(displacement_mm, dtype=np.float64)
+        if temperature.shape != displacement.shape or temperature.size < 2:
+            raise DataError("static map: needs two columns of one length >= 2")
+        order = np.argsort(temperature, kind="stable")
+        rising = np.corrcoef(temperature, displacement)[0, 1] >= 0
+        fit = isotonic_regression(displacement[order], increasing=bool(rising))
+        level, first = np.unique(fit.x, return_index=True)
+        self._displacement_mm = np.linspace(level[0], level[-1], MAP_LEVELS)
+        self._temperature_c: NDArray[np.float64] = np.interp(self._displacement_mm, level, temperature[order][first])
+
+    def target(self, state: HysteresisState, wanted_mm: float, direction: int) -> Target:  # noqa: ARG002
+        """The map's temperature, whatever the wire's history."""
+        at = int(np.searchsorted(self._displacement_mm, wanted_mm))
+        if not 0 < at < MAP_LEVELS:
+            return Target(float(self._temperature_c[min(at, MAP_LEVELS - 1)]), 0.0)
+        (y0, y1), (t0, t1) = self._displacement_mm[at - 1 : at + 1], self._temperature_c[at - 1 : at + 1]
+        k_per_mm = float((t1 - t0) / (y1 - y0))
+        return Target(float(t0) + k_per_mm * (wanted_mm - float(y0)), k_per_mm)
+
+
+@dataclass(frozen=True, slots=True)
+class Feedforward:
+    """Wanted wire temperature and the power that follows it."""
+
+    temperature_c: float
+    power_w: float
+
+
+class DisplacementFeedforward:
+    """Wanted displacement now and one period later → wanted temperature and power (inverse heat balance)."""
+
+    def __init__(self, inverse: DisplacementInverse, model: HysteresisModel, balance: HeatBalance) -> None:
+        self._inverse = inverse
+        self._scale_mm = model.scale
+        self._balance = balance
+        self._direction = 1
+
+    def update(self, estimate: WireEstimate, wanted_mm: float, next_mm: float, dt_s: float) -> Feedforward:
+        """The feedforward for a reference that goes from `wanted_mm` to `next_mm` within `dt_s`."""
+        rate_mm_per_s = (next_mm - wanted_mm) / dt_s
+        phase_rate_per_s = rate_mm_per_s / self._scale_mm
+        if phase_rate_per_s:
+            self._direction = 1 if phase_rate_per_s > 0 else -1
+        target = self._inverse.target(estimate.hysteresis, next_mm, self._direction)
+        power_w = self._balance.power_w(target.temperature_c, target.k_per_mm * rate_mm_per_s, phase_rate_per_s)
+        return Feedforward(target.temperature_c, power_w - estimate.disturbance_w)

@@ -1,0 +1,130 @@
+"""The control loop: measure, judge, compute, command, on a schedule of absolute deadlines.
+
+One exchange per tick writes the command of the tick before and reads the wire, so a command acts one period after the
+measurement it answers; the controllers know that. A missed exchange is not an error yet: the supervisor trips when
+the silence lasts. Every way out of `run` (end, trip, exception, Ctrl-C) first puts the heater into its safe state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Protocol
+
+from smadrive.clock import Clock
+from smadrive.control.controller import Command, Controller
+from smadrive.control.supervisor import Supervisor, Trip
+from smadrive.errors import ProtocolError, TransportError, TripError
+from smadrive.measurement import Measurement
+
+LATE_FRACTION = 0.5
+"""A tick that starts later than this fraction of the period after its deadline counts as missed."""
+
+
+class Heater(Protocol):
+    """What the loop needs of the rig: the actuator's one door, and its way to zero."""
+
+    def arm(self, watchdog_s: float) -> None:
+        """Enable heating at zero current; the device switches off after `watchdog_s` without a command."""
+        ...
+
+    def exchange(self, current_a: float) -> Measurement:
+        """Command the current and measure the wire, in one transaction."""
+        ...
+
+    def enter_safe_state(self) -> None:
+        """Zero current, confirmed."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Tick:
+    """One turn of the loop, as recorded: `time_s` since the start, lateness against the deadline."""
+
+    time_s: float
+    late_s: float
+    measurement: Measurement
+    command: Command
+
+
+@dataclass(slots=True)
+class LoopFigures:
+    """What the loop counted."""
+
+    ticks: int = 0
+    missed_deadlines: int = 0
+    lost_exchanges: int = 0
+    trips: int = 0
+
+
+class ControlLoop:
+    """Runs one controller on one heater under one supervisor, every `period_s`, telling each tick to `record`."""
+
+    def __init__(
+        self,
+        heater: Heater,
+        controller: Controller,
+        supervisor: Supervisor,
+        clock: Clock,
+        period_s: float,
+        record: Callable[[Tick], None],
+    ) -> None:
+        self._heater = heater
+        self._controller = controller
+        self._supervisor = supervisor
+        self._clock = clock
+        self._period_s = period_s
+        self._record = record
+        self._command = Command(0.0)
+        self._in_force_a = 0.0
+        self._last_s = 0.0
+        self.figures = LoopFigures()
+
+    def run(self, watchdog_s: float) -> LoopFigures:
+        """Arm, tick until the controller's duration is over, end in the safe state. TripError when tripped."""
+        with self._always_safe():
+            self._supervisor.check_may_arm(self._heater.exchange(0.0))
+            self._heater.arm(watchdog_s)
+            start_s = self._clock.now_s()
+            self._last_s = -self._period_s
+            for number in range(int(self._controller.duration_s / self._period_s) + 1):
+                self._clock.sleep_until(start_s + number * self._period_s)
+                self.tick(self._clock.now_s() - start_s, number * self._period_s)
+        return self.figures
+
+    def tick(self, time_s: float, due_s: float) -> None:
+        """One turn, `time_s` after the start, due at `due_s`. Raises TripError once the supervisor has tripped."""
+        late_s = time_s - due_s
+        self.figures.ticks += 1
+        self.figures.missed_deadlines += late_s > LATE_FRACTION * self._period_s
+        measurement = self._exchange()
+        if measurement is None:
+            self._stop_if(self._supervisor.check_fresh(self._clock.now_s()))
+            return
+        trip = self._supervisor.update(measurement, self._in_force_a)
+        self._in_force_a = self._command.current_a
+        self._stop_if(trip)
+        dt_s, self._last_s = time_s - self._last_s, time_s
+        self._command = self._controller.update(time_s, measurement, dt_s)
+        self._record(Tick(time_s, late_s, measurement, self._command))
+
+    def _exchange(self) -> Measurement | None:
+        """One exchange; None when it was lost on the way (a device that says no is not lost, it raises)."""
+        try:
+            return self._heater.exchange(self._command.current_a)
+        except (TransportError, ProtocolError):
+            self.figures.lost_exchanges += 1
+            return None
+
+    def _stop_if(self, trip: Trip | None) -> None:
+        if trip is not None:
+            self.figures.trips += 1
+            raise TripError(str(trip), trip.fault.number)
+
+    @contextmanager
+    def _always_safe(self) -> Iterator[None]:
+        try:
+            yield
+        finally:
+            self._heater.enter_safe_state()

@@ -1,0 +1,125 @@
+"""The displacement that is wanted, as a function of time.
+
+A reference is a piecewise linear table in time. It is written `shape:key=value,...` (`parse_reference`) or read from a
+CSV. An approach is put before it (`with_approach`): a smooth path from where the wire is to where the reference
+begins, which is driven but not scored.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from smadrive.errors import ConfigError, DataError
+
+Array = NDArray[np.float64]
+
+TABLE_STEP_S = 0.02
+"""Curved shapes are tabulated this finely: below the error of any thermocouple, above any loop period in use."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """Wanted displacement over time; `scored_from_s` is where the approach ends and the figures begin."""
+
+    times_s: Array
+    displacement_mm: Array
+    scored_from_s: float = 0.0
+
+    @classmethod
+    def from_samples(cls, times_s: ArrayLike, displacement_mm: ArrayLike) -> Reference:
+        """Through the samples, straight between them. DataError for NaN, lengths that differ, time going backwards."""
+        times = np.asarray(times_s, dtype=np.float64)
+        values = np.asarray(displacement_mm, dtype=np.float64)
+        if times.shape != values.shape or times.ndim != 1 or times.size < 2:
+            raise DataError(f"reference: needs two columns of one length >= 2, got {times.shape} and {values.shape}")
+        for name, column in (("time_s", times), ("displacement_mm", values)):
+            bad = np.flatnonzero(~np.isfinite(column))
+            if bad.size:
+                raise DataError(f"reference: {name} of sample {bad[0] + 1} is {column[bad[0]]}: every value must be finite")
+        backwards = np.flatnonzero(np.diff(times) <= 0)
+        if backwards.size:
+            n = int(backwards[0])
+            raise DataError(f"reference: time goes from {times[n]:g} s to {times[n + 1]:g} s: it must increase")
+        return cls(times - times[0], values)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the reference, approach included."""
+        return float(self.times_s[-1])
+
+    def value_mm(self, time_s: float) -> float:
+        """Wanted displacement at `time_s`; the ends are held."""
+        return float(np.interp(time_s, self.times_s, self.displacement_mm))
+
+    def with_approach(self, from_mm: float, approach_s: float) -> Reference:
+        """The same reference after a minimum-jerk approach from `from_mm` lasting `approach_s`."""
+        if approach_s <= 0:
+            return self
+        s = np.linspace(0.0, 1.0, max(2, int(approach_s / TABLE_STEP_S)))[:-1]
+        blend = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
+        begins_mm = self.displacement_mm[0]
+        return Reference(
+            np.concatenate((s * approach_s, approach_s + self.times_s)),
+            np.concatenate((from_mm + (begins_mm - from_mm) * blend, self.displacement_mm)),
+            scored_from_s=approach_s,
+        )
+
+
+def parse_reference(spec: str) -> Reference:
+    """A reference from its one-line form, e.g. `sine:low_mm=2,high_mm=9,period_s=56,cycles=2`.
+
+    Shapes and their keys are the functions of this file; ConfigError names the shapes, or the keys, that exist.
+    """
+    shape, _, arguments = spec.partition(":")
+    make = SHAPES.get(shape)
+    if make is None:
+        raise ConfigError(f"reference '{spec}': no shape '{shape}'; there are: {', '.join(SHAPES)}, or a CSV file")
+    try:
+        return make(**{key.strip(): float(value) for key, value in _pairs(arguments)})
+    except ValueError as error:
+        raise ConfigError(f"reference '{spec}': {error}") from None
+    except TypeError:
+        keys = [f"{name}=" for name in make.__code__.co_varnames[: make.__code__.co_kwonlyargcount]]
+        raise ConfigError(f"reference '{spec}': the keys of '{shape}' are {', '.join(keys)}") from None
+
+
+def _pairs(arguments: str) -> list[tuple[str, str]]:
+    pairs = [part.partition("=") for part in arguments.split(",") if part]
+    return [(key, value) for key, _, value in pairs]
+
+
+def sine(*, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0) -> Reference:
+    """A sine between `low_mm` and `high_mm` that begins at `low_mm`."""
+    times = np.linspace(0.0, period_s * cycles, max(3, int(period_s * cycles / TABLE_STEP_S)))
+    swing = 0.5 * (1.0 - np.cos(2.0 * np.pi * times / _positive("period_s", period_s)))
+    return Reference.from_samples(times, low_mm + (high_mm - low_mm) * swing)
+
+
+def triangle(*, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0) -> Reference:
+    """Straight up and down between `low_mm` and `high_mm`."""
+    corners = np.arange(int(2 * cycles) + 1)
+    values = np.where(corners % 2 == 0, low_mm, high_mm)
+    return Reference.from_samples(corners * 0.5 * _positive("period_s", period_s), values)
+
+
+def staircase(*, low_mm: float, high_mm: float, steps: float = 4.0, dwell_s: float = 10.0, rise_s: float = 2.0) -> Reference:
+    """`steps` equal levels up and down again, each held `dwell_s`, with straight rises of `rise_s` between them."""
+    count = int(_positive("steps", steps))
+    up = np.linspace(low_mm, high_mm, count + 1)
+    levels = np.concatenate((up, up[-2::-1]))
+    starts = np.arange(levels.size) * (_positive("dwell_s", dwell_s) + _positive("rise_s", rise_s))
+    times = np.column_stack((starts, starts + dwell_s)).ravel()
+    return Reference.from_samples(times, np.repeat(levels, 2))
+
+
+def _positive(name: str, value: float) -> float:
+    if value > 0:
+        return value
+    raise ConfigError(f"reference: {name} must be positive, it is {value:g}")
+
+
+SHAPES: dict[str, Callable[..., Reference]] = {"sine": sine, "triangle": triangle, "staircase": staircase}

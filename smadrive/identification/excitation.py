@@ -1,0 +1,67 @@
+"""The temperature path of an identification experiment.
+
+A major loop alone cannot tell a rule's a from its b: on each branch w is then a function of v. So after two major
+loops the path turns inside the loop: nested reversals around the middle that shrink towards it, first approached from
+below, then from above, so that heating and cooling curves start from every depth of transformation.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smadrive.errors import ConfigError
+
+
+@dataclass(frozen=True, slots=True)
+class Excitation:
+    """A piecewise linear temperature path through `turning_points_c` at constant rate.
+
+    `rate_c_per_s` must be within what the wire can cool at its lowest turning point, or the path is not followed
+    (harmless for identification, but the record gets longer loops than asked).
+    """
+
+    turning_points_c: tuple[float, ...]
+    rate_c_per_s: float
+
+    def __post_init__(self) -> None:
+        """Refuse a path that stands still."""
+        if self.rate_c_per_s <= 0:
+            raise ConfigError(f"excitation: rate_c_per_s must be positive, it is {self.rate_c_per_s:g}")
+
+    @property
+    def times_s(self) -> NDArray[np.float64]:
+        """When each turning point is reached."""
+        legs = np.abs(np.diff(np.asarray(self.turning_points_c))) / self.rate_c_per_s
+        return np.concatenate(([0.0], np.cumsum(legs)))
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the experiment."""
+        return float(self.times_s[-1])
+
+    def temperature_c(self, time_s: float) -> float:
+        """The wanted temperature at `time_s` after the start; the last turning point afterwards."""
+        return float(np.interp(time_s, self.times_s, self.turning_points_c))
+
+
+def nested_reversals(
+    low_c: float, high_c: float, rate_c_per_s: float, start_c: float, *, major_loops: int = 2, reversals: int = 5
+) -> Excitation:
+    """Major loops between `low_c` and `high_c`, then `reversals` shrinking loops from below and from above.
+
+    The path starts at `start_c` (the wire as it is found). Raises ConfigError when `high_c` does not exceed `low_c`.
+    """
+    if not high_c > low_c:
+        raise ConfigError(f"excitation: high_c ({high_c:g}) must exceed low_c ({low_c:g})")
+    points = [start_c, *[high_c, low_c] * major_loops]
+    middle_c = 0.5 * (low_c + high_c)
+    shrinking = [(high_c - middle_c) * (reversals - n) / (reversals + 1) for n in range(reversals)]
+    for half_c in shrinking:
+        points += [middle_c + half_c, middle_c - half_c]
+    points += [low_c, high_c]
+    for half_c in shrinking:
+        points += [middle_c - half_c, middle_c + half_c]
+    return Excitation((*points, high_c, low_c), rate_c_per_s)

@@ -1,0 +1,130 @@
+"""What a rig file and a wire file may say."""
+
+from __future__ import annotations
+
+from math import pi
+from pathlib import Path
+from typing import Self
+
+from pydantic import Field, model_validator
+
+from smadrive.configfile import Section, load_config
+from smadrive.shipped import shipped_file
+from smadrive.thermal import HeatBalance
+
+
+class WireConfig(Section):
+    """A wire as its data sheet describes it."""
+
+    name: str
+    diameter_mm: float = Field(gt=0)
+    length_mm: float = Field(gt=0)
+    resistance_ohm_per_m: float = Field(gt=0)
+    resistance_change: float = Field(gt=-1)
+    density_kg_per_m3: float = Field(gt=0)
+    specific_heat_j_per_kg_k: float = Field(gt=0)
+    latent_heat_j_per_kg: float = Field(ge=0)
+    convection_w_per_m2_k: float = Field(gt=0)
+    ambient_c: float
+    thermocouple_lag_s: float = Field(ge=0)
+
+    def heat_balance(self) -> HeatBalance:
+        """The nominal heat balance: m from the volume, A the wire's surface."""
+        diameter_m, length_m = 1e-3 * self.diameter_mm, 1e-3 * self.length_mm
+        mass_kg = self.density_kg_per_m3 * 0.25 * pi * diameter_m**2 * length_m
+        return HeatBalance(
+            heat_capacity_j_per_k=mass_kg * self.specific_heat_j_per_kg_k,
+            loss_w_per_k=self.convection_w_per_m2_k * pi * diameter_m * length_m,
+            latent_heat_j=mass_kg * self.latent_heat_j_per_kg,
+            ambient_c=self.ambient_c,
+            resistance_cold_ohm=self.resistance_ohm_per_m * length_m,
+            resistance_change=self.resistance_change,
+            thermocouple_lag_s=self.thermocouple_lag_s,
+        )
+
+
+class DeviceConfig(Section):
+    """One device of the rig: where it is and which profile describes it."""
+
+    name: str
+    profile: str
+    url: str
+    unit_id: int = Field(default=1, ge=1, le=247)
+
+
+class LimitsConfig(Section):
+    """What must never be exceeded; every layer of safety takes its limits from here."""
+
+    current_max_a: float = Field(gt=0)
+    temperature_max_c: float
+    watchdog_s: float = Field(gt=0)
+    stale_after_s: float = Field(default=0.3, gt=0)
+
+
+class ExcitationConfig(Section):
+    """Between which temperatures, and how fast, the identification experiment drives the wire."""
+
+    low_c: float
+    high_c: float
+    rate_c_per_s: float = Field(gt=0)
+
+
+class FeedbackConfig(Section):
+    """How fast the temperature loop is; the gains follow from the heat balance."""
+
+    closed_loop_s: float = Field(default=0.25, gt=0)
+    integral_s: float = Field(default=5.0, gt=0)
+    noise_c: float = Field(default=0.1, gt=0)
+
+
+class RigConfig(Section):
+    """A rig file."""
+
+    name: str
+    wire: str
+    model: str | None = None
+    rate_hz: float = Field(gt=0, le=200)
+    devices: tuple[DeviceConfig, ...] = Field(min_length=1)
+    limits: LimitsConfig
+    excitation: ExcitationConfig
+    feedback: FeedbackConfig = FeedbackConfig()
+
+    @model_validator(mode="after")
+    def _agree(self) -> Self:
+        """Limits that contradict each other are refused before anything is heated."""
+        limits, excitation = self.limits, self.excitation
+        if not excitation.low_c < excitation.high_c:
+            raise ValueError(
+                f"excitation.low_c = {excitation.low_c:g} must be below excitation.high_c = {excitation.high_c:g}"
+            )
+        if not excitation.high_c < limits.temperature_max_c:
+            raise ValueError(
+                f"excitation.high_c = {excitation.high_c:g} must be below "
+                f"limits.temperature_max_c = {limits.temperature_max_c:g}, or the experiment trips its own protection"
+            )
+        if limits.watchdog_s < 2.0 / self.rate_hz:
+            raise ValueError(
+                f"limits.watchdog_s = {limits.watchdog_s:g} is shorter than two periods of the loop "
+                f"({2.0 / self.rate_hz:g} s at rate_hz = {self.rate_hz:g}): raise it"
+            )
+        return self
+
+
+    def at(self, url: str) -> RigConfig:
+        """The same rig of one device, reached at another address."""
+        return self.model_copy(update={"devices": (self.devices[0].model_copy(update={"url": url}),)})
+
+
+def load_rig(name: str) -> RigConfig:
+    """The rig file at the path `name`, or the shipped rig of that name."""
+    return load_config(_file("rigs", name), RigConfig)
+
+
+def load_wire(name: str) -> WireConfig:
+    """The wire file at the path `name`, or the shipped wire of that name."""
+    return load_config(_file("wires", name), WireConfig)
+
+
+def _file(kind: str, name: str) -> Path:
+    path = Path(name)
+    return path if path.suffix == ".toml" else shipped_file(kind, name)

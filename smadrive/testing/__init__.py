@@ -1,0 +1,1 @@
+"""Doors to the simulated device: for the demo, for tests, for continuous integration without hardware."""

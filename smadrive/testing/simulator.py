@@ -1,0 +1,72 @@
+"""A simulated device in a process of its own, on a virtual serial port, as the demo and the system tests use it.
+
+In virtual time the device lives on the driver's clock: at every jump the clock writes the new time to the simulator's
+standard input and goes on when the simulator has answered that it got there. In real time the device runs by itself.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from smadrive.clock import Clock, MonotonicClock, VirtualClock
+from smadrive.errors import TransportError
+
+ANSWER_WITHIN_S = 10.0
+"""How long to wait for the simulator to end before it is killed."""
+
+
+class ServedSimulator:
+    """`firmware-sim SIM` as a child process; a context manager. `url` is where it serves, `clock` the time it lives in."""
+
+    def __init__(self, sim: str, *, real_time: bool = False, seed: int = 0, log: Path | None = None) -> None:
+        self._arguments = ["-m", "firmware_sim", sim, "--seed", str(seed), "--time", "real" if real_time else "driven"]
+        if log is not None:
+            self._arguments += ["--log", str(log)]
+        self._virtual = None if real_time else VirtualClock()
+        self.clock: Clock = self._virtual or MonotonicClock()
+        self.url = ""
+
+    def __enter__(self) -> Self:
+        """Start the process and wait for its address; TransportError when it does not come up."""
+        self._process = subprocess.Popen(
+            [sys.executable, *self._arguments],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            bufsize=1,
+            start_new_session=True,  # Ctrl-C is the driver's: it switches off through the bus, then ends the simulator
+        )
+        self.url = self._answer()
+        if self._virtual is not None:
+            self._virtual.follow(self._advance_to)
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """End the process."""
+        self._process.terminate()
+        try:
+            self._process.communicate(timeout=ANSWER_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.communicate()
+
+    def _advance_to(self, time_s: float) -> None:
+        if self._process.stdin is None:
+            raise TransportError("the simulated device has no standard input")
+        try:
+            self._process.stdin.write(f"{time_s!r}\n")
+        except BrokenPipeError:
+            raise TransportError("the simulated device has ended: see its log") from None
+        self._answer()
+
+    def _answer(self) -> str:
+        line = self._process.stdout.readline() if self._process.stdout else ""
+        if not line:
+            said = self._process.stderr.read().strip() if self._process.stderr else ""
+            raise TransportError(f"the simulated device did not answer: {said or 'no message'}")
+        return line.strip()

@@ -1,0 +1,40 @@
+"""An identified wire as a file: the hysteresis model, and in its provenance the heat balance that was found with it."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from smadrive.errors import ModelError
+from smadrive.hysteresis import HysteresisModel, load_model, save_model
+from smadrive.thermal import HeatBalance
+
+
+def save_wire(
+    path: Path, model: HysteresisModel, balance: HeatBalance | None, figures: Mapping[str, float], source: str
+) -> None:
+    """Write the model file with where it comes from, how well it fits and, where known, the heat balance."""
+    provenance: dict[str, Any] = {
+        "source": source,
+        "identified": datetime.now(UTC).isoformat(timespec="seconds"),
+        **figures,
+    }
+    if balance is not None:
+        provenance["heat_balance"] = asdict(balance)
+    save_model(model, path, provenance=provenance)
+
+
+def load_wire_file(path: Path) -> tuple[HysteresisModel, HeatBalance | None]:
+    """The certified model of the file, and its heat balance if it has one. ModelError, CertificateError."""
+    model = load_model(path)
+    numbers = json.loads(path.read_text(encoding="utf-8"))["provenance"].get("heat_balance")
+    if numbers is None:
+        return model, None
+    try:
+        return model, HeatBalance(**numbers)
+    except TypeError as error:
+        raise ModelError(f"{path}: provenance.heat_balance: {error}; identify the wire again") from None
