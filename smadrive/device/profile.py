@@ -15,7 +15,7 @@ from pydantic import Field, field_validator, model_validator
 from smadrive.configfile import Section, load_config, nearest
 from smadrive.device.registers import Register, Table
 from smadrive.errors import ConfigError
-from smadrive.modbus.master import BusTiming
+from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.requests import MAX_READ_REGISTERS
 from smadrive.modbus.transport import Parity, SerialSettings
 from smadrive.shipped import shipped_file

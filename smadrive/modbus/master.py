@@ -15,12 +15,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import chain
 from typing import Literal
 
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
 from smadrive.modbus import frames, requests
+from smadrive.modbus.bus import EXCEPTIONS, BusCounters, BusTiming, silence_s
 from smadrive.modbus.requests import Request
 from smadrive.modbus.transport import Transport
 
@@ -31,48 +31,6 @@ LATEST_REPLY_S = 10.0  # a reply that has not come by then is lost for good
 NEVER_SILENT_S = 2.0
 PROBES = 3
 TURNAROUND_S = 0.1  # after a broadcast, serial line V1.02 section 2.4.1
-
-EXCEPTIONS = {
-    1: "illegal function",
-    2: "illegal data address",
-    3: "illegal data value",
-    4: "device failure",
-    5: "acknowledged, in progress",
-    6: "device busy",
-    8: "memory parity error",
-    10: "gateway path unavailable",
-    11: "gateway target did not respond",
-}
-
-
-@dataclass(frozen=True, slots=True)
-class BusTiming:
-    """What one device needs of the bus.
-
-    `response_timeout_s` starts when the request has left the wire; `min_gap_s` is the least pause before a request;
-    `silence` keeps the standard's 3.5 characters; only requests that write nothing are retried, `read_retries` times.
-    """
-
-    response_timeout_s: float = 0.2
-    min_gap_s: float = 0.0
-    silence: bool = True
-    read_retries: int = 2
-
-
-@dataclass(slots=True)
-class BusCounters:
-    """What happened on the bus since the master was made."""
-
-    requests: int = 0
-    replies: int = 0
-    exceptions: int = 0
-    timeouts: int = 0
-    crc_errors: int = 0
-    wrong_replies: int = 0
-    retries: int = 0
-    quarantines: int = 0
-    probes: int = 0
-    discarded_bytes: int = 0
 
 
 class Master:
@@ -239,8 +197,12 @@ class Master:
         """Read something whose reply no owed reply resembles; its answer, even a refusal, proves the bus clean."""
         self.counters.probes += 1
         proven = (known for shape, known in self._proven.items() if shape[0] == unit_id)
-        tries = (requests.read_holding(min(request.address, 0xFFF0), count) for count in range(1, 17))
-        probe = next(one for one in chain(proven, tries) if _shape(unit_id, one) not in self._owed)
+        tries = (requests.read_holding(min(request.address, 0xFF00), count) for count in range(1, 126))
+        probe = next((one for one in chain(proven, tries) if _shape(unit_id, one) not in self._owed), None)
+        if probe is None:
+            raise DeadlineError(
+                f"unit {unit_id} owes too many replies: wait {LATEST_REPLY_S:g} s or restart the device"
+            )
         with suppress(ExceptionReply):  # refused is answered
             self._transact(unit_id, probe, timing)
         self._nothing_owed_by(unit_id)
@@ -251,11 +213,6 @@ class Master:
 
     def _who(self, unit_id: int, request: Request) -> str:
         return f"{self.transport.name}, unit {unit_id}, function {request.function} at {request.address}"
-
-
-def silence_s(baudrate: int) -> float:
-    """The pause between frames: 3.5 characters of 11 bits, and 1.75 ms above 19200 bits/s (V1.02, section 2.5.1.1)."""
-    return 1.75e-3 if baudrate > 19200 else 3.5 * 11 / baudrate
 
 
 def _shape(unit_id: int, request: Request) -> Shape:

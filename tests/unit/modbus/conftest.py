@@ -4,8 +4,9 @@ import pytest
 
 from smadrive.clock import VirtualClock
 from smadrive.modbus import frames
+from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.inprocess import InProcessTransport
-from smadrive.modbus.master import BusTiming, Master
+from smadrive.modbus.master import Master
 
 
 class Script:

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from smadrive.clock import VirtualClock
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
 from smadrive.modbus import frames, requests
+from smadrive.modbus.bus import BusTiming, silence_s
 from smadrive.modbus.inprocess import InProcessTransport
-from smadrive.modbus.master import BusTiming, Master, silence_s
+from smadrive.modbus.master import Master
 
 READ = requests.read_holding(10, 4)
 RIGHT = frames.seal(1, bytes.fromhex("03 08 000A 000B 000C 000D"))

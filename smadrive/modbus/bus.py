@@ -1,0 +1,52 @@
+"""What a master is told of a bus, and what it tells."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+EXCEPTIONS = {
+    1: "illegal function",
+    2: "illegal data address",
+    3: "illegal data value",
+    4: "device failure",
+    5: "acknowledged, in progress",
+    6: "device busy",
+    8: "memory parity error",
+    10: "gateway path unavailable",
+    11: "gateway target did not respond",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class BusTiming:
+    """What one device needs of the bus.
+
+    `response_timeout_s` starts when the request has left the wire; `min_gap_s` is the least pause before a request;
+    `silence` keeps the standard's 3.5 characters; only requests that write nothing are retried, `read_retries` times.
+    """
+
+    response_timeout_s: float = 0.2
+    min_gap_s: float = 0.0
+    silence: bool = True
+    read_retries: int = 2
+
+
+@dataclass(slots=True)
+class BusCounters:
+    """What happened on the bus since the master was made."""
+
+    requests: int = 0
+    replies: int = 0
+    exceptions: int = 0
+    timeouts: int = 0
+    crc_errors: int = 0
+    wrong_replies: int = 0
+    retries: int = 0
+    quarantines: int = 0
+    probes: int = 0
+    discarded_bytes: int = 0
+
+
+def silence_s(baudrate: int) -> float:
+    """The pause between frames: 3.5 characters of 11 bits, and 1.75 ms above 19200 bits/s (V1.02, section 2.5.1.1)."""
+    return 1.75e-3 if baudrate > 19200 else 3.5 * 11 / baudrate
