@@ -8,7 +8,7 @@ ILLEGAL_VALUE = 3
 DEVICE_FAILURE = 4
 
 
-class Refusal(Exception):  # noqa: N818  (no error of the simulator: a legal answer)
+class Refusal(Exception):  # no error of the simulator: a legal answer
     """The request is answered by the exception `code`."""
 
     def __init__(self, code: int) -> None:

@@ -9,7 +9,7 @@ from typing import Literal
 from firmware_sim.config import SimConfig
 from firmware_sim.plant import Plant
 
-Failure = Literal["none", "open", "short", "frozen"]
+Failure = Literal["none", "open", "short", "frozen", "stopped"]
 
 
 class Sensors:
@@ -32,7 +32,7 @@ class Sensors:
 
     @property
     def failure(self) -> Failure:
-        """What the converter's fault bits would show; "frozen" shows in no bit."""
+        """What is wrong with the thermocouple; the converter reports "open" and "short", the others show in no bit."""
         return self._failure
 
     def open_thermocouple(self) -> None:
@@ -47,6 +47,10 @@ class Sensors:
         """The converter goes on counting and repeats its last value."""
         self._failure = "frozen"
 
+    def stop_conversions(self) -> None:
+        """The converter hangs: neither value nor count changes."""
+        self._failure = "stopped"
+
     def mend_thermocouple(self) -> None:
         """Undo the failure."""
         self._failure = "none"
@@ -56,7 +60,7 @@ class Sensors:
         self._lag(wire_before_c, self._plant.temperature_c, dt_s)
         self.cold_junction_c += self._thermocouple.cold_junction_drift_c_per_h * dt_s / 3600
         self._since_conversion_s += dt_s
-        if self._since_conversion_s >= self._thermocouple.conversion_s - 1e-9:
+        if self._since_conversion_s >= self._thermocouple.conversion_s - 1e-9 and self._failure != "stopped":
             self._since_conversion_s = 0.0
             self.conversions += 1
             if self._failure != "frozen":

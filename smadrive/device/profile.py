@@ -122,7 +122,7 @@ class Profile(Section):
         for name, register in self.registers.items():
             _refuse_forbidden(name, register, self.forbidden)
         for identify in self.identify:
-            self.register(identify.register_)
+            _known(identify.register_, self.registers, "identify.register")
         for role, bound in self.roles.model_dump(exclude_none=True).items():
             _known(bound, self.registers, f"roles.{role}")
         for step in self.safe_state:

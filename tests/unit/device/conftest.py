@@ -1,0 +1,49 @@
+"""The real driver against the simulated rig, in process and in virtual time: real frames, no mocks."""
+
+import pytest
+
+from firmware_sim.config import load_sim
+from firmware_sim.device import SimulatedDevice
+from smadrive.clock import VirtualClock
+from smadrive.device.device import Device
+from smadrive.device.heater import HeaterBoard, HeaterLimits
+from smadrive.device.profile import load_profile
+from smadrive.modbus.master import Master
+
+TICK_S = 0.05
+
+
+@pytest.fixture
+def clock():
+    return VirtualClock()
+
+
+@pytest.fixture
+def rig(clock):
+    device = SimulatedDevice.from_config(load_sim("flexinol-lt-0.15mm"), seed=1)
+    clock.follow(device.advance_to)
+    return device
+
+
+@pytest.fixture
+def device(rig, clock):
+    return Device(load_profile("sma-reference"), Master(rig.transport(clock)))
+
+
+@pytest.fixture
+def board(device, clock):
+    return HeaterBoard(device, limits=HeaterLimits(current_max_a=0.6, temperature_max_c=130.0), clock=clock)
+
+
+@pytest.fixture
+def run(board, clock):
+    """Exchange every 50 ms for a while; the measurements."""
+
+    def ticks(current_a, duration_s):
+        measured = []
+        for _ in range(round(duration_s / TICK_S)):
+            clock.sleep_until(clock.now_s() + TICK_S)
+            measured.append(board.exchange(current_a))
+        return measured
+
+    return ticks
