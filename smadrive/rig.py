@@ -23,7 +23,6 @@ from smadrive.device.profile import Profile, load_profile
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, nested_reversals
-from smadrive.measurement import Measurement
 from smadrive.modbus.master import Master
 from smadrive.modbus.transport import Transport, open_transport
 from smadrive.rigconfig import RigConfig, load_wire
@@ -40,7 +39,9 @@ class Rig:
 
     def __init__(self, config: RigConfig, clock: Clock | None = None) -> None:
         if len(config.devices) != 1:
-            raise ConfigError(f"rig '{config.name}': {len(config.devices)} devices; this version drives rigs of one board")
+            raise ConfigError(
+                f"rig '{config.name}': {len(config.devices)} devices; this version drives rigs of one board"
+            )
         self.config = config
         self.nominal_balance = load_wire(config.wire).heat_balance()
         self._clock = clock

@@ -109,7 +109,6 @@ class RigConfig(Section):
             )
         return self
 
-
     def at(self, url: str) -> RigConfig:
         """The same rig of one device, reached at another address."""
         return self.model_copy(update={"devices": (self.devices[0].model_copy(update={"url": url}),)})

@@ -23,5 +23,5 @@ def shipped_file(kind: str, name: str) -> Path:
     path = folder / f"{name}.toml"
     if not path.is_file():
         known = ", ".join(sorted(file.stem for file in folder.glob("*.toml")))
-        raise ConfigError(f"no {kind} named '{name}'; there are: {known}")
+        raise ConfigError(f"'{name}' is neither a .toml file nor one of the shipped {kind}: {known}")
     return path

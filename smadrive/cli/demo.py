@@ -21,7 +21,7 @@ from smadrive.errors import DataError
 from smadrive.identification.wire_fit import WireFit, identify_wire
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
-from smadrive.runlog import TrackingFigures, open_recorder, row, tracking_figures
+from smadrive.runlog import TrackingFigures, excitation_record, open_recorder, row, tracking_figures, travel_mm
 from smadrive.telemetry.log import Log, read_log
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.wirefile import save_wire
@@ -51,7 +51,9 @@ def main(
     folder: Annotated[Path, typer.Option("--output-dir", "-o", help="Where logs, model and report go.")] = Path(
         "smadrive-demo"
     ),
-    real_time: Annotated[bool, typer.Option("--real-time", help="Run at 1x (some ten minutes) instead of virtual time.")] = False,
+    real_time: Annotated[
+        bool, typer.Option("--real-time", help="Run at 1x (some ten minutes) instead of virtual time.")
+    ] = False,
     seed: Annotated[int, typer.Option(help="Seed of the simulated sensors' noise.")] = 0,
     as_json: AsJson = False,
 ) -> None:
@@ -109,18 +111,15 @@ def _excite(bench: Rig, progress: Progress, path: Path) -> Log:
 
 def _identify(bench: Rig, progress: Progress, log: Log) -> WireFit:
     task = progress.add_task("identifying", total=None)
-    names = ("time_s", "current_a", "voltage_v", "temperature_c", "displacement_mm")
-    wire = identify_wire(*(log.column(name) for name in names), bench.nominal_balance)
+    wire = identify_wire(excitation_record(log), bench.nominal_balance)
     progress.update(task, total=1, completed=1)
     return wire
 
 
-def _track(
-    bench: Rig, progress: Progress, folder: Path, name: str, inverse: DisplacementInverse, wire: WireFit
-) -> Arm:
+def _track(bench: Rig, progress: Progress, folder: Path, name: str, inverse: DisplacementInverse, wire: WireFit) -> Arm:
     model, balance = wire.hysteresis.model, wire.thermal.balance
     bench.rest(REST_S)
-    reference = _reference(model.offset, model.scale)
+    reference = _reference(*travel_mm(model))
     path = folder / f"{name.replace(' ', '-')}.h5"
     loop = _recorded(
         bench,
@@ -131,13 +130,12 @@ def _track(
         lambda record: bench.track(reference, model, balance, inverse, record),
     )
     log = read_log(path)
-    return Arm(name, log, tracking_figures(log, reference, abs(model.scale), loop))
+    return Arm(name, log, tracking_figures(log, reference, model, loop))
 
 
-def _reference(offset_mm: float, scale_mm: float) -> Reference:
-    return sine(
-        low_mm=offset_mm + LOW * scale_mm, high_mm=offset_mm + HIGH * scale_mm, period_s=PERIOD_S, cycles=2.0
-    ).with_approach(offset_mm, APPROACH_S)
+def _reference(cold_mm: float, hot_mm: float) -> Reference:
+    low_mm, high_mm = (cold_mm + part * (hot_mm - cold_mm) for part in (LOW, HIGH))
+    return sine(low_mm=low_mm, high_mm=high_mm, period_s=PERIOD_S, cycles=2.0).with_approach(cold_mm, APPROACH_S)
 
 
 def _recorded(

@@ -27,8 +27,6 @@ def write_demo_report(path: Path, wire: WireFit, excitation: Log, arms: Sequence
         (name, f"{f.rms_percent:.2f} %", f"{f.max_percent:.2f} %", str(f.trips), str(f.missed_deadlines))
         for name, _, f in arms
     ]
-    fit = wire.hysteresis
-    balance = wire.thermal.balance
     write_report(
         path,
         "smadrive demo: a simulated SMA wire moves where it is told",
@@ -37,15 +35,25 @@ def write_demo_report(path: Path, wire: WireFit, excitation: Log, arms: Sequence
         ("run", "RMS error", "max error", "trips", "missed deadlines"),
         rows,
         [_loop_plot(wire, excitation), _tracking_plot(arms), _error_plot(arms), _temperature_plot(arms)],
-        [
-            f"Model: {len(getattr(fit.model, 'rules', ()))} rules, identified from {excitation.column('time_s').size} "
-            f"samples of the excitation: {fit.rms_percent:.2f} % RMS, {fit.max_percent:.2f} % max of the span.",
-            f"Heat balance found: {1e3 * balance.heat_capacity_j_per_k:.1f} mJ/K, {1e3 * balance.loss_w_per_k:.2f} mW/K, "
-            f"latent heat {balance.latent_heat_j:.2f} J, thermocouple lag {1e3 * balance.thermocouple_lag_s:.0f} ms.",
-            f"smadrive {version('smadrive')}, {excitation.attributes.get('start_time', '')}, "
-            f"device: {excitation.attributes.get('device', '')}.",
-        ],
+        _notes(wire, excitation),
     )
+
+
+def _notes(wire: WireFit, excitation: Log) -> list[str]:
+    fit, balance = wire.hysteresis, wire.thermal.balance
+    samples = excitation.column("time_s").size
+    model = (
+        f"Model: {len(getattr(fit.model, 'rules', ()))} rules, identified from {samples} samples of the excitation: "
+        f"{fit.rms_percent:.2f} % RMS, {fit.max_percent:.2f} % max of the span."
+    )
+    heat = (
+        f"Heat balance found: {1e3 * balance.heat_capacity_j_per_k:.1f} mJ/K, {1e3 * balance.loss_w_per_k:.2f} mW/K, "
+        f"latent heat {balance.latent_heat_j:.2f} J, thermocouple lag {1e3 * balance.thermocouple_lag_s:.0f} ms."
+    )
+    origin = (
+        f"smadrive {version('smadrive')}, {excitation.attributes['start_time']}, {excitation.attributes['device']}."
+    )
+    return [model, heat, origin]
 
 
 def _loop_plot(wire: WireFit, excitation: Log) -> Plot:
@@ -59,7 +67,11 @@ def _loop_plot(wire: WireFit, excitation: Log) -> Plot:
     ax.plot(sweep, model.simulate(sweep), color=COLOURS[0], lw=1.5, label="identified model, major loop")
     ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")
     ax.legend()
-    return Plot("The loop", figure, "Heating runs along the right branch, cooling along the left; the inner curves are the reversals.")
+    return Plot(
+        "The loop",
+        figure,
+        "Heating runs along the right branch, cooling along the left; the inner curves are the reversals.",
+    )
 
 
 def _tracking_plot(arms: Sequence[ArmView]) -> Plot:
@@ -68,10 +80,16 @@ def _tracking_plot(arms: Sequence[ArmView]) -> Plot:
     _, first, _ = arms[0]
     for (name, log, _), colour in zip(arms, COLOURS, strict=True):
         ax.plot(log.columns["time_s"], log.columns["displacement_mm"], color=colour, lw=1, label=name)
-    ax.plot(first.columns["time_s"], first.columns["reference_mm"], "--", color=REFERENCE_COLOUR, lw=1, label="reference")
+    ax.plot(
+        first.columns["time_s"], first.columns["reference_mm"], "--", color=REFERENCE_COLOUR, lw=1, label="reference"
+    )
     ax.set(xlabel="time / s", ylabel="displacement / mm")
     ax.legend()
-    return Plot("Tracking", figure, "The same wire and the same temperature loop; only the map from displacement to temperature differs.")
+    return Plot(
+        "Tracking",
+        figure,
+        "The same wire and the same temperature loop; only the map from displacement to temperature differs.",
+    )
 
 
 def _error_plot(arms: Sequence[ArmView]) -> Plot:
@@ -96,7 +114,11 @@ def _temperature_plot(arms: Sequence[ArmView]) -> Plot:
     axes[0].legend()
     axes[1].plot(time, 1e3 * log.columns["current_a"], color=COLOURS[0], lw=0.8)
     axes[1].set(xlabel="time / s", ylabel="heater current / mA")
-    return Plot("What the driver did", figure, "At every turning point the wire must cross the width of the loop before it moves again.")
+    return Plot(
+        "What the driver did",
+        figure,
+        "At every turning point the wire must cross the width of the loop before it moves again.",
+    )
 
 
 def _axes(rows: int) -> tuple[Figure, list[Axes]]:

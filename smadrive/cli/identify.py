@@ -10,8 +10,8 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.output import AsJson, Output
-from smadrive.identification.quality import Fit
-from smadrive.identification.wire_fit import identify_hysteresis, identify_wire
+from smadrive.identification.wire_fit import AnyFit, identify_hysteresis, identify_wire
+from smadrive.runlog import excitation_record
 from smadrive.telemetry.log import is_log, read_log
 from smadrive.telemetry.table import read_table
 from smadrive.thermal import HeatBalance
@@ -60,25 +60,24 @@ def main(
     )
 
 
-def rules(fit: Fit) -> int:
+def rules(fit: AnyFit) -> int:
     """Number of rules of a fitted model; 0 for a Duhem model, which has none."""
     return len(getattr(fit.model, "rules", ()))
 
 
-def certificate(fit: Fit) -> dict[str, float | bool]:
+def certificate(fit: AnyFit) -> dict[str, float | bool]:
     """The certificate as plain values."""
     return {**asdict(fit.certificate), "holds": fit.certificate.holds}
 
 
-def _from_log(path: Path, kind: Kind, sets: int) -> tuple[Fit, HeatBalance]:
+def _from_log(path: Path, kind: Kind, sets: int) -> tuple[AnyFit, HeatBalance]:
     log = read_log(path)
-    names = ("time_s", "current_a", "voltage_v", "temperature_c", "displacement_mm")
     start = HeatBalance(**log.json_attribute("nominal_balance"))
-    wire = identify_wire(*(log.column(name) for name in names), start, kind=kind.value, sets=sets)
+    wire = identify_wire(excitation_record(log), start, kind=kind.value, sets=sets)
     return wire.hysteresis, wire.thermal.balance
 
 
-def _tell(output: Output, fit: Fit, model_file: Path, balance: HeatBalance | None) -> None:
+def _tell(output: Output, fit: AnyFit, model_file: Path, balance: HeatBalance | None) -> None:
     rows = [
         ("RMS error", f"{fit.rms_percent:.3f} %", "of the output span"),
         ("max error", f"{fit.max_percent:.3f} %", "of the output span"),
@@ -91,7 +90,11 @@ def _tell(output: Output, fit: Fit, model_file: Path, balance: HeatBalance | Non
             ("heat capacity", f"{1e3 * balance.heat_capacity_j_per_k:.2f} mJ/K", ""),
             ("loss", f"{1e3 * balance.loss_w_per_k:.2f} mW/K", f"time constant {balance.time_constant_s:.2f} s"),
             ("latent heat", f"{balance.latent_heat_j:.3f} J", ""),
-            ("resistance", f"{balance.resistance_cold_ohm:.2f} Ω", f"{100 * balance.resistance_change:+.1f} % when hot"),
+            (
+                "resistance",
+                f"{balance.resistance_cold_ohm:.2f} Ω",
+                f"{100 * balance.resistance_change:+.1f} % when hot",
+            ),
             ("thermocouple lag", f"{1e3 * balance.thermocouple_lag_s:.0f} ms", ""),
         ]
     output.table(("", "value", ""), rows)

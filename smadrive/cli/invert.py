@@ -5,6 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated
 
+import numpy as np
 import typer
 
 from smadrive.cli.output import AsJson, Output
@@ -18,7 +19,9 @@ def main(
     output_file: Annotated[Path, typer.Option("--output-file", "-o", help="CSV to write.")],
     input_column: Annotated[str, typer.Option("--input", help="Column to write.")] = "temperature_c",
     output_column: Annotated[str, typer.Option("--output", help="Column of the wanted output.")] = "displacement_mm",
-    start: Annotated[float | None, typer.Option(help="Input at the start; the low end of the model by default.")] = None,
+    start: Annotated[
+        float | None, typer.Option(help="Input at the start; the low end of the model by default.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
     """Invert MODEL along the wanted output in CSV; samples out of reach are saturated and flagged in `reachable`."""
@@ -28,7 +31,7 @@ def main(
     wanted = table.column(output_column)
     v0 = loaded.input_range[0] if start is None else start
     result = InverseFeedforward(loaded).trajectory(wanted, v0)
-    write_table(output_file, table.cells, {input_column: result.v, "reachable": result.reachable})
+    write_table(output_file, table.cells, {input_column: result.v, "reachable": result.reachable.astype(np.float64)})
     unreachable = int((~result.reachable).sum())
     output.say(f"{output_file}: {len(wanted)} samples, {unreachable} out of reach")
     output.result({"samples": len(wanted), "unreachable": unreachable, "output_file": str(output_file)})

@@ -29,7 +29,9 @@ HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")
 
 def main(
     rig: RigFile,
-    reference: Annotated[str, typer.Option(help="CSV (time_s, displacement_mm), or sine:low_mm=…,high_mm=…,period_s=…")],
+    reference: Annotated[
+        str, typer.Option(help="CSV (time_s, displacement_mm), or sine:low_mm=…,high_mm=…,period_s=…")
+    ],
     log_file: Annotated[Path, typer.Option("--log-file", "-o", help="Log (.h5) to write.")],
     model: Annotated[Path | None, typer.Option(help="Model file; that of the rig file by default.")] = None,
     as_json: AsJson = False,
@@ -53,7 +55,7 @@ def main(
             loop = bench.track(
                 path, hysteresis, balance or bench.nominal_balance, HysteresisInverse(hysteresis), record
             )
-    figures = tracking_figures(read_log(log_file), path, abs(hysteresis.scale), loop)
+    figures = tracking_figures(read_log(log_file), path, hysteresis, loop)
     output.table(HEADER, [table_row("tracking", figures)])
     output.say(f"log: {log_file}")
     output.result(asdict(figures))
@@ -83,6 +85,7 @@ def _model_file(config: RigConfig, option: Path | None) -> Path:
         return option
     if config.model is None:
         raise ConfigError(
-            f"rig '{config.name}' names no model: excite and identify the wire, then pass --model or set model in the rig file"
+            f"rig '{config.name}' names no model: excite and identify its wire, "
+            "then pass --model or set model in the rig file"
         )
     return Path(config.model)

@@ -62,7 +62,7 @@ class WireObserver:
         return WireEstimate(reading_c, hysteresis, 0.0)
 
     def update(self, before: WireEstimate, reading_c: float, power_w: float, dt_s: float) -> WireEstimate:
-        """The estimate `dt_s` after `before`, having applied `power_w` since and read `reading_c` now (NaN: no reading)."""
+        """The estimate `dt_s` after `before`, with `power_w` applied since and `reading_c` read now (NaN: none)."""
         power_w += before.disturbance_w
         wire_c = self._balance.step(before.temperature_c, power_w, self._phase_per_k(before, power_w), dt_s)
         expected_c = self._balance.step_thermocouple(self._reading_c, before.temperature_c, wire_c, dt_s)

@@ -39,7 +39,9 @@ class Reference:
         for name, column in (("time_s", times), ("displacement_mm", values)):
             bad = np.flatnonzero(~np.isfinite(column))
             if bad.size:
-                raise DataError(f"reference: {name} of sample {bad[0] + 1} is {column[bad[0]]}: every value must be finite")
+                raise DataError(
+                    f"reference: {name} of sample {bad[0] + 1} is {column[bad[0]]}: every value must be finite"
+                )
         backwards = np.flatnonzero(np.diff(times) <= 0)
         if backwards.size:
             n = int(backwards[0])
@@ -106,7 +108,9 @@ def triangle(*, low_mm: float, high_mm: float, period_s: float, cycles: float = 
     return Reference.from_samples(corners * 0.5 * _positive("period_s", period_s), values)
 
 
-def staircase(*, low_mm: float, high_mm: float, steps: float = 4.0, dwell_s: float = 10.0, rise_s: float = 2.0) -> Reference:
+def staircase(
+    *, low_mm: float, high_mm: float, steps: float = 4.0, dwell_s: float = 10.0, rise_s: float = 2.0
+) -> Reference:
     """`steps` equal levels up and down again, each held `dwell_s`, with straight rises of `rise_s` between them."""
     count = int(_positive("steps", steps))
     up = np.linspace(low_mm, high_mm, count + 1)

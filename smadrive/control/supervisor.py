@@ -23,7 +23,11 @@ class Fault(Enum):
     STALE_DATA = (3, "no fresh measurement arrived in time", "check the cable, the port and the device's supply")
     DEVICE_FAULT = (4, "the device latched a fault of its own", "see the device's fault; remove it, then clear it")
     CURRENT_MISMATCH = (5, "the measured current is not the commanded one", "check the wire's clamps and the supply")
-    UNEXPECTED_HEATING = (6, "current flows although none was commanded", "switch the supply off: its switch is shorted")
+    UNEXPECTED_HEATING = (
+        6,
+        "current flows although none was commanded",
+        "switch the supply off: its switch is shorted",
+    )
 
     def __init__(self, number: int, cause: str, remedy: str) -> None:
         self.number = number
@@ -94,13 +98,17 @@ class Supervisor:
             self._fresh_s = now_s
         age_s = now_s - self._fresh_s
         if age_s > self._limits.stale_after_s:
-            self._raise(Fault.STALE_DATA, now_s, f"{age_s:.2f} s without a measurement, limit {self._limits.stale_after_s:g} s")
+            self._raise(
+                Fault.STALE_DATA, now_s, f"{age_s:.2f} s without a measurement, limit {self._limits.stale_after_s:g} s"
+            )
         return self.trip
 
     def check_may_arm(self, measurement: Measurement) -> None:
         """SafetyError when heating must not begin: an open fault, no valid temperature, or a wire already too hot."""
         if measurement.device_faults:
-            raise SafetyError(f"refused to arm: the device holds {', '.join(measurement.device_faults)}; clear it first")
+            raise SafetyError(
+                f"refused to arm: the device holds {', '.join(measurement.device_faults)}; clear it first"
+            )
         if measurement.temperature_fault or not isfinite(measurement.temperature_c):
             reason = measurement.temperature_fault or "no reading"
             raise SafetyError(f"refused to arm: thermocouple: {reason}; {Fault.SENSOR_INVALID.remedy}")

@@ -15,6 +15,20 @@ from numpy.typing import NDArray
 from smadrive.errors import ConfigError
 
 
+@dataclass(frozen=True)
+class ExcitationRecord:
+    """What was measured during an excitation: five columns of one length.
+
+    Current and voltage of a sample are those of the period that ends with it.
+    """
+
+    time_s: NDArray[np.float64]
+    current_a: NDArray[np.float64]
+    voltage_v: NDArray[np.float64]
+    temperature_c: NDArray[np.float64]
+    displacement_mm: NDArray[np.float64]
+
+
 @dataclass(frozen=True, slots=True)
 class Excitation:
     """A piecewise linear temperature path through `turning_points_c` at constant rate.

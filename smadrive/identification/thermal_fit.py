@@ -14,11 +14,12 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from scipy.optimize import least_squares
 from scipy.signal import butter, lfilter, sosfiltfilt
 
 from smadrive.errors import IdentificationError
+from smadrive.identification.excitation import ExcitationRecord
 from smadrive.thermal import HeatBalance
 
 Array = NDArray[np.float64]
@@ -44,7 +45,7 @@ class ThermalFit:
 
 
 @dataclass(frozen=True)
-class _Record:
+class _Samples:
     """The excitation on a uniform time grid."""
 
     dt_s: float
@@ -53,39 +54,29 @@ class _Record:
     phase: Array
 
 
-def identify_thermal(
-    time_s: ArrayLike,
-    current_a: ArrayLike,
-    voltage_v: ArrayLike,
-    temperature_c: ArrayLike,
-    displacement_mm: ArrayLike,
-    start: HeatBalance,
-) -> ThermalFit:
-    """Fit the heat balance to one recorded excitation, all arrays of one length.
+def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit:
+    """Fit the heat balance to one recorded excitation.
 
     `start` (the nominal wire) is where the search begins; each parameter may end within a factor of five of it. Raises
     IdentificationError when the record is too short, never heats, or ends at a bound (the message names the parameter).
     """
-    time, current, voltage, reading, displacement = (
-        np.asarray(column, dtype=np.float64)
-        for column in (time_s, current_a, voltage_v, temperature_c, displacement_mm)
-    )
-    _check_excited(time, current)
-    phase = _phase(displacement, reading)
-    record, grid = _uniform(time, current * voltage, reading, phase)
-    balance, residual = _fit_balance(record, start)
-    resistance_cold, change = _fit_resistance(current, voltage, phase)
+    _check_excited(record)
+    phase = _phase(record.displacement_mm, record.temperature_c)
+    grid, samples = _uniform(record, phase)
+    balance, residual = _fit_balance(samples, start)
+    resistance_cold, change = _fit_resistance(record, phase)
     balance = replace(balance, resistance_cold_ohm=resistance_cold, resistance_change=change)
-    wire = _wire_temperature(record, balance)
-    return ThermalFit(balance, np.interp(time, grid, wire), float(np.sqrt(np.mean(residual**2))))
+    wire = _wire_temperature(samples, balance)
+    return ThermalFit(balance, np.interp(record.time_s, grid, wire), float(np.sqrt(np.mean(residual**2))))
 
 
-def _check_excited(time: Array, current: Array) -> None:
+def _check_excited(record: ExcitationRecord) -> None:
+    time = record.time_s
     if time.size < 200:
         raise IdentificationError(f"thermal fit: {time.size} samples, at least 200 are needed: excite for longer")
     if not np.all(np.diff(time) > 0):
         raise IdentificationError("thermal fit: time_s does not increase everywhere: sort the samples by time")
-    if current.max() <= 0:
+    if record.current_a.max() <= 0:
         raise IdentificationError("thermal fit: the current is zero throughout: nothing was heated")
 
 
@@ -95,15 +86,19 @@ def _phase(displacement: Array, reading: Array) -> Array:
     if high <= low:
         raise IdentificationError("thermal fit: the displacement never changes: check the sensor and the wire")
     rising = np.corrcoef(displacement, reading)[0, 1] >= 0
-    phase = np.clip((displacement - low) / (high - low), 0.0, 1.0)
+    phase: Array = np.clip((displacement - low) / (high - low), 0.0, 1.0)
     return phase if rising else 1.0 - phase
 
 
-def _uniform(time: Array, power: Array, reading: Array, phase: Array) -> tuple[_Record, Array]:
+def _uniform(record: ExcitationRecord, phase: Array) -> tuple[Array, _Samples]:
+    """The record on a uniform grid: power held over the period that it belongs to, the rest interpolated."""
+    time = record.time_s
     dt_s = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1] + 0.5 * dt_s, dt_s)
     held = np.clip(np.searchsorted(time, grid - 1e-9), 0, time.size - 1)
-    return _Record(dt_s, power[held], np.interp(grid, time, reading), np.interp(grid, time, phase)), grid
+    power = record.current_a * record.voltage_v
+    samples = _Samples(dt_s, power[held], np.interp(grid, time, record.temperature_c), np.interp(grid, time, phase))
+    return grid, samples
 
 
 def _thermal_parameters(balance: HeatBalance) -> Array:
@@ -118,19 +113,19 @@ def _thermal_parameters(balance: HeatBalance) -> Array:
     )
 
 
-def _simulate(record: _Record, parameters: Array) -> tuple[Array, Array]:
+def _simulate(samples: _Samples, parameters: Array) -> tuple[Array, Array]:
     """Wire temperature and reading for (m c, h A, Q, T_a, lag).
 
     A sample's power is that of the period which ends with it; the phase is linear over each period.
     """
     capacity, loss, latent, ambient, lag = parameters
-    net_w = record.power_w[1:] - latent * np.diff(record.phase) / record.dt_s
-    wire = ambient + _first_order(net_w / loss, capacity / loss, record.dt_s, record.reading_c[0] - ambient)
-    return wire, _lagged(wire, lag, record.dt_s, record.reading_c[0])
+    net_w = samples.power_w[1:] - latent * np.diff(samples.phase) / samples.dt_s
+    wire = ambient + _first_order(net_w / loss, capacity / loss, samples.dt_s, samples.reading_c[0] - ambient)
+    return wire, _lagged(wire, lag, samples.dt_s, samples.reading_c[0])
 
 
 def _first_order(target: Array, time_constant_s: float, dt_s: float, start: float) -> Array:
-    """x' = (target - x)/τ with the target held over each sample; one element longer than `target`."""
+    """X' = (target - x)/τ with the target held over each sample; one element longer than `target`."""
     decay = np.exp(-dt_s / time_constant_s)
     tail, _ = lfilter([1.0 - decay], [1.0, -decay], target, zi=[decay * start])
     return np.concatenate(([start], tail))
@@ -145,9 +140,9 @@ def _lagged(wire: Array, lag_s: float, dt_s: float, start: float) -> Array:
     return np.concatenate(([start], tail))
 
 
-def _fit_balance(record: _Record, start: HeatBalance) -> tuple[HeatBalance, Array]:
+def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, Array]:
     nominal = _thermal_parameters(start)
-    nominal[[2, 4]] = np.maximum(nominal[[2, 4]], [1e-3 * start.heat_capacity_j_per_k, record.dt_s])
+    nominal[[2, 4]] = np.maximum(nominal[[2, 4]], [1e-3 * start.heat_capacity_j_per_k, samples.dt_s])
     names = ("heat capacity m c", "loss h A", "latent heat Q", "ambient temperature", "thermocouple lag")
     positive = np.array([True, True, True, False, True])
 
@@ -155,7 +150,7 @@ def _fit_balance(record: _Record, start: HeatBalance) -> tuple[HeatBalance, Arra
         return np.where(positive, nominal * np.exp(np.where(positive, x, 0.0)), nominal + 10.0 * x)
 
     def residual(x: Array) -> Array:
-        return _simulate(record, parameters(x))[1] - record.reading_c
+        return _simulate(samples, parameters(x))[1] - samples.reading_c
 
     bound = np.log(5.0)
     fit = least_squares(residual, np.zeros(5), bounds=(-bound, bound), x_scale="jac", loss="soft_l1", f_scale=1.0)
@@ -165,20 +160,22 @@ def _fit_balance(record: _Record, start: HeatBalance) -> tuple[HeatBalance, Arra
                 f"thermal fit: the {name} runs to the end of its range around the nominal wire: "
                 "check the wire file, the thermocouple's contact and that the record heats and cools"
             )
-    best = parameters(fit.x)
-    return HeatBalance(*best[:4], start.resistance_cold_ohm, start.resistance_change, best[4]), residual(fit.x)
+    capacity, loss, latent, ambient, lag = parameters(fit.x).tolist()
+    found = HeatBalance(capacity, loss, latent, ambient, start.resistance_cold_ohm, start.resistance_change, lag)
+    return found, residual(fit.x)
 
 
-def _fit_resistance(current: Array, voltage: Array, phase: Array) -> tuple[float, float]:
+def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[float, float]:
     """R_cold and r of R = R_cold (1 + r w), weighted by the current."""
+    current = record.current_a
     heated = current > MIN_CURRENT_FRACTION * current.max()
     if np.count_nonzero(heated) < 20:
         raise IdentificationError("thermal fit: fewer than 20 samples with enough current to read the resistance")
-    slope, cold = np.polyfit(phase[heated], voltage[heated] / current[heated], 1, w=current[heated])
+    slope, cold = np.polyfit(phase[heated], record.voltage_v[heated] / current[heated], 1, w=current[heated])
     return float(cold), float(slope / cold)
 
 
-def _wire_temperature(record: _Record, balance: HeatBalance) -> Array:
-    wire, reading = _simulate(record, _thermal_parameters(balance))
-    low_pass = butter(2, CORRECTION_BAND_HZ, fs=1.0 / record.dt_s, output="sos")
-    return wire + np.asarray(sosfiltfilt(low_pass, record.reading_c - reading))
+def _wire_temperature(samples: _Samples, balance: HeatBalance) -> Array:
+    wire, reading = _simulate(samples, _thermal_parameters(balance))
+    low_pass = butter(2, CORRECTION_BAND_HZ, fs=1.0 / samples.dt_s, output="sos")
+    return wire + np.asarray(sosfiltfilt(low_pass, samples.reading_c - reading))

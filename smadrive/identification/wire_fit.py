@@ -12,13 +12,17 @@ from typing import Literal
 
 from numpy.typing import ArrayLike
 
+from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
 from smadrive.identification.duhem_fit import identify_duhem
+from smadrive.identification.excitation import ExcitationRecord
 from smadrive.identification.quality import Fit
 from smadrive.identification.thermal_fit import ThermalFit, identify_thermal
 from smadrive.identification.tsfuzzy_fit import identify_tsfuzzy
 from smadrive.thermal import HeatBalance
 
 Kind = Literal["tsfuzzy", "duhem"]
+
+AnyFit = Fit[TSFuzzyDuhem] | Fit[DuhemModel]
 
 DUHEM_COMPONENTS = 2
 """Gaussians per branch of a Duhem fit: measured wires need two."""
@@ -29,25 +33,15 @@ class WireFit:
     """The thermal fit and the hysteresis fit of one record."""
 
     thermal: ThermalFit
-    hysteresis: Fit
+    hysteresis: AnyFit
 
 
-def identify_hysteresis(v: ArrayLike, y: ArrayLike, kind: Kind, sets: int) -> Fit:
+def identify_hysteresis(v: ArrayLike, y: ArrayLike, kind: Kind, sets: int) -> AnyFit:
     """A T-S fuzzy model of `sets` sets, or a Duhem model, of output y on input v."""
     return identify_tsfuzzy(v, y, sets=sets) if kind == "tsfuzzy" else identify_duhem(v, y, components=DUHEM_COMPONENTS)
 
 
-def identify_wire(
-    time_s: ArrayLike,
-    current_a: ArrayLike,
-    voltage_v: ArrayLike,
-    temperature_c: ArrayLike,
-    displacement_mm: ArrayLike,
-    start: HeatBalance,
-    *,
-    kind: Kind = "tsfuzzy",
-    sets: int = 11,
-) -> WireFit:
+def identify_wire(record: ExcitationRecord, start: HeatBalance, *, kind: Kind = "tsfuzzy", sets: int = 11) -> WireFit:
     """Heat balance and hysteresis of a recorded excitation; see `identify_thermal` for what can be wrong with it."""
-    thermal = identify_thermal(time_s, current_a, voltage_v, temperature_c, displacement_mm, start)
-    return WireFit(thermal, identify_hysteresis(thermal.wire_temperature_c, displacement_mm, kind, sets))
+    thermal = identify_thermal(record, start)
+    return WireFit(thermal, identify_hysteresis(thermal.wire_temperature_c, record.displacement_mm, kind, sets))

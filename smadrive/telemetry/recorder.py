@@ -46,7 +46,9 @@ class Recorder:
         """Use as a context: the log is complete and closed at the end, whatever ended it."""
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         """Write what is buffered, and the error that ended the run as its last event."""
         if error is not None:
             self.event(f"{type(error).__name__}: {error}")

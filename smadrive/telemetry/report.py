@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import html
 import io
-import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -33,12 +32,19 @@ class Plot:
 
 
 def write_report(
-    path: Path, title: str, lead: str, header: Sequence[str], rows: Sequence[Sequence[str]], plots: Sequence[Plot], notes: Sequence[str]
+    path: Path,
+    title: str,
+    lead: str,
+    header: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    plots: Sequence[Plot],
+    notes: Sequence[str],
 ) -> None:
     """Write the page to `path`, complete or not at all. DataError when it cannot be written."""
     page = "\n".join(
         [
-            f"<!doctype html><html lang=en><meta charset=utf-8><title>{html.escape(title)}</title><style>{STYLE}</style>",
+            "<!doctype html><html lang=en><meta charset=utf-8>",
+            f"<title>{html.escape(title)}</title><style>{STYLE}</style>",
             f"<h1>{html.escape(title)}</h1><p>{html.escape(lead)}</p>",
             _table(header, rows),
             *(_plot(plot) for plot in plots),
@@ -48,7 +54,7 @@ def write_report(
     partial = path.with_name(path.name + ".partial")
     try:
         partial.write_text(page, encoding="utf-8")
-        os.replace(partial, path)
+        partial.replace(path)
     except OSError as error:
         raise DataError(f"{path}: the report cannot be written ({error.strerror})") from None
 

@@ -6,7 +6,6 @@ Columns that nobody asked for are carried along as text, untouched.
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -76,6 +75,6 @@ def write_table(path: Path, carried: Mapping[str, list[str]], added: Mapping[str
             writer = csv.writer(file)
             writer.writerow(columns)
             writer.writerows(zip(*columns.values(), strict=True))
-        os.replace(partial, path)
+        partial.replace(path)
     except OSError as error:
         raise DataError(f"{path}: cannot be written ({error.strerror})") from None

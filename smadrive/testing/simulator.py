@@ -20,10 +20,18 @@ ANSWER_WITHIN_S = 10.0
 
 
 class ServedSimulator:
-    """`firmware-sim SIM` as a child process; a context manager. `url` is where it serves, `clock` the time it lives in."""
+    """`firmware-sim SIM` as a child process, a context manager: it serves at `url` and lives on `clock`."""
 
     def __init__(self, sim: str, *, real_time: bool = False, seed: int = 0, log: Path | None = None) -> None:
-        self._arguments = ["-m", "firmware_sim", sim, "--seed", str(seed), "--time", "real" if real_time else "driven"]
+        self._arguments = [
+            "-m",
+            "firmware_sim.cli",
+            sim,
+            "--seed",
+            str(seed),
+            "--time",
+            "real" if real_time else "driven",
+        ]
         if log is not None:
             self._arguments += ["--log", str(log)]
         self._virtual = None if real_time else VirtualClock()
@@ -46,7 +54,9 @@ class ServedSimulator:
             self._virtual.follow(self._advance_to)
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         """End the process."""
         self._process.terminate()
         try:
