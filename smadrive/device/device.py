@@ -34,7 +34,9 @@ class Device:
     """One device of type `profile` at `unit_id` (the profile's own if None) behind `master`."""
 
     def __init__(self, profile: Profile, master: Master, unit_id: int | None = None) -> None:
-        """Nothing is sent yet."""
+        """Nothing is sent yet. ConfigError when no single device can have `unit_id`."""
+        if unit_id is not None and not 1 <= unit_id <= 247:
+            raise ConfigError(f"unit_id {unit_id} is outside 1 to 247")
         self.profile = profile
         self.master = master
         self.unit_id = profile.serial.unit_id if unit_id is None else unit_id

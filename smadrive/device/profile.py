@@ -125,6 +125,8 @@ class Profile(Section):
             _known(identify.register_, self.registers, "identify.register")
         for role, bound in self.roles.model_dump(exclude_none=True).items():
             _known(bound, self.registers, f"roles.{role}")
+        if self.profile.role in ("heater", "supply") and not self.safe_state:
+            raise ValueError(f"a {self.profile.role} needs [[safe_state]]: the writes that end all heating")
         for step in self.safe_state:
             _check_safe_write(step, self.registers)
         return self

@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from itertools import chain
+from threading import Lock
 from typing import Literal
 
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
@@ -34,7 +35,7 @@ TURNAROUND_S = 0.1  # after a broadcast, serial line V1.02 section 2.4.1
 
 
 class Master:
-    """Sends requests to the devices of one bus, one at a time. Not for several threads at once."""
+    """Sends requests to the devices of one bus, one at a time; threads wait for each other."""
 
     def __init__(self, transport: Transport, trace: Trace | None = None) -> None:
         """Take over `transport`; `trace(time_s, direction, bytes)` sees every byte that passes."""
@@ -45,6 +46,7 @@ class Master:
         self._silence_s = silence_s(transport.baudrate)
         self._character_s = 11 / transport.baudrate
         self._free_at_s = self.clock.now_s()
+        self._turn = Lock()
         self._suspect = False
         self._owed: dict[Shape, float] = {}
         self._proven: dict[Shape, Request] = {}
@@ -58,7 +60,8 @@ class Master:
         retries = 0 if request.writes else timing.read_retries
         while True:
             try:
-                return self._transact_surely(unit_id, request, timing)
+                with self._turn:
+                    return self._transact_surely(unit_id, request, timing)
             except (DeadlineError, ProtocolError):
                 if retries == 0:
                     raise
@@ -67,9 +70,10 @@ class Master:
 
     def broadcast(self, request: Request, timing: BusTiming) -> None:
         """Send a write to every device; nobody answers. Returns after the turnaround delay of the standard."""
-        self._settle(timing)
-        self._send(frames.BROADCAST, request)
-        self.clock.sleep_until(self.clock.now_s() + TURNAROUND_S)
+        with self._turn:
+            self._settle(timing)
+            self._send(frames.BROADCAST, request)
+            self.clock.sleep_until(self.clock.now_s() + TURNAROUND_S)
 
     def distrust(self) -> None:
         """Quarantine the bus before the next request: for callers that find a reply stale by its content."""
@@ -83,12 +87,14 @@ class Master:
         return self._transact(unit_id, request, timing)
 
     def _transact(self, unit_id: int, request: Request, timing: BusTiming) -> bytes:
-        sent_s = self._send(unit_id, request)
         reply_size = len(request.reply_head) + request.payload_size + 3
         on_wire_s = (len(request.pdu) + 3 + reply_size) * self._character_s
         try:
+            sent_s = self._send(unit_id, request)
             payload = self._receive(unit_id, request, reply_size, sent_s + on_wire_s + timing.response_timeout_s)
-        except (DeadlineError, ProtocolError):
+        except ExceptionReply:
+            raise
+        except BaseException:  # Ctrl-C too leaves a reply on its way
             self._suspect = True
             self._owed[_shape(unit_id, request)] = self.clock.now_s() + LATEST_REPLY_S
             raise

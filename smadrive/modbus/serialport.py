@@ -9,6 +9,7 @@ from __future__ import annotations
 import errno
 import os
 import select
+from contextlib import suppress
 from typing import NoReturn, Self
 
 import serial
@@ -41,6 +42,8 @@ class SerialTransport:
         except (serial.SerialException, OSError, ValueError) as error:
             raise TransportError(_cure(port, error)) from None
         self._descriptor = self._port.fileno()
+        with suppress(ValueError, OSError, AttributeError):  # USB adapters then deliver after 1 ms, not after 16
+            self._port.set_low_latency_mode(True)
 
     def write(self, data: bytes) -> None:
         """Send all of `data`; TransportError when the port is gone or takes no more."""

@@ -73,6 +73,12 @@ def test_a_write_outside_the_limits_is_not_sent(device, name, value):
     assert device.master.counters.requests == 0
 
 
+@pytest.mark.parametrize("unit_id", [0, 248, -1])
+def test_a_unit_id_that_is_no_single_device_is_refused(device, unit_id):
+    with pytest.raises(ConfigError, match="outside 1 to 247"):
+        Device(device.profile, device.master, unit_id)
+
+
 def test_a_read_only_register_is_not_written(device):
     with pytest.raises(ConfigError, match="'temperature' of 'sma-reference' cannot be written"):
         device.write("temperature", 20.0)

@@ -74,6 +74,11 @@ def test_the_reference_map_reaches_everything_by_one_exchange():
             'register = "devise_id"',
             r"identify.register names the unknown register 'devise_id'; did you mean 'device_id'",
         ),
+        (
+            REFERENCE[REFERENCE.index("[[safe_state]]") :],
+            "",
+            r"a heater needs \[\[safe_state\]\]",
+        ),
         ("unit_id = 1", "unit_id = 248", r"serial\.unit_id: .*247"),
         ("schema = 1", "schema = 2", r"schema"),
     ],

@@ -1,5 +1,7 @@
 """The master takes no wrong reply for a right one: not a damaged, not a foreign, above all not a late one."""
 
+from concurrent.futures import ThreadPoolExecutor
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -215,6 +217,33 @@ def test_a_distrusted_bus_is_quarantined(bus, script, timing):
     master.distrust()
     master.execute(1, READ, timing)
     assert far.heard[1][0] - far.heard[0][0] >= timing.response_timeout_s
+
+
+def test_the_reply_to_an_interrupted_request_answers_no_other(bus, slow_registers, timing):
+    master = bus(slow_registers([0.05]))
+
+    def interrupt(_time_s):
+        raise KeyboardInterrupt
+
+    followers = master.clock._followers
+    master.execute(1, requests.read_holding(0, 1), timing)
+    followers.append(interrupt)
+    master.transport._peer.delays_s = [0.05]
+    master._free_at_s -= 1  # the pause is over: the interrupt comes while the master waits for the reply
+    with pytest.raises(KeyboardInterrupt):
+        master.execute(1, requests.read_holding(10, 2), timing)
+    followers.clear()
+    assert requests.registers_of(master.execute(1, requests.read_holding(20, 2), timing)) == (20, 21)
+
+
+def test_threads_take_turns(bus, slow_registers, timing):
+    master = bus(slow_registers())
+
+    def read(first):
+        return requests.registers_of(master.execute(1, requests.read_holding(first, 2), timing))
+
+    with ThreadPoolExecutor(8) as pool:
+        assert list(pool.map(read, range(200))) == [(first, first + 1) for first in range(200)]
 
 
 def test_a_closed_transport_says_so(bus, script, timing):
