@@ -6,11 +6,21 @@ A write is checked whole before any of it takes effect: a request that is refuse
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from typing import NamedTuple
 
 from firmware_sim.refusal import ILLEGAL_ADDRESS, ILLEGAL_VALUE, Refusal
 from smadrive.device.profile import Profile
 from smadrive.device.registers import Register
 from smadrive.errors import ConfigError
+
+
+class Write(NamedTuple):
+    """One register about to be written: its words, and what they mean."""
+
+    name: str
+    register: Register
+    words: Sequence[int]
+    value: float
 
 
 class RegisterBank:
@@ -20,25 +30,24 @@ class RegisterBank:
         self._profile = profile
         self._words: dict[str, dict[int, int]] = {"holding": {}, "input": {}}
         self._at: dict[int, tuple[str, Register]] = {}
-        self._roles: list[tuple[str, Register]] = []
+        self._roles: dict[str, list[tuple[int, str, Register]]] = {"holding": [], "input": []}
         self._role_of = {name: role for role, name in profile.roles.model_dump(exclude_none=True).items()}
         for name, register in profile.registers.items():
             self._words[register.table] |= dict.fromkeys(register.addresses, 0)
             if register.table == "holding":
                 self._at[register.address] = (name, register)
             if name in self._role_of:
-                self._roles.append((self._role_of[name], register))
+                self._roles[register.table].append((register.address, self._role_of[name], register))
         for proof in profile.identify:
             register = profile.register(proof.register_)
             self._store(register, register.pack(proof.ranges[0][0]))
 
     def publish(self, quantities: Mapping[str, float | None], table: str, first: int, count: int) -> None:
         """Refresh the registers of these roles that lie in a range about to be read."""
-        for role, register in self._roles:
-            if register.table != table or not first <= register.address < first + count or role not in quantities:
-                continue
-            value = quantities[role]
-            self._store(register, _no_reading(register) if value is None else _saturated(register, value))
+        for address, role, register in self._roles[table]:
+            if first <= address < first + count and role in quantities:
+                value = quantities[role]
+                self._store(register, _no_reading(register) if value is None else _saturated(register, value))
 
     def preset(self, name: str, value: float) -> None:
         """Set a register that no role fills; a profile without it is none the worse."""
@@ -60,9 +69,9 @@ class RegisterBank:
         if any(address not in words for address in range(first, first + count)):
             raise Refusal(ILLEGAL_ADDRESS)
 
-    def checked(self, first: int, words: Sequence[int]) -> list[tuple[str, Register, Sequence[int]]]:
-        """The whole registers that `words` would write; Refusal when one cannot be written so."""
-        found = []
+    def checked(self, first: int, words: Sequence[int]) -> list[Write]:
+        """The writes of whole registers that `words` make up; Refusal when one of them cannot be carried out."""
+        writes = []
         at = 0
         while at < len(words):
             if first + at not in self._at:
@@ -71,30 +80,28 @@ class RegisterBank:
             part = words[at : at + register.size]
             if not register.writable or len(part) < register.size:
                 raise Refusal(ILLEGAL_ADDRESS)
-            found.append((name, register, part))
+            writes.append(Write(name, register, part, register.decode(part).value))
             at += register.size
-        for name, register, part in found:
+        for write in writes:
             try:
-                register.encode(register.decode(part).value, name)
+                write.register.encode(write.value, write.name)
             except ConfigError:
                 raise Refusal(ILLEGAL_VALUE) from None
-        return found
+        return writes
 
-    def values(self, parts: Sequence[tuple[str, Register, Sequence[int]]]) -> dict[str, float]:
-        """What checked registers mean, for those that play a role, by role."""
-        return {
-            self._role_of[name]: register.decode(part).value for name, register, part in parts if name in self._role_of
-        }
+    def by_role(self, writes: Sequence[Write]) -> dict[str, float]:
+        """The values of those writes whose register plays a role."""
+        return {self._role_of[write.name]: write.value for write in writes if write.name in self._role_of}
 
-    def store(self, parts: Sequence[tuple[str, Register, Sequence[int]]]) -> None:
-        """Write checked registers; a write-only one keeps nothing."""
-        for _, register, part in parts:
-            if register.access == "rw":
-                self._store(register, part)
+    def store(self, writes: Sequence[Write]) -> None:
+        """Carry out checked writes; a write-only register keeps nothing."""
+        for write in writes:
+            if write.register.access == "rw":
+                self._store(write.register, write.words)
 
     def _store(self, register: Register, words: Sequence[int]) -> None:
         table = self._words[register.table]
-        for address, word in zip(register.addresses, words, strict=True):
+        for address, word in enumerate(words, register.address):
             table[address] = word
 
 

@@ -106,10 +106,10 @@ class Responder:
     def _write(self, first: int, words: Sequence[int]) -> None:
         if first + len(words) > 0x10000:
             raise Refusal(ILLEGAL_ADDRESS)
-        parts = self._bank.checked(first, words)
-        values = self._bank.values(parts)
+        writes = self._bank.checked(first, words)
+        values = self._bank.by_role(writes)
         self._firmware.check(values)
-        self._bank.store(parts)
+        self._bank.store(writes)
         self._firmware.write(values)
 
     def _words(self, table: str, first: int, count: int) -> bytes:

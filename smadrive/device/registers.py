@@ -11,10 +11,9 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite, nan
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
@@ -28,8 +27,7 @@ _CODES: dict[Kind, str] = {"uint16": "H", "int16": "h", "uint32": "I", "int32": 
 _FLOAT32_MAX = 3.4028234663852886e38
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(NamedTuple):
     """A register as read. `value` is NaN and `invalid` says why when the device has no value to give.
 
     `words` are the names of an enum's state or of the bits that are set.
@@ -108,6 +106,8 @@ class Register(Section):
     def decode(self, words: Sequence[int]) -> Reading:
         """The reading in `words`, as they come from the bus."""
         raw = self._unpack(words)
+        if self._plain:
+            return Reading(raw, raw * self.scale + self.offset)
         if self.invalid and (reason := self._sentinels.get(tuple(words))):
             return Reading(raw, nan, reason)
         value = raw * self.scale + self.offset
@@ -138,8 +138,8 @@ class Register(Section):
 
     def pack(self, raw: float) -> tuple[int, ...]:
         """The words of a raw number."""
-        if self.type == "uint16":
-            return (int(raw),)
+        if self.size == 1:
+            return (int(raw) & 0xFFFF,)
         words = struct.unpack(f">{self.size}H", struct.pack(f">{_CODES[self.type]}", raw))
         return words if self.word_order == "big" else words[::-1]
 
@@ -178,6 +178,12 @@ class Register(Section):
         if number not in self.enum:
             return Reading(raw, nan, f"unknown state {number}")
         return Reading(raw, value, words=(self.enum[number],))
+
+    @cached_property
+    def _plain(self) -> bool:
+        """Whether every pattern is a valid number and nothing else."""
+        limited = self.valid_min is not None or self.valid_max is not None
+        return not (self.invalid or self.enum or self.bits or limited or self.type == "float32")
 
     @cached_property
     def _sentinels(self) -> dict[tuple[int, ...], str]:
