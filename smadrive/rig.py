@@ -7,13 +7,15 @@ Nothing here computes and nothing here talks to a bus: it connects those who do.
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import ExitStack
+from types import TracebackType
 from typing import Self
 
 from smadrive.clock import Clock, VirtualClock
 from smadrive.control.controller import Controller, TemperatureController, TrackingController
 from smadrive.control.feedback import PIGains
 from smadrive.control.feedforward import DisplacementFeedforward, DisplacementInverse
-from smadrive.control.loop import ControlLoop, LoopFigures, Tick
+from smadrive.control.loop import ControlLoop, LoopFigures, Tick, ends_safe
 from smadrive.control.observer import WireObserver
 from smadrive.control.reference import Reference
 from smadrive.control.supervisor import SafetyLimits, Supervisor
@@ -34,10 +36,11 @@ Record = Callable[[Tick], None]
 class Rig:
     """The devices of a rig file, connected. A context manager: leaving it puts every device into its safe state.
 
-    `clock` is the time the loops run in; without it that of the connection: real on a port, virtual on `sim://`.
+    `transport` takes the place of the connection that the rig file names. `clock` is the time the loops run in; without
+    it that of the connection: real on a port, virtual on `sim://`.
     """
 
-    def __init__(self, config: RigConfig, clock: Clock | None = None) -> None:
+    def __init__(self, config: RigConfig, clock: Clock | None = None, transport: Transport | None = None) -> None:
         if len(config.devices) != 1:
             raise ConfigError(
                 f"rig '{config.name}': {len(config.devices)} devices; this version drives rigs of one board"
@@ -45,30 +48,26 @@ class Rig:
         self.config = config
         self.nominal_balance = load_wire(config.wire).heat_balance()
         self._clock = clock
+        self._given_transport = transport
 
     def __enter__(self) -> Self:
         """Open the port, check who is there, put it into its safe state."""
         device_config = self.config.devices[0]
         profile = load_profile(device_config.profile)
-        transport = _open(device_config.url, profile)
-        try:
-            self._transport = transport
+        with ExitStack() as stack:
+            transport = stack.enter_context(self._given_transport or _open(device_config.url, profile))
             self.clock = self._clock or transport.clock
             device = Device(profile, Master(transport), unit_id=device_config.unit_id)
             limits = HeaterLimits(self.config.limits.current_max_a, self.config.limits.temperature_max_c)
             self.heater = HeaterBoard(device, limits, self.clock)
             self.heater.connect()
-        except BaseException:
-            transport.close()
-            raise
+            stack.enter_context(ends_safe(self.heater))
+            self._on_exit = stack.pop_all()
         return self
 
-    def __exit__(self, *exception: object) -> None:
-        """Safe state, then close the port, whatever happened."""
-        try:
-            self.heater.enter_safe_state()
-        finally:
-            self._transport.close()
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        """Safe state, then close the port, whatever happened; what happened stays the error that is told."""
+        self._on_exit.__exit__(kind, error, trace)
 
     @property
     def identity(self) -> str:

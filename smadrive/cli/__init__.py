@@ -37,7 +37,7 @@ def main() -> None:
     try:
         _app(wanted=next(iter(sys.argv[1:]), ""))()
     except SmadriveError as error:
-        print(f"smadrive: {error}", file=sys.stderr)
+        print(f"smadrive: {error}", *getattr(error, "__notes__", ()), sep="\nsmadrive: ", file=sys.stderr)
         sys.exit(error.exit_code)
 
 

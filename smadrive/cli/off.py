@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from typing import Annotated
+
+import typer
+
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 
+ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear latched faults, their cause removed.")]
 
-def main(rig: RigFile, as_json: AsJson = False) -> None:
-    """Switch the heater of RIG off and confirm it by reading back."""
+
+def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = False) -> None:
+    """Switch the heater of RIG off, confirmed by reading back."""
     output = Output(as_json)
     config = load_rig(rig)
-    with Rig(config):
-        pass  # entering a rig confirms its safe state, leaving it does so again
+    with Rig(config) as bench:  # entering a rig confirms its safe state, leaving it does so again
+        measurement = bench.heater.clear_faults() if clear_faults else bench.heater.exchange(0.0)
     names = [device.name for device in config.devices]
     output.say(f"{config.name}: heater off, confirmed by read-back ({', '.join(names)})")
-    output.result({"rig": config.name, "devices": names, "safe": True})
+    if measurement.device_faults:
+        output.say(f"latched: {', '.join(measurement.device_faults)} (clear with --clear-faults)")
+    output.result({"rig": config.name, "devices": names, "safe": True, "faults": list(measurement.device_faults)})

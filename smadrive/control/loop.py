@@ -15,7 +15,7 @@ from typing import Protocol
 from smadrive.clock import Clock
 from smadrive.control.controller import Command, Controller
 from smadrive.control.supervisor import Supervisor, Trip
-from smadrive.errors import ProtocolError, TransportError, TripError
+from smadrive.errors import ProtocolError, SmadriveError, TransportError, TripError
 from smadrive.measurement import Measurement
 
 LATE_FRACTION = 0.5
@@ -83,7 +83,7 @@ class ControlLoop:
 
     def run(self, watchdog_s: float) -> LoopFigures:
         """Arm, tick until the controller's duration is over, end in the safe state. TripError when tripped."""
-        with self._always_safe():
+        with ends_safe(self._heater):
             self._supervisor.check_may_arm(self._heater.exchange(0.0))
             self._heater.arm(watchdog_s)
             start_s = self._clock.now_s()
@@ -122,9 +122,19 @@ class ControlLoop:
             self.figures.trips += 1
             raise TripError(str(trip), trip.fault.number)
 
-    @contextmanager
-    def _always_safe(self) -> Iterator[None]:
+
+@contextmanager
+def ends_safe(heater: Heater) -> Iterator[None]:
+    """Whatever ends the block, the heater is put into its safe state.
+
+    When that cannot be confirmed, the error that ended the block says so in a note; without one, the failure is raised.
+    """
+    try:
+        yield
+    except BaseException as error:
         try:
-            yield
-        finally:
-            self._heater.enter_safe_state()
+            heater.enter_safe_state()
+        except SmadriveError as failure:
+            error.add_note(f"the heater could NOT be confirmed off ({failure}): cut its supply")
+        raise
+    heater.enter_safe_state()

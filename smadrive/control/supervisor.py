@@ -106,8 +106,9 @@ class Supervisor:
     def check_may_arm(self, measurement: Measurement) -> None:
         """SafetyError when heating must not begin: an open fault, no valid temperature, or a wire already too hot."""
         if measurement.device_faults:
+            latched = ", ".join(measurement.device_faults)
             raise SafetyError(
-                f"refused to arm: the device holds {', '.join(measurement.device_faults)}; clear it first"
+                f"refused to arm: latched on the device: {latched}; remove the cause, then smadrive off RIG --clear-faults"
             )
         if measurement.temperature_fault or not isfinite(measurement.temperature_c):
             reason = measurement.temperature_fault or "no reading"

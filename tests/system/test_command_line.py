@@ -1,0 +1,135 @@
+"""The commands as a user types them: files in, files out, and one clear line for everything that is wrong."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smadrive.hysteresis import DuhemModel
+
+SHARED = Path(__file__).parents[2].parent / "shared" / "data"
+LOOP = DuhemModel.gaussian(
+    mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=-0.04, offset=0.04, input_range=(20, 140)
+)
+
+
+def smadrive(*arguments, cwd):
+    return subprocess.run(
+        [sys.executable, "-m", "smadrive", *map(str, arguments)], cwd=cwd, capture_output=True, text=True, check=False
+    )
+
+
+def succeed(*arguments, cwd):
+    done = smadrive(*arguments, "--json", cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture
+def data(tmp_path):
+    """A CSV of a falling output with reversals, and an extra column."""
+    sweep = np.concatenate([np.linspace(a, b, 150) for a, b in [(25, 130), (130, 75), (75, 95), (95, 40), (40, 130), (130, 25)]])
+    rows = [f"{t},{y},x" for t, y in zip(sweep, LOOP.simulate(sweep), strict=True)]
+    (tmp_path / "wire.csv").write_text("temperature_c,strain,note\n" + "\n".join(rows) + "\n")
+    return tmp_path
+
+
+def test_identify_simulate_and_invert_work_on_files(data):
+    found = succeed("identify", "wire.csv", "--output", "strain", "-o", "model.json", cwd=data)
+    assert {"kind", "rules", "rms_percent", "max_percent", "model_file", "certificate"} <= found.keys()
+    assert found["rules"] == 22
+    assert found["rms_percent"] < 1.0
+    assert found["certificate"]["holds"] is True
+
+    succeed("simulate", "model.json", "wire.csv", "--output", "strain", "-o", "simulated.csv", cwd=data)
+    header = (data / "simulated.csv").read_text().splitlines()[0]
+    assert header == "temperature_c,note,strain"
+
+    inverted = succeed("invert", "model.json", "simulated.csv", "--output", "strain", "-o", "inverted.csv", cwd=data)
+    assert inverted["unreachable"] == 0
+    succeed("simulate", "model.json", "inverted.csv", "--output", "again", "-o", "again.csv", cwd=data)
+    wanted, got = (column(data / "again.csv", name) for name in ("strain", "again"))
+    np.testing.assert_allclose(got, wanted, atol=1e-8 * 0.04)
+
+
+def column(path, name):
+    lines = [line.split(",") for line in path.read_text().splitlines()]
+    at = lines[0].index(name)
+    return np.array([float(line[at]) for line in lines[1:]])
+
+
+def test_a_duhem_model_has_no_rules(data):
+    found = succeed("identify", "wire.csv", "--output", "strain", "--kind", "duhem", "-o", "model.json", cwd=data)
+    assert found["kind"] == "duhem"
+    assert found["rules"] == 0
+    assert found["rms_percent"] < 1.0
+
+
+@pytest.mark.parametrize("stress", ["100MPa", "172MPa"])
+def test_measured_flexinol_is_identified(tmp_path, stress):
+    source = SHARED / "flexinol_isobaric" / f"{stress}.csv"
+    if not source.exists():
+        pytest.skip("measured wires are not on this machine")
+    found = succeed("identify", source, "--output", "strain", "-o", "model.json", cwd=tmp_path)
+    assert found["rules"] == 22
+    assert found["rms_percent"] <= 1.0
+
+
+def test_probe_and_off_answer_in_json(tmp_path):
+    probed = succeed("probe", "in-process", cwd=tmp_path)
+    assert probed["temperature_c"] == pytest.approx(22.0, abs=1.0)
+    assert probed["device_faults"] == []
+    assert succeed("off", "in-process", cwd=tmp_path)["safe"] is True
+
+
+def rig_text(**changes):
+    text = (Path(__file__).parents[2] / "configs" / "rigs" / "simulated.toml").read_text()
+    for old, new in changes.values():
+        assert old in text
+        text = text.replace(old, new)
+    return text
+
+
+WRONG = [
+    # what is wrong, the command, exit code, what the line says
+    ("missing file", ("identify", "absent.csv", "-o", "m.json"), 2, "absent.csv: no such file"),
+    ("missing column", ("identify", "wire.csv", "-o", "m.json"), 2, "no column 'displacement_mm'"),
+    ("text in a cell", ("identify", "text.csv", "--output", "strain", "-o", "m.json"), 2, "line 3, column 'strain': 'high'"),
+    ("nan in a cell", ("identify", "nan.csv", "--output", "strain", "-o", "m.json"), 2, "line 3, column 'strain': 'nan'"),
+    ("constant input", ("identify", "flat.csv", "--output", "strain", "-o", "m.json"), 5, "constant"),
+    ("no such model", ("simulate", "absent.json", "wire.csv", "-o", "o.csv"), 2, "absent.json"),
+    ("a model that is none", ("simulate", "wire.csv", "wire.csv", "-o", "o.csv"), 2, "not a JSON file"),
+    ("unwritable model", ("identify", "wire.csv", "--output", "strain", "-o", "no/m.json"), 2, "no/m.json"),
+    ("unknown rig", ("probe", "nosuch"), 2, "'nosuch' is neither a .toml file nor one of the shipped rigs"),
+    ("missing rig", ("probe", "absent.toml"), 2, "absent.toml: no such file"),
+    ("unknown key", ("probe", "key.toml"), 2, "limits.curent_max_a: unknown key; did you mean 'current_max_a'?"),
+    ("limits that contradict", ("probe", "limits.toml"), 2, "must be below limits.temperature_max_c = 110"),
+    ("unknown wire", ("probe", "wire.toml"), 2, "'nitinol' is neither a .toml file nor one of the shipped wires"),
+    ("no device there", ("probe", "port.toml"), 3, "/dev/ttyNONE: no such port"),
+    ("no model", ("run", "in-process", "--reference", "sine:low_mm=2,high_mm=9,period_s=56", "-o", "l.h5"), 2, "names no model"),
+    ("unknown option", ("probe", "in-process", "--nosuch"), 2, "No such option"),
+    ("no command", ("prob",), 2, "No such command"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("arguments", "code", "told"), [case[1:] for case in WRONG], ids=[case[0] for case in WRONG])
+def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(data, arguments, code, told):
+    (data / "text.csv").write_text("temperature_c,strain\n20,0.04\n21,high\n")
+    (data / "nan.csv").write_text("temperature_c,strain\n20,0.04\n21,nan\n")
+    (data / "flat.csv").write_text("temperature_c,strain\n" + "20,0.04\n" * 100)
+    (data / "key.toml").write_text(rig_text(a=("current_max_a", "curent_max_a")))
+    (data / "limits.toml").write_text(rig_text(a=("temperature_max_c = 135.0", "temperature_max_c = 110.0")))
+    (data / "wire.toml").write_text(rig_text(a=('"flexinol-lt-0.15mm"', '"nitinol"')))
+    (data / "port.toml").write_text(rig_text(a=("/tmp/smadrive-sim", "/dev/ttyNONE")))  # noqa: S108
+    before = sorted(file.name for file in data.iterdir())
+    done = smadrive(*arguments, cwd=data)
+    assert done.returncode == code, done.stderr
+    assert told in done.stderr
+    assert "Traceback" not in done.stderr
+    if "No such" not in told:
+        assert len(done.stderr.strip().splitlines()) == 1
+    assert done.stdout == ""
+    assert sorted(file.name for file in data.iterdir()) == before

@@ -1,0 +1,153 @@
+"""The whole driver on the simulated device in one process and virtual time: excite, identify, track, trip."""
+
+import numpy as np
+import pytest
+
+from firmware_sim.config import load_sim
+from firmware_sim.device import SimulatedDevice
+from smadrive.clock import VirtualClock
+from smadrive.control.feedforward import HysteresisInverse, StaticMap
+from smadrive.control.reference import sine
+from smadrive.control.supervisor import Fault
+from smadrive.errors import ConfigError, SafetyError, TripError
+from smadrive.identification.wire_fit import identify_wire
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig
+from smadrive.runlog import excitation_record, open_recorder, row, tracking_figures, travel_mm
+from smadrive.telemetry.log import read_log
+
+
+class Bench:
+    """The shipped in-process rig with its simulated device within reach."""
+
+    def __init__(self):
+        self.device = SimulatedDevice.from_config(load_sim("flexinol-lt-0.15mm"), seed=3)
+        self.clock = VirtualClock()
+        self.clock.follow(self.device.advance_to)
+        self.rig = Rig(load_rig("in-process"), transport=self.device.transport(self.clock))
+
+
+@pytest.fixture
+def bench():
+    return Bench()
+
+
+@pytest.fixture(scope="module")
+def excited(tmp_path_factory):
+    """The log of one excitation, and the wire identified from it."""
+    path = tmp_path_factory.mktemp("excited") / "excitation.h5"
+    with Rig(load_rig("in-process")) as rig, open_recorder(path, rig, "excitation") as recorder:
+        rig.excite(rig.excitation(22.0), lambda tick: recorder.row(row(tick)))
+        start = rig.nominal_balance
+    log = read_log(path)
+    return log, identify_wire(excitation_record(log), start)
+
+
+def test_identification_recovers_the_simulated_wire_from_its_record(excited):
+    _, wire = excited
+    sim = load_sim("flexinol-lt-0.15mm").wire
+    balance = wire.thermal.balance
+    assert balance.heat_capacity_j_per_k == pytest.approx(sim.heat_capacity_j_per_k, rel=0.03)
+    assert balance.loss_w_per_k == pytest.approx(sim.loss_w_per_k, rel=0.02)
+    assert balance.latent_heat_j == pytest.approx(sim.mass_kg * sim.latent_heat_j_per_kg, rel=0.05)
+    assert balance.resistance_change == pytest.approx(sim.resistance_change, abs=0.01)
+    assert wire.hysteresis.rms_percent < 0.5
+    assert wire.hysteresis.certificate.holds
+    assert len(wire.hysteresis.model.rules) == 22
+
+
+def test_the_inverse_tracks_ten_times_better_than_the_plain_map(excited, tmp_path):
+    log, wire = excited
+    model, balance = wire.hysteresis.model, wire.thermal.balance
+    cold_mm, hot_mm = travel_mm(model)
+    low_mm, high_mm = (cold_mm + part * (hot_mm - cold_mm) for part in (0.2, 0.8))
+    reference = sine(low_mm=low_mm, high_mm=high_mm, period_s=56.0, cycles=1.5).with_approach(cold_mm, 10.0)
+    plain = StaticMap(wire.thermal.wire_temperature_c, log.column("displacement_mm"))
+    errors = []
+    for name, inverse in (("inverse", HysteresisInverse(model)), ("plain", plain)):
+        path = tmp_path / f"{name}.h5"
+        with Rig(load_rig("in-process")) as rig, open_recorder(path, rig, "tracking") as recorder:
+            loop = rig.track(reference, model, balance, inverse, lambda tick, log=recorder: log.row(row(tick)))
+        figures = tracking_figures(read_log(path), reference, model, loop)
+        assert figures.missed_deadlines == figures.trips == 0
+        errors.append(figures.rms_percent)
+    assert errors[0] <= 2.0
+    assert errors[0] <= errors[1] / 10
+
+
+def test_the_same_run_twice_gives_the_same_log(tmp_path):
+    logs = []
+    for n in range(2):
+        path = tmp_path / f"{n}.h5"
+        with Rig(load_rig("in-process")) as rig, open_recorder(path, rig, "excitation") as recorder:
+            excitation = rig.excitation(22.0)
+            ticks = iter(range(600))
+
+            def record(tick, recorder=recorder, ticks=ticks):
+                recorder.row(row(tick))
+                if next(ticks, None) is None:
+                    raise KeyboardInterrupt
+
+            with pytest.raises(KeyboardInterrupt):
+                rig.excite(excitation, record)
+        logs.append(read_log(path).columns)
+    for name in logs[0]:
+        np.testing.assert_array_equal(logs[0][name], logs[1][name])
+
+
+def excite_and_break(bench, break_it):
+    """Excite the wire and break something after two seconds; the trip."""
+    count = iter(range(10_000))
+
+    def record(tick):
+        if next(count) == 40:
+            assert bench.device.firmware.current_a > 0
+            break_it()
+
+    with pytest.raises(TripError) as caught, bench.rig as rig:
+        rig.excite(rig.excitation(22.0), record)
+    return caught.value
+
+
+def test_an_open_thermocouple_trips_and_ends_with_zero_current(bench):
+    trip = excite_and_break(bench, bench.device.sensors.open_thermocouple)
+    assert trip.number == Fault.DEVICE_FAULT.number
+    assert bench.device.firmware.current_a == 0.0
+    assert not hasattr(trip, "__notes__")
+
+
+def test_a_dead_bus_trips_says_that_off_is_unconfirmed_and_the_watchdog_switches_off(bench):
+    trip = excite_and_break(bench, lambda: bench.device.faults.drop(10_000))
+    assert trip.number == Fault.STALE_DATA.number
+    assert any("could NOT be confirmed off" in note for note in trip.__notes__)
+    assert bench.device.firmware.current_a == 0.0
+    assert any("watchdog" in event for event in bench.device.events)
+
+
+def test_an_exception_in_the_loop_ends_with_zero_current(bench):
+    def record(tick):
+        if tick.time_s > 2.0:
+            assert bench.device.firmware.current_a > 0
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError), bench.rig as rig:
+        rig.excite(rig.excitation(22.0), record)
+    assert bench.device.firmware.current_a == 0.0
+
+
+def test_a_latched_fault_refuses_to_heat_until_it_is_cleared(bench):
+    bench.device.sensors.open_thermocouple()
+    with bench.rig as rig:
+        with pytest.raises(SafetyError, match="thermocouple_open"):
+            rig.excite(rig.excitation(22.0), lambda tick: None)
+        bench.device.sensors.mend_thermocouple()
+        with pytest.raises(SafetyError, match="refused to arm"):
+            rig.excite(rig.excitation(22.0), lambda tick: None)
+        rig.heater.clear_faults()
+        assert rig.heater.exchange(0.0).device_faults == ()
+
+
+def test_a_rig_of_several_devices_is_refused_by_name():
+    config = load_rig("in-process")
+    with pytest.raises(ConfigError, match="2 devices"):
+        Rig(config.model_copy(update={"devices": config.devices * 2}))

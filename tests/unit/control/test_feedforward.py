@@ -1,0 +1,92 @@
+"""The displacement feedforward: exact where it moves, patient where it waits, and the plain map beside it."""
+
+import numpy as np
+import pytest
+
+from smadrive.control.feedforward import DisplacementFeedforward, HysteresisInverse, StaticMap
+from smadrive.control.observer import WireEstimate
+from smadrive.errors import DataError
+from smadrive.hysteresis import DuhemModel
+from smadrive.thermal import HeatBalance
+
+WIRE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
+LOOP = DuhemModel.gaussian(
+    mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 160)
+)
+FALLING = DuhemModel.gaussian(
+    mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=-12, offset=12, input_range=(0, 160)
+)
+
+
+@pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
+@pytest.mark.parametrize("ahead", [+0.5, +3.0])
+def test_the_target_leads_the_model_to_the_wanted_displacement(model, ahead):
+    state = model.initial_state(90.0)
+    wanted = state.y + float(np.sign(model.scale)) * ahead
+    target = HysteresisInverse(model).target(state, wanted, direction=1)
+    assert model.step(state, target.temperature_c).y == pytest.approx(wanted, abs=1e-6)
+    later = HysteresisInverse(model).target(state, wanted + 1e-4, direction=1)
+    assert (later.temperature_c - target.temperature_c) / 1e-4 == pytest.approx(target.k_per_mm, rel=1e-2)
+
+
+def test_a_wire_a_hair_ahead_waits_instead_of_turning_back():
+    state = LOOP.initial_state(90.0)
+    waiting = HysteresisInverse(LOOP).target(state, state.y - 0.05, direction=1)
+    assert 89.0 < waiting.temperature_c < 90.0
+
+
+def test_a_wire_far_ahead_is_driven_back_along_the_other_branch():
+    state = LOOP.initial_state(90.0)
+    back = HysteresisInverse(LOOP).target(state, state.y - 1.0, direction=1)
+    assert back.temperature_c < 80.0
+    assert LOOP.step(state, back.temperature_c).y == pytest.approx(state.y - 1.0, abs=1e-6)
+
+
+def test_waiting_where_the_branch_is_flat_is_bounded():
+    state = LOOP.initial_state(40.0)
+    held = HysteresisInverse(LOOP).target(state, state.y - 1e-9, direction=1)
+    assert held.temperature_c == pytest.approx(38.0)
+    assert held.k_per_mm == 0.0
+
+
+def test_the_power_holds_the_wanted_temperature_and_pays_for_the_transformation():
+    state = LOOP.initial_state(90.0)
+    feedforward = DisplacementFeedforward(HysteresisInverse(LOOP), LOOP, WIRE)
+    rate_mm_per_s = 0.4
+    found = feedforward.update(WireEstimate(90.0, state, 0.0), state.y, state.y + rate_mm_per_s * 0.05, 0.05)
+    rate_k_per_s = rate_mm_per_s / LOOP.slope(state, 1)
+    expected_w = WIRE.power_w(90.0, rate_k_per_s, rate_mm_per_s / LOOP.scale)
+    assert found.power_w == pytest.approx(expected_w, rel=0.02)
+
+
+def test_what_the_balance_does_not_explain_is_taken_off_the_power():
+    state = LOOP.initial_state(90.0)
+    powers = [
+        DisplacementFeedforward(HysteresisInverse(LOOP), LOOP, WIRE)
+        .update(WireEstimate(90.0, state, unexplained_w), state.y, state.y + 0.01, 0.05)
+        .power_w
+        for unexplained_w in (0.0, 0.1)
+    ]
+    assert powers[0] - powers[1] == pytest.approx(0.1)
+
+
+def test_the_plain_map_runs_between_the_branches():
+    sweep = np.concatenate((np.linspace(20, 130, 500), np.linspace(130, 20, 500)))
+    plain = StaticMap(sweep, LOOP.simulate(sweep))
+    state = LOOP.initial_state(20.0)
+    middle = plain.target(state, 6.0, direction=1)
+    assert 69.0 < middle.temperature_c < 90.0
+    assert middle == plain.target(LOOP.initial_state(120.0), 6.0, direction=-1)
+    assert plain.target(state, -5.0, 1).k_per_mm == plain.target(state, 50.0, 1).k_per_mm == 0.0
+
+
+def test_the_plain_map_of_a_falling_output_falls():
+    sweep = np.concatenate((np.linspace(20, 130, 500), np.linspace(130, 20, 500)))
+    plain = StaticMap(sweep, FALLING.simulate(sweep))
+    state = FALLING.initial_state(20.0)
+    assert plain.target(state, 1.0, 1).temperature_c > plain.target(state, 11.0, 1).temperature_c
+
+
+def test_a_plain_map_needs_two_columns():
+    with pytest.raises(DataError, match="two columns"):
+        StaticMap([1.0, 2.0], [1.0])

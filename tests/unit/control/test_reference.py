@@ -1,0 +1,68 @@
+"""References: shapes, the approach, and what is refused."""
+
+import numpy as np
+import pytest
+
+from smadrive.control.reference import Reference, parse_reference
+from smadrive.errors import ConfigError, DataError
+
+
+def test_a_sine_begins_low_and_swings_between_its_ends():
+    reference = parse_reference("sine:low_mm=2,high_mm=9,period_s=56,cycles=2")
+    assert reference.duration_s == pytest.approx(112.0)
+    assert reference.value_mm(0.0) == pytest.approx(2.0)
+    assert reference.value_mm(28.0) == pytest.approx(9.0, abs=1e-3)
+    assert reference.displacement_mm.min() >= 2.0
+    assert reference.displacement_mm.max() <= 9.0
+
+
+def test_a_triangle_is_straight_and_a_staircase_dwells():
+    triangle = parse_reference("triangle:low_mm=0,high_mm=4,period_s=8,cycles=1")
+    assert triangle.value_mm(2.0) == pytest.approx(2.0)
+    stairs = parse_reference("staircase:low_mm=0,high_mm=4,steps=4,dwell_s=10,rise_s=2")
+    assert stairs.value_mm(17.0) == stairs.value_mm(21.9) == pytest.approx(1.0)
+    assert max(stairs.displacement_mm) == 4.0
+    assert stairs.displacement_mm[-1] == 0.0
+
+
+def test_the_approach_is_smooth_and_not_scored():
+    reference = parse_reference("sine:low_mm=2,high_mm=9,period_s=20,cycles=1").with_approach(0.5, 10.0)
+    assert reference.value_mm(0.0) == pytest.approx(0.5)
+    assert reference.value_mm(10.0) == pytest.approx(2.0)
+    assert reference.scored_from_s == 10.0
+    times = np.linspace(0, 10, 500)
+    assert np.all(np.diff([reference.value_mm(t) for t in times]) >= 0)
+
+
+@pytest.mark.parametrize(
+    ("spec", "told"),
+    [
+        ("sinus:low_mm=1", "no shape 'sinus'; there are: sine, triangle, staircase"),
+        ("sine:low=1,high=2,period_s=3", "keys of 'sine' are low_mm=, high_mm=, period_s=, cycles="),
+        ("sine:low_mm=1,high_mm=2", "keys of 'sine'"),
+        ("sine:low_mm=one,high_mm=2,period_s=3", "could not convert"),
+        ("sine:low_mm=1,high_mm=2,period_s=0", "period_s must be positive"),
+        ("sine:low_mm=1,high_mm=2,period_s=-5", "period_s must be positive"),
+        ("sine:low_mm=1,high_mm=nan,period_s=5", "must be finite"),
+        ("triangle:low_mm=1,high_mm=2,period_s=0", "period_s must be positive"),
+        ("staircase:low_mm=1,high_mm=2,steps=0", "steps must be positive"),
+    ],
+)
+def test_a_wrong_line_is_refused_with_what_exists(spec, told):
+    with pytest.raises((ConfigError, DataError), match=told):
+        parse_reference(spec)
+
+
+@pytest.mark.parametrize(
+    ("times", "values", "told"),
+    [
+        ([0, 1, 1], [0, 1, 2], "it must increase"),
+        ([0, 2, 1], [0, 1, 2], "from 2 s to 1 s"),
+        ([0, 1, 2], [0, np.nan, 2], "displacement_mm of sample 2 is nan"),
+        ([0, 1], [0, 1, 2], "one length"),
+        ([0], [0], "one length >= 2"),
+    ],
+)
+def test_samples_that_make_no_path_are_refused(times, values, told):
+    with pytest.raises(DataError, match=told):
+        Reference.from_samples(times, values)

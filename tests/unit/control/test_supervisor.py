@@ -1,0 +1,99 @@
+"""The supervisor: raises each fault for its cause, only after its debounce, and latches the first."""
+
+from math import nan
+
+import pytest
+
+from smadrive.control.supervisor import Fault, SafetyLimits, Supervisor
+from smadrive.errors import SafetyError
+from smadrive.measurement import Measurement
+
+LIMITS = SafetyLimits(temperature_max_c=120.0, stale_after_s=0.3, current_tolerance_a=0.05)
+
+
+def sample(n=0, temperature_c=60.0, current_a=0.2, **rest):
+    return Measurement(0.05 * n, temperature_c, current_a, 3.3, **rest)
+
+
+def trips_after(samples, commanded_a=0.2):
+    """How many samples it took to trip, and on what; None when it never did."""
+    supervisor = Supervisor(LIMITS)
+    for n, one in enumerate(samples, start=1):
+        if trip := supervisor.update(one, commanded_a):
+            return n, trip.fault
+    return None
+
+
+def test_a_healthy_wire_never_trips():
+    assert trips_after([sample(n) for n in range(1000)]) is None
+
+
+def test_over_temperature_needs_two_of_three():
+    assert trips_after([sample(temperature_c=125.0), sample(), sample(), sample(temperature_c=125.0), sample()]) is None
+    assert trips_after([sample(temperature_c=125.0), sample(), sample(temperature_c=125.0)]) == (3, Fault.OVER_TEMPERATURE)
+
+
+def test_an_invalid_thermocouple_needs_three_of_five():
+    bad = sample(temperature_c=nan, temperature_fault="thermocouple_open")
+    assert trips_after([bad, bad, sample(), sample(), sample(), sample(), bad]) is None
+    assert trips_after([bad, bad, sample(), bad]) == (4, Fault.SENSOR_INVALID)
+
+
+def test_the_current_must_be_the_commanded_one():
+    assert trips_after([sample(current_a=0.1)] * 10) == (4, Fault.CURRENT_MISMATCH)
+    assert trips_after([sample(current_a=0.1)] * 10, commanded_a=0.0) == (4, Fault.UNEXPECTED_HEATING)
+
+
+def test_a_fault_of_the_device_trips_at_once():
+    assert trips_after([sample(device_faults=("watchdog",))]) == (1, Fault.DEVICE_FAULT)
+
+
+def test_silence_is_a_fault_after_its_limit():
+    supervisor = Supervisor(LIMITS)
+    supervisor.update(sample(0), 0.2)
+    assert supervisor.check_fresh(0.29) is None
+    trip = supervisor.check_fresh(0.31)
+    assert trip is not None
+    assert trip.fault is Fault.STALE_DATA
+
+
+def test_silence_from_the_beginning_counts_too():
+    supervisor = Supervisor(LIMITS)
+    assert supervisor.check_fresh(10.0) is None
+    assert supervisor.check_fresh(10.4) is not None
+
+
+def test_the_first_fault_is_latched():
+    supervisor = Supervisor(LIMITS)
+    supervisor.update(sample(device_faults=("watchdog",)), 0.2)
+    for n in range(10):
+        trip = supervisor.update(sample(n, temperature_c=200.0), 0.2)
+    assert trip is not None
+    assert trip.fault is Fault.DEVICE_FAULT
+
+
+def test_a_trip_tells_number_cause_value_limit_and_remedy():
+    supervisor = Supervisor(LIMITS)
+    for n in range(2):
+        trip = supervisor.update(sample(n, temperature_c=125.04), 0.2)
+    text = str(trip)
+    for part in ("fault 1", "hotter", "125.0 °C", "120", "let it cool"):
+        assert part in text
+
+
+def test_fault_numbers_are_unique():
+    numbers = [fault.number for fault in Fault]
+    assert len(set(numbers)) == len(numbers)
+
+
+@pytest.mark.parametrize(
+    ("measurement", "told"),
+    [
+        (sample(device_faults=("watchdog",)), "latched on the device: watchdog; .*--clear-faults"),
+        (sample(temperature_c=nan, temperature_fault="thermocouple_open"), "thermocouple_open"),
+        (sample(temperature_c=130.0), r"130.0 °C, above temperature_max_c = 120"),
+    ],
+)
+def test_arming_is_refused_with_the_cure(measurement, told):
+    with pytest.raises(SafetyError, match=told):
+        Supervisor(LIMITS).check_may_arm(measurement)

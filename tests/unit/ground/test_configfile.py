@@ -1,0 +1,50 @@
+"""Every way in which a config file can be wrong is told in one line that names file, key and cure."""
+
+import pytest
+
+from smadrive.configfile import Section, load_config
+from smadrive.errors import ConfigError
+
+
+class Inner(Section):
+    current_max_a: float
+
+
+class Outer(Section):
+    name: str
+    parts: tuple[Inner, ...]
+
+
+def load(tmp_path, text):
+    path = tmp_path / "rig.toml"
+    path.write_text(text)
+    return load_config(path, Outer)
+
+
+def test_a_valid_file_loads_and_is_immutable(tmp_path):
+    config = load(tmp_path, 'name = "x"\n[[parts]]\ncurrent_max_a = 0.5')
+    assert config.parts[0].current_max_a == 0.5
+    with pytest.raises(Exception, match="frozen"):
+        config.name = "y"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ('nme = "x"\nparts = []', r"rig.toml: name: is missing \(and 1 more\)"),
+        ('name = "x"\nparts = []\nprats = 1', "prats: unknown key; did you mean 'parts'?"),
+        ('name = "x"\n[[parts]]\ncurent_max_a = 1.0\ncurrent_max_a = 1.0', "did you mean 'current_max_a'"),
+        ('name = "x"\n[[parts]]\ncurrent_max_a = "much"', "parts.0.current_max_a: .*'much'"),
+        ('name = "x"\n[[parts]]\ncurrent_max_a = nan', "finite number"),
+        ("name = ", "not valid TOML"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, text, told):
+    with pytest.raises(ConfigError, match=told) as caught:
+        load(tmp_path, text)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_missing_file_is_named(tmp_path):
+    with pytest.raises(ConfigError, match="absent.toml: no such file"):
+        load_config(tmp_path / "absent.toml", Outer)
