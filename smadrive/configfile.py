@@ -44,7 +44,9 @@ def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT
     try:
         return kind.model_validate(tables)
     except ValidationError as error:
-        problems = sorted(error.errors(), key=lambda problem: problem["type"] != "extra_forbidden")  # a typo explains the rest
+        problems = sorted(
+            error.errors(), key=lambda problem: problem["type"] != "extra_forbidden"
+        )  # a typo explains the rest
         first = problems[0]
         key = ".".join(str(part) for part in first["loc"]) or "the file"
         more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""

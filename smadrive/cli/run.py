@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
+from math import isfinite
 from pathlib import Path
 from typing import Annotated
 
@@ -14,6 +15,8 @@ from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.loop import Tick
 from smadrive.control.reference import Reference, parse_reference
 from smadrive.errors import ConfigError
+from smadrive.hysteresis import HysteresisModel
+from smadrive.measurement import Measurement
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
 from smadrive.runlog import TrackingFigures, open_recorder, row, tracking_figures
@@ -43,7 +46,7 @@ def main(
     wanted = read_reference(reference)
     with Rig(config) as bench:
         measured = bench.heater.exchange(0.0)
-        start_mm = hysteresis.initial_state(measured.temperature_c).y
+        start_mm = start_displacement_mm(hysteresis, measured)
         path = wanted.with_approach(start_mm, APPROACH_S)
         with open_recorder(log_file, bench, "tracking") as recorder, output.progress() as progress:
             task = progress.add_task("tracking", total=path.duration_s)
@@ -59,6 +62,13 @@ def main(
     output.table(HEADER, [table_row("tracking", figures)])
     output.say(f"log: {log_file}")
     output.result(asdict(figures))
+
+
+def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
+    """Where the wire is: as measured, or else as the model has it for a wire that was cold before."""
+    if isfinite(measured.displacement_mm):
+        return measured.displacement_mm
+    return model.initial_state(measured.temperature_c).y
 
 
 def read_reference(text: str) -> Reference:

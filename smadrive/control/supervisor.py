@@ -108,7 +108,8 @@ class Supervisor:
         if measurement.device_faults:
             latched = ", ".join(measurement.device_faults)
             raise SafetyError(
-                f"refused to arm: latched on the device: {latched}; remove the cause, then smadrive off RIG --clear-faults"
+                f"refused to arm: latched on the device: {latched}; "
+                "remove the cause, then smadrive off RIG --clear-faults"
             )
         if measurement.temperature_fault or not isfinite(measurement.temperature_c):
             reason = measurement.temperature_fault or "no reading"

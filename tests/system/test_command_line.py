@@ -31,7 +31,9 @@ def succeed(*arguments, cwd):
 @pytest.fixture
 def data(tmp_path):
     """A CSV of a falling output with reversals, and an extra column."""
-    sweep = np.concatenate([np.linspace(a, b, 150) for a, b in [(25, 130), (130, 75), (75, 95), (95, 40), (40, 130), (130, 25)]])
+    sweep = np.concatenate(
+        [np.linspace(a, b, 150) for a, b in [(25, 130), (130, 75), (75, 95), (95, 40), (40, 130), (130, 25)]]
+    )
     rows = [f"{t},{y},x" for t, y in zip(sweep, LOOP.simulate(sweep), strict=True)]
     (tmp_path / "wire.csv").write_text("temperature_c,strain,note\n" + "\n".join(rows) + "\n")
     return tmp_path
@@ -93,13 +95,15 @@ def rig_text(**changes):
     return text
 
 
+ANY_SINE = "sine:low_mm=2,high_mm=9,period_s=56"
+STRAIN = ("--output", "strain", "-o", "m.json")
 WRONG = [
     # what is wrong, the command, exit code, what the line says
     ("missing file", ("identify", "absent.csv", "-o", "m.json"), 2, "absent.csv: no such file"),
     ("missing column", ("identify", "wire.csv", "-o", "m.json"), 2, "no column 'displacement_mm'"),
-    ("text in a cell", ("identify", "text.csv", "--output", "strain", "-o", "m.json"), 2, "line 3, column 'strain': 'high'"),
-    ("nan in a cell", ("identify", "nan.csv", "--output", "strain", "-o", "m.json"), 2, "line 3, column 'strain': 'nan'"),
-    ("constant input", ("identify", "flat.csv", "--output", "strain", "-o", "m.json"), 5, "constant"),
+    ("text in a cell", ("identify", "text.csv", *STRAIN), 2, "line 3, column 'strain': 'high'"),
+    ("nan in a cell", ("identify", "nan.csv", *STRAIN), 2, "line 3, column 'strain': 'nan'"),
+    ("constant input", ("identify", "flat.csv", *STRAIN), 5, "constant"),
     ("no such model", ("simulate", "absent.json", "wire.csv", "-o", "o.csv"), 2, "absent.json"),
     ("a model that is none", ("simulate", "wire.csv", "wire.csv", "-o", "o.csv"), 2, "not a JSON file"),
     ("unwritable model", ("identify", "wire.csv", "--output", "strain", "-o", "no/m.json"), 2, "no/m.json"),
@@ -109,7 +113,7 @@ WRONG = [
     ("limits that contradict", ("probe", "limits.toml"), 2, "must be below limits.temperature_max_c = 110"),
     ("unknown wire", ("probe", "wire.toml"), 2, "'nitinol' is neither a .toml file nor one of the shipped wires"),
     ("no device there", ("probe", "port.toml"), 3, "/dev/ttyNONE: no such port"),
-    ("no model", ("run", "in-process", "--reference", "sine:low_mm=2,high_mm=9,period_s=56", "-o", "l.h5"), 2, "names no model"),
+    ("no model", ("run", "in-process", "--reference", ANY_SINE, "-o", "l.h5"), 2, "names no model"),
     ("unknown option", ("probe", "in-process", "--nosuch"), 2, "No such option"),
     ("no command", ("prob",), 2, "No such command"),
 ]  # fmt: skip

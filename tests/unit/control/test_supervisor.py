@@ -30,7 +30,10 @@ def test_a_healthy_wire_never_trips():
 
 def test_over_temperature_needs_two_of_three():
     assert trips_after([sample(temperature_c=125.0), sample(), sample(), sample(temperature_c=125.0), sample()]) is None
-    assert trips_after([sample(temperature_c=125.0), sample(), sample(temperature_c=125.0)]) == (3, Fault.OVER_TEMPERATURE)
+    assert trips_after([sample(temperature_c=125.0), sample(), sample(temperature_c=125.0)]) == (
+        3,
+        Fault.OVER_TEMPERATURE,
+    )
 
 
 def test_an_invalid_thermocouple_needs_three_of_five():

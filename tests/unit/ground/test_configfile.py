@@ -46,5 +46,5 @@ def test_what_is_wrong_is_named(tmp_path, text, told):
 
 
 def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(ConfigError, match="absent.toml: no such file"):
+    with pytest.raises(ConfigError, match=r"absent\.toml: no such file"):
         load_config(tmp_path / "absent.toml", Outer)

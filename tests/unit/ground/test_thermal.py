@@ -15,8 +15,10 @@ WIRE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
 def test_a_step_is_the_exact_solution_of_the_heat_balance():
     def rate(_, state):
         wire, reading = state
-        return [(1.4 - WIRE.loss_w_per_k * (wire - WIRE.ambient_c)) / WIRE.heat_capacity_j_per_k,
-                (wire - reading) / WIRE.thermocouple_lag_s]
+        return [
+            (1.4 - WIRE.loss_w_per_k * (wire - WIRE.ambient_c)) / WIRE.heat_capacity_j_per_k,
+            (wire - reading) / WIRE.thermocouple_lag_s,
+        ]
 
     exact = solve_ivp(rate, (0, 2.0), [30.0, 25.0], rtol=1e-10, atol=1e-10).y[:, -1]
     wire = reading = None

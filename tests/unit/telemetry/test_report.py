@@ -23,7 +23,9 @@ class References(HTMLParser):
 def write(path):
     figure = Figure()
     figure.subplots().plot([0, 1])
-    write_report(path, "a <title>", "lead & more", ("run", "error"), [("one", "1 %")], [Plot("p", figure, "c")], ["note"])
+    write_report(
+        path, "a <title>", "lead & more", ("run", "error"), [("one", "1 %")], [Plot("p", figure, "c")], ["note"]
+    )
 
 
 def test_everything_is_inside_and_text_is_escaped(tmp_path):

@@ -30,7 +30,10 @@ def test_a_byte_order_mark_is_no_part_of_the_first_name(tmp_path):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("time_s,temperature_c\n0,20\n1,hot\n", "data.csv, line 3, column 'temperature_c': 'hot' is not a finite number"),
+        (
+            "time_s,temperature_c\n0,20\n1,hot\n",
+            "data.csv, line 3, column 'temperature_c': 'hot' is not a finite number",
+        ),
         ("time_s,temperature_c\n0,nan\n1,2\n", "line 2, column 'temperature_c': 'nan'"),
         ("time_s,temperature_c\n0,inf\n1,2\n", "'inf'"),
         ("time_s,temperature_c\n0,\n1,2\n", "line 2, column 'temperature_c': ''"),
@@ -46,7 +49,7 @@ def test_what_is_wrong_is_named(tmp_path, text, told):
 
 
 def test_missing_binary_and_unwritable_files_are_named(tmp_path):
-    with pytest.raises(DataError, match="absent.csv: no such file"):
+    with pytest.raises(DataError, match=r"absent\.csv: no such file"):
         read_table(tmp_path / "absent.csv")
     (tmp_path / "data.csv").write_bytes(b"\xff\xfe\x00\x81")
     with pytest.raises(DataError, match="cannot be read as CSV"):
