@@ -1,4 +1,4 @@
-"""Rate-independent hysteresis: Duhem and T-S fuzzy Duhem models, their exact stepping, their inverse, their certificates."""
+"""Rate-independent hysteresis: Duhem and T-S fuzzy Duhem models, their exact stepping, inverse and certificates."""
 
 from smadrive.hysteresis.certificate import Certificate
 from smadrive.hysteresis.duhem import DuhemModel

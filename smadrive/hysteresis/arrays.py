@@ -1,4 +1,4 @@
-"""What the maths accepts as samples: finite float64 arrays of equal length. Everything else is a DataError with a cure."""
+"""What the maths accepts as samples: finite float64 arrays of equal length. All else is a DataError with a cure."""
 
 from __future__ import annotations
 

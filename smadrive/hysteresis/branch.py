@@ -6,8 +6,8 @@ solution P(v)
     w(v1) = P(v1) + (w(v0) - P(v0)) exp(Λ(v1) - Λ(v0))
 
 whatever the distance v1 - v0: no ODE solver, no step size. Λ and P of both branches are tabulated once as cubic Hermite
-pieces on one grid (their derivatives a and a P + b are known, so the error is of fourth order). A trajectory is then one
-vector expression per branch, chained at its turning points; a single step is a few multiplications and one exp.
+pieces on one grid (their derivatives a and a P + b are known, so the error is of fourth order). A trajectory is then
+one vector expression, chained at its turning points; a single step is a few multiplications and one exp.
 
 Outside the grid the state is held: the input is clamped to [lower, upper].
 """
@@ -87,11 +87,11 @@ class BranchEngine:
             cell += beyond
         t = v - self.nodes.take(cell)
         cell += self._cells * rising
-        for first, result in ((0, target), (4, exponent)):
-            self._coefficients[first + 3].take(cell, out=result, mode="clip")
+        for first, value in ((0, target), (4, exponent)):
+            self._coefficients[first + 3].take(cell, out=value, mode="clip")
             for row in (first + 2, first + 1, first):
-                result *= t
-                result += self._coefficients[row].take(cell)
+                np.multiply(value, t, out=value)
+                np.add(value, self._coefficients[row].take(cell), out=value)
 
     def trajectory(self, v: FloatArray, w_start: float) -> FloatArray:
         """States w at every sample of the input path `v` (1-D), from w_start at v[0]."""
@@ -132,7 +132,9 @@ class BranchEngine:
 
     def clamp(self, v: float) -> float:
         """`v` held to the grid."""
-        return self.lower if v < self.lower else self.upper if v > self.upper else v
+        if v < self.lower:
+            return self.lower
+        return self.upper if v > self.upper else v  # noqa: FURB136 (min() costs a call in the hot path)
 
     def move(self, w: float, v0: float, v1: float) -> float:
         """The state at v1 after a monotone move from (v0, w)."""
@@ -149,7 +151,7 @@ class BranchEngine:
         return ((p3 * t + p2) * t + p1) * t + p0 + excess * exp(((l3 * t + l2) * t + l1) * t + l0 - exponent)
 
     def local_law(self, v: float, *, rising: bool) -> tuple[float, float]:
-        """a and b of dw/dv = a w + b at one input; both zero outside the grid, where the state is held."""
+        """Rate a and bias b of dw/dv = a w + b at one input; both zero outside the grid, where the state is held."""
         if not self.lower <= v <= self.upper:
             return 0.0, 0.0
         node, p0, p1, p2, p3, _, l1, l2, l3 = self.row(v, rising=rising)
@@ -166,7 +168,7 @@ class BranchEngine:
 
 
 def _chain(w_start: float, start_target: FloatArray, end_target: FloatArray, decay: FloatArray) -> FloatArray:
-    """w - P at the start of each monotone run: the runs' affine maps applied one after another."""
+    """Excess w - P at the start of each monotone run: the runs' affine maps applied one after another."""
     excess, w = [], w_start
     for p_start, p_end, factor in zip(start_target.tolist(), end_target.tolist(), decay.tolist(), strict=True):
         excess.append(w - p_start)

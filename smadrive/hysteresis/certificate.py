@@ -60,7 +60,7 @@ class Certificate:
 
 
 def certify(engine: BranchEngine, laws: Iterable[tuple[FloatArray, FloatArray]] | None = None) -> Certificate:
-    """Certificate of a tabulated model; `laws` are (a, b) of heating and of cooling at its rules, None: at the table's nodes."""
+    """Certificate of a tabulated model; `laws`: (a, b) of heating and of cooling at its rules, None: at the nodes."""
     (a_heating, b_heating), (a_cooling, b_cooling) = laws or (_law(engine.heating), _law(engine.cooling))
     up, down = engine.heating.exponent, engine.cooling.exponent
     return Certificate(

@@ -2,9 +2,9 @@
 
     heating:  dw/dv = (h₋ - w)/d · g₊         cooling:  dw/dv = (w - h₊)/d · g₋         d = h₋ - h₊ > 0,  g± = h±'
 
-The scale k is counted once, in y = offset + k w. The particular solutions are the major branches themselves: P = h₊ with
-a = -g₊/d on heating, P = h₋ with a = g₋/d on cooling. d is a difference of nearly equal numbers in both tails; it is
-formed from ln h below the loop and from ln(1 - h) above it, so a tends to a Mills ratio instead of 0/0.
+The scale k is counted once, in y = offset + k w. The particular solutions are the major branches themselves: P = h₊
+with a = -g₊/d on heating, P = h₋ with a = g₋/d on cooling. d is a difference of nearly equal numbers in both tails; it
+is formed from ln h below the loop and from ln(1 - h) above it, so a tends to a Mills ratio instead of 0/0.
 
 Nine standard deviations beyond every component the branches have met to 1e-18; there the state is held.
 """
@@ -46,7 +46,8 @@ class DuhemModel(HysteresisModel):
         start, end = max(lower, min(s[0] for s in spans)), min(upper, max(s[1] for s in spans))
         if start >= end:
             raise ModelError(
-                f"input_range ({lower:g}, {upper:g}) holds no part of the loop; the means are {heating.means + cooling.means}"
+                f"input_range ({lower:g}, {upper:g}) holds no part of the loop; "
+                f"the means are {heating.means + cooling.means}: widen it or check the units"
             )
         _refuse_crossing(heating, cooling, lower, upper)
         self.heating = heating
@@ -69,8 +70,9 @@ class DuhemModel(HysteresisModel):
         """One Gaussian per branch, the paper's case. mu, sigma and input_range in the unit of v, scale in that of y."""
         if (mu_heating, mu_cooling, sigma_heating, sigma_cooling) == (75, 70, 35, -45):
             raise ModelError(
-                "these are the columns of the paper's Table 1 as printed, where μ and σ are swapped: sigma_cooling = -45 is no "
-                "standard deviation, and with 45 the branches cross at v = 92.5, inside the range; use DuhemModel.table1()"
+                "these are the columns of the paper's Table 1 as printed, where μ and σ are swapped: sigma_cooling = "
+                "-45 is no standard deviation, and with 45 the branches cross at v = 92.5, inside the range; "
+                "use DuhemModel.table1()"
             )
         heating = GaussianMixture((1.0,), (float(mu_heating),), (float(sigma_heating),))
         cooling = GaussianMixture((1.0,), (float(mu_cooling),), (float(sigma_cooling),))
@@ -114,40 +116,42 @@ class DuhemModel(HysteresisModel):
         return certify(self.engine)
 
 
-def _log_gap(heating: GaussianMixture, cooling: GaussianMixture, v: FloatArray, floor: float = 0.0) -> FloatArray:
-    """ln(h₋ - h₊), from the side where the two are small. A relative gap below `floor` counts as `floor`."""
+def _log_gap(heating: GaussianMixture, cooling: GaussianMixture, v: FloatArray) -> FloatArray:
+    """ln(h₋ - h₊), from the side where the two are small; -inf where the branches have crossed."""
     low_heating, low_cooling = heating.log_cdf(v), cooling.log_cdf(v)
     high_heating, high_cooling = heating.log_sf(v), cooling.log_sf(v)
     below = low_cooling < high_heating
     larger = np.where(below, low_cooling, high_heating)
     ratio = np.where(below, low_heating - low_cooling, high_cooling - high_heating)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        return np.asarray(larger + np.log(np.maximum(-np.expm1(ratio), floor)))
+    with np.errstate(divide="ignore"):
+        return np.asarray(larger + np.log(-np.expm1(np.minimum(ratio, 0.0))))
 
 
 def duhem_branches(
-    heating: GaussianMixture, cooling: GaussianMixture, nodes: FloatArray, floor: float = 0.0
+    heating: GaussianMixture, cooling: GaussianMixture, nodes: FloatArray, steepest: float = np.inf
 ) -> tuple[Branch, Branch]:
     """Heating and cooling branch at the nodes of a grid.
 
-    With floor = 0 branches that cross raise ModelError; a positive floor keeps the trial points of a fit finite.
+    Branches that cross raise ModelError, unless the rate is held to `steepest`, as for the trial models of a fit.
     """
     points = quadrature_points(nodes)
-    log_gap, inner_gap = (_log_gap(heating, cooling, v, floor) for v in (nodes, points))
+    log_gap, inner_gap = _log_gap(heating, cooling, nodes), _log_gap(heating, cooling, points)
     crossed = ~np.isfinite(log_gap)
-    if crossed.any():
+    if crossed.any() and not np.isfinite(steepest):
         raise ModelError(_crossing_message(float(nodes[np.argmax(crossed)]), float(nodes[0]), float(nodes[-1])))
+    limit = np.log(steepest)
     branches = []
     for sign, mixture in ((-1.0, heating), (1.0, cooling)):
-        rate = sign * np.exp(mixture.log_pdf(nodes) - log_gap)
-        inner_rate = sign * np.exp(mixture.log_pdf(points) - inner_gap)
+        log_slope = mixture.log_pdf(nodes)
+        rate = sign * np.exp(np.minimum(log_slope - log_gap, limit))
+        inner_rate = sign * np.exp(np.minimum(mixture.log_pdf(points) - inner_gap, limit))
         exponent = integrate_rate(nodes, inner_rate).exponent
-        branches.append(Branch(exponent, rate, mixture.cdf(nodes), np.exp(mixture.log_pdf(nodes))))
+        branches.append(Branch(exponent, rate, mixture.cdf(nodes), np.exp(log_slope)))
     return branches[0], branches[1]
 
 
 def _refuse_crossing(heating: GaussianMixture, cooling: GaussianMixture, lower: float, upper: float) -> None:
-    """One Gaussian per branch crosses at v* = (μ₊σ₋ - μ₋σ₊)/(σ₋ - σ₊), exactly; mixtures are checked at the table's nodes."""
+    """One Gaussian per branch crosses at v* = (μ₊σ₋ - μ₋σ₊)/(σ₋ - σ₊); mixtures are checked at the table's nodes."""
     if len(heating.means) > 1 or len(cooling.means) > 1:
         return
     (mu_h,), (s_h,), (mu_c,), (s_c,) = heating.means, heating.sigmas, cooling.means, cooling.sigmas
@@ -166,6 +170,6 @@ def _refuse_crossing(heating: GaussianMixture, cooling: GaussianMixture, lower: 
 
 def _crossing_message(v: float, lower: float, upper: float) -> str:
     return (
-        f"the branches cross at v = {v:.6g}, inside the working range [{lower:g}, {upper:g}], where the Duhem slope is singular; "
-        "bring the sigmas closer together, move the means apart or narrow input_range"
+        f"the branches cross at v = {v:.6g}, inside the working range [{lower:g}, {upper:g}], where the Duhem slope is "
+        "singular; bring the sigmas closer together, move the means apart or narrow input_range"
     )

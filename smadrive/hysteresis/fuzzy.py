@@ -3,8 +3,8 @@
     IF v is about c_i AND v rises (falls) THEN dw = (a_i w + b_i) dv
 
 The sets overlap to one everywhere (a partition of unity), so the blended law is a(v) = Σ μ_i(v) a_i. The second premise
-has two crisp sets, the direction of v. The paper's time form dx/dt = A_i x + B_i is A_i = a_i dv/dt, B_i = b_i dv/dt: with
-constant A_i, B_i the model would not be rate-independent, so dv is what the rules multiply.
+has two crisp sets, the direction of v. The paper's time form dx/dt = A_i x + B_i is A_i = a_i dv/dt, B_i = b_i dv/dt:
+with constant A_i, B_i the model would not be rate-independent, so dv is what the rules multiply.
 """
 
 from __future__ import annotations
@@ -61,15 +61,17 @@ class TriangularSets:
 
     @property
     def kinks(self) -> FloatArray:
+        """See FuzzySets."""
         return np.array(self.centres)
 
     def weights(self, v: FloatArray) -> FloatArray:
+        """See FuzzySets."""
         return hat_weights(np.asarray(v), np.array(self.centres))
 
 
 @dataclass(frozen=True, slots=True)
 class TrapezoidSets:
-    """Trapezoids: of each gap between centres the share `flat` (0 ≤ flat < 1) belongs to the flat tops of its two sets."""
+    """Trapezoids: of each gap between centres the share `flat` (0 ≤ flat < 1) belongs to the tops of its two sets."""
 
     centres: tuple[float, ...]
     flat: float
@@ -81,6 +83,7 @@ class TrapezoidSets:
 
     @property
     def kinks(self) -> FloatArray:
+        """See FuzzySets."""
         return np.sort(np.concatenate(self._slopes()))
 
     def _slopes(self) -> tuple[FloatArray, FloatArray]:
@@ -89,6 +92,7 @@ class TrapezoidSets:
         return centres[:-1] + margin, centres[1:] - margin
 
     def weights(self, v: FloatArray) -> FloatArray:
+        """See FuzzySets."""
         start, end = self._slopes()
         ramps = np.clip((np.asarray(v)[..., None] - start) / (end - start), 0.0, 1.0)
         edge = np.ones((*ramps.shape[:-1], 1))
@@ -109,9 +113,11 @@ class GaussianSets:
 
     @property
     def kinks(self) -> FloatArray:
+        """See FuzzySets."""
         return np.empty(0)
 
     def weights(self, v: FloatArray) -> FloatArray:
+        """See FuzzySets."""
         exponents = -0.5 * ((np.asarray(v)[..., None] - np.array(self.centres)) / self.width) ** 2
         bells = np.exp(exponents - exponents.max(axis=-1, keepdims=True))
         return np.asarray(bells / bells.sum(axis=-1, keepdims=True))

@@ -5,8 +5,8 @@ From the state (v0, w0) the wanted w1 fixes the direction, sign(w1 - w0), and on
     P(v1) + (w0 - P(v0)) exp(Λ(v1) - Λ(v0)) = w1
 
 has one solution v1, found by a bracketed Newton iteration. It starts from the closed form within one rule,
-Δv = ln((a w1 + b)/(a w0 + b))/a. What cannot be reached is no error but an outcome: the input goes to the end of the range
-and the result says so. In real time the state must be that of the *estimated* wire, not of the wanted one.
+Δv = ln((a w1 + b)/(a w0 + b))/a. What cannot be reached is no error but an outcome: the input goes to the end of the
+range and the result says so. In real time the state must be that of the *estimated* wire, not of the wanted one.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class InverseFeedforward:
         self.model = model
 
     def update(self, state: HysteresisState, y_wanted: float) -> Inversion:
-        """The input that takes the wire from `state` to `y_wanted` (unit of y). Raises DataError when it is not finite."""
+        """Input that takes the wire from `state` to `y_wanted` (unit of y). Raises DataError for NaN or inf."""
         if not isfinite(y_wanted):
             raise DataError(f"wanted output is {y_wanted}; it must be finite")
         model = self.model

@@ -51,22 +51,22 @@ class GaussianMixture:
         )
 
     def _standard(self, v: FloatArray) -> FloatArray:
-        return (np.asarray(v)[..., None] - np.array(self.means)) / np.array(self.sigmas)
+        return np.asarray((np.asarray(v)[..., None] - np.array(self.means)) / np.array(self.sigmas))
 
     def cdf(self, v: FloatArray) -> FloatArray:
         """h(v)."""
         return np.asarray(ndtr(self._standard(v)) @ np.array(self.weights))
 
     def log_cdf(self, v: FloatArray) -> FloatArray:
-        """ln h(v)."""
+        """Logarithm of h(v)."""
         return self._log_blend(log_ndtr(self._standard(v)))
 
     def log_sf(self, v: FloatArray) -> FloatArray:
-        """ln(1 - h(v))."""
+        """Logarithm of 1 - h(v)."""
         return self._log_blend(log_ndtr(-self._standard(v)))
 
     def log_pdf(self, v: FloatArray) -> FloatArray:
-        """ln g(v)."""
+        """Logarithm of g(v)."""
         exponents = -0.5 * self._standard(v) ** 2 - _LOG_ROOT_TWO_PI
         return self._log_blend(exponents - np.log(self.sigmas))
 

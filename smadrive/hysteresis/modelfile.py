@@ -56,14 +56,14 @@ def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False)
     fields = _Fields(str(path), document)
     if fields.value("schema") != SCHEMA_VERSION:
         raise ModelError(
-            f"{path}: schema is {fields.value('schema')}; this version reads {SCHEMA_VERSION}; identify the model again"
+            f"{path}: schema is {fields.value('schema')!r}; this version reads {SCHEMA_VERSION}; identify again"
         )
     model = _build(fields)
     certificate = model.certificate()
     if not (certificate.holds or allow_uncertified):
         raise CertificateError(
-            f"{path}: not certified (contraction_rate {certificate.contraction_rate:.3g}, bounded {certificate.bounded}); "
-            "identify it again, or pass allow_uncertified=True to simulate it only"
+            f"{path}: not certified (contraction_rate {certificate.contraction_rate:.3g}, "
+            f"bounded {certificate.bounded}); identify it again, or pass allow_uncertified=True to simulate it only"
         )
     return model
 
@@ -129,16 +129,20 @@ class _Fields:
 
 
 def _build(fields: _Fields) -> DuhemModel | TSFuzzyDuhem:
-    input_range = fields.numbers("input_range")
-    if len(input_range) != 2:
-        raise ModelError(f"{fields.place}: input_range has {len(input_range)} numbers; give lower and upper end")
-    common = {"scale": fields.number("scale"), "offset": fields.number("offset"), "input_range": input_range}
+    ends = fields.numbers("input_range")
+    if len(ends) != 2:
+        raise ModelError(f"{fields.place}: input_range has {len(ends)} numbers; give lower and upper end")
+    scale, offset, input_range = fields.number("scale"), fields.number("offset"), (ends[0], ends[1])
     kind = fields.value("kind")
     try:
         if kind == "duhem":
-            return DuhemModel(_mixture(fields.inner("heating")), _mixture(fields.inner("cooling")), **common)
+            return DuhemModel(
+                _mixture(fields.inner("heating")), _mixture(fields.inner("cooling")), scale, offset, input_range
+            )
         if kind == "tsfuzzy":
-            return TSFuzzyDuhem(_sets(fields.inner("sets")), **{key: fields.numbers(key) for key in _LAWS}, **common)
+            laws = {key: fields.numbers(key) for key in _LAWS}
+            sets = _sets(fields.inner("sets"))
+            return TSFuzzyDuhem(sets, **laws, scale=scale, offset=offset, input_range=input_range)
     except ModelError as error:
         message = str(error)
         raise ModelError(message if message.startswith(fields.place) else f"{fields.place}: {message}") from error
@@ -172,7 +176,7 @@ def _replace(path: Path, text: str) -> None:
             stream.write(text)
             stream.flush()
             os.fsync(stream.fileno())
-        os.replace(temporary, path)
+        Path(temporary).replace(path)
     except BaseException:
         Path(temporary).unlink(missing_ok=True)
         raise

@@ -11,6 +11,7 @@ deviations of the noise are enough for r. Used alike in identification and in re
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,7 +25,7 @@ if TYPE_CHECKING:
 
 
 class DeadBand:
-    """The play operator in real time: radius r in the unit of v, and the held value p (None before the first sample)."""
+    """The play operator in real time: radius r in the unit of v, held value p (None before the first sample)."""
 
     def __init__(self, radius: float) -> None:
         self.radius = check_radius(radius)
@@ -45,7 +46,7 @@ def play(v: ArrayLike, radius: float) -> FloatArray:
 
 
 def turning_points(v: FloatArray, radius: float) -> list[int]:
-    """Indices at which v turns by more than 2r, first and last sample included: the extremes between moves of the play."""
+    """Indices at which v turns by more than 2r, both ends included: the extremes between moves of the play."""
     moved = np.diff(play(v, radius))
     moving = np.flatnonzero(moved)
     rising = moved[moving] > 0
@@ -59,13 +60,13 @@ def turning_points(v: FloatArray, radius: float) -> list[int]:
 
 
 def monotone_runs(v: FloatArray, radius: float) -> FloatArray:
-    """The path without its false reversals: the monotone path nearest to v (least squares) between true turning points.
+    """The path without its false reversals: between true turning points the monotone path nearest to v.
 
     For recorded data, where the future is known: unlike the play operator it does not lag.
     """
     corners = turning_points(v, radius)
     result = v.copy()
-    for start, end in zip(corners[:-1], corners[1:], strict=True):
+    for start, end in pairwise(corners):
         part = slice(start, end + 1)
         result[part] = isotonic_regression(v[part], increasing=bool(v[end] >= v[start])).x
     return result

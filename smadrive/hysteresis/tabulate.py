@@ -27,7 +27,7 @@ _POWERS = np.arange(1, 6)
 INNER = (POINTS[:, None] ** _POWERS / _POWERS) @ np.linalg.inv(np.vander(POINTS, 5, increasing=True))  # ∫ to each point
 
 _FIRST_BINS, _MOST_BINS = 1024, 1 << 17
-_TOLERANCE = 2e-11
+_TOLERANCE = 1e-10
 
 Build = Callable[[FloatArray], tuple[Branch, Branch]]
 
@@ -107,7 +107,7 @@ def _kinks_apart(lower: float, upper: float, bins: int, kinks: FloatArray) -> bo
 
 
 def _disagreement(coarse: BranchEngine, fine: BranchEngine) -> float:
-    """Largest error of the coarse pieces at the fine nodes: of P, and of Λ relative to its size where that exceeds 1."""
+    """Largest error of the coarse pieces at the fine nodes: of P, and of Λ relative to its size beyond 1."""
     worst = 0.0
     for rising, branch in ((True, fine.heating), (False, fine.cooling)):
         target, exponent = coarse.evaluate(fine.nodes, np.full(len(fine.nodes), rising))

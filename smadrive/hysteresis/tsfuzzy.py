@@ -2,8 +2,8 @@
 
     dw/dv = Σ_i μ_i(v) (a_i w + b_i) = a(v) w + b(v)           one (a_i, b_i) per fuzzy set and direction
 
-Each rule is a scalar semilinear Duhem model (Oh and Bernstein, IEEE TAC 50(5):631-645, 2005). As particular solutions the
-engine uses the branches of the attracting major loop: the state that a full sweep up and down the range leads back to.
+Each rule is a scalar semilinear Duhem model (Oh and Bernstein, IEEE TAC 50(5):631-645, 2005). As particular solutions
+the engine uses the branches of the attracting major loop: the state that a full sweep of the range leads back to.
 """
 
 from __future__ import annotations
@@ -90,10 +90,9 @@ class TSFuzzyDuhem(HysteresisModel):
 
     def rules_table(self) -> str:
         """The rules as a table: centre, then a and b of either direction."""
-        lines = [f"{'centre':>12} {'a rising':>13} {'b rising':>13} {'a falling':>13} {'b falling':>13}"]
-        for values in zip(self.sets.centres, *self.heating_law, *self.cooling_law, strict=True):
-            lines.append(f"{values[0]:12.6g} " + " ".join(f"{float(value):13.6g}" for value in values[1:]))
-        return "\n".join(lines)
+        head = f"{'centre':>12} {'a rising':>13} {'b rising':>13} {'a falling':>13} {'b falling':>13}"
+        rows = zip(self.sets.centres, *self.heating_law, *self.cooling_law, strict=True)
+        return "\n".join([head, *("{:12.6g} {:13.6g} {:13.6g} {:13.6g} {:13.6g}".format(*row) for row in rows)])
 
     def admissible(self, v: float) -> tuple[float, float]:  # noqa: ARG002
         """[0, 1] at every input."""

@@ -1,15 +1,14 @@
 """Identification of a Duhem model by its simulated output.
 
-Unknown are mean, width and weight of every Gaussian of both branches, scale and offset. The error of the simulated output
-is minimised (slopes would amplify noise and bias the loop), first with one Gaussian per branch, then with more, started
-from several splits of the first. The branches must not cross: where h₋ comes closer to h₊ than a margin, measured in
-standard deviations, a penalty pushes them apart; it is raised until the model is valid over the whole range.
+Unknown are mean, width and weight of every Gaussian of both branches, scale and offset. The error of the simulated
+output is minimised (slopes would amplify noise and bias the loop), first with one Gaussian per branch, then with more,
+started from several splits of the first. The branches must not cross: where h₋ comes closer to h₊ than a margin,
+measured in standard deviations, a penalty pushes them apart; it is raised until the model is valid over the range.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -28,15 +27,18 @@ if TYPE_CHECKING:
 
     from smadrive.hysteresis.arrays import FloatArray
 
-_CELLS = 256  # table of a trial model: its error is far below any measurement's
-_FLOOR = 1e-2  # least relative gap between the branches of a trial model
+_CELLS = 192  # table of a trial model: its error is far below any measurement's
+_STEEPEST = 1e3  # rate of a trial model per input span, where its branches touch
 _MARGIN = 0.05  # standard deviations between the branches
 _PENALTIES = (0.03, 0.3, 3.0, 30.0)
+_TRY, _POLISH = 12, 60  # evaluations spent on a start, and on the best
 _EXPLAINED = 0.5  # least share of the output's variance that a dependence on the input explains
 _SPLITS = ((0.6, 0.6, 0.9), (0.0, 0.5, 1.5), (0.9, 0.7, 0.7))  # shift and widths, in σ of the single Gaussian
 
 
-def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band: float | None = None) -> Fit[DuhemModel]:
+def identify_duhem(
+    v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band: float | None = None
+) -> Fit[DuhemModel]:
     """The Duhem model with `components` Gaussians per branch that reproduces the record best.
 
     v, y (samples,): input and output. `dead_band`: radius of the reversal filter in the unit of v, None: from the noise
@@ -49,31 +51,38 @@ def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band
 
 def fit_duhem(record: Record, components: int) -> Fit[DuhemModel]:
     """The same for a prepared record."""
+    problem = _Problem(record, _PENALTIES[0])
+    x = problem.solve(problem.first_guess(), _POLISH).x
+    if components > 1:
+        tries = [problem.solve(start, _TRY) for start in problem.splits(x, components)]
+        x = min(tries, key=lambda result: float(result.cost)).x
     for penalty in _PENALTIES:
         problem = _Problem(record, penalty)
-        best = problem.solve(problem.first_guess())
-        if components > 1:
-            best = min((problem.solve(guess) for guess in problem.splits(best.x, components)), key=lambda result: float(result.cost))
+        x = problem.solve(x, _POLISH).x
         try:
-            model = problem.model(best.x)
+            model = problem.model(x)
         except ModelError:
             continue
-        fit = judge(model, record.path, record.y, float(record.mean_y[0]))
-        if np.var(fit.residual) > (1 - _EXPLAINED) * np.var(record.y):
-            raise IdentificationError(
-                f"the output does not follow the input: a loop explains {100 * (1 - np.var(fit.residual) / np.var(record.y)):.0f} % of "
-                f"its variance, at least {100 * _EXPLAINED:.0f} % are needed; check that the columns belong to one wire"
-            )
-        return fit
+        return _accepted(judge(model, record.path, record.y, float(record.mean_y[0])), record)
     raise IdentificationError(
-        "heating and cooling branch could not be kept apart over the record's range; check the order of the samples and "
-        "that the output rises (or falls) later on heating than on cooling"
+        "heating and cooling branch could not be kept apart over the record's range; check the order of the samples "
+        "and that the output rises (or falls) later on heating than on cooling"
     )
+
+
+def _accepted(fit: Fit[DuhemModel], record: Record) -> Fit[DuhemModel]:
+    explained = 1 - float(np.var(fit.residual) / np.var(record.y))
+    if explained < _EXPLAINED:
+        raise IdentificationError(
+            f"the output does not follow the input: a loop explains {100 * explained:.0f} % of its variance, at least "
+            f"{100 * _EXPLAINED:.0f} % are needed; check that both columns belong to one wire"
+        )
+    return fit
 
 
 @dataclass(frozen=True, slots=True)
 class _Problem:
-    """Least squares over x = (heating means, log widths, weights; cooling likewise; scale, offset), in units of the spans."""
+    """Least squares over x = (heating means, log widths, weights; cooling likewise; scale, offset), in spans."""
 
     record: Record
     penalty: float
@@ -84,8 +93,12 @@ class _Problem:
         made = []
         for means, log_widths, logits in x[:-2].reshape(2, 3, -1):
             weights = softmax(logits) * (1 - 1e-3) + 1e-3 / len(logits)
-            widths = span * np.exp(np.clip(log_widths, -7.0, 3.0))
-            made.append(GaussianMixture(tuple(weights / weights.sum()), tuple(lower + span * means), tuple(widths)))
+            widths = span * np.exp(np.clip(log_widths, -5.0, 3.0))
+            made.append(
+                GaussianMixture(
+                    *(tuple(part.tolist()) for part in (weights / weights.sum(), lower + span * means, widths))
+                )
+            )
         return made[0], made[1]
 
     def output_map(self, x: FloatArray) -> tuple[float, float]:
@@ -100,7 +113,9 @@ class _Problem:
         heating, cooling = self.mixtures(x)
         scale, offset = self.output_map(x)
         nodes = np.linspace(*record.input_range, _CELLS + 1)
-        engine = BranchEngine(nodes, _CELLS, *duhem_branches(heating, cooling, nodes, _FLOOR))
+        engine = BranchEngine(
+            nodes, _CELLS, *duhem_branches(heating, cooling, nodes, _STEEPEST / (nodes[-1] - nodes[0]))
+        )
         bounds = sorted(float(np.interp(record.v[0], nodes, m.target)) for m in (engine.heating, engine.cooling))
         start = min(max((record.mean_y[0] - offset) / scale, bounds[0]), bounds[1])
         error = (offset + scale * engine.trajectory(record.v, start) - record.mean_y) / record.output_span
@@ -108,8 +123,8 @@ class _Problem:
         crossing = self.penalty * np.sqrt(len(record.path) / len(gap)) * np.maximum(_MARGIN - gap, 0)
         return np.concatenate([error * np.sqrt(record.count), crossing])
 
-    def solve(self, x: FloatArray) -> OptimizeResult:
-        return least_squares(self.residuals, x, x_scale="jac", ftol=1e-5, xtol=1e-5, max_nfev=40)
+    def solve(self, x: FloatArray, evaluations: int) -> OptimizeResult:
+        return least_squares(self.residuals, x, method="lm", ftol=1e-5, xtol=1e-5, max_nfev=evaluations * (len(x) + 1))
 
     def first_guess(self) -> FloatArray:
         """One Gaussian per branch from the quantiles of the monotone curve through each branch's samples."""
@@ -129,7 +144,9 @@ class _Problem:
         width = max((a3 - a1 + c3 - c1) / 4, 0.01)
         a2 = max(a2, c2 + 0.1 * width)
         log_width = np.log(width)
-        return np.array([a2, log_width, 0.0, c2, log_width, 0.0, scale / record.output_span, offset / record.output_span])
+        return np.array(
+            [a2, log_width, 0.0, c2, log_width, 0.0, scale / record.output_span, offset / record.output_span]
+        )
 
     def splits(self, x: FloatArray, components: int) -> list[FloatArray]:
         """Starts with more Gaussians: those of the single-Gaussian solution spread over shifts and widths."""
@@ -137,10 +154,12 @@ class _Problem:
         starts = []
         for shift, first_width, last_width in _SPLITS:
             made = []
-            for (mean, log_width, _), mirror in product(branches, (1,)):
-                place = np.linspace(-1, 1, components) * mirror
+            for mean, log_width, _ in branches:
+                place = np.linspace(-1, 1, components)
                 widths = np.linspace(first_width, last_width, components)
-                made.append([mean + shift * place * np.exp(log_width), log_width + np.log(widths), np.zeros(components)])
+                made.append(
+                    [mean + shift * place * np.exp(log_width), log_width + np.log(widths), np.zeros(components)]
+                )
             starts.append(np.concatenate([np.ravel(made), x[-2:]]))
         return starts
 

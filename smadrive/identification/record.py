@@ -8,6 +8,7 @@ weight. Turning points are kept as they are.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -15,10 +16,14 @@ from smadrive.errors import IdentificationError
 from smadrive.hysteresis.arrays import FloatArray, paired_vectors
 from smadrive.hysteresis.reversal import check_radius, monotone_runs
 
-_CELLS = 400  # thinning cells over the input span
+_CELLS = 150  # thinning cells over the input span
 _NOISE_BAND = 4.0  # standard deviations of the input noise per dead band radius
 _WIDEST_BAND = 0.025  # of the input span: coarse sampling must not pass for noise
 _LEAST_COVERAGE = 0.6  # of the input span, in either direction
+
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,25 +53,25 @@ def noise_deviation(samples: FloatArray) -> float:
     return float(np.median(np.abs(np.diff(samples, 2)))) / 0.6745 / np.sqrt(6.0)
 
 
-def prepare(v: FloatArray, y: FloatArray, dead_band: float | None) -> Record:
+def prepare(v: ArrayLike, y: ArrayLike, dead_band: float | None) -> Record:
     """Check, clean and thin a record. `dead_band`: radius in the unit of v, None: from the noise of v.
 
     Raises DataError for samples that cannot be used, IdentificationError for records that determine no hysteresis.
     """
-    v, y = paired_vectors(v, y)
-    span, output_span = float(np.ptp(v)), float(np.ptp(y))
+    inputs, outputs = paired_vectors(v, y)
+    span, output_span = float(np.ptp(inputs)), float(np.ptp(outputs))
     if span == 0:
-        raise IdentificationError(f"the input is constant at {v[0]:g}; record at least one full loop")
+        raise IdentificationError(f"the input is constant at {inputs[0]:g}; record at least one full loop")
     if output_span == 0:
-        raise IdentificationError(f"the output is constant at {y[0]:g}; check the sensor, then record at least one full loop")
+        raise IdentificationError(f"the output is constant at {outputs[0]:g}; check the sensor and record a full loop")
     widest = _WIDEST_BAND * span
-    radius = min(_NOISE_BAND * noise_deviation(v), widest) if dead_band is None else check_radius(dead_band)
-    path = monotone_runs(v, radius)
+    radius = min(_NOISE_BAND * noise_deviation(inputs), widest) if dead_band is None else check_radius(dead_band)
+    path = monotone_runs(inputs, radius)
     _require_loop(path, span)
-    corners = _corners(path)
-    thin_v, thin_y, count = _thin(path, y, corners, span / _CELLS)
-    noise = noise_deviation(y) / output_span
-    return Record(path, y, thin_v, thin_y, count, (float(v.min()), float(v.max())), output_span, noise)
+    thin_v, thin_y, count = _thin(path, outputs, _corners(path), span / _CELLS)
+    noise = noise_deviation(outputs) / output_span
+    input_range = float(inputs.min()), float(inputs.max())
+    return Record(path, outputs, thin_v, thin_y, count, input_range, output_span, noise)
 
 
 def _corners(path: FloatArray) -> FloatArray:
@@ -93,12 +98,14 @@ def _require_loop(path: FloatArray, span: float) -> None:
         share = float(np.mean(covered > 0))
         if share < _LEAST_COVERAGE:
             raise IdentificationError(
-                f"less than one full loop: the {name} input covers {100 * share:.0f} % of the input span of {span:g}, at least "
-                f"{100 * _LEAST_COVERAGE:.0f} % are needed in each direction; record a full loop, with reversals if possible"
+                f"less than one full loop: the {name} input covers {100 * share:.0f} % of the input span of {span:g}, "
+                f"at least {100 * _LEAST_COVERAGE:.0f} % are needed in each direction; record a full loop"
             )
 
 
-def _thin(path: FloatArray, y: FloatArray, corners: FloatArray, cell: float) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _thin(
+    path: FloatArray, y: FloatArray, corners: FloatArray, cell: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     place = np.floor((path - path.min()) / cell).astype(np.int64)
     new = np.ones(len(path), dtype=bool)
     new[1:] = (place[1:] != place[:-1]) | corners[1:] | corners[:-1]

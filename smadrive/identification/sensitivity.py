@@ -78,7 +78,7 @@ class RuleTables:
         return branch, weight
 
     def states(self, runs: Runs, w_start: float) -> FloatArray:
-        """w at every sample."""
+        """State w at every sample."""
         return self.engine.trajectory(runs.v, w_start)
 
     def jacobian(self, runs: Runs, w_start: float) -> FloatArray:
@@ -124,7 +124,9 @@ class RuleTables:
             turned[:, column] = sign * np.einsum("cq,cqs->cs", WEIGHTS * width[:, None] * rate_drive, mu)
         change = np.diff(branch.exponent)
         gain = np.exp(change if rising else -change)
-        return _Sensitivity(_march_rows(gain, forced, rising=rising), np.vstack([np.zeros(5 * sets), np.cumsum(turned, axis=0)]))
+        return _Sensitivity(
+            _march_rows(gain, forced, rising=rising), np.vstack([np.zeros(5 * sets), np.cumsum(turned, axis=0)])
+        )
 
     def _slopes(self, rate: FloatArray) -> FloatArray:
         """Derivative of the blended rate in every cell; zero on the shoulders."""
@@ -133,7 +135,9 @@ class RuleTables:
         slopes = np.concatenate([[0.0], np.diff(rate) / np.diff(centres), [0.0]])
         return np.asarray(slopes[np.searchsorted(centres, middle)])
 
-    def _interpolate(self, up: _Sensitivity, down: _Sensitivity, v: FloatArray, rising: np.ndarray) -> tuple[FloatArray, FloatArray]:
+    def _interpolate(
+        self, up: _Sensitivity, down: _Sensitivity, v: FloatArray, rising: np.ndarray
+    ) -> tuple[FloatArray, FloatArray]:
         cell = np.clip(np.searchsorted(self.nodes, v, side="right") - 1, 0, len(self.nodes) - 2)
         share = ((v - self.nodes[cell]) / (self.nodes[cell + 1] - self.nodes[cell]))[:, None]
         results = []

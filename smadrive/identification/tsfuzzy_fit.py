@@ -1,10 +1,10 @@
 """Identification of a T-S fuzzy Duhem model by its simulated output.
 
-Unknown are the rates p, q ≥ 0 of every rule (see sensitivity), the centres of the sets, scale, offset and first state. A
-major loop alone cannot tell a from b, and free least squares then finds rules that expand; here every trial model
+Unknown are the rates p, q ≥ 0 of every rule (see sensitivity), the centres of the sets, scale, offset and first state.
+A major loop alone cannot tell a from b, and free least squares then finds rules that expand; here every trial model
 contracts and is bounded by construction, and where the record is silent the rules stay near those of a Duhem fit: each
-rule is tied to it as weakly as one measured sample would tie it. The error of the simulated output is minimised, from
-several placements of the centres, with exact derivatives.
+rule is tied to it about as weakly as one measured sample would tie it. The error of the simulated output is minimised,
+from several placements of the centres, with exact derivatives.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import OptimizeResult, least_squares
 from scipy.special import softmax
 
 from smadrive.errors import IdentificationError
 from smadrive.hysteresis.fuzzy import TriangularSets
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
+from smadrive.identification.bounded import Minimum, minimise
 from smadrive.identification.duhem_fit import fit_duhem
 from smadrive.identification.quality import Fit, judge
 from smadrive.identification.record import Record, prepare
@@ -32,9 +32,15 @@ if TYPE_CHECKING:
     from smadrive.hysteresis.duhem import DuhemModel
 
 _LEAST_RATE = 1e-3  # contraction per input span that every rule keeps
-_LARGEST_RATE = 1e4
-_START_RATE = 300.0
+_LARGEST_RATE = 300.0
+_TRY, _POLISH = (60, 1e-4), (200, 1e-6)  # iterations and relative gain to stop at: for each start, for the best
+_LARGEST_PRIOR = 200.0
 _LEAST_GAP = 0.01  # of the input span, between centres
+_PRIOR_CELLS = 400
+_STRAY, _STRAY_LEAST = 0.3, 0.5  # rates may stray from the Duhem fit's by this share of p + q, and this per input span
+_STRAY_GAP = 3.0  # the same for the logarithms of the gaps between centres
+_CLEARLY_BETTER = 0.8
+_TIE_MISFIT = 0.2  # a Duhem fit's own misfit, in these units, counts like noise
 _TIE_FLOOR = 2e-6  # tie to the Duhem fit for a record without noise, in output spans
 
 
@@ -48,29 +54,37 @@ def identify_tsfuzzy(
 ) -> Fit[TSFuzzyDuhem]:
     """The T-S fuzzy Duhem model with two rules per set that reproduces the record best.
 
-    v, y (samples,): input and output of one wire, preferably with reversals. `sets`: number of triangular sets, or their
-    centres; `fit_centres`: whether the centres may move. `dead_band`: radius of the reversal filter in the unit of v,
-    None: from the noise of v. Raises DataError for samples that cannot be used, IdentificationError when the record does
-    not determine a loop or the sets do not fit it.
+    v, y (samples,): input and output of one wire, preferably with reversals. `sets`: number of triangular sets, or
+    their centres; `fit_centres`: whether the centres may move. `dead_band`: radius of the reversal filter in the unit
+    of v, None: from the noise of v. Raises DataError for samples that cannot be used, IdentificationError when the
+    record does not determine a loop or the sets do not fit it.
     """
     record = prepare(v, y, dead_band)
     placements = _placements(record, sets, fit_centres=fit_centres)
-    prior = fit_duhem(record, components=2).model
+    prior = _Prior(_plainest_duhem(record), record)
     problems = [_Problem.near(record, prior, centres, fit_centres) for centres in placements]
-    solutions = [(problem, problem.solve()) for problem in problems]
-    problem, best = min(solutions, key=lambda pair: float(pair[1].cost))
+    tries = [(problem, problem.solve(problem.start, *_TRY)) for problem in problems]
+    problem, best = min(tries, key=lambda pair: pair[1].cost)
+    best = problem.solve(best.x, *_POLISH)
     return judge(problem.model(best.x), record.path, record.y, problem.first_output(best.x))
 
 
+def _plainest_duhem(record: Record) -> Fit[DuhemModel]:
+    """One Gaussian per branch, or two where they fit clearly better: more would follow noise where the record is silent."""
+    plain, rich = fit_duhem(record, components=1), fit_duhem(record, components=2)
+    return rich if rich.rms_percent < _CLEARLY_BETTER * plain.rms_percent else plain
+
+
 def _placements(record: Record, sets: int | Sequence[float], *, fit_centres: bool) -> list[FloatArray]:
-    """Centres to start from: those given, or evenly over the range and (when they may move) where the output changes."""
+    """Centres to start from: those given, evenly over the range, or (when they may move) where the output changes."""
     lower, upper = record.input_range
     if not isinstance(sets, int):
         centres = np.asarray(sets, dtype=np.float64)
         outside = centres[(centres < lower) | (centres > upper)]
         if len(centres) < 2 or outside.size or not (np.diff(centres) > 0).all():
             raise IdentificationError(
-                f"sets = {centres.tolist()}: give at least 2 ascending centres inside the data's range [{lower:g}, {upper:g}]"
+                f"sets = {centres.tolist()}: give at least 2 ascending centres inside the data's range "
+                f"[{lower:g}, {upper:g}]"
             )
         return [centres]
     most = int(0.5 / _LEAST_GAP)
@@ -85,9 +99,44 @@ def _placements(record: Record, sets: int | Sequence[float], *, fit_centres: boo
     for share in (0.5, 0.8):
         activity = np.cumsum(moves[order]) / moves.sum()
         grid = np.linspace(lower, upper, 400)
-        blend = share * np.interp(grid, record.v[1:][order], activity, 0, 1) + (1 - share) * (grid - lower) / (upper - lower)
+        blend = share * np.interp(grid, record.v[1:][order], activity, 0, 1) + (1 - share) * (grid - lower) / (
+            upper - lower
+        )
         placements.append(np.interp((np.arange(sets) + 0.5) / sets, blend, grid))
-    return [even, *placements]
+    return placements
+
+
+class _Prior:
+    """The rates p and q of a Duhem model as functions of v, tabulated; in units of one per input span."""
+
+    def __init__(self, fit: Fit[DuhemModel], record: Record) -> None:
+        lower, upper = record.input_range
+        model = fit.model
+        self.model = model
+        self.grid = np.linspace(lower, upper, _PRIOR_CELLS + 1)
+        inside = np.clip(self.grid, model.engine.lower, model.engine.upper)
+        rates = []
+        for rising in (True, False):
+            a, b = model.local_laws(inside, rising=rising)
+            total = np.minimum(np.abs(a) * (upper - lower), _LARGEST_PRIOR)
+            share = np.clip(b / -a, 0.0, 1.0)
+            rates += [total * share, total * (1 - share)]
+        self.rates = np.array(rates)
+        self._slopes = np.gradient(self.rates, self.grid, axis=1)
+        self.weight = max(record.noise, _TIE_MISFIT * fit.rms_percent / 100, _TIE_FLOOR)
+
+    def at(self, centres: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rates (4, sets) and their derivatives with respect to v."""
+        return _interpolate(centres, self.grid, self.rates), _interpolate(centres, self.grid, self._slopes)
+
+    def reach(self, centres: FloatArray) -> FloatArray:
+        """How far rates (4, sets) may stray before it costs as much as one sample off by the noise."""
+        pairs = _interpolate(centres, self.grid, self.rates).reshape(2, 2, -1)
+        return np.ravel(np.broadcast_to(_STRAY * pairs.sum(axis=1, keepdims=True) + _STRAY_LEAST, pairs.shape))
+
+
+def _interpolate(v: FloatArray, grid: FloatArray, rows: FloatArray) -> FloatArray:
+    return np.array([np.interp(v, grid, row) for row in rows])
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,24 +145,20 @@ class _Problem:
 
     record: Record
     runs: Runs
+    prior: _Prior
     start: FloatArray
+    reach: FloatArray
     centres: FloatArray
     fit_centres: bool
 
     @classmethod
-    def near(cls, record: Record, prior: DuhemModel, centres: FloatArray, fit_centres: bool) -> _Problem:
-        lower, upper = record.input_range
-        span = upper - lower
-        rates = []
-        for rising in (True, False):
-            a, b = prior.local_laws(np.clip(centres, prior.engine.lower, prior.engine.upper), rising=rising)
-            total = np.minimum(np.abs(a) * span, _START_RATE)
-            share = np.clip(b / -a, 0.0, 1.0)
-            rates += [total * share, total * (1 - share)]
-        tail = np.array([prior.scale / record.output_span, prior.offset / record.output_span, 0.0])
-        tail[2] = np.clip((record.mean_y[0] - prior.offset) / prior.scale, 0.0, 1.0)
+    def near(cls, record: Record, prior: _Prior, centres: FloatArray, fit_centres: bool) -> _Problem:
+        model, (lower, upper) = prior.model, record.input_range
+        first = np.clip((record.mean_y[0] - model.offset) / model.scale, 0.0, 1.0)
+        tail = [model.scale / record.output_span, model.offset / record.output_span, float(first)]
         gaps = _gap_logits(centres, lower, upper) if fit_centres else np.empty(0)
-        return cls(record, Runs(record.v), np.concatenate([*rates, gaps, tail]), centres, fit_centres)
+        start = np.concatenate([prior.at(centres)[0].ravel(), gaps, tail])
+        return cls(record, Runs(record.v), prior, start, prior.reach(centres), centres, fit_centres)
 
     def place(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Centres and their derivative with respect to the gaps' logits."""
@@ -129,26 +174,21 @@ class _Problem:
 
     def tables(self, x: FloatArray) -> RuleTables:
         lower, upper = self.record.input_range
-        return RuleTables(RuleRates(*self._rates(x), self.place(x)[0]), lower, upper)
+        p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
+        rates = RuleRates(p_heating, q_heating, p_cooling, q_cooling, self.place(x)[0])
+        return RuleTables(rates, lower, upper)
 
     def _rates(self, x: FloatArray) -> FloatArray:
         lower, upper = self.record.input_range
         return x[: 4 * len(self.centres)].reshape(4, -1) / (upper - lower)
 
-    def _tie(self) -> tuple[FloatArray, float]:
-        """How far each variable may stray from the start, and the weight of the tie."""
-        sets = len(self.centres)
-        reach = np.full(len(self.start), 3.0)
-        reach[: 4 * sets] = self.start[: 4 * sets] + 10.0
-        reach[-3:] = 1e3
-        return reach, max(self.record.noise, _TIE_FLOOR)
-
     def residuals(self, x: FloatArray) -> FloatArray:
-        record = self.record
+        record, rates = self.record, 4 * len(self.centres)
         w = self.tables(x).states(self.runs, float(x[-1]))
         error = (x[-2] + x[-3] * w - record.mean_y / record.output_span) * np.sqrt(record.count)
-        reach, weight = self._tie()
-        return np.concatenate([error, weight * (x - self.start) / reach])
+        stray = (x[:rates] - self.prior.at(self.place(x)[0])[0].ravel()) / self.reach
+        shift = (x[rates:-3] - self.start[rates:-3]) / _STRAY_GAP
+        return np.concatenate([error, self.prior.weight * stray, self.prior.weight * shift])
 
     def jacobian(self, x: FloatArray) -> FloatArray:
         record, sets = self.record, len(self.centres)
@@ -156,21 +196,25 @@ class _Problem:
         tables = self.tables(x)
         w = tables.states(self.runs, float(x[-1]))
         dw = tables.jacobian(self.runs, float(x[-1]))
+        centres, moves = self.place(x)
         rates = x[-3] * dw[:, : 4 * sets] / (upper - lower)
-        gaps = x[-3] * dw[:, 4 * sets : 5 * sets] @ self.place(x)[1]
-        columns = np.column_stack([rates, gaps, w, np.ones_like(w), x[-3] * dw[:, -1]])
-        reach, weight = self._tie()
-        return np.vstack([columns * np.sqrt(record.count)[:, None], np.diag(weight / reach)])
+        gaps = x[-3] * dw[:, 4 * sets : 5 * sets] @ moves
+        error = np.column_stack([rates, gaps, w, np.ones_like(w), x[-3] * dw[:, -1]]) * np.sqrt(record.count)[:, None]
+        slopes = self.prior.at(centres)[1]
+        tie = np.zeros((4 * sets + moves.shape[1], len(x)))
+        np.fill_diagonal(tie, self.prior.weight / np.concatenate([self.reach, np.full(moves.shape[1], _STRAY_GAP)]))
+        followed = np.vstack([slope[:, None] * moves for slope in slopes])
+        tie[: 4 * sets, 4 * sets : -3] = -self.prior.weight * followed / self.reach[:, None]
+        return np.vstack([error, tie])
 
-    def solve(self) -> OptimizeResult:
+    def solve(self, start: FloatArray, iterations: int, tolerance: float) -> Minimum:
         sets = len(self.centres)
-        low = np.full(len(self.start), -np.inf)
-        high = np.full(len(self.start), np.inf)
+        low, high = np.full(len(start), -np.inf), np.full(len(start), np.inf)
         low[: 4 * sets], high[: 4 * sets] = 0.0, _LARGEST_RATE
         low[:sets] = low[3 * sets : 4 * sets] = _LEAST_RATE
         low[-1], high[-1] = 0.0, 1.0
-        start = np.clip(self.start, low, high)
-        return least_squares(self.residuals, start, self.jacobian, bounds=(low, high), x_scale="jac", ftol=1e-5, xtol=1e-6, max_nfev=100)
+        bounds = (low, high)
+        return minimise(self.residuals, self.jacobian, start, bounds, iterations=iterations, tolerance=tolerance)
 
     def model(self, x: FloatArray) -> TSFuzzyDuhem:
         p_heating, q_heating, p_cooling, q_cooling = self._rates(x)

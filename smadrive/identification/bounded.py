@@ -1,0 +1,71 @@
+"""Bounded least squares for many samples and few variables: Levenberg-Marquardt on the normal equations.
+
+    minimise |r(x)|²/2, low ≤ x ≤ high:    (H + λ diag H) s = -g on the free variables,  H = JᵀJ, g = Jᵀr;  x ← clip(x + s)
+
+A variable is free unless it stands at a bound and the gradient pushes outward. Each iteration factors one matrix as small
+as the number of variables; scipy's bounded solvers decompose the whole Jacobian instead, which with threaded linear
+algebra on a busy machine costs a hundred times more. The variables must be scaled so that H is not hopeless.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+from scipy.linalg import LinAlgError, solve
+
+from smadrive.hysteresis.arrays import FloatArray
+
+_SMALLEST_DAMPING, _LARGEST_DAMPING = 1e-12, 1e8
+
+
+class Minimum(NamedTuple):
+    """Solution and half its sum of squares."""
+
+    x: FloatArray
+    cost: float
+
+
+def minimise(
+    residuals: Callable[[FloatArray], FloatArray],
+    jacobian: Callable[[FloatArray], FloatArray],
+    start: FloatArray,
+    bounds: tuple[FloatArray, FloatArray],
+    *,
+    iterations: int,
+    tolerance: float,
+) -> Minimum:
+    """Descend from `start` until a step lowers the cost by less than `tolerance`, relatively, or no step lowers it."""
+    low, high = bounds
+    x = np.clip(start, low, high)
+    error = residuals(x)
+    cost, damping = 0.5 * float(error @ error), 1e-3
+    for _ in range(iterations):
+        slope = jacobian(x)
+        gradient, hessian = slope.T @ error, slope.T @ slope
+        free = np.flatnonzero(~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))))
+        before = cost
+        while damping < _LARGEST_DAMPING:
+            trial = x.copy()
+            trial[free] += _step(hessian[np.ix_(free, free)], gradient[free], damping)
+            trial = np.clip(trial, low, high)
+            trial_error = residuals(trial)
+            trial_cost = 0.5 * float(trial_error @ trial_error)
+            if trial_cost < cost:
+                x, error, cost = trial, trial_error, trial_cost
+                damping = max(damping / 5, _SMALLEST_DAMPING)
+                break
+            damping *= 4
+        if before - cost <= tolerance * before:
+            break
+    return Minimum(x, cost)
+
+
+def _step(hessian: FloatArray, gradient: FloatArray, damping: float) -> FloatArray:
+    scale = np.sqrt(np.maximum(np.diag(hessian), 1e-300))
+    scaled = hessian / scale / scale[:, None] + damping * np.eye(len(gradient))
+    try:
+        return np.asarray(-solve(scaled, gradient / scale, assume_a="pos") / scale)
+    except LinAlgError:
+        return np.zeros_like(gradient)
