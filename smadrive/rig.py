@@ -25,8 +25,9 @@ from smadrive.device.profile import Profile, load_profile
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, nested_reversals
+from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
-from smadrive.modbus.transport import Transport, open_transport
+from smadrive.modbus.transport import Transport
 from smadrive.rigconfig import RigConfig, load_wire
 from smadrive.thermal import HeatBalance
 
@@ -65,7 +66,9 @@ class Rig:
             self._on_exit = stack.pop_all()
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
         """Safe state, then close the port, whatever happened; what happened stays the error that is told."""
         self._on_exit.__exit__(kind, error, trace)
 

@@ -132,8 +132,10 @@ class Supervisor:
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, f"{temperature_c:.1f} °C, limit {limit_c:g} °C")
 
     def _check_current(self, measurement: Measurement, commanded_a: float) -> None:
-        difference_a = abs(measurement.current_a - commanded_a)
-        if not self._mismatch.update(difference_a > self._limits.current_tolerance_a):
+        excess_a = measurement.current_a - commanded_a
+        limited = bool(measurement.device_limits)  # then the device gives less than asked, and says so
+        too_little = -excess_a > self._limits.current_tolerance_a and not limited
+        if not self._mismatch.update(excess_a > self._limits.current_tolerance_a or too_little):
             return
         fault = Fault.CURRENT_MISMATCH if commanded_a > 0 else Fault.UNEXPECTED_HEATING
         self._raise(fault, measurement.time_s, f"{measurement.current_a:.3f} A measured, {commanded_a:.3f} A commanded")

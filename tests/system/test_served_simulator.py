@@ -14,7 +14,7 @@ from smadrive.device.device import Device
 from smadrive.device.heater import HeaterBoard, HeaterLimits
 from smadrive.device.profile import load_profile
 from smadrive.modbus.master import Master
-from smadrive.modbus.transport import open_transport
+from smadrive.modbus.connect import open_transport
 
 SIM = "flexinol-lt-0.15mm"
 COMMAND = [sys.executable, "-m", "firmware_sim.cli"]
@@ -101,7 +101,7 @@ from smadrive.device.device import Device
 from smadrive.device.heater import HeaterBoard, HeaterLimits
 from smadrive.device.profile import load_profile
 from smadrive.modbus.master import Master
-from smadrive.modbus.transport import open_transport
+from smadrive.modbus.connect import open_transport
 
 device = Device(load_profile("sma-reference"), Master(open_transport(sys.argv[1])))
 board = HeaterBoard(device, limits=HeaterLimits(current_max_a=0.6, temperature_max_c=130.0), clock=MonotonicClock())

@@ -47,6 +47,11 @@ def test_the_current_must_be_the_commanded_one():
     assert trips_after([sample(current_a=0.1)] * 10, commanded_a=0.0) == (4, Fault.UNEXPECTED_HEATING)
 
 
+def test_a_device_that_limits_the_current_and_says_so_is_no_mismatch():
+    assert trips_after([sample(current_a=0.1, device_limits=("temperature",))] * 10) is None
+    assert trips_after([sample(current_a=0.4, device_limits=("temperature",))] * 10) == (4, Fault.CURRENT_MISMATCH)
+
+
 def test_a_fault_of_the_device_trips_at_once():
     assert trips_after([sample(device_faults=("watchdog",))]) == (1, Fault.DEVICE_FAULT)
 

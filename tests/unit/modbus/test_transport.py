@@ -5,7 +5,8 @@ import os
 import pytest
 
 from smadrive.errors import ConfigError, TransportError
-from smadrive.modbus.transport import SerialSettings, open_transport
+from smadrive.modbus.connect import open_transport
+from smadrive.modbus.transport import SerialSettings
 
 
 @pytest.fixture
