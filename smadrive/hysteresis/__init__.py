@@ -7,7 +7,7 @@ from smadrive.hysteresis.inverse import InverseFeedforward, InverseTrajectory, I
 from smadrive.hysteresis.mixture import GaussianMixture
 from smadrive.hysteresis.model import HysteresisModel, HysteresisState
 from smadrive.hysteresis.modelfile import load_model, save_model
-from smadrive.hysteresis.reversal import DeadBand, play
+from smadrive.hysteresis.reversal import DeadBand, filter_reversals
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 
 __all__ = [
@@ -25,7 +25,7 @@ __all__ = [
     "TSFuzzyDuhem",
     "TrapezoidSets",
     "TriangularSets",
+    "filter_reversals",
     "load_model",
-    "play",
     "save_model",
 ]

@@ -90,8 +90,13 @@ class HysteresisModel:
         return HysteresisState(v0, self.offset + self.scale * w, w)
 
     def step(self, state: HysteresisState, v1: float) -> HysteresisState:
-        """State after the input moved monotonically from state.v to v1: exact for a move of any size."""
+        """State after the input moved monotonically from state.v to v1: exact for a move of any size.
+
+        Raises DataError when v1 is not finite.
+        """
         v1 = float(v1)
+        if not isfinite(v1):
+            raise DataError(f"step: the new input is {v1}; it must be finite")
         w = self.engine.move(state.w, state.v, v1)
         return HysteresisState(v1, self.offset + self.scale * w, w)
 

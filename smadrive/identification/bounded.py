@@ -1,10 +1,10 @@
 """Bounded least squares for many samples and few variables: Levenberg-Marquardt on the normal equations.
 
-    minimise |r(x)|²/2, low ≤ x ≤ high:    (H + λ diag H) s = -g on the free variables,  H = JᵀJ, g = Jᵀr;  x ← clip(x + s)
+    minimise |r(x)|²/2, low ≤ x ≤ high:    (H + λ diag H) s = -g on the free variables,  H = JᵀJ,  g = Jᵀr,  x + s clipped
 
-A variable is free unless it stands at a bound and the gradient pushes outward. Each iteration factors one matrix as small
-as the number of variables; scipy's bounded solvers decompose the whole Jacobian instead, which with threaded linear
-algebra on a busy machine costs a hundred times more. The variables must be scaled so that H is not hopeless.
+A variable is free unless it stands at a bound and the gradient pushes outward. Each iteration factors one matrix no
+larger than the number of variables; scipy's bounded solvers decompose the whole Jacobian instead, which with threaded
+linear algebra on a busy machine costs a hundred times more.
 """
 
 from __future__ import annotations

@@ -70,7 +70,7 @@ def identify_tsfuzzy(
 
 
 def _plainest_duhem(record: Record) -> Fit[DuhemModel]:
-    """One Gaussian per branch, or two where they fit clearly better: more would follow noise where the record is silent."""
+    """One Gaussian per branch, or two where they fit clearly better: more follow noise where the record is silent."""
     plain, rich = fit_duhem(record, components=1), fit_duhem(record, components=2)
     return rich if rich.rms_percent < _CLEARLY_BETTER * plain.rms_percent else plain
 

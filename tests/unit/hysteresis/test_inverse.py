@@ -1,0 +1,56 @@
+"""The inverse: what it says it reaches is reached, what it cannot reach saturates and is told."""
+
+import numpy as np
+import pytest
+
+from smadrive.errors import DataError
+from smadrive.hysteresis import InverseFeedforward
+
+
+def outputs(model, shares):
+    return model.offset + model.scale * np.asarray(shares)
+
+
+def test_round_trip(model):
+    wanted = outputs(model, 0.5 + 0.4 * np.sin(np.linspace(0, 20, 300)))
+    start = model.initial_state(model.input_range[0])
+    result = InverseFeedforward(model).trajectory(wanted, start.v)
+    assert result.reachable.all()
+    reached = model.simulate(np.concatenate([[start.v], result.v]), start.y)[1:]
+    np.testing.assert_allclose(reached, wanted, rtol=0, atol=1e-8 * abs(model.scale))
+    np.testing.assert_allclose(result.y, wanted, rtol=0, atol=1e-8 * abs(model.scale))
+
+
+def test_random_wanted_outputs(model):
+    wanted = outputs(model, np.random.default_rng(3).uniform(0.02, 0.98, 500))
+    result = InverseFeedforward(model).trajectory(wanted, model.input_range[0])
+    assert result.reachable.all()
+    np.testing.assert_allclose(result.y, wanted, rtol=0, atol=1e-9 * abs(model.scale))
+
+
+def test_what_cannot_be_reached_saturates(model):
+    result = InverseFeedforward(model).trajectory(outputs(model, [0.5, 1.3, -0.3]), model.input_range[0])
+    assert result.reachable.tolist() == [True, False, False]
+    assert result.v[1:].tolist() == [model.engine.upper, model.engine.lower]
+
+
+def test_an_output_already_reached_needs_no_move(model):
+    state = model.initial_state(0.5 * sum(model.input_range))
+    assert InverseFeedforward(model).update(state, state.y) == (state.v, state.y, True)
+
+
+def test_state_outside_the_range_is_brought_back(model):
+    state = model.initial_state(model.input_range[1] + 50.0, model.offset + model.scale)
+    inversion = InverseFeedforward(model).update(state, model.offset + 0.5 * model.scale)
+    assert inversion.reachable
+    assert model.step(state, inversion.v).y == pytest.approx(inversion.y, abs=1e-9 * abs(model.scale))
+
+
+def test_wanted_outputs_must_be_finite(model):
+    inverse = InverseFeedforward(model)
+    with pytest.raises(DataError, match="wanted output is nan"):
+        inverse.update(model.initial_state(0.0), float("nan"))
+    with pytest.raises(DataError, match="sample 1"):
+        inverse.trajectory([0.0, np.inf], 0.0)
+    with pytest.raises(DataError, match="1-D"):
+        inverse.trajectory(np.zeros((3, 2)), 0.0)

@@ -1,0 +1,52 @@
+"""The dead band: false reversals vanish, true ones stay, in real time as over a record."""
+
+import numpy as np
+import pytest
+
+from smadrive.errors import ModelError
+from smadrive.hysteresis import DeadBand, filter_reversals
+from smadrive.hysteresis.reversal import monotone_runs, turning_points
+
+TRUTH = np.concatenate([np.linspace(20, 100, 800), np.linspace(100, 50, 500), np.linspace(50, 120, 700)])
+NOISY = TRUTH + 0.2 * np.random.default_rng(1).standard_normal(len(TRUTH))
+
+
+def reversals(path):
+    signs = np.sign(np.diff(path))
+    signs = signs[signs != 0]
+    return int((signs[1:] != signs[:-1]).sum())
+
+
+def test_noise_makes_no_reversals():
+    assert reversals(NOISY) > 500
+    assert reversals(filter_reversals(NOISY, 1.0)) == 2
+    assert reversals(monotone_runs(NOISY, 1.0)) == 2
+    assert len(turning_points(NOISY, 1.0)) == 4
+
+
+def test_neither_form_lags():
+    assert np.mean((filter_reversals(NOISY, 1.0) - TRUTH)[100:700]) == pytest.approx(0, abs=0.2)
+    assert np.mean((monotone_runs(NOISY, 1.0) - TRUTH)[100:700]) == pytest.approx(0, abs=0.02)
+
+
+def test_real_time_form_is_the_same():
+    band = DeadBand(1.0)
+    np.testing.assert_array_equal([band.update(v) for v in NOISY], filter_reversals(NOISY, 1.0))
+
+
+def test_small_reversals_leave_the_output_where_it_was():
+    np.testing.assert_allclose(filter_reversals([0, 5, 4, 4.5, 6, 3.5, 4, 3], 1.0), [0, 5, 5, 5, 6, 3.5, 3.5, 3])
+
+
+def test_without_a_band_nothing_changes():
+    np.testing.assert_array_equal(filter_reversals(NOISY, 0.0), NOISY)
+    np.testing.assert_allclose(monotone_runs(NOISY, 0.0), NOISY, atol=1e-12)
+
+
+def test_constant_input():
+    np.testing.assert_array_equal(monotone_runs(np.full(5, 3.0), 0.5), np.full(5, 3.0))
+
+
+def test_radius_must_not_be_negative():
+    with pytest.raises(ModelError, match="radius is -1"):
+        DeadBand(-1.0)

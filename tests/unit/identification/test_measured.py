@@ -1,0 +1,39 @@
+"""Measured wires, where the data folder is at hand: it lies beside the project and is not part of it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smadrive.identification import identify_duhem, identify_tsfuzzy
+
+DATA = Path(__file__).parents[4] / "shared" / "data"
+pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the measured records lie beside the project")
+
+
+def columns(name):
+    table = np.loadtxt(DATA / f"{name}.csv", delimiter=",", skiprows=1)
+    return table[:, 0], table[:, 1]
+
+
+@pytest.mark.parametrize(
+    ("name", "rms_percent", "max_percent"),
+    [
+        ("flexinol_isobaric/100MPa", 0.4, 3.5),
+        ("flexinol_isobaric/172MPa", 0.4, 3.5),
+        ("nitihf_isobaric/100MPa", 1.0, 10.0),
+        ("nitihf_isobaric/300MPa", 1.0, 10.0),
+    ],
+)
+def test_twenty_two_rules(name, rms_percent, max_percent):
+    fit = identify_tsfuzzy(*columns(name))
+    assert len(fit.model.rules) == 22
+    assert fit.rms_percent <= rms_percent
+    assert fit.max_percent <= max_percent
+    assert fit.certificate.holds
+
+
+@pytest.mark.parametrize("name", ["flexinol_isobaric/100MPa", "flexinol_isobaric/172MPa"])
+def test_two_gaussians_beat_one(name):
+    one, two = (identify_duhem(*columns(name), components=n) for n in (1, 2))
+    assert two.rms_percent < 0.5 * one.rms_percent

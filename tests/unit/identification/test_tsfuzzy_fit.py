@@ -1,0 +1,124 @@
+"""Identification of rules: accuracy on loops it has not seen, noise, gaps in the data, certificates by construction."""
+
+import numpy as np
+import pytest
+
+from smadrive.errors import DataError, IdentificationError
+from smadrive.hysteresis import DuhemModel
+from smadrive.identification import identify_duhem, identify_tsfuzzy
+
+PAPER = DuhemModel.table1()
+WIRE = DuhemModel.gaussian(
+    mu_heating=95, mu_cooling=75, sigma_heating=5, sigma_cooling=5.2, scale=-4.2, offset=5, input_range=(20, 140)
+)
+
+
+def path(rng, lower, upper, turns, samples):
+    """A full sweep up, then random turning points, `samples` per stretch."""
+    corners = [lower, upper, *rng.uniform(lower, upper, turns)]
+    grid = np.arange(samples * (len(corners) - 1) + 1) / samples
+    return np.interp(grid, np.arange(len(corners)), corners)
+
+
+@pytest.fixture(scope="module")
+def paper_record():
+    v = path(np.random.default_rng(5), -300, 300, 100, 100)
+    v = np.concatenate([v, np.linspace(v[-1], -300, 100)])
+    return v, PAPER.simulate(v)
+
+
+@pytest.mark.parametrize(("fit_centres", "limit_percent"), [(False, 0.5), (True, 0.15)])
+def test_papers_case_on_unseen_loops(paper_record, fit_centres, limit_percent):
+    fit = identify_tsfuzzy(*paper_record, fit_centres=fit_centres)
+    assert len(fit.model.rules) == 22
+    rng = np.random.default_rng(77)
+    worst = 0.0
+    for _ in range(100):
+        v = path(rng, -300, 300, 10, 100)
+        worst = max(worst, float(np.max(np.abs(fit.model.simulate(v) - PAPER.simulate(v)))))
+    assert 100 * worst / PAPER.scale <= limit_percent
+    assert fit.certificate.holds
+
+
+@pytest.fixture(scope="module")
+def noisy_record():
+    rng = np.random.default_rng(1)
+    v = path(rng, 25, 135, 21, 450)
+    return v, WIRE.simulate(v), v + 0.2 * rng.standard_normal(len(v)), rng.standard_normal(len(v)) * 0.005 * 4.2
+
+
+def test_noise_on_both_columns(noisy_record):
+    v, y, noisy_v, noise = noisy_record
+    fit = identify_tsfuzzy(noisy_v, y + noise)
+    error = fit.model.simulate(v, fit.y0) - y
+    assert 100 * np.sqrt(np.mean(error**2)) / 4.2 <= 0.7
+    assert fit.certificate.holds
+
+
+def test_a_loop_with_a_gap_is_still_certified(noisy_record):
+    v, y, noisy_v, noise = noisy_record
+    kept = ~((v > 85) & (v < 118))
+    fit = identify_tsfuzzy(noisy_v[kept], (y + noise)[kept])
+    assert fit.certificate.holds
+    w = (fit.model.simulate(v) - fit.model.offset) / fit.model.scale
+    assert w.min() >= -1e-9
+    assert w.max() <= 1 + 1e-9
+
+
+def test_centres_can_be_given(noisy_record):
+    v, y, _, _ = noisy_record
+    centres = [40.0, 60.0, 70.0, 75.0, 80.0, 88.0, 92.0, 96.0, 101.0, 110.0, 130.0]
+    fit = identify_tsfuzzy(v, y, sets=centres, fit_centres=False)
+    np.testing.assert_allclose(fit.model.sets.centres, centres)
+    assert fit.rms_percent < 1
+
+
+def test_figures_describe_the_residual(noisy_record):
+    v, y, _, _ = noisy_record
+    fit = identify_tsfuzzy(v, y, sets=7)
+    np.testing.assert_allclose(fit.model.simulate(fit.path, fit.y0) - y, fit.residual, atol=1e-9)
+    assert fit.max_percent == pytest.approx(100 * np.abs(fit.residual).max() / np.ptp(y))
+    assert fit.rms_percent == pytest.approx(100 * np.sqrt(np.mean(fit.residual**2)) / np.ptp(y))
+
+
+def loop():
+    v = np.concatenate([np.linspace(25, 135, 300), np.linspace(135, 25, 300)])
+    return v, WIRE.simulate(v)
+
+
+@pytest.mark.parametrize("identify", [identify_duhem, identify_tsfuzzy])
+@pytest.mark.parametrize(
+    ("spoil", "error", "message"),
+    [
+        (lambda v, y: (v[:-1], y), DataError, "599 samples and y has 600"),
+        (lambda v, y: (np.where(np.arange(600) == 7, np.nan, v), y), DataError, "sample 7 is nan"),
+        (lambda v, y: (v, np.where(np.arange(600) == 9, np.inf, y)), DataError, "sample 9 is inf"),
+        (lambda v, y: (np.full(600, 50.0), y), IdentificationError, "input is constant at 50"),
+        (lambda v, y: (v, np.full(600, 2.0)), IdentificationError, "output is constant at 2"),
+        (lambda v, y: (v[:300], y[:300]), IdentificationError, "less than one full loop: the falling"),
+        (lambda v, y: (v, np.random.default_rng(0).standard_normal(600)), IdentificationError, "does not follow"),
+        (lambda v, y: (np.column_stack([v, v]), y), DataError, "one wire"),
+    ],
+)
+def test_records_that_determine_nothing(identify, spoil, error, message):
+    with pytest.raises(error, match=message):
+        identify(*spoil(*loop()))
+
+
+def test_options_that_do_not_fit():
+    v, y = loop()
+    with pytest.raises(IdentificationError, match=r"inside the data's range \[25, 135\]"):
+        identify_tsfuzzy(v, y, sets=[0.0, 50.0, 100.0])
+    with pytest.raises(IdentificationError, match="sets = 1"):
+        identify_tsfuzzy(v, y, sets=1)
+    with pytest.raises(IdentificationError, match="components = 0"):
+        identify_duhem(v, y, components=0)
+
+
+def test_duhem_parameters_are_found():
+    v = path(np.random.default_rng(2), 25, 135, 12, 200)
+    fit = identify_duhem(v, WIRE.simulate(v), components=1)
+    assert fit.rms_percent < 0.01
+    assert fit.model.heating.means[0] == pytest.approx(95, abs=0.05)
+    assert fit.model.cooling.sigmas[0] == pytest.approx(5.2, abs=0.05)
+    assert fit.model.scale == pytest.approx(-4.2, rel=1e-3)
