@@ -20,7 +20,7 @@ def main(
     log_file: Annotated[Path, typer.Option("--log-file", "-o", help="Log (.h5) to write.")],
     as_json: AsJson = False,
 ) -> None:
-    """Drive the wire of RIG through the temperature path of its excitation section, within its limits, and record it."""
+    """Drive the wire of RIG through the temperature path of its rig file, within its limits, and record it."""
     output = Output(as_json)
     with Rig(load_rig(rig)) as bench:
         excitation = bench.excitation(bench.heater.exchange(0.0).temperature_c)
