@@ -102,7 +102,7 @@ class HysteresisModel:
 
     def slope(self, state: HysteresisState, direction: int) -> float:
         """dy/dv at the state when the input rises (direction > 0) or falls: scale · (a w + b)."""
-        rate, bias = self.engine.local_law(state.v, rising=direction > 0)
+        rate, bias = self.engine.local_law(state.v, rising=bool(direction > 0))
         return self.scale * (rate * state.w + bias)
 
 

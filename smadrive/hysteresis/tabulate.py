@@ -82,7 +82,7 @@ def uniform_grid(lower: float, upper: float, bins: int, kinks: FloatArray) -> Fl
 
 
 def tabulate(lower: float, upper: float, build: Build, kinks: FloatArray) -> BranchEngine:
-    """The branch engine on the coarsest grid that agrees with the next finer one to 2e-11.
+    """The branch engine on the coarsest grid that agrees with the next finer one to 1e-10.
 
     `build` gives heating and cooling branch at any nodes. Raises ModelError where no grid of 131,072 cells suffices.
     """
@@ -92,7 +92,7 @@ def tabulate(lower: float, upper: float, build: Build, kinks: FloatArray) -> Bra
             nodes = uniform_grid(lower, upper, bins, kinks)
             fine = BranchEngine(nodes, bins, *build(nodes))
             if coarse is not None and _disagreement(coarse, fine) < _TOLERANCE:
-                return fine
+                return coarse
             coarse = fine
         bins *= 2
     raise ModelError(

@@ -1,6 +1,6 @@
 """Bounded least squares for many samples and few variables: Levenberg-Marquardt on the normal equations.
 
-    minimise |r(x)|²/2, low ≤ x ≤ high:    (H + λ diag H) s = -g on the free variables,  H = JᵀJ,  g = Jᵀr,  x + s clipped
+    minimise |r(x)|²/2, low ≤ x ≤ high:    (H + λ diag H) s = -g on the free variables,  H = JᵀJ,  g = Jᵀr
 
 A variable is free unless it stands at a bound and the gradient pushes outward. Each iteration factors one matrix no
 larger than the number of variables; scipy's bounded solvers decompose the whole Jacobian instead, which with threaded
@@ -17,6 +17,7 @@ from scipy.linalg import LinAlgError, solve
 
 from smadrive.hysteresis.arrays import FloatArray
 
+_DIFFERENCE = 1e-6
 _SMALLEST_DAMPING, _LARGEST_DAMPING = 1e-12, 1e8
 
 
@@ -60,6 +61,12 @@ def minimise(
         if before - cost <= tolerance * before:
             break
     return Minimum(x, cost)
+
+
+def forward_differences(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
+    """Jacobian of `function` at x for variables of order one, when no formula is at hand."""
+    base = function(x)
+    return np.column_stack([(function(moved) - base) / _DIFFERENCE for moved in x + _DIFFERENCE * np.eye(len(x))])
 
 
 def _step(hessian: FloatArray, gradient: FloatArray, damping: float) -> FloatArray:

@@ -9,16 +9,18 @@ measured in standard deviations, a penalty pushes them apart; it is raised until
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import OptimizeResult, isotonic_regression, least_squares
+from scipy.optimize import isotonic_regression
 from scipy.special import ndtri_exp, softmax
 
 from smadrive.errors import IdentificationError, ModelError
 from smadrive.hysteresis.branch import BranchEngine
 from smadrive.hysteresis.duhem import DuhemModel, duhem_branches
 from smadrive.hysteresis.mixture import GaussianMixture
+from smadrive.identification.bounded import Minimum, forward_differences, minimise
 from smadrive.identification.quality import Fit, judge
 from smadrive.identification.record import Record, prepare
 
@@ -31,7 +33,12 @@ _CELLS = 192  # table of a trial model: its error is far below any measurement's
 _STEEPEST = 1e3  # rate of a trial model per input span, where its branches touch
 _MARGIN = 0.05  # standard deviations between the branches
 _PENALTIES = (0.03, 0.3, 3.0, 30.0)
-_TRY, _POLISH = 12, 60  # evaluations spent on a start, and on the best
+_TRY, _POLISH = 12, 60  # iterations spent on a start, and on the best
+_TOLERANCE = 1e-5  # relative gain at which to stop
+_BOUNDS = (  # of means, log widths and weights' logits, then of scale and offset; in spans
+    ((-1.0, -5.0, -6.0), (-5.0, -10.0)),
+    ((2.0, 1.0, 6.0), (5.0, 10.0)),
+)
 _EXPLAINED = 0.5  # least share of the output's variance that a dependence on the input explains
 _SPLITS = ((0.6, 0.6, 0.9), (0.0, 0.5, 1.5), (0.9, 0.7, 0.7))  # shift and widths, in σ of the single Gaussian
 
@@ -55,7 +62,7 @@ def fit_duhem(record: Record, components: int) -> Fit[DuhemModel]:
     x = problem.solve(problem.first_guess(), _POLISH).x
     if components > 1:
         tries = [problem.solve(start, _TRY) for start in problem.splits(x, components)]
-        x = min(tries, key=lambda result: float(result.cost)).x
+        x = min(tries, key=lambda minimum: minimum.cost).x
     for penalty in _PENALTIES:
         problem = _Problem(record, penalty)
         x = problem.solve(x, _POLISH).x
@@ -93,7 +100,7 @@ class _Problem:
         made = []
         for means, log_widths, logits in x[:-2].reshape(2, 3, -1):
             weights = softmax(logits) * (1 - 1e-3) + 1e-3 / len(logits)
-            widths = span * np.exp(np.clip(log_widths, -5.0, 3.0))
+            widths = span * np.exp(log_widths)
             made.append(
                 GaussianMixture(
                     *(tuple(part.tolist()) for part in (weights / weights.sum(), lower + span * means, widths))
@@ -123,8 +130,11 @@ class _Problem:
         crossing = self.penalty * np.sqrt(len(record.path) / len(gap)) * np.maximum(_MARGIN - gap, 0)
         return np.concatenate([error * np.sqrt(record.count), crossing])
 
-    def solve(self, x: FloatArray, evaluations: int) -> OptimizeResult:
-        return least_squares(self.residuals, x, method="lm", ftol=1e-5, xtol=1e-5, max_nfev=evaluations * (len(x) + 1))
+    def solve(self, x: FloatArray, iterations: int) -> Minimum:
+        shape = len(x[:-2]) // 6
+        low, high = (np.concatenate([np.tile(np.repeat(ends, shape), 2), rest]) for ends, rest in _BOUNDS)
+        jacobian = partial(forward_differences, self.residuals)
+        return minimise(self.residuals, jacobian, x, (low, high), iterations=iterations, tolerance=_TOLERANCE)
 
     def first_guess(self) -> FloatArray:
         """One Gaussian per branch from the quantiles of the monotone curve through each branch's samples."""

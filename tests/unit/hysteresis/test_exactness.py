@@ -1,5 +1,7 @@
 """The branch engine against an ODE solver, and its speed-free promises: step size and stepping form do not matter."""
 
+import itertools
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
@@ -22,10 +24,10 @@ def solve(model, turns, w):
     """States at the turning points by DOP853, restarted at every kink of the law."""
     kinks = np.empty(0) if isinstance(model, DuhemModel) else model.sets.kinks
     states = [w]
-    for start, end in zip(turns[:-1], turns[1:], strict=True):
+    for start, end in itertools.pairwise(turns):
         between = np.sort(kinks[(kinks > min(start, end)) & (kinks < max(start, end))])
         stops = [start, *(between if end > start else between[::-1]), end]
-        for v0, v1 in zip(stops[:-1], stops[1:], strict=True):
+        for v0, v1 in itertools.pairwise(stops):
 
             def slope(v, w, rising=end > start):
                 a, b = law(model, v, rising=rising)
@@ -108,7 +110,7 @@ def test_wide_range_keeps_its_tails():
 def sampled(turns, n):
     """The path through the turning points with n samples per stretch."""
     share = np.arange(n) / n
-    stretches = [start + (end - start) * share for start, end in zip(turns[:-1], turns[1:], strict=True)]
+    stretches = [start + (end - start) * share for start, end in itertools.pairwise(turns)]
     return np.concatenate([*stretches, turns[-1:]])
 
 

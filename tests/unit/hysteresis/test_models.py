@@ -69,7 +69,7 @@ def test_rule_parameters(changes, message):
 
 @pytest.mark.parametrize("centres", [(1.0,), (1.0, 1.0), (2.0, 1.0), (0.0, float("nan"))])
 def test_set_centres(centres):
-    for sets in (lambda c: TriangularSets(c), lambda c: TrapezoidSets(c, 0.2), lambda c: GaussianSets(c, 1.0)):
+    for sets in (TriangularSets, lambda c: TrapezoidSets(c, 0.2), lambda c: GaussianSets(c, 1.0)):
         with pytest.raises(ModelError, match="fuzzy sets"):
             sets(centres)
 

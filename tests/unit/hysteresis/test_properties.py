@@ -1,4 +1,4 @@
-"""What makes it hysteresis, for any input: rate independence, local memory, monotone branches, containment, contraction."""
+"""What makes it hysteresis, for any input: rate independence, local memory, containment, contraction, invertibility."""
 
 import numpy as np
 import pytest
@@ -62,7 +62,7 @@ def test_local_memory(model, before, after):
 def test_branches_are_monotone_and_contained(model, path):
     v = spread(model, path)
     w = (model.simulate(v) - model.offset) / model.scale
-    assert (np.diff(w) * np.sign(np.diff(v)) >= -1e-12).all()
+    assert (np.diff(w) * np.sign(np.diff(v)) >= -1e-9).all()
     for v_now, w_now in zip(v.tolist(), w.tolist(), strict=True):
         low, high = model.admissible(v_now)
         assert low - 1e-9 <= w_now <= high + 1e-9
