@@ -50,7 +50,7 @@ def noise_deviation(samples: FloatArray) -> float:
     """Standard deviation of white noise on a smooth record, from the median absolute second difference."""
     if len(samples) < 5:
         return 0.0
-    return float(np.median(np.abs(np.diff(samples, 2)))) / 0.6745 / np.sqrt(6.0)
+    return float(np.median(np.abs(np.diff(samples, 2))) / 0.6745 / np.sqrt(6.0))
 
 
 def prepare(v: ArrayLike, y: ArrayLike, dead_band: float | None) -> Record:

@@ -21,7 +21,7 @@ from smadrive.hysteresis.branch import Branch, BranchEngine
 from smadrive.hysteresis.fuzzy import hat_weights
 from smadrive.hysteresis.tabulate import WEIGHTS, cell_maps, integrate_rate, march, quadrature_points, uniform_grid
 
-BINS = 320  # table cells of a trial model
+BINS = 240  # table cells of a trial model
 
 
 class RuleRates(NamedTuple):

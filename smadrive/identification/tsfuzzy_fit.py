@@ -33,13 +33,14 @@ if TYPE_CHECKING:
 
 _LEAST_RATE = 1e-3  # contraction per input span that every rule keeps
 _LARGEST_RATE = 300.0
-_TRY, _POLISH = (60, 1e-4), (200, 1e-6)  # iterations and relative gain to stop at: for each start, for the best
+_TRY, _POLISH = (40, 1e-3), (150, 1e-5)  # iterations and relative gain to stop at: for each start, for the best
 _LARGEST_PRIOR = 200.0
 _LEAST_GAP = 0.01  # of the input span, between centres
 _PRIOR_CELLS = 400
 _STRAY, _STRAY_LEAST = 0.3, 0.5  # rates may stray from the Duhem fit's by this share of p + q, and this per input span
 _STRAY_GAP = 3.0  # the same for the logarithms of the gaps between centres
-_CLEARLY_BETTER = 0.8
+_CLEARLY_BETTER = 0.8  # RMS of the richer Duhem fit over that of the plainer
+_ACTIVITY_SHARES = (0.5, 0.8)  # of a start's centres that go where the output changes, the rest evenly
 _TIE_MISFIT = 0.2  # a Duhem fit's own misfit, in these units, counts like noise
 _TIE_FLOOR = 2e-6  # tie to the Duhem fit for a record without noise, in output spans
 
@@ -78,32 +79,33 @@ def _plainest_duhem(record: Record) -> Fit[DuhemModel]:
 def _placements(record: Record, sets: int | Sequence[float], *, fit_centres: bool) -> list[FloatArray]:
     """Centres to start from: those given, evenly over the range, or (when they may move) where the output changes."""
     lower, upper = record.input_range
-    if not isinstance(sets, int):
-        centres = np.asarray(sets, dtype=np.float64)
-        outside = centres[(centres < lower) | (centres > upper)]
-        if len(centres) < 2 or outside.size or not (np.diff(centres) > 0).all():
-            raise IdentificationError(
-                f"sets = {centres.tolist()}: give at least 2 ascending centres inside the data's range "
-                f"[{lower:g}, {upper:g}]"
-            )
-        return [centres]
+    if not isinstance(sets, int | np.integer):
+        return [_given_centres(sets, lower, upper)]
     most = int(0.5 / _LEAST_GAP)
     if not 2 <= sets <= most:
         raise IdentificationError(f"sets = {sets}; use 2 to {most}")
-    even = np.linspace(lower, upper, sets)
     if not fit_centres:
-        return [even]
-    moves = np.abs(np.diff(record.mean_y))
+        return [np.linspace(lower, upper, sets)]
     order = np.argsort(record.v[1:])
-    placements = []
-    for share in (0.5, 0.8):
-        activity = np.cumsum(moves[order]) / moves.sum()
-        grid = np.linspace(lower, upper, 400)
-        blend = share * np.interp(grid, record.v[1:][order], activity, 0, 1) + (1 - share) * (grid - lower) / (
-            upper - lower
+    places = (record.v[1:][order] - lower) / (upper - lower)
+    moved = np.cumsum(np.abs(np.diff(record.mean_y))[order])
+    grid = np.linspace(0.0, 1.0, 401)
+    activity = np.interp(grid, places, moved / moved[-1], 0, 1)
+    middles = (np.arange(sets) + 0.5) / sets
+    shares = [np.interp(middles, share * activity + (1 - share) * grid, grid) for share in _ACTIVITY_SHARES]
+    return [lower + (upper - lower) * share for share in shares]
+
+
+def _given_centres(sets: Sequence[float], lower: float, upper: float) -> FloatArray:
+    centres = np.asarray(sets, dtype=np.float64)
+    least = _LEAST_GAP * (upper - lower)
+    inside = len(centres) >= 2 and centres.min() >= lower and centres.max() <= upper
+    if not (inside and np.diff(centres).min() >= least):
+        raise IdentificationError(
+            f"sets = {centres.tolist()}: give at least 2 ascending centres inside the data's range "
+            f"[{lower:g}, {upper:g}], {least:g} or more apart"
         )
-        placements.append(np.interp((np.arange(sets) + 0.5) / sets, blend, grid))
-    return placements
+    return centres
 
 
 class _Prior:
