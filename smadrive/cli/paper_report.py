@@ -38,7 +38,8 @@ def write_paper_report(
     write_report(
         path,
         "Modeling of dynamic hysteresis based on a T-S fuzzy Duhem model, redone",
-        "Errors are model minus Duhem model, in the unit of k = 40; unseen: the largest error on random loops that no fit saw, in % of k.",
+        "Errors are model minus Duhem model, in the unit of k = 40; unseen: the largest error on each of a hundred "
+        "random loops that no fit saw, in % of k.",
         HEADER,
         rows,
         plots,

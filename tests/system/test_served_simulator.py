@@ -13,8 +13,8 @@ from smadrive.clock import MonotonicClock
 from smadrive.device.device import Device
 from smadrive.device.heater import HeaterBoard, HeaterLimits
 from smadrive.device.profile import load_profile
-from smadrive.modbus.master import Master
 from smadrive.modbus.connect import open_transport
+from smadrive.modbus.master import Master
 
 SIM = "flexinol-lt-0.15mm"
 COMMAND = [sys.executable, "-m", "firmware_sim.cli"]
