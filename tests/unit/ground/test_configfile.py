@@ -31,7 +31,7 @@ def test_a_valid_file_loads_and_is_immutable(tmp_path):
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ('nme = "x"\nparts = []', r"rig.toml: name: is missing \(and 1 more\)"),
+        ('nme = "x"\nparts = []', r"rig.toml: nme: unknown key; did you mean 'name'\? \(and 1 more\)"),
         ('name = "x"\nparts = []\nprats = 1', "prats: unknown key; did you mean 'parts'?"),
         ('name = "x"\n[[parts]]\ncurent_max_a = 1.0\ncurrent_max_a = 1.0', "did you mean 'current_max_a'"),
         ('name = "x"\n[[parts]]\ncurrent_max_a = "much"', "parts.0.current_max_a: .*'much'"),
