@@ -20,11 +20,11 @@ from smadrive.hysteresis import HysteresisModel, HysteresisState
 from smadrive.hysteresis.reversal import DeadBand
 from smadrive.thermal import HeatBalance
 
-PROCESS_NOISE_C = 0.01
-"""Standard deviation per step of what the heat balance misses in the wire temperature, K."""
+PROCESS_NOISE_C = 0.015
+"""What the heat balance misses in the wire temperature: standard deviation after one second, K."""
 
-DRIFT_NOISE_W = 0.002
-"""Standard deviation per step of the unexplained power's drift, W."""
+DRIFT_NOISE_C = 0.2
+"""How the unexplained power drifts: standard deviation after one second, in K of ambient temperature (times h A)."""
 
 DEAD_BAND_NOISES = 0.5
 """Radius of the reversal dead band in standard deviations of the thermocouple's noise (the estimate is quieter)."""
@@ -90,7 +90,8 @@ def _stationary_gain(balance: HeatBalance, period_s: float, noise_c: float) -> t
         [[keep, 0.0, (1.0 - keep) / balance.loss_w_per_k], [follow, 1.0 - follow, 0.0], [0.0, 0.0, 1.0]]
     )
     reads = np.array([[0.0, 1.0, 0.0]])
-    process = np.diag([PROCESS_NOISE_C**2, (0.1 * PROCESS_NOISE_C) ** 2, DRIFT_NOISE_W**2])
+    drift_w = DRIFT_NOISE_C * balance.loss_w_per_k
+    process = period_s * np.diag([PROCESS_NOISE_C**2, (0.1 * PROCESS_NOISE_C) ** 2, drift_w**2])
     noise = np.array([[noise_c**2]])
     covariance: NDArray[np.float64] = solve_discrete_are(transition.T, reads.T, process, noise)
     gain = (covariance @ reads.T / (reads @ covariance @ reads.T + noise)).ravel()
