@@ -19,7 +19,7 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
-from smadrive.runlog import TrackingFigures, open_recorder, row, tracking_figures
+from smadrive.runlog import TrackingFigures, open_recorder, row, tracking_figures, travel_mm
 from smadrive.telemetry.log import read_log
 from smadrive.telemetry.table import read_table
 from smadrive.wirefile import load_wire_file
@@ -44,6 +44,7 @@ def main(
     config = load_rig(rig)
     hysteresis, balance = load_wire_file(_model_file(config, model))
     wanted = read_reference(reference)
+    wanted.check_within(travel_mm(hysteresis))
     with Rig(config) as bench:
         measured = bench.heater.exchange(0.0)
         start_mm = start_displacement_mm(hysteresis, measured)

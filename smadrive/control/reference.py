@@ -20,6 +20,9 @@ Array = NDArray[np.float64]
 TABLE_STEP_S = 0.02
 """Curved shapes are tabulated this finely: below the error of any thermocouple, above any loop period in use."""
 
+TRAVEL_SLACK = 0.005
+"""Share of the travel by which a reference may exceed it: the noise of the sensor that the travel was read with."""
+
 
 @dataclass(frozen=True)
 class Reference:
@@ -56,6 +59,17 @@ class Reference:
     def value_mm(self, time_s: float) -> float:
         """Wanted displacement at `time_s`; the ends are held."""
         return float(np.interp(time_s, self.times_s, self.displacement_mm))
+
+    def check_within(self, ends_mm: tuple[float, float]) -> None:
+        """ConfigError when the reference leaves the wire's travel, whose two ends are `ends_mm` in either order."""
+        low, high = min(ends_mm), max(ends_mm)
+        slack = TRAVEL_SLACK * (high - low)
+        for name, value in (("lowest", self.displacement_mm.min()), ("highest", self.displacement_mm.max())):
+            if not low - slack <= value <= high + slack:
+                raise ConfigError(
+                    f"reference: its {name} value is {value:.3g} mm; the identified wire reaches from {low:.3g} to "
+                    f"{high:.3g} mm: keep the reference within"
+                )
 
     def with_approach(self, from_mm: float, approach_s: float) -> Reference:
         """The same reference after a minimum-jerk approach from `from_mm` lasting `approach_s`."""

@@ -177,6 +177,7 @@ def _replace(path: Path, text: str) -> None:
             stream.flush()
             os.fsync(stream.fileno())
         Path(temporary).replace(path)
-    except BaseException:
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be written: {error.strerror}; check the folder and its space") from error
+    finally:
         Path(temporary).unlink(missing_ok=True)
-        raise

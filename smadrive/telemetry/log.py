@@ -53,10 +53,10 @@ def read_log(path: Path) -> Log:
     if not path.is_file():
         raise DataError(f"{path}: no such file")
     try:
-        with h5py.File(path, "r") as file:
+        with h5py.File(path, "r", libver="latest", swmr=True) as file:  # also one whose writer was killed
             columns = {name: np.asarray(data, dtype=np.float64) for name, data in file.items() if name != "events"}
             attributes = {name: str(value) for name, value in file.attrs.items()}
-            events = tuple(file["events"].asstr()[:]) if "events" in file else ()
+            events = tuple(event.decode() for event in file["events"][:]) if "events" in file else ()
     except OSError as error:
         raise DataError(f"{path}: not a readable HDF5 log ({error})") from None
     return Log(path, columns, attributes, events)

@@ -66,3 +66,13 @@ def test_a_wrong_line_is_refused_with_what_exists(spec, told):
 def test_samples_that_make_no_path_are_refused(times, values, told):
     with pytest.raises(DataError, match=told):
         Reference.from_samples(times, values)
+
+
+def test_a_reference_beyond_the_travel_of_the_wire_is_refused():
+    reference = parse_reference("sine:low_mm=2,high_mm=9,period_s=56")
+    reference.check_within((0.0, 12.0))
+    reference.check_within((12.0, 0.0))  # a displacement that falls on heating
+    with pytest.raises(ConfigError, match=r"highest value is 9 mm; .* from 0 to 8 mm"):
+        reference.check_within((0.0, 8.0))
+    with pytest.raises(ConfigError, match="lowest value is 2 mm"):
+        reference.check_within((3.0, 12.0))

@@ -1,5 +1,9 @@
 """The log: what is written comes back, also when the run ended badly."""
 
+import signal
+import subprocess
+import sys
+
 import h5py
 import numpy as np
 import pytest
@@ -69,3 +73,27 @@ def test_a_column_that_is_missing_or_not_finite_is_named(tmp_path):
         log.column("displacement_mm")
     with pytest.raises(DataError, match="nominal_balance"):
         log.json_attribute("nominal_balance")
+
+
+WRITER = """
+import os, signal, sys
+from pathlib import Path
+from smadrive.telemetry.recorder import Recorder
+
+recorder = Recorder(Path(sys.argv[1]), {"rig": "bench"})
+recorder.event("armed")
+for n in range(int(sys.argv[2])):
+    recorder.row({"time_s": float(n), "current_a": 0.1})
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@pytest.mark.parametrize("rows_written", [FLUSH_ROWS, 5 * FLUSH_ROWS + 13])
+def test_a_killed_writer_loses_at_most_what_was_not_flushed(tmp_path, rows_written):
+    path = tmp_path / "run.h5"
+    killed = subprocess.run([sys.executable, "-c", WRITER, path, str(rows_written)], check=False)
+    assert killed.returncode == -signal.SIGKILL
+    log = read_log(path)
+    np.testing.assert_array_equal(log.column("time_s"), np.arange(rows_written // FLUSH_ROWS * FLUSH_ROWS))
+    assert log.attributes["rig"] == "bench"
+    assert log.events == ("armed",)
