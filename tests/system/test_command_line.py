@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smadrive.hysteresis import DuhemModel
+from smadrive.hysteresis import DuhemModel, save_model
 
-SHARED = Path(__file__).parents[2].parent / "shared" / "data"
+ROOT = Path(__file__).parents[2]
+CONFIGS = ROOT / "configs"
+SHARED = ROOT.parent / "shared" / "data"
 LOOP = DuhemModel.gaussian(
     mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=-0.04, offset=0.04, input_range=(20, 140)
 )
@@ -87,15 +89,16 @@ def test_probe_and_off_answer_in_json(tmp_path):
     assert succeed("off", "in-process", cwd=tmp_path)["safe"] is True
 
 
-def rig_text(**changes):
-    text = (Path(__file__).parents[2] / "configs" / "rigs" / "simulated.toml").read_text()
-    for old, new in changes.values():
-        assert old in text
-        text = text.replace(old, new)
-    return text
+def rig_text(old, new, rig="simulated"):
+    """A shipped rig with one thing changed."""
+    text = (CONFIGS / "rigs" / f"{rig}.toml").read_text()
+    assert old in text
+    return text.replace(old, new)
 
 
 ANY_SINE = "sine:low_mm=2,high_mm=9,period_s=56"
+FAR = "sine:low_mm=2,high_mm=30,period_s=56"
+RUN = ("run", "in-process", "-o", "l.h5")
 STRAIN = ("--output", "strain", "-o", "m.json")
 WRONG = [
     # what is wrong, the command, exit code, what the line says
@@ -113,7 +116,11 @@ WRONG = [
     ("limits that contradict", ("probe", "limits.toml"), 2, "must be below limits.temperature_max_c = 110"),
     ("unknown wire", ("probe", "wire.toml"), 2, "'nitinol' is neither a .toml file nor one of the shipped wires"),
     ("no device there", ("probe", "port.toml"), 3, "/dev/ttyNONE: no such port"),
-    ("no model", ("run", "in-process", "--reference", ANY_SINE, "-o", "l.h5"), 2, "names no model"),
+    ("another device", ("probe", "other.toml"), 3, "is no 'sma-reference': device_id is 21325"),
+    ("beyond the stroke", (*RUN, "--model", "loop.json", "--reference", FAR), 2, "reaches from 0 to 0.04 mm"),
+    ("model is a folder", ("identify", "wire.csv", *STRAIN[:-1], "folder"), 2, "folder: cannot be written"),
+    ("log in no folder", ("excite", "in-process", "-o", "no/l.h5"), 2, "no/l.h5: the log cannot be written"),
+    ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
     ("unknown option", ("probe", "in-process", "--nosuch"), 2, "No such option"),
     ("no command", ("prob",), 2, "No such command"),
 ]  # fmt: skip
@@ -124,10 +131,15 @@ def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(dat
     (data / "text.csv").write_text("temperature_c,strain\n20,0.04\n21,high\n")
     (data / "nan.csv").write_text("temperature_c,strain\n20,0.04\n21,nan\n")
     (data / "flat.csv").write_text("temperature_c,strain\n" + "20,0.04\n" * 100)
-    (data / "key.toml").write_text(rig_text(a=("current_max_a", "curent_max_a")))
-    (data / "limits.toml").write_text(rig_text(a=("temperature_max_c = 135.0", "temperature_max_c = 110.0")))
-    (data / "wire.toml").write_text(rig_text(a=('"flexinol-lt-0.15mm"', '"nitinol"')))
-    (data / "port.toml").write_text(rig_text(a=("/tmp/smadrive-sim", "/dev/ttyNONE")))  # noqa: S108
+    (data / "key.toml").write_text(rig_text("current_max_a", "curent_max_a"))
+    (data / "limits.toml").write_text(rig_text("temperature_max_c = 135.0", "temperature_max_c = 110.0"))
+    (data / "wire.toml").write_text(rig_text('"flexinol-lt-0.15mm"', '"nitinol"'))
+    (data / "port.toml").write_text(rig_text("/tmp/smadrive-sim", "/dev/ttyNONE"))  # noqa: S108
+    (data / "other.toml").write_text(rig_text("sma-reference", "board.toml", rig="in-process"))
+    board = (CONFIGS / "devices" / "sma-reference.toml").read_text()
+    (data / "board.toml").write_text(board.replace("[[0x534D, 0x534D]]", "[[7, 7]]"))
+    (data / "folder").mkdir()
+    save_model(LOOP, data / "loop.json")
     before = sorted(file.name for file in data.iterdir())
     done = smadrive(*arguments, cwd=data)
     assert done.returncode == code, done.stderr
