@@ -21,6 +21,8 @@ from smadrive.measurement import Measurement
 LATE_FRACTION = 0.5
 """A tick that starts later than this fraction of the period after its deadline counts as missed."""
 
+UNCONFIRMED = "the heater could NOT be confirmed off"
+
 
 class Heater(Protocol):
     """What the loop needs of the rig: the actuator's one door, and its way to zero."""
@@ -135,6 +137,7 @@ def ends_safe(heater: Heater) -> Iterator[None]:
         try:
             heater.enter_safe_state()
         except SmadriveError as failure:
-            error.add_note(f"the heater could NOT be confirmed off ({failure}): cut its supply")
+            if not any(note.startswith(UNCONFIRMED) for note in getattr(error, "__notes__", ())):
+                error.add_note(f"{UNCONFIRMED} ({failure}): cut its supply")
         raise
     heater.enter_safe_state()
