@@ -12,12 +12,11 @@ from rich.progress import Progress
 
 from smadrive.cli.demo_report import write_demo_report
 from smadrive.cli.identify import certificate, rules
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.output import AsJson, Output, make_folder
 from smadrive.cli.run import APPROACH_S, HEADER, table_row
 from smadrive.control.feedforward import DisplacementInverse, HysteresisInverse, StaticMap
 from smadrive.control.loop import LoopFigures, Tick
 from smadrive.control.reference import Reference, sine
-from smadrive.errors import DataError
 from smadrive.identification.wire_fit import WireFit, identify_wire
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
@@ -59,10 +58,7 @@ def main(
 ) -> None:
     """Excite a simulated wire, identify it from the record, track with and without the inverse, write a report."""
     output = Output(as_json)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DataError(f"{folder}: cannot be made ({error.strerror}): choose another --output-dir") from None
+    make_folder(folder)
     with ServedSimulator(SIM, real_time=real_time, seed=seed, log=folder / "firmware.log") as simulator:
         config = load_rig(RIG).at(simulator.url)
         output.say(f"firmware-sim serves the simulated wire at {simulator.url}")

@@ -17,9 +17,9 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.output import AsJson, Output, make_folder
 from smadrive.cli.paper_report import HEADER, write_paper_report
-from smadrive.errors import DataError, ModelError
+from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
 from smadrive.identification import identify_tsfuzzy
 
@@ -50,10 +50,7 @@ def main(
 ) -> None:
     """Redo the figures 3 to 13 of the paper and compare the errors with the published ones."""
     output = Output(as_json)
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise DataError(f"{folder}: cannot be made ({error.strerror}): choose another --output-dir") from None
+    make_folder(folder)
     duhem = DuhemModel.table1()
     with output.progress() as progress:
         progress.add_task("fitting 22 rules three ways", total=None)
