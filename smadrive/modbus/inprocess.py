@@ -11,6 +11,7 @@ from typing import Protocol, Self
 
 from smadrive.clock import Clock
 from smadrive.errors import TransportError
+from smadrive.modbus.framing import Framing, RtuFraming, TcpFraming
 
 
 class Peer(Protocol):
@@ -22,13 +23,14 @@ class Peer(Protocol):
 
 
 class InProcessTransport:
-    """Talks to `peer` as if through a serial line."""
+    """Talks to `peer` as if through a serial line, or, where `baudrate` is None, through a TCP connection."""
 
-    def __init__(self, peer: Peer, clock: Clock, baudrate: int = 115200) -> None:
+    def __init__(self, peer: Peer, clock: Clock, baudrate: int | None = 115200) -> None:
         """`baudrate` only sets the silences that the standard derives from it: bytes take no time here."""
         self.clock = clock
         self.name = "in process"
         self.baudrate = baudrate
+        self.framing: Framing = TcpFraming() if baudrate is None else RtuFraming()
         self._peer = peer
         self._arriving: list[tuple[float, int, bytes]] = []
         self._order = 0

@@ -1,8 +1,9 @@
 """The one master of a bus: one request, one reply, nothing taken on trust.
 
 A reply counts only if unit, function, byte count (or echo), length and CRC are those of the request; anything else is
-a ProtocolError at once. RTU replies carry no transaction number, so a reply that comes after its deadline looks like
-the answer to the next request. Three things keep it from being taken for one:
+a ProtocolError at once. Modbus TCP numbers its replies, and late ones are dropped by their number. RTU does not, so a
+reply that comes after its deadline looks like the answer to the next request. Three things keep it from being taken
+for one:
 
 1. after a failure the bus is quarantined: nothing is sent before it has been silent, and what arrives is discarded;
 2. a reply that is still owed is remembered. If the next request's right reply would look the same, a probe whose
@@ -43,8 +44,9 @@ class Master:
         self.clock = transport.clock
         self.counters = BusCounters()
         self._trace = trace
-        self._silence_s = silence_s(transport.baudrate)
-        self._character_s = 11 / transport.baudrate
+        self._framing = transport.framing
+        self._silence_s = silence_s(transport.baudrate) if transport.baudrate else 0.0
+        self._character_s = 11 / transport.baudrate if transport.baudrate else 0.0
         self._free_at_s = self.clock.now_s()
         self._turn = Lock()
         self._suspect = False
@@ -87,7 +89,7 @@ class Master:
         return self._transact(unit_id, request, timing)
 
     def _transact(self, unit_id: int, request: Request, timing: BusTiming) -> bytes:
-        reply_size = len(request.reply_head) + request.payload_size + 3
+        reply_size = 1 + len(request.reply_head) + request.payload_size + self._framing.tail_size
         on_wire_s = (len(request.pdu) + 3 + reply_size) * self._character_s
         try:
             sent_s = self._send(unit_id, request)
@@ -95,11 +97,12 @@ class Master:
         except ExceptionReply:
             raise
         except BaseException:  # Ctrl-C too leaves a reply on its way
-            self._suspect = True
-            self._owed[_shape(unit_id, request)] = self.clock.now_s() + LATEST_REPLY_S
+            if not self._framing.numbered:
+                self._suspect = True
+                self._owed[_shape(unit_id, request)] = self.clock.now_s() + LATEST_REPLY_S
             raise
         finally:
-            self._free_at_s = self.clock.now_s()
+            self._free_at_s = self.clock.now_s() + (timing.post_write_s if request.writes else 0.0)
         if self._owed:
             self._nothing_owed_by(unit_id)
         if not request.writes:
@@ -107,7 +110,7 @@ class Master:
         return payload
 
     def _send(self, unit_id: int, request: Request) -> float:
-        frame = frames.seal(unit_id, request.pdu)
+        frame = self._framing.request(unit_id, request.pdu)
         now_s = self.clock.now_s()
         if self._trace is not None:
             self._trace(now_s, "sent", frame)
@@ -117,17 +120,19 @@ class Master:
 
     def _receive(self, unit_id: int, request: Request, reply_size: int, deadline_s: float) -> bytes:
         """Collect the reply, refusing it as soon as a byte is wrong."""
+        framing = self._framing
         right_head = bytes((unit_id,)) + request.reply_head
         reply = b""
         while True:
-            reply += self._arrived(deadline_s, reply, unit_id, request)
+            reply = framing.reply(self._arrived(deadline_s, reply, unit_id, request))
             if reply.startswith(right_head):
-                if len(reply) >= reply_size:
-                    return self._checked(reply, reply_size, unit_id, request)[len(right_head) : -2]
+                if len(reply) >= reply_size or framing.numbered:
+                    whole = self._checked(reply, reply_size, unit_id, request)
+                    return whole[len(right_head) : len(right_head) + request.payload_size]
             elif len(reply) >= 2 and reply[:2] == bytes((unit_id, request.function | 0x80)):
-                if len(reply) >= 5:
-                    self._refuse(self._checked(reply, 5, unit_id, request)[2], unit_id, request)
-            elif not right_head.startswith(reply):
+                if len(reply) >= 3 + framing.tail_size or framing.numbered:
+                    self._refuse(self._checked(reply, 3 + framing.tail_size, unit_id, request)[2], unit_id, request)
+            elif not right_head.startswith(reply) or (reply and framing.numbered):
                 self.counters.wrong_replies += 1
                 raise ProtocolError(
                     f"{self._who(unit_id, request)}: the reply starts {reply[: len(right_head)].hex(' ')}, "
@@ -147,10 +152,10 @@ class Master:
         return data
 
     def _checked(self, reply: bytes, size: int, unit_id: int, request: Request) -> bytes:
-        if len(reply) > size:
+        if len(reply) != size:
             self.counters.wrong_replies += 1
             raise ProtocolError(f"{self._who(unit_id, request)}: {len(reply)} bytes, the right reply has {size}")
-        if not frames.crc_holds(reply):
+        if not self._framing.intact(reply):
             self.counters.crc_errors += 1
             raise ProtocolError(f"{self._who(unit_id, request)}: wrong CRC: check cable, termination and baud rate")
         self.counters.replies += 1
@@ -165,6 +170,8 @@ class Master:
         """Return when the bus may be used: silent for long enough, and empty."""
         gap_s = max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)
         self.clock.sleep_until(self._free_at_s + gap_s)
+        if self._framing.numbered:
+            return
         stray = self.transport.discard()
         self.counters.discarded_bytes += stray
         if stray or self._suspect:

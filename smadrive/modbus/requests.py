@@ -88,7 +88,7 @@ def write_coils(address: int, states: Sequence[bool]) -> Request:
     count = len(states)
     _check_range(address, count, MAX_WRITE_BITS)
     head = struct.pack(">BHH", 15, address, count)
-    packed = sum(1 << bit for bit, on in enumerate(states) if on).to_bytes((count + 7) // 8, "little")
+    packed = packed_bits(states)
     return Request(head + bytes((len(packed),)) + packed, head, payload_size=0, writes=True)
 
 
@@ -106,6 +106,11 @@ def exchange(write_address: int, words: Sequence[int], read_address: int, read_c
     _check_range(read_address, read_count, MAX_READ_REGISTERS)
     pdu = struct.pack(f">BHHHHB{count}H", 23, read_address, read_count, write_address, count, 2 * count, *words)
     return Request(pdu, bytes((23, 2 * read_count)), payload_size=2 * read_count, writes=True)
+
+
+def packed_bits(states: Sequence[int]) -> bytes:
+    """The bytes that carry these states, lowest bit of the first byte first."""
+    return sum(1 << bit for bit, on in enumerate(states) if on).to_bytes((len(states) + 7) // 8, "little")
 
 
 def registers_of(payload: bytes) -> tuple[int, ...]:

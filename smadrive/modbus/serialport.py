@@ -17,6 +17,7 @@ from serial.tools import list_ports
 
 from smadrive.clock import MonotonicClock
 from smadrive.errors import TransportError
+from smadrive.modbus.framing import RtuFraming
 from smadrive.modbus.transport import SerialSettings
 
 _CHUNK = 512
@@ -30,6 +31,7 @@ class SerialTransport:
         self.clock = MonotonicClock()
         self.name = port
         self.baudrate = settings.baudrate
+        self.framing = RtuFraming()
         try:
             self._port = serial.Serial(
                 port,

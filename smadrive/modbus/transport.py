@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Literal, Protocol, Self
 
 from smadrive.clock import Clock
+from smadrive.modbus.framing import Framing
 
 Parity = Literal["N", "E", "O"]
 
@@ -28,8 +29,13 @@ class Transport(Protocol):
         ...
 
     @property
-    def baudrate(self) -> int:
-        """Bits per second, from which a master derives the standard's pauses."""
+    def baudrate(self) -> int | None:
+        """Bits per second, from which a master derives the standard's pauses; None where bytes take no time."""
+        ...
+
+    @property
+    def framing(self) -> Framing:
+        """How requests and replies are packed."""
         ...
 
     def write(self, data: bytes) -> None:
