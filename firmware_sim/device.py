@@ -8,13 +8,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from firmware_sim.behaviour import Behaviour
 from firmware_sim.config import SimConfig
 from firmware_sim.faults import BusFaults, Delivery
 from firmware_sim.firmware import Firmware
+from firmware_sim.instrument import Instrument
 from firmware_sim.plant import Plant
+from firmware_sim.ports import Port, RtuPort, TcpPort
 from firmware_sim.registers import RegisterBank
 from firmware_sim.responder import Responder
 from firmware_sim.sensors import Sensors
+from firmware_sim.supply import Supply
 from smadrive.clock import Clock
 from smadrive.device.profile import Profile, load_profile
 from smadrive.modbus.inprocess import InProcessTransport
@@ -36,13 +40,14 @@ class SimulatedDevice:
         self._log = log
         self.plant = Plant(config.wire, config.transformation)
         self.sensors = Sensors(config, self.plant, seed)
-        keyed = profile.roles.arm is not None
-        self.firmware = Firmware(config.board, self.sensors, keyed=keyed, log=self._event)
+        self.firmware = self._behaviour(config)
         self.faults = BusFaults()
         bank = RegisterBank(profile)
         bank.preset("serial_number", config.board.serial_number)
         bank.preset("firmware_version", FIRMWARE_VERSION)
-        self.responder = Responder(profile.serial.unit_id, bank, self.firmware)
+        self.responder = Responder(profile.unit_id, bank, self.firmware, profile.timing)
+        self.port = self.new_port(numbered=profile.profile.protocol == "modbus-tcp")
+        self._deaf_until_s = profile.timing.boot_ms / 1e3
 
     @classmethod
     def from_config(
@@ -60,29 +65,52 @@ class SimulatedDevice:
         while (remaining_s := time_s - self.time_s) > 1e-9:
             self._tick(min(TICK_S, remaining_s))
 
-    def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Bytes from the bus at `time_s`: the replies, with the times at which they arrive."""
+    def new_port(self, *, numbered: bool) -> Port:
+        """Another way in: by Modbus TCP frames, which are numbered, or by RTU frames."""
+        return TcpPort(self.responder) if numbered else RtuPort(self.responder)
+
+    def receive(self, data: bytes, time_s: float, port: Port | None = None) -> list[Delivery]:
+        """Bytes that reach `port` at `time_s`: the replies, with the times at which they arrive.
+
+        Like the real one, the device hears nothing while it starts, nor in the pause that it needs between frames.
+        """
         self.advance_to(time_s)
-        replies = self.responder.receive(data, time_s)
+        if time_s < self._deaf_until_s - 1e-9:
+            return []
+        replies = (port or self.port).receive(data, time_s)
+        if replies:
+            self._deaf_until_s = time_s + self.profile.timing.min_gap_ms / 1e3
         return [delivery for reply in replies for delivery in self.faults.apply(reply, time_s)]
 
     def transport(self, clock: Clock | None = None) -> InProcessTransport:
         """A connection in this process, on `clock`; by default on the device's own time, which waiting moves on."""
-        return InProcessTransport(self, clock or DeviceClock(self), self.profile.serial.baudrate)
+        line = self.profile.serial_settings()
+        return InProcessTransport(self, clock or DeviceClock(self), None if line is None else line.baudrate)
 
     def power_cycle(self) -> None:
         """The supply fails and returns: the firmware starts anew, the wire goes on cooling."""
         self._event("power-up")
         self.firmware.restart()
+        self._deaf_until_s = self.time_s + self.profile.timing.boot_ms / 1e3
 
     def switch_off(self) -> None:
         """The simulation ends, and with it the heating."""
         self.firmware.restart()
         self._event("heater off, end")
 
+    def _behaviour(self, config: SimConfig) -> Behaviour:
+        match self.profile.profile.role:
+            case "heater":
+                return Firmware(config.board, self.sensors, self._event)
+            case "supply":
+                has_voltage = self.profile.roles.heater_voltage is not None
+                return Supply(self.sensors, has_voltage=has_voltage, log=self._event)
+            case _:
+                return Instrument(self.sensors, self.profile.timing.update_ms / 1e3)
+
     def _tick(self, dt_s: float) -> None:
         before_c = self.plant.temperature_c
-        self.plant.advance(self.firmware.current_a, dt_s)
+        self.plant.advance(self.firmware.current_a, dt_s, self.firmware.voltage_max_v)
         self.sensors.advance(before_c, dt_s)
         self.time_s += dt_s
         self.firmware.tick(dt_s)

@@ -5,14 +5,13 @@
 
 Current flows only while armed. A fault, and leaving `armed` in any way, zero the current and the enable. Only a
 sequence number that differs from the one before feeds the watchdog.
-
-A map without arm key is that of a plain supply: enable = 1 is enough to heat, and no watchdog ends it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from enum import IntEnum, IntFlag
+from math import inf
 
 from firmware_sim.config import Board
 from firmware_sim.refusal import DEVICE_FAILURE, ILLEGAL_VALUE, Refusal
@@ -55,11 +54,11 @@ class Limit(IntFlag):
 class Firmware:
     """Reads `sensors`, decides `current_a`. `log` gets one line per event, without its time."""
 
-    def __init__(self, board: Board, sensors: Sensors, *, keyed: bool, log: Callable[[str], None]) -> None:
-        """`keyed`: the map has an arm key, and so the watchdog."""
+    voltage_max_v = inf  # a current source: the board's limits are all in amperes
+
+    def __init__(self, board: Board, sensors: Sensors, log: Callable[[str], None]) -> None:
         self._board = board
         self._sensors = sensors
-        self._keyed = keyed
         self._log = log
         self.restart()
 
@@ -83,7 +82,7 @@ class Firmware:
         self.uptime_s += dt_s
         self._unfed_s += dt_s
         causes = [*self._sensor_faults(), *self._current_faults(dt_s)]
-        if self._keyed and self.state is State.ARMED and self._unfed_s >= self.watchdog_s - 1e-9:
+        if self.state is State.ARMED and self._unfed_s >= self.watchdog_s - 1e-9:
             causes.append(Fault.WATCHDOG)
         if causes:
             self._trip(causes)
@@ -138,14 +137,11 @@ class Firmware:
         }
 
     def _command(self, values: Mapping[str, float]) -> None:
-        if self.state is State.ARMED or not self._keyed:
+        if self.state is State.ARMED:
             self.commanded_a = values.get("heater_current", self.commanded_a)
-        enable = values.get("heater_enable")
-        if self.state is State.ARMED and enable == 0:
+        if self.state is State.ARMED and values.get("heater_enable") == 0:
             self._leave_armed(State.IDLE)
             self._log("disarmed")
-        elif enable and not self._keyed and self.state is State.IDLE:
-            self._arm()
 
     def _sensor_faults(self) -> list[Fault]:
         sensors = self._sensors
@@ -187,7 +183,7 @@ class Firmware:
     def _arm(self) -> None:
         self.state = State.ARMED
         self._unfed_s = 0.0
-        self._log(f"armed, watchdog {self.watchdog_s:.3f} s" if self._keyed else "output on, no watchdog")
+        self._log(f"armed, watchdog {self.watchdog_s:.3f} s")
 
     def _clear(self) -> None:
         """Forget the latched faults; those whose cause persists are latched again at once, or after their debounce."""

@@ -9,7 +9,7 @@ error far below the sensors' noise.
 
 from __future__ import annotations
 
-from math import expm1
+from math import expm1, inf
 
 from firmware_sim.config import Transformation, Wire
 from smadrive.hysteresis import DuhemModel
@@ -51,7 +51,7 @@ class Plant:
     @property
     def resistance_ohm(self) -> float:
         """R(ξ); infinite when the wire is broken."""
-        return float("inf") if self._broken else self._intact_ohm()
+        return inf if self._broken else self._intact_ohm()
 
     def break_wire(self) -> None:
         """No current flows any more."""
@@ -66,9 +66,10 @@ class Plant:
         self._broken = False
         self._leak_a = 0.0
 
-    def advance(self, current_a: float, dt_s: float) -> None:
-        """Let `current_a` flow for `dt_s`."""
-        self.current_a = 0.0 if self._broken else max(current_a, self._leak_a)
+    def advance(self, current_a: float, dt_s: float, voltage_max_v: float = inf) -> None:
+        """Let `current_a` flow for `dt_s`, or as much of it as `voltage_max_v` drives."""
+        driven_a = min(current_a, voltage_max_v / self._intact_ohm())
+        self.current_a = 0.0 if self._broken else max(driven_a, self._leak_a)
         while dt_s > 1e-12:
             dt_s -= self._substep(dt_s)
 

@@ -6,6 +6,7 @@ ILLEGAL_FUNCTION = 1
 ILLEGAL_ADDRESS = 2
 ILLEGAL_VALUE = 3
 DEVICE_FAILURE = 4
+NO_SUCH_UNIT = 11
 
 
 class Refusal(Exception):  # no error of the simulator: a legal answer

@@ -1,6 +1,7 @@
 """The register bank of a simulated device: any profile, filled and read by role.
 
-A write is checked whole before any of it takes effect: a request that is refused has changed nothing.
+A write is checked whole before any of it takes effect: a request that is refused has changed nothing. What the profile
+tells of the device holds here too: decimals and unit held in registers, and the lock that a write must open first.
 """
 
 from __future__ import annotations
@@ -8,10 +9,13 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from firmware_sim.refusal import ILLEGAL_ADDRESS, ILLEGAL_VALUE, Refusal
+from firmware_sim.refusal import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, Refusal
+from smadrive.device.companions import context_of
 from smadrive.device.profile import Profile
-from smadrive.device.registers import Register
+from smadrive.device.registers import Context, Register
 from smadrive.errors import ConfigError
+
+Quantity = float | str | None  # a number, the name of a state, or no reading
 
 
 class Write(NamedTuple):
@@ -28,36 +32,41 @@ class RegisterBank:
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._words: dict[str, dict[int, int]] = {"holding": {}, "input": {}}
-        self._at: dict[int, tuple[str, Register]] = {}
-        self._roles: dict[str, list[tuple[int, str, Register]]] = {"holding": [], "input": []}
+        self._words: dict[str, dict[int, int]] = {}
+        self._writable: dict[tuple[str, int], tuple[str, Register]] = {}
+        self._roles: dict[str, list[tuple[int, str, Register]]] = {}
         self._role_of = {name: role for role, name in profile.roles.model_dump(exclude_none=True).items()}
         for name, register in profile.registers.items():
-            self._words[register.table] |= dict.fromkeys(register.addresses, 0)
-            if register.table == "holding":
-                self._at[register.address] = (name, register)
+            self._words.setdefault(register.table, {}).update(dict.fromkeys(register.addresses, 0))
+            if register.writable:
+                self._writable[register.table, register.address] = (name, register)
             if name in self._role_of:
-                self._roles[register.table].append((register.address, self._role_of[name], register))
+                entry = (register.address, self._role_of[name], register)
+                self._roles.setdefault(register.table, []).append(entry)
         for proof in profile.identify:
             register = profile.register(proof.register_)
             self._store(register, register.pack(proof.ranges[0][0]))
 
-    def publish(self, quantities: Mapping[str, float | None], table: str, first: int, count: int) -> None:
+    @property
+    def tables(self) -> set[str]:
+        """The tables that the device has."""
+        return set(self._words)
+
+    def publish(self, quantities: Mapping[str, Quantity], table: str, first: int, count: int) -> None:
         """Refresh the registers of these roles that lie in a range about to be read."""
-        for address, role, register in self._roles[table]:
+        for address, role, register in self._roles.get(table, ()):
             if first <= address < first + count and role in quantities:
-                value = quantities[role]
-                self._store(register, _no_reading(register) if value is None else _saturated(register, value))
+                self._show(register, quantities[role])
 
     def preset(self, name: str, value: float) -> None:
         """Set a register that no role fills; a profile without it is none the worse."""
         if name in self._profile.registers:
             register = self._profile.register(name)
-            self._store(register, _saturated(register, value))
+            self._store(register, register.saturated(value))
 
     def read(self, table: str, first: int, count: int) -> list[int]:
         """The words; Refusal when one of them does not exist."""
-        words = self._words[table]
+        words = self._words.get(table, {})
         try:
             return [words[address] for address in range(first, first + count)]
         except KeyError:
@@ -65,28 +74,27 @@ class RegisterBank:
 
     def check_readable(self, table: str, first: int, count: int) -> None:
         """Refusal when one of the words does not exist."""
-        words = self._words[table]
+        words = self._words.get(table, {})
         if any(address not in words for address in range(first, first + count)):
             raise Refusal(ILLEGAL_ADDRESS)
 
-    def checked(self, first: int, words: Sequence[int]) -> list[Write]:
+    def checked(self, table: str, first: int, words: Sequence[int]) -> list[Write]:
         """The writes of whole registers that `words` make up; Refusal when one of them cannot be carried out."""
         writes = []
         at = 0
         while at < len(words):
-            if first + at not in self._at:
+            name, register = self._writable.get((table, first + at), ("", None))
+            if register is None or len(part := words[at : at + register.size]) < register.size:
                 raise Refusal(ILLEGAL_ADDRESS)
-            name, register = self._at[first + at]
-            part = words[at : at + register.size]
-            if not register.writable or len(part) < register.size:
-                raise Refusal(ILLEGAL_ADDRESS)
-            writes.append(Write(name, register, part, register.decode(part).value))
+            context = self._context(register)
+            writes.append(Write(name, register, part, register.decode(part, context).value))
             at += register.size
         for write in writes:
             try:
-                write.register.encode(write.value, write.name)
+                write.register.encode(write.value, write.name, self._context(write.register))
             except ConfigError:
                 raise Refusal(ILLEGAL_VALUE) from None
+            self._check_unlocked(write.name)
         return writes
 
     def by_role(self, writes: Sequence[Write]) -> dict[str, float]:
@@ -99,19 +107,40 @@ class RegisterBank:
             if write.register.access == "rw":
                 self._store(write.register, write.words)
 
+    def _check_unlocked(self, name: str) -> None:
+        for rule in self._profile.write_order:
+            if rule.value is None or rule.before not in ("*", name) or rule.write == name:
+                continue
+            lock = self._profile.register(rule.write)
+            if self._words_of(lock) != lock.saturated(rule.value):
+                raise Refusal(DEVICE_FAILURE)
+
+    def _show(self, register: Register, value: Quantity) -> None:
+        """Show a quantity, and in the registers that tell it whether it is valid."""
+        for name, allowed in register.valid_when.items():
+            teller = self._profile.register(name)
+            denied = (number for number in teller.enum if number not in allowed)
+            self._store(teller, teller.pack(next(denied, 0) if value is None else allowed[0]))
+        self._store(register, self._shown(register, value))
+
+    def _shown(self, register: Register, value: Quantity) -> tuple[int, ...]:
+        """No reading as the sentinel that says "open" (or the first), a state by its number."""
+        if value is None:
+            opens = (bits for bits, reason in register.invalid.items() if "open" in reason)
+            return register.pattern(next(opens, next(iter(register.invalid), 0)))
+        if isinstance(value, str):
+            return register.pack(next((number for number, word in register.enum.items() if word == value), 0))
+        return register.saturated(value, self._context(register))
+
+    def _context(self, register: Register) -> Context:
+        named = {name: self._profile.register(name) for name in register.companions}
+        return context_of(register, {name: one.decode(self._words_of(one)) for name, one in named.items()})
+
+    def _words_of(self, register: Register) -> tuple[int, ...]:
+        table = self._words[register.table]
+        return tuple(table[address] for address in register.addresses)
+
     def _store(self, register: Register, words: Sequence[int]) -> None:
         table = self._words[register.table]
         for address, word in enumerate(words, register.address):
             table[address] = word
-
-
-def _no_reading(register: Register) -> tuple[int, ...]:
-    """The register's first sentinel: what this device shows when it has no reading."""
-    return register.pattern(next(iter(register.invalid), 0))
-
-
-def _saturated(register: Register, value: float) -> tuple[int, ...]:
-    """`value` as the device would show it: at the end of the type's range when it exceeds it."""
-    exact = (value - register.offset) / register.scale
-    whole = exact if register.type == "float32" else round(exact)
-    return register.pack(min(max(whole, register.lowest), register.highest))

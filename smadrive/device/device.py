@@ -1,96 +1,133 @@
 """A device on the bus, spoken to by register names and in engineering units.
 
-Nothing is written before the identity is proved, and no write is believed before it is read back.
+Nothing is written before the identity is proved, and no write is believed before it is read back. Where models of a
+family differ in their registers, nothing is read either before the model is known; and where a setting decides (a
+range switch), it is looked at again before every write.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from itertools import chain
+from typing import NamedTuple
 
+from smadrive.device.companions import context_of
+from smadrive.device.functions import write_request
+from smadrive.device.plan import Span, decode, plan
 from smadrive.device.profile import Profile
-from smadrive.device.registers import Reading, Register
-from smadrive.errors import ConfigError, ExceptionReply, IdentityError, ProtocolError, ReadBackError, TransportError
+from smadrive.device.registers import ALONE, Context, Reading, Register
+from smadrive.device.sections import WriteOrder
+from smadrive.device.variants import matching
+from smadrive.errors import (
+    ConfigError,
+    DeadlineError,
+    ExceptionReply,
+    IdentityError,
+    ProtocolError,
+    ReadBackError,
+    TransportError,
+)
 from smadrive.modbus import requests
 from smadrive.modbus.master import Master
+from smadrive.modbus.requests import Request
 
 SAFE_STATE_ATTEMPTS = 5
 
 
-@dataclass(frozen=True, slots=True)
-class _Span:
-    """Registers that are read, or written, in one piece."""
+class _Write(NamedTuple):
+    """One register about to be written."""
 
-    table: str
-    address: int
-    count: int
-    parts: tuple[tuple[str, Register, int], ...]  # name, register, place in the span
+    name: str
+    register: Register
+    context: Context
+    words: tuple[int, ...]
 
-    def decode(self, words: Sequence[int]) -> dict[str, Reading]:
-        return {name: register.decode(words[at : at + register.size]) for name, register, at in self.parts}
+    def told(self, words: Sequence[int]) -> str:
+        """`words` in engineering units."""
+        return f"{self.register.decode(words, self.context).value:g} {self.register.unit}"
 
 
 class Device:
-    """One device of type `profile` at `unit_id` (the profile's own if None) behind `master`."""
+    """One device of type `profile` at `unit_id` (the profile's own if None) behind `master`.
+
+    `profile` becomes that of the model once the identity is proved.
+    """
 
     def __init__(self, profile: Profile, master: Master, unit_id: int | None = None) -> None:
         """Nothing is sent yet. ConfigError when no single device can have `unit_id`."""
-        if unit_id is not None and not 1 <= unit_id <= 247:
-            raise ConfigError(f"unit_id {unit_id} is outside 1 to 247")
+        lowest, highest = (1, 247) if profile.profile.protocol == "modbus-rtu" else (0, 255)
+        if unit_id is not None and not lowest <= unit_id <= highest:
+            raise ConfigError(f"unit_id {unit_id} is outside {lowest} to {highest}")
         self.profile = profile
         self.master = master
-        self.unit_id = profile.serial.unit_id if unit_id is None else unit_id
+        self.unit_id = profile.unit_id if unit_id is None else unit_id
+        self._family = profile
+        self._telling = tuple({name: None for variant in profile.variants for name in variant.match})
+        self._switched = any(profile.register(name).writable for name in self._telling)
         self._timing = profile.bus_timing()
+        self._interval_s = profile.timing.poll_interval_ms / 1e3
+        self._next_s = 0.0
+        self._settled_s = 0.0
         self._identified = False
-        self._spans: dict[tuple[str, ...], tuple[_Span, ...]] = {}
+        self._written: set[str] = set()
+        self._spans: dict[tuple[str, ...], tuple[Span, ...]] = {}
 
     def check_identity(self) -> None:
-        """Prove that the device is the one that the profile describes; IdentityError if not."""
-        for proof in self.profile.identify:
-            raw = self.read((proof.register_,))[proof.register_].raw
+        """Prove that the device is the one that the profile describes, and find its model; IdentityError if not.
+
+        A device that is silent gets the time that it may need to start (`boot_ms`).
+        """
+        proofs = self._family.identify
+        names = tuple(dict.fromkeys(chain((proof.register_ for proof in proofs), self._telling)))
+        readings = self._read_patiently(names)
+        for proof in proofs:
+            raw = readings[proof.register_].raw
             if not any(first <= raw <= last for first, last in proof.ranges):
                 wanted = " or ".join(f"{first} to {last}" for first, last in proof.ranges)
                 raise IdentityError(
                     f"unit {self.unit_id} is no '{self.profile.profile.id}': {proof.register_} is {raw}, expected "
                     f"{wanted}: check profile and unit id of the rig"
                 )
+        variant = matching(self._family.variants, {name: reading.raw for name, reading in readings.items()})
+        self._become(self._family if variant is None else self._family.as_variant(variant))
         self._identified = True
 
     def read(self, names: Sequence[str]) -> dict[str, Reading]:
         """The registers `names`, in as few requests as their addresses allow."""
-        readings: dict[str, Reading] = {}
-        for span in self._spans_of(tuple(names)):
-            read = requests.read_holding if span.table == "holding" else requests.read_input
-            payload = self.master.execute(self.unit_id, read(span.address, span.count), self._timing)
-            readings |= span.decode(requests.registers_of(payload))
-        return readings
+        if self._telling and not self._identified:
+            self.check_identity()
+        return self._read(tuple(names))
 
     def write(self, name: str, value: float) -> None:
         """Write one register and read it back (unless it is write-only); ReadBackError when it did not arrive."""
-        register = self._writable(name)
-        words = register.encode(value, name)
+        self._know_the_scales()
+        write = self._encoded(name, value)
         self._prove_identity()
-        if len(words) == 1:
-            request = requests.write_register(register.address, words[0])
-        else:
-            request = requests.write_registers(register.address, words)
-        try:
-            self.master.execute(self.unit_id, request, self._timing)
-        except ExceptionReply as refusal:
-            raise ExceptionReply(f"register '{name}' = {value:g} {register.unit}: {refusal}", refusal.code) from None
-        if register.access == "rw":
-            self._confirm(name, words)
+        self._keep_order(name)
+        if write.register.nonvolatile and self._words(name) == write.words:
+            return  # every write wears the memory
+        self._store(write)
+        self._written.add(name)
+        if name in self._telling:
+            self._identified = False
 
     def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, Reading]:
         """Write adjacent registers, then read adjacent registers, in one FC23 transaction; never retried."""
-        (target,) = self._one_span(tuple(writes), "written")
-        (source,) = self._one_span(tuple(reads), "read")
-        words: list[int] = []
-        for name, _, _ in target.parts:
-            words += self._writable(name).encode(writes[name], name)
+        self._know_the_scales()
+        for name in writes:
+            register = self.profile.register(name)
+            if register.nonvolatile or register.companions or register.block:
+                raise ConfigError(f"register '{name}' takes part in no exchange: write it by itself")
+        target = self._one_span(tuple(writes), "written")
+        source = self._one_span(tuple(reads), "read")
+        words = list(chain.from_iterable(self._encoded(name, writes[name]).words for name, _, _ in target.parts))
         self._prove_identity()
         request = requests.exchange(target.address, words, source.address, source.count)
-        return source.decode(requests.registers_of(self.master.execute(self.unit_id, request, self._timing)))
+        return decode((source,), (source.words(self._execute(request)),), reads)
+
+    def wait_until_settled(self) -> None:
+        """Return when the measurements show the last write: `settle_ms` after it."""
+        self.master.clock.sleep_until(self._settled_s)
 
     def enter_safe_state(self) -> None:
         """Write the profile's safe state, confirmed by read-back; tried again on a bad bus, then raises the error."""
@@ -104,64 +141,102 @@ class Device:
             else:
                 return
 
+    def _execute(self, request: Request) -> bytes:
+        """One transaction, no sooner after the last than the device stands."""
+        clock = self.master.clock
+        if self._interval_s:
+            clock.sleep_until(self._next_s)
+            self._next_s = clock.now_s() + self._interval_s
+        payload = self.master.execute(self.unit_id, request, self._timing)
+        if request.writes:
+            self._settled_s = clock.now_s() + self.profile.timing.settle_ms / 1e3
+        return payload
+
+    def _read(self, names: tuple[str, ...]) -> dict[str, Reading]:
+        spans = self._spans_of(names)
+        return decode(spans, [self._span_words(span) for span in spans], names)
+
+    def _read_patiently(self, names: tuple[str, ...]) -> dict[str, Reading]:
+        give_up_s = self.master.clock.now_s() + self.profile.timing.boot_ms / 1e3
+        while True:
+            try:
+                return self._read(names)
+            except DeadlineError:
+                if self.master.clock.now_s() >= give_up_s:
+                    raise
+
+    def _span_words(self, span: Span) -> tuple[int, ...]:
+        return span.words(self._execute(span.read_request(self.profile.timing.function_codes)))
+
+    def _words(self, name: str) -> tuple[int, ...]:
+        (span,) = (span for span in self._spans_of((name,)) if any(part[0] == name for part in span.parts))
+        (at,) = (at for part, _, at in span.parts if part == name)
+        return self._span_words(span)[at : at + self.profile.register(name).size]
+
+    def _encoded(self, name: str, value: float) -> _Write:
+        register = self.profile.register(name)
+        if not register.writable:
+            raise ConfigError(f"register '{name}' of '{self.profile.profile.id}' cannot be written (access 'r')")
+        context = ALONE
+        if register.companions:
+            context = context_of(register, self._read(register.companions))
+        if context.problem is not None:
+            raise ConfigError(f"register '{name}' cannot be written now: {context.problem}")
+        return _Write(name, register, context, register.encode(value, name, context))
+
+    def _store(self, write: _Write) -> None:
+        """Send the write and read it back."""
+        name, register = write.name, write.register
+        codes = self.profile.timing.function_codes
+        try:
+            self._execute(write_request(register.table, register.address, write.words, codes))
+        except ExceptionReply as refusal:
+            raise ExceptionReply(f"register '{name}' = {write.told(write.words)}: {refusal}", refusal.code) from None
+        if register.access == "rw" and (found := self._words(name)) != write.words:
+            raise ReadBackError(
+                f"unit {self.unit_id}, register '{name}': wrote {write.told(write.words)}, reads back "
+                f"{write.told(found)}: is the device locked or in a fault?"
+            )
+
+    def _keep_order(self, name: str) -> None:
+        """Do what must be done before `name` is written, or refuse when only the caller can."""
+        for rule in self.profile.write_order:
+            if rule.before not in ("*", name) or rule.write == name:
+                continue
+            if rule.value is not None:
+                self._hold(rule, rule.value)
+            elif rule.write not in self._written:
+                raise ConfigError(f"register '{name}' must not be written before '{rule.write}': write that first")
+
+    def _hold(self, rule: WriteOrder, value: float) -> None:
+        write = self._encoded(rule.write, value)
+        if self._words(rule.write) != write.words:
+            self._store(write)
+
+    def _know_the_scales(self) -> None:
+        if self._telling and (self._switched or not self._identified):
+            self.check_identity()
+
     def _prove_identity(self) -> None:
         if not self._identified:
             self.check_identity()
 
-    def _confirm(self, name: str, words: tuple[int, ...]) -> None:
-        register = self.profile.register(name)
-        payload = self.master.execute(
-            self.unit_id, requests.read_holding(register.address, register.size), self._timing
-        )
-        found = requests.registers_of(payload)
-        if found != words:
-            raise ReadBackError(
-                f"unit {self.unit_id}, register '{name}': wrote {register.decode(words).value:g} {register.unit}, "
-                f"reads back {register.decode(found).value:g} {register.unit}: is the device locked or in a fault?"
-            )
+    def _become(self, profile: Profile) -> None:
+        if profile.registers is not self.profile.registers:
+            self.profile = profile
+            self._spans.clear()
 
-    def _writable(self, name: str) -> Register:
-        register = self.profile.register(name)
-        if not register.writable:
-            raise ConfigError(f"register '{name}' of '{self.profile.profile.id}' cannot be written (access 'r')")
-        return register
-
-    def _one_span(self, names: tuple[str, ...], verb: str) -> tuple[_Span, ...]:
+    def _one_span(self, names: tuple[str, ...], verb: str) -> Span:
         spans = self._spans_of(names)
         if len(spans) != 1 or spans[0].table != "holding":
             raise ConfigError(
                 f"'{self.profile.profile.id}': {', '.join(names)} cannot be {verb} in one request: they must be "
                 "adjacent holding registers"
             )
-        return spans
+        return spans[0]
 
-    def _spans_of(self, names: tuple[str, ...]) -> tuple[_Span, ...]:
+    def _spans_of(self, names: tuple[str, ...]) -> tuple[Span, ...]:
         spans = self._spans.get(names)
         if spans is None:
-            spans = self._spans[names] = _plan(self.profile, names)
+            spans = self._spans[names] = plan(self.profile, names)
         return spans
-
-
-def _plan(profile: Profile, names: tuple[str, ...]) -> tuple[_Span, ...]:
-    """Adjacent registers together, no more in one request than the device can."""
-    most = profile.timing.max_read_registers
-    groups: list[list[tuple[str, Register]]] = []
-    registers = sorted(((profile.register(name), name) for name in names), key=lambda item: _place(item[0]))
-    for register, name in registers:
-        group = groups[-1] if groups else []
-        adjacent = group and group[-1][1].table == register.table and group[-1][1].addresses.stop == register.address
-        if adjacent and register.addresses.stop - group[0][1].address <= most:
-            group.append((name, register))
-        else:
-            groups.append([(name, register)])
-    return tuple(_span(group) for group in groups)
-
-
-def _place(register: Register) -> tuple[str, int]:
-    return register.table, register.address
-
-
-def _span(group: list[tuple[str, Register]]) -> _Span:
-    first, last = group[0][1], group[-1][1]
-    parts = tuple((name, register, register.address - first.address) for name, register in group)
-    return _Span(first.table, first.address, last.addresses.stop - first.address, parts)

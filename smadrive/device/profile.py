@@ -1,101 +1,39 @@
 """A device profile: everything a driver must know of one type of device, in one TOML file.
 
 The same file drives the real device and the simulated one. What could lead to a wrong value or a harmful write is
-refused when the file is loaded: overlapping registers, limits that overflow, writes into forbidden ranges.
+refused when the file is loaded, for every variant of the device.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
 from smadrive.configfile import Section, load_config, nearest
-from smadrive.device.registers import Register, Table
+from smadrive.device import checks
+from smadrive.device.companions import check_companions
+from smadrive.device.registers import Register
+from smadrive.device.sections import (
+    Forbidden,
+    Head,
+    Identify,
+    Roles,
+    SafeWrite,
+    Serial,
+    Tcp,
+    Timing,
+    Variant,
+    Vector,
+    WriteOrder,
+)
+from smadrive.device.variants import applied, expanded, refuse_ambiguity
+from smadrive.device.vectors import check_vector
 from smadrive.errors import ConfigError
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.requests import MAX_READ_REGISTERS
-from smadrive.modbus.transport import Parity, SerialSettings
+from smadrive.modbus.transport import SerialSettings
 from smadrive.shipped import shipped_file
-
-
-class Head(Section):
-    """What the device is; `evidence` tells how well the map is known (own, two sources, one source)."""
-
-    id: str
-    role: Literal["heater", "supply", "temperature", "displacement"]
-    protocol: Literal["modbus-rtu"] = "modbus-rtu"
-    vendor: str
-    evidence: str = ""
-
-
-class Serial(Section):
-    """The device's factory settings of its serial line; a connection URL may overrule all but `bytesize`."""
-
-    baudrate: int = Field(gt=0)
-    bytesize: Literal[8] = 8
-    parity: Parity = "N"
-    stopbits: Literal[1, 2] = 1
-    unit_id: int = Field(default=1, ge=1, le=247)
-
-
-class Timing(Section):
-    """What the device needs of a master; `silence = false` drops the standard's pause between frames."""
-
-    response_timeout_ms: float = Field(gt=0)
-    min_gap_ms: float = Field(default=0.0, ge=0)
-    silence: bool = True
-    read_retries: int = Field(default=2, ge=0, le=10)
-    max_read_registers: int = Field(default=MAX_READ_REGISTERS, ge=1, le=MAX_READ_REGISTERS)
-
-
-class Identify(Section):
-    """A register whose raw value proves that the device is the one described: it lies in one of `ranges`."""
-
-    register_: str = Field(alias="register")
-    ranges: list[tuple[int, int]] = Field(min_length=1)
-
-
-class Roles(Section):
-    """Which register plays which part for the driver."""
-
-    temperature: str | None = None
-    cold_junction: str | None = None
-    heater_current: str | None = None
-    heater_enable: str | None = None
-    measured_current: str | None = None
-    measured_voltage: str | None = None
-    displacement: str | None = None
-    status: str | None = None
-    faults: str | None = None
-    limits: str | None = None
-    sequence: str | None = None
-    sequence_echo: str | None = None
-    sample_counter: str | None = None
-    uptime: str | None = None
-    arm: str | None = None
-    fault_clear: str | None = None
-    watchdog_s: str | None = None
-    temperature_max: str | None = None
-    current_max: str | None = None
-
-
-class Forbidden(Section):
-    """Addresses that are never written, and why."""
-
-    table: Table
-    first: int = Field(ge=0, le=0xFFFF)
-    last: int = Field(ge=0, le=0xFFFF)
-    reason: str
-
-
-class SafeWrite(Section):
-    """One write on the way to the safe state."""
-
-    register_: str = Field(alias="register")
-    value: float
 
 
 class Profile(Section):
@@ -103,33 +41,47 @@ class Profile(Section):
 
     schema_: Literal[1] = Field(alias="schema")
     profile: Head
-    serial: Serial
+    serial: Serial | None = None
+    tcp: Tcp | None = None
     timing: Timing
     identify: tuple[Identify, ...] = ()
     roles: Roles = Roles()
     registers: dict[str, Register]
+    variants: tuple[Variant, ...] = ()
     forbidden: tuple[Forbidden, ...] = ()
+    write_order: tuple[WriteOrder, ...] = ()
     safe_state: tuple[SafeWrite, ...] = ()
+    vectors: tuple[Vector, ...] = ()
 
     @field_validator("identify", mode="before")
     @classmethod
     def _one_or_several(cls, value: Any) -> Any:
         return [value] if isinstance(value, dict) else value
 
+    @field_validator("registers")
+    @classmethod
+    def _channels(cls, registers: dict[str, Register]) -> dict[str, Register]:
+        return expanded(registers)
+
     @model_validator(mode="after")
-    def _consistent(self) -> Profile:
-        _refuse_overlaps(self.registers)
-        for name, register in self.registers.items():
-            _refuse_forbidden(name, register, self.forbidden)
-        for identify in self.identify:
-            _known(identify.register_, self.registers, "identify.register")
-        for role, bound in self.roles.model_dump(exclude_none=True).items():
-            _known(bound, self.registers, f"roles.{role}")
-        if self.profile.role in ("heater", "supply") and not self.safe_state:
-            raise ValueError(f"a {self.profile.role} needs [[safe_state]]: the writes that end all heating")
-        for step in self.safe_state:
-            _check_safe_write(step, self.registers)
+    def _consistent(self) -> Self:
+        line = "serial" if self.profile.protocol == "modbus-rtu" else "tcp"
+        if getattr(self, line) is None:
+            raise ValueError(f"protocol '{self.profile.protocol}' needs the table [{line}]")
+        self._check_names()
+        refuse_ambiguity(self.variants)
+        for registers in (self.registers, *(applied(self.registers, variant) for variant in self.variants)):
+            self._check_registers(registers)
+        for vector in self.vectors:
+            check_vector(vector, self.registers)
         return self
+
+    @property
+    def unit_id(self) -> int:
+        """The unit id that the device has when it leaves the factory."""
+        line = self.serial if self.profile.protocol == "modbus-rtu" else self.tcp
+        assert line is not None  # checked at load
+        return line.unit_id
 
     def register(self, name: str) -> Register:
         """The register `name`; ConfigError names the nearest one there is."""
@@ -147,65 +99,65 @@ class Profile(Section):
             raise ConfigError(f"profile '{self.profile.id}' binds no register to the role '{role}': add it to [roles]")
         return name
 
+    def as_variant(self, variant: Variant) -> Profile:
+        """The profile of this variant alone: its registers, and its `match` as part of the identity."""
+        proofs = tuple(Identify(register=name, ranges=[span]) for name, span in variant.match.items())
+        others = tuple(proof for proof in self.identify if proof.register_ not in variant.match)
+        return self.model_copy(
+            update={"registers": applied(self.registers, variant), "identify": others + proofs, "variants": ()}
+        )
+
+    def chosen(self, choice: str) -> Profile:
+        """The variant of this `choice`; ConfigError names those there are."""
+        known = {variant.choice: variant for variant in self.variants if variant.choice}
+        if choice not in known:
+            raise ConfigError(f"profile '{self.profile.id}' has no choice '{choice}'{nearest(choice, map(str, known))}")
+        return self.as_variant(known[choice])
+
     def bus_timing(self) -> BusTiming:
         """The timing as a master wants it."""
         timing = self.timing
         return BusTiming(
             response_timeout_s=timing.response_timeout_ms / 1e3,
             min_gap_s=timing.min_gap_ms / 1e3,
+            post_write_s=timing.post_write_ms / 1e3,
             silence=timing.silence,
-            read_retries=timing.read_retries,
+            read_retries=timing.retries,
         )
 
-    def serial_settings(self) -> SerialSettings:
-        """The serial line as a transport wants it."""
-        return SerialSettings(self.serial.baudrate, self.serial.parity, self.serial.stopbits)
+    def serial_settings(self) -> SerialSettings | None:
+        """The serial line as a transport wants it; None for a device without one."""
+        line = self.serial
+        return None if line is None else SerialSettings(line.baudrate, line.parity, line.stopbits)
+
+    def _check_names(self) -> None:
+        for proof in self.identify:
+            checks.known(proof.register_, self.registers, "identify.register")
+        for variant in self.variants:
+            for name in variant.match:
+                checks.known(name, self.registers, "variants.match")
+        for role, bound in self.roles.model_dump(exclude_none=True).items():
+            checks.known(bound, self.registers, f"roles.{role}")
+        if self.profile.role in ("heater", "supply") and not self.safe_state:
+            raise ValueError(f"a {self.profile.role} needs [[safe_state]]: the writes that end all heating")
+
+    def _check_registers(self, registers: dict[str, Register]) -> None:
+        checks.refuse_overlaps(registers)
+        checks.refuse_forbidden(registers, self.forbidden)
+        checks.refuse_unreachable(registers, self.timing)
+        checks.refuse_torn_blocks(registers, self.timing)
+        for name, register in registers.items():
+            check_companions(name, register, registers)
+        checks.check_order(self.write_order, registers)
+        checks.check_safe_state(self.safe_state, self.write_order, registers)
 
 
 def load_profile(name_or_path: str | Path) -> Profile:
-    """The profile at a path (`*.toml`), or the shipped one of that name; ConfigError names file, key and cure."""
-    path = Path(name_or_path)
-    return load_config(path if path.suffix == ".toml" else shipped_file("devices", str(name_or_path)), Profile)
+    """The profile at a path (`*.toml`), or the shipped one of that name; ConfigError names file, key and cure.
 
-
-def _refuse_overlaps(registers: dict[str, Register]) -> None:
-    for table in ("holding", "input"):
-        ordered = sorted((register.address, name) for name, register in registers.items() if register.table == table)
-        for (_, before), (address, after) in pairwise(ordered):
-            last = registers[before].addresses[-1]
-            if address <= last:
-                raise ValueError(
-                    f"registers.{after}.address {address} overlaps registers.{before}, which ends at {last}: "
-                    "correct an address or a type"
-                )
-        if ordered and (last := registers[ordered[-1][1]].addresses[-1]) > 0xFFFF:
-            raise ValueError(f"registers.{ordered[-1][1]} ends at {last}, beyond 65535: correct address or type")
-
-
-def _refuse_forbidden(name: str, register: Register, forbidden: tuple[Forbidden, ...]) -> None:
-    for zone in forbidden:
-        inside = register.address <= zone.last and register.addresses[-1] >= zone.first
-        if register.writable and register.table == zone.table and inside:
-            raise ValueError(
-                f"registers.{name}.access '{register.access}' at address {register.address} writes into the forbidden "
-                f"range {zone.first} to {zone.last} ({zone.reason}): make it access = 'r'"
-            )
-
-
-def _known(name: str, registers: dict[str, Register], key: str) -> Register:
-    if name not in registers:
-        raise ValueError(f"{key} names the unknown register '{name}'{nearest(name, registers)}")
-    return registers[name]
-
-
-def _check_safe_write(step: SafeWrite, registers: dict[str, Register]) -> None:
-    register = _known(step.register_, registers, "safe_state.register")
-    if register.access != "rw":
-        raise ValueError(
-            f"safe_state.register '{step.register_}' has access '{register.access}': a safe state must be confirmed by "
-            "read-back, so it needs 'rw'"
-        )
-    try:
-        register.encode(step.value, step.register_)
-    except ConfigError as error:
-        raise ValueError(f"safe_state: {error}") from None
+    `NAME:CHOICE` is a variant that no register tells, such as the thermocouple type of `adam-6018:J`.
+    """
+    name, _, choice = str(name_or_path).partition(":")
+    path = Path(name)
+    profile = load_config(path if path.suffix == ".toml" else shipped_file("devices", name), Profile)
+    return profile.chosen(choice) if choice else profile

@@ -5,32 +5,32 @@
 Sentinels ("sensor open") are compared on the raw pattern, before any arithmetic: a sentinel never becomes a number.
 Raw numbers are the register's own type: signed for int16, so −30000 and 0x8AD0 are the same pattern; both may be
 written in a profile.
+
+What other registers say of this one (its sign, its decimals, its unit) comes in as a `Context`: `companions.py`.
 """
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Sequence
 from functools import cached_property
-from math import isfinite, nan
-from typing import Literal, NamedTuple
+from math import inf, isfinite, nan
+from typing import Any, Literal, NamedTuple
 
 from pydantic import Field, field_validator, model_validator
 
 from smadrive.configfile import Section
+from smadrive.device import words as bus
+from smadrive.device.words import Kind, Order
 from smadrive.errors import ConfigError
 
-Table = Literal["holding", "input"]
-Kind = Literal["uint16", "int16", "uint32", "int32", "float32"]
-
-_CODES: dict[Kind, str] = {"uint16": "H", "int16": "h", "uint32": "I", "int32": "i", "float32": "f"}
-_FLOAT32_MAX = 3.4028234663852886e38
+Table = Literal["holding", "input", "coil", "discrete"]
+Evidence = Literal["own", "two", "one", "uncertain", ""]
 
 
 class Reading(NamedTuple):
     """A register as read. `value` is NaN and `invalid` says why when the device has no value to give.
 
-    `words` are the names of an enum's state or of the bits that are set.
+    `words` are the names of an enum's state or of the bits that are set, or the text of a string (whose value is NaN).
     """
 
     raw: int | float
@@ -39,16 +39,34 @@ class Reading(NamedTuple):
     words: tuple[str, ...] = ()
 
 
+class Context(NamedTuple):
+    """What other registers say of one: sign of its magnitude, its scale, whether it is in °F, why it is invalid."""
+
+    sign: int = 1
+    scale: float | None = None
+    fahrenheit: bool = False
+    problem: str | None = None
+
+
+ALONE = Context()
+
+
 class Register(Section):
     """One entry of a profile's `[registers.NAME]`; `min`, `max`, `valid_min`, `valid_max` are in engineering units."""
 
     table: Table
     address: int = Field(ge=0, le=0xFFFF)
     type: Kind
-    word_order: Literal["big", "little"] = "big"
+    length: int = Field(default=0, ge=0, le=125)
+    word_order: Order = "big"
+    count: int = Field(default=1, ge=1, le=256)
+    stride: int = Field(default=0, ge=0)
     scale: float = 1.0
+    scale_from: str | None = None
     offset: float = 0.0
+    sign_register: str | None = None
     unit: str = ""
+    unit_from: str | None = None
     access: Literal["r", "w", "rw"]
     min: float | None = None
     max: float | None = None
@@ -57,13 +75,16 @@ class Register(Section):
     invalid: dict[int, str] = Field(default_factory=dict)
     valid_min: float | None = None
     valid_max: float | None = None
-    evidence: str = ""
+    valid_when: dict[str, tuple[int, ...]] = Field(default_factory=dict)
+    block: str | None = None
+    nonvolatile: bool | Literal["unknown"] = False
+    evidence: Evidence = ""
 
     @field_validator("enum", "bits", "invalid", mode="before")
     @classmethod
-    def _numbered(cls, table: dict[str, str]) -> dict[int, str]:
+    def _numbered(cls, table: dict[Any, str]) -> dict[int, str]:
         """TOML keys are text: accept 32768, 0x8000 and -32768."""
-        return {int(key, 0): word for key, word in table.items()}
+        return {int(key, 0) if isinstance(key, str) else key: word for key, word in table.items()}
 
     @field_validator("scale")
     @classmethod
@@ -73,19 +94,20 @@ class Register(Section):
         return scale
 
     @model_validator(mode="after")
-    def _writable_within_limits(self) -> Register:
-        limits = self.min is not None and self.max is not None
-        if self.writable and not (limits or self.enum or self.bits):
-            raise ValueError("a writable register needs min and max, so that nothing harmful can be written")
-        if self.table == "input" and self.writable:
-            raise ValueError("an input register cannot be written; access must be 'r'")
-        if self.min is not None and self.max is not None and self.min > self.max:
-            raise ValueError(f"min {self.min:g} exceeds max {self.max:g}")
+    def _sensible(self) -> Register:
+        if (self.table in ("coil", "discrete")) != (self.type == "bool"):
+            raise ValueError(f"type '{self.type}' in table '{self.table}': coils and discrete inputs are 'bool'")
+        if (self.type == "string") != (self.length > 0):
+            raise ValueError("a string, and nothing else, has a length: the number of its registers")
+        if self.writable:
+            self._check_writable()
+        if self.nonvolatile and self.access != "rw":
+            raise ValueError("a nonvolatile register is compared before it is written: access must be 'rw'")
         for limit in (self.min, self.max):
-            if limit is not None:
-                self._raw_of(limit)
-        for bits in self.invalid:
-            self.pattern(bits)
+            if limit is not None and self.scale_from is None:
+                self._raw_of(limit, ALONE)
+        for bits, reason in self.invalid.items():
+            self._check_sentinel(bits, reason)
         return self
 
     @property
@@ -93,33 +115,37 @@ class Register(Section):
         """Whether the device lets it be written."""
         return self.access != "r"
 
+    @property
+    def companions(self) -> tuple[str, ...]:
+        """The registers that say what this one means."""
+        named = (self.scale_from, self.sign_register, self.unit_from, *self.valid_when)
+        return tuple(name for name in named if name is not None)
+
     @cached_property
     def size(self) -> int:
-        """How many 16-bit registers it spans."""
-        return 1 if self.type in ("uint16", "int16") else 2
+        """How many addresses it spans."""
+        return self.length or (2 if bus.is_wide(self.type) else 1)
 
     @cached_property
     def addresses(self) -> range:
         """The addresses it spans."""
         return range(self.address, self.address + self.size)
 
-    def decode(self, words: Sequence[int]) -> Reading:
+    def decode(self, words: Sequence[int], context: Context = ALONE) -> Reading:
         """The reading in `words`, as they come from the bus."""
-        raw = self._unpack(words)
+        if self.type == "string":
+            return Reading(0, nan, None, (bus.text(words),))
+        raw = bus.unpack(self.type, self.word_order, words)
         if self._plain:
             return Reading(raw, raw * self.scale + self.offset)
         if self.invalid and (reason := self._sentinels.get(tuple(words))):
             return Reading(raw, nan, reason)
-        value = raw * self.scale + self.offset
-        if not isfinite(value):
-            return Reading(raw, nan, f"not a number (0x{words[0]:04X} ...)")
-        if self.valid_min is not None and value < self.valid_min:
-            return Reading(raw, nan, f"{value:g} {self.unit} is below the valid range, {self.valid_min:g}")
-        if self.valid_max is not None and value > self.valid_max:
-            return Reading(raw, nan, f"{value:g} {self.unit} is above the valid range, {self.valid_max:g}")
+        value = self._value_of(raw, context)
+        if (problem := context.problem or self._implausible(value)) is not None:
+            return Reading(raw, nan, problem)
         return self._named(raw, value) if self.enum or self.bits else Reading(raw, value)
 
-    def encode(self, value: float, name: str) -> tuple[int, ...]:
+    def encode(self, value: float, name: str, context: Context = ALONE) -> tuple[int, ...]:
         """The words that carry `value`; ConfigError when not finite, outside [min, max] or no state of the enum."""
         if not isfinite(value):
             raise ConfigError(f"register '{name}': {value} cannot be written; give a finite number")
@@ -128,7 +154,7 @@ class Register(Section):
                 f"register '{name}': {value:g} {self.unit} is outside the limits {self.min:g} to {self.max:g}"
             )
         try:
-            raw = self._raw_of(value)
+            raw = self._raw_of(value, context)
         except ValueError as error:
             raise ConfigError(f"register '{name}': {error}") from None
         if self.enum and raw not in self.enum:
@@ -138,37 +164,44 @@ class Register(Section):
 
     def pack(self, raw: float) -> tuple[int, ...]:
         """The words of a raw number."""
-        if self.size == 1:
-            return (int(raw) & 0xFFFF,)
-        words = struct.unpack(f">{self.size}H", struct.pack(f">{_CODES[self.type]}", raw))
-        return words if self.word_order == "big" else words[::-1]
+        return bus.pack(self.type, self.word_order, raw)
 
     def pattern(self, bits: int) -> tuple[int, ...]:
-        """The words of a raw pattern, written as a number of the register's type or as its unsigned bits."""
-        width = 16 * self.size
-        if not -(1 << width - 1) <= bits < 1 << width:
-            raise ValueError(f"the pattern {bits:#x} does not fit {self.type}")
-        words = struct.unpack(f">{self.size}H", (bits & (1 << width) - 1).to_bytes(2 * self.size, "big"))
-        return words if self.word_order == "big" else words[::-1]
+        """The words of a raw pattern."""
+        return bus.pattern(self.type, self.word_order, bits)
 
-    def _unpack(self, words: Sequence[int]) -> int | float:
-        if self.type == "uint16":
-            return words[0]
-        if self.type == "int16":
-            return words[0] - 0x10000 if words[0] & 0x8000 else words[0]
-        high, low = words if self.word_order == "big" else (words[1], words[0])
-        raw: int | float = struct.unpack(f">{_CODES[self.type]}", struct.pack(">HH", high, low))[0]
-        return raw
+    def saturated(self, value: float, context: Context = ALONE) -> tuple[int, ...]:
+        """The words by which a device shows `value`: at the end of the type's range when it exceeds it."""
+        lowest, highest = bus.RANGES[self.type]
+        return self.pack(min(max(self._rounded(value, context), lowest), highest))
 
-    def _raw_of(self, value: float) -> int | float:
-        exact = (value - self.offset) / self.scale
-        raw = exact if self.type == "float32" else round(exact)
-        if not self.lowest <= raw <= self.highest:
+    def _value_of(self, raw: float, context: Context) -> float:
+        value = context.sign * (raw * (context.scale or self.scale) + self.offset)
+        return (value - 32) / 1.8 if context.fahrenheit else value
+
+    def _rounded(self, value: float, context: Context) -> float:
+        given = value * 1.8 + 32 if context.fahrenheit else value
+        exact = (context.sign * given - self.offset) / (context.scale or self.scale)
+        return exact if self.type == "float32" else round(exact)
+
+    def _raw_of(self, value: float, context: Context) -> float:
+        raw = self._rounded(value, context)
+        lowest, highest = bus.RANGES[self.type]
+        if not lowest <= raw <= highest:
             raise ValueError(
-                f"{value:g} {self.unit} is raw {raw:g}, which overflows {self.type} "
-                f"({self.lowest:g} to {self.highest:g})"
+                f"{value:g} {self.unit} is raw {raw:g}, which overflows {self.type} ({lowest:g} to {highest:g})"
             )
         return raw
+
+    def _implausible(self, value: float) -> str | None:
+        """Why `value` is none."""
+        if not isfinite(value):
+            return "not a number"
+        if self.valid_min is not None and value < self.valid_min:
+            return f"{value:g} {self.unit} is below the valid range, {self.valid_min:g}"
+        if self.valid_max is not None and value > self.valid_max:
+            return f"{value:g} {self.unit} is above the valid range, {self.valid_max:g}"
+        return None
 
     def _named(self, raw: float, value: float) -> Reading:
         number = int(raw)
@@ -183,22 +216,36 @@ class Register(Section):
     def _plain(self) -> bool:
         """Whether every pattern is a valid number and nothing else."""
         limited = self.valid_min is not None or self.valid_max is not None
-        return not (self.invalid or self.enum or self.bits or limited or self.type == "float32")
+        return not (
+            self.invalid or self.enum or self.bits or limited or self.companions or self.type in ("float32", "string")
+        )
 
     @cached_property
     def _sentinels(self) -> dict[tuple[int, ...], str]:
         return {self.pattern(bits): reason for bits, reason in self.invalid.items()}
 
-    @cached_property
-    def lowest(self) -> float:
-        """The least raw number of the type."""
-        if self.type == "float32":
-            return -_FLOAT32_MAX
-        return 0 if self.type.startswith("u") else -(1 << 16 * self.size - 1)
+    def _check_writable(self) -> None:
+        """What is written must be able to be right, and unable to do harm."""
+        limits = self.min is not None and self.max is not None
+        if not (limits or self.enum or self.bits or self.type == "bool"):
+            raise ValueError("a writable register needs min and max, so that nothing harmful can be written")
+        if self.table in ("input", "discrete"):
+            raise ValueError(f"table '{self.table}' cannot be written; access must be 'r'")
+        if self.type == "string" or self.sign_register is not None:
+            raise ValueError("a string or a sign-magnitude pair is not written; access must be 'r'")
+        if self.evidence == "uncertain":
+            raise ValueError("what is uncertain is not written; access must be 'r' until evidence is 'one' or 'two'")
+        if self.min is not None and self.max is not None and self.min > self.max:
+            raise ValueError(f"min {self.min:g} exceeds max {self.max:g}")
 
-    @cached_property
-    def highest(self) -> float:
-        """The greatest raw number of the type."""
-        if self.type == "float32":
-            return _FLOAT32_MAX
-        return (1 << 16 * self.size - (0 if self.type.startswith("u") else 1)) - 1
+    def _check_sentinel(self, bits: int, reason: str) -> None:
+        """A sentinel that is a valid value as well would make a true reading disappear."""
+        value = self._value_of(bus.unpack(self.type, self.word_order, self.pattern(bits)), ALONE)
+        for low, high in ((self.valid_min, self.valid_max), (self.min, self.max)):
+            stated = low is not None or high is not None
+            inside = (-inf if low is None else low) <= value <= (inf if high is None else high)
+            if stated and inside and self.scale_from is None:
+                raise ValueError(
+                    f"the sentinel {bits:#x} ('{reason}') is {value:g} {self.unit}, inside the valid range: narrow "
+                    "valid_min and valid_max"
+                )

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from smadrive.device.registers import Register
+from smadrive.device.registers import Context, Register
 from smadrive.errors import ConfigError
 
 RANGES = {
@@ -85,6 +85,30 @@ def test_a_wide_sentinel_follows_the_word_order():
         assert entry.decode(words[::-1]).invalid is None
 
 
+def test_a_sentinel_outside_the_valid_range_is_accepted():
+    entry = register(type="int16", scale=0.1, invalid={"8888": "no probe"}, valid_min=-40.0, valid_max=200.0)
+    assert entry.decode((8888,)).invalid == "no probe"
+
+
+def test_text_is_two_characters_a_word():
+    entry = register(type="string", length=4)
+    assert entry.decode((0x544B, 0x3420, 0x3134, 0)).words == ("TK4 14",)
+
+
+def test_what_other_registers_say_changes_the_value():
+    entry = register(type="int16", scale_from="decimals", unit="degC", unit_from="unit")
+    assert entry.decode((2120,), Context(scale=0.1, fahrenheit=True)).value == pytest.approx(100.0)
+    assert entry.decode((2120,), Context(sign=-1, scale=0.01)).value == pytest.approx(-21.2)
+    assert entry.decode((2120,), Context(problem="asleep")).invalid == "asleep"
+
+
+@given(st.floats(-100, 100), st.sampled_from([1.0, 0.1, 0.01]), st.booleans())
+def test_writing_in_the_devices_unit_and_decimals_comes_back(value, scale, fahrenheit):
+    context = Context(scale=scale, fahrenheit=fahrenheit)
+    entry = register(type="int16", access="rw", min=-100, max=100, scale_from="decimals", unit_from="unit")
+    assert entry.decode(entry.encode(value, "sv", context), context).value == pytest.approx(value, abs=0.51 * scale)
+
+
 def test_a_float_that_is_no_number_is_invalid():
     for value in (math.nan, math.inf, -math.inf):
         reading = register(type="float32").decode(struct.unpack(">HH", struct.pack(">f", value)))
@@ -136,6 +160,18 @@ def test_writing_no_state_of_an_enum_is_refused():
         ({"invalid": {"0x10000": "too wide"}}, "does not fit uint16"),
         ({"address": 65536}, "less than or equal to 65535"),
         ({"scal": 1.0}, "Extra inputs"),
+        ({"table": "coil"}, "coils and discrete inputs are 'bool'"),
+        ({"type": "bool"}, "coils and discrete inputs are 'bool'"),
+        ({"type": "string"}, "has a length"),
+        ({"length": 2}, "has a length"),
+        ({"type": "string", "length": 2, "access": "rw", "min": 0, "max": 1}, "is not written"),
+        ({"access": "rw", "min": 0, "max": 1, "sign_register": "sign"}, "is not written"),
+        ({"access": "rw", "min": 0, "max": 1, "evidence": "uncertain"}, "what is uncertain is not written"),
+        ({"evidence": "rumour"}, "Input should be"),
+        ({"access": "w", "min": 0, "max": 1, "nonvolatile": True}, "compared before it is written"),
+        ({"invalid": {"0": "none"}, "valid_min": -40}, r"sentinel 0x0 \('none'\) is 0 , inside the valid range"),
+        ({"invalid": {"500": "none"}, "valid_max": 50.0, "scale": 0.1}, "inside the valid range"),
+        ({"invalid": {"5": "none"}, "access": "rw", "min": 0, "max": 10}, "inside the valid range"),
     ],
 )
 def test_a_register_that_makes_no_sense_is_refused(fields, says):

@@ -96,7 +96,7 @@ def test_two_requests_in_one_lump_get_two_replies(rig):
 def test_a_request_behind_junk_is_found(rig, junk):
     request = frames.seal(1, bytes.fromhex(READ_ID))
     assert len(rig.receive(bytes.fromhex(junk) + request, 0.0)) == 1
-    assert rig.responder.stream.bad_bytes == len(bytes.fromhex(junk))
+    assert rig.port.stream.bad_bytes == len(bytes.fromhex(junk))
 
 
 def test_a_truncated_request_is_forgotten_after_a_pause(rig):

@@ -1,0 +1,61 @@
+"""Which function code reaches which table: the first of these that the device knows.
+
+Some devices (Delta DTB) read their coils by FC02, and some know either the single write or the multiple one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+
+from smadrive.modbus import requests
+from smadrive.modbus.requests import Request
+
+ALL_FUNCTIONS = (1, 2, 3, 4, 5, 6, 15, 16, 22, 23)
+
+_READS = {"holding": (3,), "input": (4,), "coil": (1, 2), "discrete": (2,)}
+_BUILD_READ = {
+    1: requests.read_coils,
+    2: requests.read_discrete,
+    3: requests.read_holding,
+    4: requests.read_input,
+}
+
+
+def read_function(table: str, known: Collection[int]) -> int | None:
+    """The function that reads `table`; None when the device has none."""
+    return next((code for code in _READS[table] if code in known), None)
+
+
+def write_function(table: str, count: int, known: Collection[int]) -> int | None:
+    """The function that writes `count` addresses of `table`; None when the device has none."""
+    usable = (5, 15) if table == "coil" else (6, 16)
+    return next((code for code in usable[count > 1 :] if code in known), None)
+
+
+def read_request(table: str, address: int, count: int, known: Collection[int]) -> Request:
+    """The request that reads `count` addresses of `table`, which the device must be able to."""
+    function = read_function(table, known)
+    if function is None:
+        raise ValueError(f"no function among {sorted(known)} reads the table '{table}'")
+    return _BUILD_READ[function](address, count)
+
+
+def write_request(table: str, address: int, words: Sequence[int], known: Collection[int]) -> Request:
+    """The request that writes `words` into `table`, which the device must be able to."""
+    match write_function(table, len(words), known):
+        case 5:
+            return requests.write_coil(address, bool(words[0]))
+        case 6:
+            return requests.write_register(address, words[0])
+        case 15:
+            return requests.write_coils(address, [bool(word) for word in words])
+        case 16:
+            return requests.write_registers(address, words)
+    raise ValueError(f"no function among {sorted(known)} writes {len(words)} addresses of the table '{table}'")
+
+
+def words_of(table: str, payload: bytes, count: int) -> tuple[int, ...]:
+    """The words that a read's payload carries; a coil or discrete input is one word, 0 or 1."""
+    if table in ("coil", "discrete"):
+        return tuple(int(bit) for bit in requests.bits_of(payload, count))
+    return requests.registers_of(payload)

@@ -1,0 +1,91 @@
+"""Which requests read a set of registers, and how their replies become readings.
+
+Neighbours are read together, as many as the device allows; a block is always read whole and by itself, so that its
+values belong together; registers that say what another one means are read with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from smadrive.device.companions import context_of
+from smadrive.device.functions import read_request, words_of
+from smadrive.device.profile import Profile
+from smadrive.device.registers import Reading, Register
+from smadrive.modbus.requests import Request
+
+_Part = tuple[str, Register, int]  # name, register, place in the span
+
+
+@dataclass(frozen=True, slots=True)
+class Span:
+    """Registers that are read, or written, in one piece."""
+
+    table: str
+    address: int
+    count: int
+    parts: tuple[_Part, ...]
+    has_companions: bool
+
+    def words(self, payload: bytes) -> tuple[int, ...]:
+        """What the payload of the reply carries."""
+        return words_of(self.table, payload, self.count)
+
+    def read_request(self, function_codes: Sequence[int]) -> Request:
+        """The request that reads it."""
+        return read_request(self.table, self.address, self.count, function_codes)
+
+
+def plan(profile: Profile, names: Sequence[str]) -> tuple[Span, ...]:
+    """The spans that hold the registers `names` and all that must be read with them."""
+    most = profile.timing.max_read_registers
+    groups: list[list[tuple[str, Register]]] = []
+    wanted = ((name, profile.register(name)) for name in _with_company(profile, names))
+    for name, register in sorted(wanted, key=lambda item: (item[1].table, item[1].address)):
+        group = groups[-1] if groups else []
+        if group and _belongs(register, group[0][1], group[-1][1], most):
+            group.append((name, register))
+        else:
+            groups.append([(name, register)])
+    return tuple(_span(group) for group in groups)
+
+
+def decode(spans: Iterable[Span], words: Iterable[Sequence[int]], names: Sequence[str]) -> dict[str, Reading]:
+    """The readings of `names` out of the words of the spans."""
+    readings: dict[str, Reading] = {}
+    later: list[tuple[str, Register, Sequence[int]]] = []
+    for span, span_words in zip(spans, words, strict=True):
+        for name, register, at in span.parts:
+            part = span_words[at : at + register.size]
+            if span.has_companions and register.companions:
+                later.append((name, register, part))
+            else:
+                readings[name] = register.decode(part)
+    for name, register, part in later:
+        readings[name] = register.decode(part, context_of(register, readings))
+    return readings if len(readings) == len(names) else {name: readings[name] for name in names}
+
+
+def _with_company(profile: Profile, names: Sequence[str]) -> set[str]:
+    """`names`, the registers that say what they mean, and the rest of their blocks with theirs."""
+    company = set(names)
+    while True:
+        blocks = {profile.register(name).block for name in company} - {None}
+        more = {other for name in company for other in profile.register(name).companions}
+        more |= {name for name, register in profile.registers.items() if register.block in blocks}
+        if more <= company:
+            return company
+        company |= more
+
+
+def _belongs(register: Register, first: Register, last: Register, most: int) -> bool:
+    adjacent = last.table == register.table and last.addresses.stop == register.address
+    return adjacent and last.block == register.block and register.addresses.stop - first.address <= most
+
+
+def _span(group: list[tuple[str, Register]]) -> Span:
+    first, last = group[0][1], group[-1][1]
+    parts = tuple((name, register, register.address - first.address) for name, register in group)
+    companions = any(register.companions for _, register in group)
+    return Span(first.table, first.address, last.addresses.stop - first.address, parts, companions)
