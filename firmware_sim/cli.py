@@ -1,10 +1,10 @@
-"""firmware-sim: a simulated SMA heater board with a wire on it, on a serial port."""
+"""firmware-sim: a simulated device with a wire on it, on a serial port or a TCP port."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, TextIO
@@ -13,9 +13,11 @@ import typer
 
 from firmware_sim.config import load_sim
 from firmware_sim.device import SimulatedDevice
-from firmware_sim.serve import Server, Terminal, stop_on_signal
+from firmware_sim.doors import Door, Terminal
+from firmware_sim.serve import Server, stop_on_signal
+from firmware_sim.tcpdoor import TcpDoor
 from smadrive.device.profile import load_profile
-from smadrive.errors import SmadriveError
+from smadrive.errors import ConfigError, SmadriveError
 
 main = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -32,39 +34,61 @@ def serve(
     *,
     sim: Annotated[str, typer.Argument(help="A SIM.toml, or the name of a shipped one.", metavar="SIM.toml")],
     pty: Annotated[Path | None, typer.Option(help="Also reachable under this path (a symbolic link).")] = None,
+    tcp: Annotated[
+        str | None, typer.Option(help="Serve Modbus TCP there instead; PORT alone: this machine.", metavar="HOST:PORT")
+    ] = None,
+    rtu_tcp: Annotated[
+        str | None, typer.Option(help="Serve RTU frames on TCP, as a gateway does.", metavar="HOST:PORT")
+    ] = None,
     profile: Annotated[str, typer.Option(help="The register map: a shipped name or a path.")] = "sma-reference",
     time: Annotated[Time, typer.Option(help="real: the machine's; driven: told on standard input.")] = Time.REAL,
     seed: Annotated[int, typer.Option(help="Of the sensors' noise.")] = 0,
     log: Annotated[Path | None, typer.Option(help="Write the event lines there instead of standard error.")] = None,
 ) -> None:
-    """Serve a simulated heater board on a serial port, and print the port's URL as the first line."""
+    """Serve a simulated device on a serial port, or a TCP port, and print its URL as the first line."""
     try:
         with _event_log(log) as events:
-            _serve(sim=sim, profile=profile, pty=pty, time=time, seed=seed, events=events)
+            device = SimulatedDevice.from_config(load_sim(sim), seed, load_profile(profile), _line_writer(events))
+            door = _door(device, pty, tcp, rtu_tcp)
+            _serve(device, door, time)
     except SmadriveError as error:
         typer.echo(f"firmware-sim: {error}", err=True)
         raise typer.Exit(error.exit_code) from None
 
 
-def _serve(*, sim: str, profile: str, pty: Path | None, time: Time, seed: int, events: TextIO) -> None:
-    def log(line: str) -> None:
-        events.write(line + "\n")
-        events.flush()
+def _door(device: SimulatedDevice, pty: Path | None, tcp: str | None, rtu_tcp: str | None) -> Door:
+    if sum(option is not None for option in (pty, tcp, rtu_tcp)) > 1:
+        raise ConfigError("--pty, --tcp and --rtu-tcp exclude each other: start one simulator for each")
+    if tcp is not None:
+        return TcpDoor(tcp, "tcp", lambda: device.new_port(numbered=True))
+    if rtu_tcp is not None:
+        return TcpDoor(rtu_tcp, "rtu+tcp", lambda: device.new_port(numbered=False))
+    if device.profile.serial is None:
+        raise ConfigError(f"'{device.profile.profile.id}' has no serial line: serve it with --tcp HOST:PORT")
+    return Terminal(pty, device.port)
 
-    device = SimulatedDevice.from_config(load_sim(sim), seed, load_profile(profile), log)
-    terminal = Terminal(pty)
+
+def _serve(device: SimulatedDevice, door: Door, time: Time) -> None:
     try:
         with stop_on_signal(), contextlib.suppress(KeyboardInterrupt):
-            typer.echo(f"serial://{terminal.path}")
+            typer.echo(door.url)
             sys.stdout.flush()
-            server = Server(device, terminal)
+            server = Server(device, door)
             if time is Time.REAL:
                 server.run_real()
             else:
                 server.run_driven()
     finally:
         device.switch_off()
-        terminal.close()
+        door.close()
+
+
+def _line_writer(events: TextIO) -> Callable[[str], None]:
+    def log(line: str) -> None:
+        events.write(line + "\n")
+        events.flush()
+
+    return log
 
 
 @contextlib.contextmanager

@@ -12,7 +12,8 @@ from typing import NamedTuple
 from firmware_sim.refusal import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, Refusal
 from smadrive.device.companions import context_of
 from smadrive.device.profile import Profile
-from smadrive.device.registers import Context, Register
+from smadrive.device.readings import ALONE, Context
+from smadrive.device.registers import Register
 from smadrive.errors import ConfigError
 
 Quantity = float | str | None  # a number, the name of a state, or no reading
@@ -80,14 +81,13 @@ class RegisterBank:
 
     def checked(self, table: str, first: int, words: Sequence[int]) -> list[Write]:
         """The writes of whole registers that `words` make up; Refusal when one of them cannot be carried out."""
-        writes = []
+        writes: list[Write] = []
         at = 0
         while at < len(words):
             name, register = self._writable.get((table, first + at), ("", None))
             if register is None or len(part := words[at : at + register.size]) < register.size:
                 raise Refusal(ILLEGAL_ADDRESS)
-            context = self._context(register)
-            writes.append(Write(name, register, part, register.decode(part, context).value))
+            writes.append(Write(name, register, part, register.decode(part, self._context(register)).value))
             at += register.size
         for write in writes:
             try:
@@ -133,6 +133,8 @@ class RegisterBank:
         return register.saturated(value, self._context(register))
 
     def _context(self, register: Register) -> Context:
+        if not register.companions:
+            return ALONE
         named = {name: self._profile.register(name) for name in register.companions}
         return context_of(register, {name: one.decode(self._words_of(one)) for name, one in named.items()})
 

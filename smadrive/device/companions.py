@@ -11,13 +11,16 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from smadrive.configfile import nearest
-from smadrive.device.registers import Context, Reading, Register
+from smadrive.device.readings import ALONE, Context, Reading
+from smadrive.device.registers import Register
 
 CELSIUS, FAHRENHEIT = "degC", "degF"
 
 
 def context_of(register: Register, readings: Mapping[str, Reading]) -> Context:
     """What the companions of `register`, all among `readings`, say of it."""
+    if not register.companions:
+        return ALONE
     sign = _word(register.sign_register, readings)
     scale = _word(register.scale_from, readings)
     unit = _word(register.unit_from, readings)

@@ -15,7 +15,8 @@ from smadrive.device.companions import context_of
 from smadrive.device.functions import write_request
 from smadrive.device.plan import Span, decode, plan
 from smadrive.device.profile import Profile
-from smadrive.device.registers import ALONE, Context, Reading, Register
+from smadrive.device.readings import ALONE, Context, Reading
+from smadrive.device.registers import Register
 from smadrive.device.sections import WriteOrder
 from smadrive.device.variants import matching
 from smadrive.errors import (
@@ -115,8 +116,7 @@ class Device:
         """Write adjacent registers, then read adjacent registers, in one FC23 transaction; never retried."""
         self._know_the_scales()
         for name in writes:
-            register = self.profile.register(name)
-            if register.nonvolatile or register.companions or register.block:
+            if not self.profile.register(name).exchangeable:
                 raise ConfigError(f"register '{name}' takes part in no exchange: write it by itself")
         target = self._one_span(tuple(writes), "written")
         source = self._one_span(tuple(reads), "read")

@@ -14,7 +14,7 @@ from math import isfinite, nan
 
 from smadrive.clock import Clock
 from smadrive.device.device import Device
-from smadrive.device.registers import Reading
+from smadrive.device.readings import Reading
 from smadrive.errors import ConfigError, ProtocolError, SafetyError
 from smadrive.measurement import Measurement
 

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 from smadrive.device.companions import context_of
 from smadrive.device.functions import read_request, words_of
 from smadrive.device.profile import Profile
-from smadrive.device.registers import Reading, Register
+from smadrive.device.readings import Reading
+from smadrive.device.registers import Register
 from smadrive.modbus.requests import Request
 
 _Part = tuple[str, Register, int]  # name, register, place in the span

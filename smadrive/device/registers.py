@@ -14,41 +14,18 @@ from __future__ import annotations
 from collections.abc import Sequence
 from functools import cached_property
 from math import inf, isfinite, nan
-from typing import Any, Literal, NamedTuple
+from typing import Any, Literal
 
 from pydantic import Field, field_validator, model_validator
 
 from smadrive.configfile import Section
 from smadrive.device import words as bus
+from smadrive.device.readings import ALONE, Context, Reading
 from smadrive.device.words import Kind, Order
 from smadrive.errors import ConfigError
 
 Table = Literal["holding", "input", "coil", "discrete"]
 Evidence = Literal["own", "two", "one", "uncertain", ""]
-
-
-class Reading(NamedTuple):
-    """A register as read. `value` is NaN and `invalid` says why when the device has no value to give.
-
-    `words` are the names of an enum's state or of the bits that are set, or the text of a string (whose value is NaN).
-    """
-
-    raw: int | float
-    value: float
-    invalid: str | None = None
-    words: tuple[str, ...] = ()
-
-
-class Context(NamedTuple):
-    """What other registers say of one: sign of its magnitude, its scale, whether it is in °F, why it is invalid."""
-
-    sign: int = 1
-    scale: float | None = None
-    fahrenheit: bool = False
-    problem: str | None = None
-
-
-ALONE = Context()
 
 
 class Register(Section):
@@ -115,11 +92,16 @@ class Register(Section):
         """Whether the device lets it be written."""
         return self.access != "r"
 
-    @property
+    @cached_property
     def companions(self) -> tuple[str, ...]:
         """The registers that say what this one means."""
         named = (self.scale_from, self.sign_register, self.unit_from, *self.valid_when)
         return tuple(name for name in named if name is not None)
+
+    @cached_property
+    def exchangeable(self) -> bool:
+        """Whether it may be written again and again, together with others, without a look at any other register."""
+        return not (self.nonvolatile or self.companions or self.block)
 
     @cached_property
     def size(self) -> int:
@@ -135,7 +117,7 @@ class Register(Section):
         """The reading in `words`, as they come from the bus."""
         if self.type == "string":
             return Reading(0, nan, None, (bus.text(words),))
-        raw = bus.unpack(self.type, self.word_order, words)
+        raw = words[0] if self.type == "uint16" else bus.unpack(self.type, self.word_order, words)
         if self._plain:
             return Reading(raw, raw * self.scale + self.offset)
         if self.invalid and (reason := self._sentinels.get(tuple(words))):
@@ -176,12 +158,16 @@ class Register(Section):
         return self.pack(min(max(self._rounded(value, context), lowest), highest))
 
     def _value_of(self, raw: float, context: Context) -> float:
+        if context is ALONE:
+            return raw * self.scale + self.offset
         value = context.sign * (raw * (context.scale or self.scale) + self.offset)
         return (value - 32) / 1.8 if context.fahrenheit else value
 
     def _rounded(self, value: float, context: Context) -> float:
-        given = value * 1.8 + 32 if context.fahrenheit else value
-        exact = (context.sign * given - self.offset) / (context.scale or self.scale)
+        exact = (value - self.offset) / self.scale
+        if context is not ALONE:
+            given = value * 1.8 + 32 if context.fahrenheit else value
+            exact = (context.sign * given - self.offset) / (context.scale or self.scale)
         return exact if self.type == "float32" else round(exact)
 
     def _raw_of(self, value: float, context: Context) -> float:

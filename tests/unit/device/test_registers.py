@@ -8,7 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
-from smadrive.device.registers import Context, Register
+from smadrive.device.readings import Context
+from smadrive.device.registers import Register
 from smadrive.errors import ConfigError
 
 RANGES = {

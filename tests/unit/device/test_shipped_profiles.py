@@ -4,7 +4,7 @@ import pytest
 
 from smadrive.device.functions import words_of, write_request
 from smadrive.device.profile import load_profile
-from smadrive.device.registers import Context
+from smadrive.device.readings import Context
 from smadrive.device.words import RANGES
 from smadrive.modbus import frames
 from smadrive.shipped import configs_dir

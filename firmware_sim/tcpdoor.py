@@ -1,0 +1,82 @@
+"""The simulated device on a TCP port: any number of clients, each with its own stream of frames."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Callable
+
+from firmware_sim.doors import Heard
+from firmware_sim.ports import Port
+from smadrive.errors import ConfigError
+
+LOOPBACK = "127.0.0.1"
+_CHUNK = 2048
+
+
+class TcpDoor:
+    """Listens on [HOST:]PORT (0: any free port), by default for programs on this machine alone."""
+
+    def __init__(self, address: str, scheme: str, new_port: Callable[[], Port]) -> None:
+        """ConfigError when the address makes no sense, or nobody may listen there."""
+        host, port = _parsed(address)
+        try:
+            self._listener = socket.create_server((host, port))
+        except OSError as error:
+            raise ConfigError(
+                f"--{scheme.replace('+', '-')} {address}: cannot listen there ({error.strerror})"
+            ) from None
+        self._listener.setblocking(False)
+        self._new_port = new_port
+        self._clients: dict[int, _Client] = {}
+        self.url = f"{scheme}://{host}:{self._listener.getsockname()[1]}"
+
+    def descriptors(self) -> list[int]:
+        """The listening socket and the clients'."""
+        return [self._listener.fileno(), *self._clients]
+
+    def hear(self, descriptor: int) -> Heard | None:
+        """Take what a client sent; let a new one in, or one that is done out."""
+        if descriptor == self._listener.fileno():
+            with contextlib.suppress(OSError):  # gone before it was let in
+                client = _Client(self._listener.accept()[0], self._new_port())
+                self._clients[client.connection.fileno()] = client
+            return None
+        client = self._clients[descriptor]
+        try:
+            data = client.connection.recv(_CHUNK)
+        except OSError:
+            data = b""
+        if data:
+            return Heard(client, data)
+        del self._clients[descriptor]
+        client.connection.close()
+        return None
+
+    def close(self) -> None:
+        """Close every connection."""
+        self._listener.close()
+        for client in self._clients.values():
+            client.connection.close()
+
+
+class _Client:
+    """One connection."""
+
+    def __init__(self, connection: socket.socket, port: Port) -> None:
+        self.port = port
+        self.connection = connection
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        connection.setblocking(False)
+
+    def send(self, reply: bytes) -> None:
+        """Let `reply` go; a client that is gone, or takes nothing, loses it."""
+        with contextlib.suppress(OSError):
+            self.connection.send(reply)
+
+
+def _parsed(address: str) -> tuple[str, int]:
+    host, _, port = address.rpartition(":")
+    if not port.isdecimal() or int(port) > 0xFFFF:
+        raise ConfigError(f"'{address}' is no address to listen on; write HOST:PORT, or PORT for this machine alone")
+    return host or LOOPBACK, int(port)

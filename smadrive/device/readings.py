@@ -1,0 +1,29 @@
+"""What a register says when it is read, and what others say of it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Reading(NamedTuple):
+    """A register as read. `value` is NaN and `invalid` says why when the device has no value to give.
+
+    `words` are the names of an enum's state or of the bits that are set, or the text of a string (whose value is NaN).
+    """
+
+    raw: int | float
+    value: float
+    invalid: str | None = None
+    words: tuple[str, ...] = ()
+
+
+class Context(NamedTuple):
+    """What other registers say of one: sign of its magnitude, its scale, whether it is in °F, why it is invalid."""
+
+    sign: int = 1
+    scale: float | None = None
+    fahrenheit: bool = False
+    problem: str | None = None
+
+
+ALONE = Context()
