@@ -42,7 +42,7 @@ class Heater(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Tick:
-    """One turn of the loop, as recorded: `time_s` since the start, lateness against the deadline."""
+    """One turn of the loop, as recorded: `time_s` of the measurement since the start, lateness of its beginning."""
 
     time_s: float
     late_s: float
@@ -80,6 +80,7 @@ class ControlLoop:
         self._record = record
         self._command = Command(0.0)
         self._in_force_a = 0.0
+        self._start_s = 0.0
         self._last_s = 0.0
         self.figures = LoopFigures()
 
@@ -88,16 +89,20 @@ class ControlLoop:
         with ends_safe(self._heater):
             self._supervisor.check_may_arm(self._heater.exchange(0.0))
             self._heater.arm(watchdog_s)
-            start_s = self._clock.now_s()
+            self._start_s = self._clock.now_s()
             self._last_s = -self._period_s
             for number in range(int(self._controller.duration_s / self._period_s) + 1):
-                self._clock.sleep_until(start_s + number * self._period_s)
-                self.tick(self._clock.now_s() - start_s, number * self._period_s)
+                due_s = self._start_s + number * self._period_s
+                self._clock.sleep_until(due_s)
+                self.tick(late_s=self._clock.now_s() - due_s)
         return self.figures
 
-    def tick(self, time_s: float, due_s: float) -> None:
-        """One turn, `time_s` after the start, due at `due_s`. Raises TripError once the supervisor has tripped."""
-        late_s = time_s - due_s
+    def tick(self, late_s: float) -> None:
+        """One turn, begun `late_s` after its deadline. Raises TripError once the supervisor has tripped.
+
+        What the controller and the log call the time of the tick is that of its measurement: a device that answers
+        slowly also acts slowly, and the heat balance must not take the delay for heat.
+        """
         self.figures.ticks += 1
         self.figures.missed_deadlines += late_s > LATE_FRACTION * self._period_s
         measurement = self._exchange()
@@ -107,6 +112,7 @@ class ControlLoop:
         trip = self._supervisor.update(measurement, self._in_force_a)
         self._in_force_a = self._command.current_a
         self._stop_if(trip)
+        time_s = measurement.time_s - self._start_s
         dt_s, self._last_s = time_s - self._last_s, time_s
         self._command = self._controller.update(time_s, measurement, dt_s)
         self._record(Tick(time_s, late_s, measurement, self._command))
