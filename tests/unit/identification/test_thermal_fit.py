@@ -70,6 +70,23 @@ def test_the_wire_temperature_is_free_of_lag_and_noise(record):
     assert np.sqrt(np.mean((measured.temperature_c - truth)[200:] ** 2)) > 0.5  # what it would be without the fit
 
 
+def test_a_clock_that_jitters_changes_nothing(record):
+    measured, _ = record
+    jitter = np.random.default_rng(5).uniform(-0.4, 0.4, measured.time_s.size) * DT_S
+    times = measured.time_s + jitter
+    resampled = {
+        name: np.interp(times, measured.time_s, getattr(measured, name))
+        for name in ("temperature_c", "displacement_mm")
+    }
+    energy = np.cumsum(measured.current_a * measured.voltage_v) * DT_S
+    power = np.diff(np.interp(times, measured.time_s, energy), prepend=0.0) / np.diff(times, prepend=times[0] - DT_S)
+    jittered = ExcitationRecord(times, measured.current_a, power / np.maximum(measured.current_a, 1e-9), **resampled)
+    even = identify_thermal(measured, NOMINAL).balance
+    found = identify_thermal(jittered, NOMINAL).balance
+    assert found.thermocouple_lag_s == pytest.approx(even.thermocouple_lag_s, abs=0.01)
+    assert found.heat_capacity_j_per_k == pytest.approx(even.heat_capacity_j_per_k, rel=0.01)
+
+
 def test_a_sensor_that_falls_on_heating_gives_the_same_wire(record):
     measured, _ = record
     mirrored = dataclasses.replace(measured, displacement_mm=12.0 - measured.displacement_mm)
