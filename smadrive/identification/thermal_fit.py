@@ -91,7 +91,7 @@ def _phase(displacement: Array, reading: Array) -> Array:
 
 
 def _uniform(record: ExcitationRecord, phase: Array) -> tuple[Array, _Samples]:
-    """The record on a uniform grid: all columns interpolated, the power through its energy, of which nothing is lost."""
+    """The record on a uniform grid: columns interpolated, the power through its energy, of which nothing is lost."""
     time = record.time_s
     dt_s = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1] + 0.5 * dt_s, dt_s)
