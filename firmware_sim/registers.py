@@ -117,10 +117,11 @@ class RegisterBank:
 
     def _show(self, register: Register, value: Quantity) -> None:
         """Show a quantity, and in the registers that tell it whether it is valid."""
-        for name, allowed in register.valid_when.items():
-            teller = self._profile.register(name)
-            denied = (number for number in teller.enum if number not in allowed)
-            self._store(teller, teller.pack(next(denied, 0) if value is None else allowed[0]))
+        if register.companions:
+            for name, allowed in register.valid_when.items():
+                teller = self._profile.register(name)
+                denied = (number for number in teller.enum if number not in allowed)
+                self._store(teller, teller.pack(next(denied, 0) if value is None else allowed[0]))
         self._store(register, self._shown(register, value))
 
     def _shown(self, register: Register, value: Quantity) -> tuple[int, ...]:

@@ -56,9 +56,7 @@ class Responder:
                 5: self._write_coil,
                 15: self._write_coils,
             }
-        extras = (22,) if 23 in timing.function_codes else ()
-        known = {*timing.function_codes, *extras}
-        self._functions = {code: answer for code, answer in functions.items() if code in known}
+        self._functions = {code: answer for code, answer in functions.items() if code in timing.function_codes}
         self._functions[_LOOP_BACK] = self._loop_back
 
     def answer(self, pdu: bytes) -> bytes:

@@ -154,7 +154,7 @@ class Register(Section):
 
     def saturated(self, value: float, context: Context = ALONE) -> tuple[int, ...]:
         """The words by which a device shows `value`: at the end of the type's range when it exceeds it."""
-        lowest, highest = bus.RANGES[self.type]
+        lowest, highest = self._range
         return self.pack(min(max(self._rounded(value, context), lowest), highest))
 
     def _value_of(self, raw: float, context: Context) -> float:
@@ -172,7 +172,7 @@ class Register(Section):
 
     def _raw_of(self, value: float, context: Context) -> float:
         raw = self._rounded(value, context)
-        lowest, highest = bus.RANGES[self.type]
+        lowest, highest = self._range
         if not lowest <= raw <= highest:
             raise ValueError(
                 f"{value:g} {self.unit} is raw {raw:g}, which overflows {self.type} ({lowest:g} to {highest:g})"
@@ -205,6 +205,11 @@ class Register(Section):
         return not (
             self.invalid or self.enum or self.bits or limited or self.companions or self.type in ("float32", "string")
         )
+
+    @cached_property
+    def _range(self) -> tuple[float, float]:
+        """The raw numbers of the type."""
+        return bus.RANGES[self.type]
 
     @cached_property
     def _sentinels(self) -> dict[tuple[int, ...], str]:
