@@ -12,6 +12,7 @@ closed form w = P + (w0 - P0) exp(Λ - Λ0) it is enough to tabulate ∂P and �
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -46,7 +47,7 @@ class Runs:
 
 
 @dataclass(frozen=True, slots=True)
-class _Sensitivity:
+class Sensitivity:
     """∂P and ∂Λ of one branch at the nodes, (nodes, 5 · sets); columns ordered like RuleRates."""
 
     target: FloatArray
@@ -61,21 +62,39 @@ class RuleTables:
         self.nodes = uniform_grid(lower, upper, BINS, rates.centres)
         self.points = quadrature_points(self.nodes)
         self.at_points = hat_weights(self.points, rates.centres)
-        at_nodes = hat_weights(self.nodes, rates.centres)
-        self.up, self._up_maps = self._branch(at_nodes, rates.p_heating, rates.q_heating, rising=True)
-        self.down, self._down_maps = self._branch(at_nodes, rates.p_cooling, rates.q_cooling, rising=False)
+        self.at_nodes = hat_weights(self.nodes, rates.centres)
+        self.up, self._up_maps = self._branch(rates.p_heating, rates.q_heating, rising=True)
+        self.down, self._down_maps = self._branch(rates.p_cooling, rates.q_cooling, rising=False)
         self.engine = BranchEngine(self.nodes, BINS, self.up, self.down)
 
-    def _branch(self, at_nodes: FloatArray, p: FloatArray, q: FloatArray, *, rising: bool) -> tuple[Branch, FloatArray]:
+    def _branch(self, p: FloatArray, q: FloatArray, *, rising: bool) -> tuple[Branch, FloatArray]:
         sign = 1.0 if rising else -1.0
         cells = integrate_rate(self.nodes, -sign * (self.at_points @ (p + q)))
         gain, shift = cell_maps(self.nodes, cells, sign * (self.at_points @ p), rising=rising)
         target = march(0.0 if rising else 1.0, gain, shift, rising=rising)
-        rate = -sign * (at_nodes @ (p + q))
-        branch = Branch(cells.exponent, rate, target, rate * target + sign * (at_nodes @ p))
+        rate = -sign * (self.at_nodes @ (p + q))
+        branch = Branch(cells.exponent, rate, target, rate * target + sign * (self.at_nodes @ p))
         end = cells.exponent[1:] if rising else cells.exponent[:-1]
         weight = np.exp(end[:, None] - cells.inner_exponent) * WEIGHTS * np.diff(self.nodes)[:, None]
         return branch, weight
+
+    @cached_property
+    def sensitivities(self) -> tuple[Sensitivity, Sensitivity]:
+        """Of the heating and of the cooling branch."""
+        return (
+            self._sensitivity(self.up, self._up_maps, rising=True),
+            self._sensitivity(self.down, self._down_maps, rising=False),
+        )
+
+    @property
+    def rates_at_nodes(self) -> list[FloatArray]:
+        """The four blended rates at the nodes."""
+        return [self.at_nodes @ rate for rate in self.rates[:4]]
+
+    @property
+    def slopes_at_nodes(self) -> list[FloatArray]:
+        """Their derivatives with respect to v."""
+        return [self._slopes(rate, self.nodes) for rate in self.rates[:4]]
 
     def states(self, runs: Runs, w_start: float) -> FloatArray:
         """State w at every sample."""
@@ -83,8 +102,7 @@ class RuleTables:
 
     def jacobian(self, runs: Runs, w_start: float) -> FloatArray:
         """∂w at every sample with respect to (RuleRates in order, w_start): (samples, 5 · sets + 1)."""
-        up = self._sensitivity(self.up, self._up_maps, rising=True)
-        down = self._sensitivity(self.down, self._down_maps, rising=False)
+        up, down = self.sensitivities
         target, exponent = self.engine.evaluate(runs.v[1:], runs.rising)
         start_rising = runs.rising[runs.starts]
         start_target, start_exponent = self.engine.evaluate(runs.v[runs.starts], start_rising)
@@ -106,14 +124,15 @@ class RuleTables:
             dw = rows[-1].copy()
         return result
 
-    def _sensitivity(self, branch: Branch, weight: FloatArray, *, rising: bool) -> _Sensitivity:
+    def _sensitivity(self, branch: Branch, weight: FloatArray, *, rising: bool) -> Sensitivity:
         rates, mu, width = self.rates, self.at_points, np.diff(self.nodes)
         sets = len(rates.centres)
         p, q = (rates.p_heating, rates.q_heating) if rising else (rates.p_cooling, rates.q_cooling)
         first = 0 if rising else 2 * sets
         columns = (slice(first, first + sets), slice(first + sets, first + 2 * sets), slice(4 * sets, 5 * sets))
         w = self.engine.evaluate(self.points.ravel(), np.full(self.points.size, rising))[0].reshape(self.points.shape)
-        p_slope, q_slope = (self._slopes(rate) for rate in (p, q))
+        middle = (self.nodes[1:] + self.nodes[:-1]) / 2
+        p_slope, q_slope = (self._slopes(rate, middle) for rate in (p, q))
         sign = 1.0 if rising else -1.0
         drives = (1 - w, -w, -(p_slope[:, None] * (1 - w) - q_slope[:, None] * w))
         rate_drives = (-np.ones_like(w), -np.ones_like(w), np.broadcast_to((p_slope + q_slope)[:, None], w.shape))
@@ -124,19 +143,17 @@ class RuleTables:
             turned[:, column] = sign * np.einsum("cq,cqs->cs", WEIGHTS * width[:, None] * rate_drive, mu)
         change = np.diff(branch.exponent)
         gain = np.exp(change if rising else -change)
-        return _Sensitivity(
+        return Sensitivity(
             _march_rows(gain, forced, rising=rising), np.vstack([np.zeros(5 * sets), np.cumsum(turned, axis=0)])
         )
 
-    def _slopes(self, rate: FloatArray) -> FloatArray:
-        """Derivative of the blended rate in every cell; zero on the shoulders."""
-        centres = self.rates.centres
-        middle = (self.nodes[1:] + self.nodes[:-1]) / 2
-        slopes = np.concatenate([[0.0], np.diff(rate) / np.diff(centres), [0.0]])
-        return np.asarray(slopes[np.searchsorted(centres, middle)])
+    def _slopes(self, rate: FloatArray, v: FloatArray) -> FloatArray:
+        """Derivative of the blended rate; zero on the shoulders."""
+        slopes = np.concatenate([[0.0], np.diff(rate) / np.diff(self.rates.centres), [0.0]])
+        return np.asarray(slopes[np.searchsorted(self.rates.centres, v)])
 
     def _interpolate(
-        self, up: _Sensitivity, down: _Sensitivity, v: FloatArray, rising: np.ndarray
+        self, up: Sensitivity, down: Sensitivity, v: FloatArray, rising: np.ndarray
     ) -> tuple[FloatArray, FloatArray]:
         cell = np.clip(np.searchsorted(self.nodes, v, side="right") - 1, 0, len(self.nodes) - 2)
         share = ((v - self.nodes[cell]) / (self.nodes[cell + 1] - self.nodes[cell]))[:, None]

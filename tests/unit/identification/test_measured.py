@@ -31,6 +31,8 @@ def test_twenty_two_rules(name, rms_percent, max_percent):
     assert fit.rms_percent <= rms_percent
     assert fit.max_percent <= max_percent
     assert fit.certificate.holds
+    if name.startswith("flexinol"):  # the others expand so much that their output does turn the other way
+        assert fit.certificate.invertible_share >= 0.99
 
 
 @pytest.mark.parametrize("name", ["flexinol_isobaric/100MPa", "flexinol_isobaric/172MPa"])

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from smadrive.errors import DataError, IdentificationError
-from smadrive.hysteresis import DuhemModel
+from smadrive.hysteresis import DuhemModel, InverseFeedforward
 from smadrive.identification import identify_duhem, identify_tsfuzzy
 
 PAPER = DuhemModel.table1()
@@ -53,6 +53,15 @@ def test_noise_on_both_columns(noisy_record):
     error = fit.model.simulate(v, fit.y0) - y
     assert 100 * np.sqrt(np.mean(error**2)) / 4.2 <= 0.7
     assert fit.certificate.holds
+
+
+def test_what_a_noisy_fit_produces_it_can_invert(noisy_record):
+    _, y, noisy_v, noise = noisy_record
+    fit = identify_tsfuzzy(noisy_v, y + noise)
+    assert fit.certificate.invertible_share >= 0.99
+    inverted = InverseFeedforward(fit.model).trajectory(fit.predicted, fit.path[0], fit.y0)
+    assert inverted.reachable.all()
+    np.testing.assert_allclose(inverted.y, fit.predicted, rtol=0, atol=1e-8 * abs(fit.model.scale))
 
 
 def test_a_loop_with_a_gap_is_still_certified(noisy_record):

@@ -1,0 +1,166 @@
+"""The least-squares problem behind identify_tsfuzzy: what is unknown, what is minimised, and the exact derivatives.
+
+x = (rates p, q of every rule · span, logits of the gaps between centres if they move, scale, offset, first state)
+r = (error of the simulated output; stray of the rates and gaps from the Duhem fit; slopes of the wrong sign)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import softmax
+
+from smadrive.hysteresis.arrays import FloatArray
+from smadrive.hysteresis.fuzzy import TriangularSets
+from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
+from smadrive.identification.bounded import Minimum, minimise
+from smadrive.identification.monotone import least_slope_derivatives, least_slopes
+from smadrive.identification.record import Record
+from smadrive.identification.rule_prior import Prior
+from smadrive.identification.sensitivity import RuleRates, RuleTables, Runs
+
+LEAST_GAP = 0.01  # of the input span, between centres
+_LEAST_RATE = 1e-3  # contraction per input span that every rule keeps
+_LARGEST_RATE = 300.0
+_STRAY_GAP = 3.0  # how far the logarithms of the gaps may stray, in units of the tie
+
+
+@dataclass(frozen=True, slots=True)
+class RuleProblem:
+    """Bounded least squares over x; `monotony` scales the weight of slopes of the wrong sign, 0: they are free."""
+
+    record: Record
+    runs: Runs
+    prior: Prior
+    start: FloatArray
+    reach: FloatArray
+    centres: FloatArray
+    fit_centres: bool
+    monotony: float = 0.0
+    _latest: list[tuple[FloatArray, RuleTables]] = field(default_factory=list, init=False)
+
+    @classmethod
+    def near(cls, record: Record, prior: Prior, centres: FloatArray, fit_centres: bool) -> RuleProblem:
+        """The problem that starts from the Duhem fit's laws at `centres`."""
+        model, (lower, upper) = prior.model, record.input_range
+        first = np.clip((record.mean_y[0] - model.offset) / model.scale, 0.0, 1.0)
+        tail = [model.scale / record.output_span, model.offset / record.output_span, float(first)]
+        gaps = _gap_logits(centres, lower, upper) if fit_centres else np.empty(0)
+        start = np.concatenate([prior.at(centres)[0].ravel(), gaps, tail])
+        return cls(record, Runs(record.v), prior, start, prior.reach(centres), centres, fit_centres)
+
+    def place(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Centres and their derivative with respect to the gaps' logits."""
+        sets = len(self.centres)
+        if not self.fit_centres:
+            return self.centres, np.empty((sets, 0))
+        lower, upper = self.record.input_range
+        free = 1 - (sets + 1) * LEAST_GAP
+        share = softmax(x[4 * sets : 5 * sets + 1])
+        centres = lower + (upper - lower) * np.cumsum(LEAST_GAP + free * share)[:-1]
+        slope = free * (np.diag(share) - np.outer(share, share))
+        return centres, (upper - lower) * np.cumsum(slope, axis=0)[:-1]
+
+    def tables(self, x: FloatArray) -> RuleTables:
+        """The tables of x; those of the last x are kept, for the derivatives that follow the residuals."""
+        if not (self._latest and np.array_equal(self._latest[0][0], x)):
+            self._latest[:] = [(x.copy(), self._tabulated(x))]
+        return self._latest[0][1]
+
+    def _tabulated(self, x: FloatArray) -> RuleTables:
+        lower, upper = self.record.input_range
+        p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
+        rates = RuleRates(p_heating, q_heating, p_cooling, q_cooling, self.place(x)[0])
+        return RuleTables(rates, lower, upper)
+
+    def _rates(self, x: FloatArray) -> FloatArray:
+        lower, upper = self.record.input_range
+        return x[: 4 * len(self.centres)].reshape(4, -1) / (upper - lower)
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """r(x)."""
+        record, rates = self.record, 4 * len(self.centres)
+        w = self.tables(x).states(self.runs, float(x[-1]))
+        error = (x[-2] + x[-3] * w - record.mean_y / record.output_span) * np.sqrt(record.count)
+        stray = (x[:rates] - self.prior.at(self.place(x)[0])[0].ravel()) / self.reach
+        shift = (x[rates:-3] - self.start[rates:-3]) / _STRAY_GAP
+        if not self.monotony:
+            return np.concatenate([error, self.prior.weight * stray, self.prior.weight * shift])
+        wrong, weight = self._wrong_slopes(x)
+        return np.concatenate([error, self.prior.weight * stray, self.prior.weight * shift, (weight * wrong).ravel()])
+
+    def misfit(self, x: FloatArray) -> float:
+        """RMS of the output error, in output spans."""
+        error = self.residuals(x)[: len(self.record.v)]
+        return float(np.sqrt(error @ error / self.record.count.sum()))
+
+    def _wrong_slopes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How far the least slopes per input span fall below zero at the nodes, and their weights, (2, nodes)."""
+        tables, (lower, upper) = self.tables(x), self.record.input_range
+        missing = -least_slopes(tables) * (upper - lower)
+        weight = self.monotony * np.sqrt(self.record.count.sum()) * self.prior.slope_tie(tables.nodes)
+        return missing, np.where(missing > 0, weight, 0.0)
+
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        """∂r/∂x."""
+        record, sets = self.record, len(self.centres)
+        lower, upper = record.input_range
+        tables = self.tables(x)
+        w = tables.states(self.runs, float(x[-1]))
+        dw = tables.jacobian(self.runs, float(x[-1]))
+        centres, moves = self.place(x)
+        rates = x[-3] * dw[:, : 4 * sets] / (upper - lower)
+        gaps = x[-3] * dw[:, 4 * sets : 5 * sets] @ moves
+        error = np.column_stack([rates, gaps, w, np.ones_like(w), x[-3] * dw[:, -1]]) * np.sqrt(record.count)[:, None]
+        slopes = self.prior.at(centres)[1]
+        tie = np.zeros((4 * sets + moves.shape[1], len(x)))
+        np.fill_diagonal(tie, self.prior.weight / np.concatenate([self.reach, np.full(moves.shape[1], _STRAY_GAP)]))
+        followed = np.vstack([slope[:, None] * moves for slope in slopes])
+        tie[: 4 * sets, 4 * sets : -3] = -self.prior.weight * followed / self.reach[:, None]
+        if not self.monotony:
+            return np.vstack([error, tie])
+        return np.vstack([error, tie, self._wrong_slope_derivatives(x, moves)])
+
+    def _wrong_slope_derivatives(self, x: FloatArray, moves: FloatArray) -> FloatArray:
+        sets, (lower, upper) = len(self.centres), self.record.input_range
+        derivatives, weight = least_slope_derivatives(self.tables(x)), self._wrong_slopes(x)[1].ravel()
+        derivatives = derivatives.reshape(len(weight), -1)
+        rows = np.zeros((len(weight), len(x)))
+        rows[:, : 4 * sets] = -weight[:, None] * derivatives[:, : 4 * sets]
+        rows[:, 4 * sets : -3] = -weight[:, None] * (upper - lower) * (derivatives[:, 4 * sets :] @ moves)
+        return rows
+
+    def solve(self, start: FloatArray, iterations: int, tolerance: float) -> Minimum:
+        """Descend from `start` within the bounds."""
+        sets = len(self.centres)
+        low, high = np.full(len(start), -np.inf), np.full(len(start), np.inf)
+        low[: 4 * sets], high[: 4 * sets] = 0.0, _LARGEST_RATE
+        low[:sets] = low[3 * sets : 4 * sets] = _LEAST_RATE
+        low[-1], high[-1] = 0.0, 1.0
+        bounds = (low, high)
+        return minimise(self.residuals, self.jacobian, start, bounds, iterations=iterations, tolerance=tolerance)
+
+    def model(self, x: FloatArray) -> TSFuzzyDuhem:
+        """The model of x."""
+        p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
+        return TSFuzzyDuhem(
+            TriangularSets(tuple(self.place(x)[0].tolist())),
+            a_heating=-(p_heating + q_heating),
+            b_heating=p_heating,
+            a_cooling=p_cooling + q_cooling,
+            b_cooling=-p_cooling,
+            scale=float(x[-3]) * self.record.output_span,
+            offset=float(x[-2]) * self.record.output_span,
+            input_range=self.record.input_range,
+        )
+
+    def first_output(self, x: FloatArray) -> float:
+        """Output at the first sample."""
+        return float(x[-2] + x[-3] * x[-1]) * self.record.output_span
+
+
+def _gap_logits(centres: FloatArray, lower: float, upper: float) -> FloatArray:
+    """The softmax logits of the gaps lower-c1, c1-c2, ..., cn-upper, each at least a little above the least gap."""
+    gaps = np.diff(np.concatenate([[lower], centres, [upper]])) / (upper - lower)
+    return np.log(np.maximum(gaps - LEAST_GAP, 0.1 * LEAST_GAP))
