@@ -18,6 +18,7 @@ from scipy.linalg import LinAlgError, solve
 from smadrive.hysteresis.arrays import FloatArray
 
 _DIFFERENCE = 1e-6
+_BLOCK = 64  # rows
 _SMALLEST_DAMPING, _LARGEST_DAMPING = 1e-12, 1e8
 
 
@@ -44,7 +45,7 @@ def minimise(
     cost, damping = 0.5 * float(error @ error), 1e-3
     for _ in range(iterations):
         slope = jacobian(x)
-        gradient, hessian = slope.T @ error, slope.T @ slope
+        gradient, hessian = slope.T @ error, _gram(slope)
         free = np.flatnonzero(~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))))
         before = cost
         while damping < _LARGEST_DAMPING:
@@ -67,6 +68,14 @@ def forward_differences(function: Callable[[FloatArray], FloatArray], x: FloatAr
     """Jacobian of `function` at x for variables of order one, when no formula is at hand."""
     base = function(x)
     return np.column_stack([(function(moved) - base) / _DIFFERENCE for moved in x + _DIFFERENCE * np.eye(len(x))])
+
+
+def _gram(rows: FloatArray) -> FloatArray:
+    """JᵀJ, in blocks too small for linear algebra to start threads, which stall on a busy machine."""
+    padded = np.zeros((-(-len(rows) // _BLOCK) * _BLOCK, rows.shape[1]))
+    padded[: len(rows)] = rows
+    blocks = padded.reshape(-1, _BLOCK, rows.shape[1])
+    return np.asarray(np.matmul(blocks.transpose(0, 2, 1), blocks).sum(axis=0))
 
 
 def _step(hessian: FloatArray, gradient: FloatArray, damping: float) -> FloatArray:
