@@ -144,10 +144,11 @@ class Device:
     def _execute(self, request: Request) -> bytes:
         """One transaction, no sooner after the last than the device stands."""
         clock = self.master.clock
-        if self._interval_s:
-            clock.sleep_until(self._next_s)
+        clock.sleep_until(self._next_s)
+        try:
+            payload = self.master.execute(self.unit_id, request, self._timing)
+        finally:
             self._next_s = clock.now_s() + self._interval_s
-        payload = self.master.execute(self.unit_id, request, self._timing)
         if request.writes:
             self._settled_s = clock.now_s() + self.profile.timing.settle_ms / 1e3
         return payload

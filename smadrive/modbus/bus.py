@@ -47,6 +47,7 @@ class BusCounters:
     quarantines: int = 0
     probes: int = 0
     discarded_bytes: int = 0
+    reopenings: int = 0
 
 
 def silence_s(baudrate: int) -> float:

@@ -23,6 +23,15 @@ class Framing(Protocol):
     numbered: bool
     tail_size: int
 
+    @property
+    def out_of_step(self) -> bool:
+        """Whether it is no longer known where the next frame begins: only a new connection helps."""
+        ...
+
+    def restart(self) -> None:
+        """The connection is a new one: forget what came through the old one."""
+        ...
+
     def request(self, unit_id: int, pdu: bytes) -> bytes:
         """The frame to send; what arrives from now on may be its reply."""
         ...
@@ -37,13 +46,17 @@ class Framing(Protocol):
 
 
 class RtuFraming:
-    """Unit id, PDU, CRC."""
+    """Unit id, PDU, CRC. Silence parts the frames, so it never gets out of step."""
 
     numbered = False
     tail_size = 2
+    out_of_step = False
 
     def __init__(self) -> None:
         self._reply = b""
+
+    def restart(self) -> None:
+        """Nothing to forget: every request begins anew."""
 
     def request(self, unit_id: int, pdu: bytes) -> bytes:
         """The frame to send."""
@@ -71,6 +84,15 @@ class TcpFraming:
         self._pending = b""
         self.dropped = 0
 
+    @property
+    def out_of_step(self) -> bool:
+        """Whether a frame was left unfinished: nothing in a stream marks the beginning of the next."""
+        return bool(self._pending)
+
+    def restart(self) -> None:
+        """Forget the unfinished frame."""
+        self._pending = b""
+
     def request(self, unit_id: int, pdu: bytes) -> bytes:
         """The frame to send, with the next transaction number."""
         self._transaction = (self._transaction + 1) & 0xFFFF
@@ -85,7 +107,6 @@ class TcpFraming:
         while (size := mbap.frame_size(self._pending)) is not None:
             header = mbap.Header.of(self._pending)
             if size == mbap.NO_FRAME or header.protocol != mbap.PROTOCOL:
-                self._pending = b""
                 raise ProtocolError(
                     f"what arrived is no Modbus TCP frame (protocol {header.protocol}, length {header.length}): does "
                     "the port speak RTU? Then write rtu+tcp://"

@@ -34,14 +34,21 @@ class InProcessTransport:
         self._peer = peer
         self._arriving: list[tuple[float, int, bytes]] = []
         self._order = 0
-        self._open = True
+        self._lost = False
+        self._closed = False
+        self._return_s = 0.0
+
+    def deliver(self, due_s: float, data: bytes) -> None:
+        """Let `data` arrive at `due_s`; a lost connection loses it."""
+        if not self._lost:
+            self._order += 1
+            heapq.heappush(self._arriving, (due_s, self._order, data))
 
     def write(self, data: bytes) -> None:
         """Hand `data` to the peer; TransportError when closed."""
         self._check_open()
         for due_s, answer in self._peer.receive(data, self.clock.now_s()):
-            self._order += 1
-            heapq.heappush(self._arriving, (due_s, self._order, answer))
+            self.deliver(due_s, answer)
 
     def read(self, deadline_s: float) -> bytes:
         """Whatever has arrived, at least one byte; empty when nothing came before `deadline_s`."""
@@ -54,18 +61,38 @@ class InProcessTransport:
             self.clock.sleep_until(arriving[0][0])
         return heapq.heappop(arriving)[2]
 
-    def discard(self) -> int:
-        """Throw away what has arrived; the number of bytes."""
+    def discard(self) -> bytes:
+        """Take away what has arrived."""
         self._check_open()
-        discarded = 0
+        discarded = b""
         now_s = self.clock.now_s()
         while self._arriving and self._arriving[0][0] <= now_s:
-            discarded += len(heapq.heappop(self._arriving)[2])
+            discarded += heapq.heappop(self._arriving)[2]
         return discarded
+
+    @property
+    def lost(self) -> bool:
+        """Whether nothing can pass before `reopen`."""
+        return self._lost
+
+    def lose(self, return_s: float = 0.0) -> None:
+        """Let the connection go, with what is on its way; it cannot be opened again before `return_s`."""
+        self._lost = True
+        self._return_s = return_s
+        self._arriving.clear()
+
+    def reopen(self, _deadline_s: float) -> None:
+        """Open a lost connection again; TransportError when it has not returned, or was closed on purpose."""
+        if self._closed:
+            raise TransportError("the in-process connection is closed: open a new one")
+        if self.clock.now_s() < self._return_s:
+            raise TransportError(f"the in-process connection is gone until {self._return_s:g} s of its clock")
+        self._lost = False
 
     def close(self) -> None:
         """Nothing passes any more; closing twice does no harm."""
-        self._open = False
+        self.lose()
+        self._closed = True
 
     def __enter__(self) -> Self:
         return self
@@ -74,5 +101,5 @@ class InProcessTransport:
         self.close()
 
     def _check_open(self) -> None:
-        if not self._open:
-            raise TransportError("the in-process connection is closed: open a new one")
+        if self._lost:
+            raise TransportError("the in-process connection is lost, or was closed: open a new one")

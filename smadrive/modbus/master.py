@@ -9,7 +9,10 @@ for one:
 2. a reply that is still owed is remembered. If the next request's right reply would look the same, a probe whose
    reply looks different goes first (a read that has worked before, if there is one); a device answers in order, so
    after the probe's reply nothing old can come;
-3. bytes that nobody asked for, found before a request, also lead to quarantine.
+3. bytes that nobody asked for, found before a request, also lead to quarantine, and so does a new connection: nobody
+   knows what was asked through the one before it.
+
+A lost connection is opened again by the next request, within that request's response timeout.
 """
 
 from __future__ import annotations
@@ -27,7 +30,7 @@ from smadrive.modbus.requests import Request
 from smadrive.modbus.transport import Transport
 
 Shape = tuple[int, bytes, int]  # unit, reply head, payload size: what tells a reply from the reply to another request
-Trace = Callable[[float, Literal["sent", "received"], bytes], None]
+Trace = Callable[[float, Literal["sent", "received", "discarded"], bytes], None]
 
 LATEST_REPLY_S = 10.0  # a reply that has not come by then is lost for good
 NEVER_SILENT_S = 2.0
@@ -39,7 +42,7 @@ class Master:
     """Sends requests to the devices of one bus, one at a time; threads wait for each other."""
 
     def __init__(self, transport: Transport, trace: Trace | None = None) -> None:
-        """Take over `transport`; `trace(time_s, direction, bytes)` sees every byte that passes."""
+        """Take over `transport`; `trace(time_s, direction, bytes)` sees every byte that passes, a frame at a time."""
         self.transport = transport
         self.clock = transport.clock
         self.counters = BusCounters()
@@ -49,9 +52,11 @@ class Master:
         self._character_s = 11 / transport.baudrate if transport.baudrate else 0.0
         self._free_at_s = self.clock.now_s()
         self._turn = Lock()
-        self._suspect = False
+        self._suspect = not self._framing.numbered
         self._owed: dict[Shape, float] = {}
         self._proven: dict[Shape, Request] = {}
+        self._heard = b""
+        self._heard_s = 0.0
 
     def execute(self, unit_id: int, request: Request, timing: BusTiming) -> bytes:
         """The payload of the reply of `unit_id` to `request`.
@@ -97,11 +102,10 @@ class Master:
         except ExceptionReply:
             raise
         except BaseException:  # Ctrl-C too leaves a reply on its way
-            if not self._framing.numbered:
-                self._suspect = True
-                self._owed[_shape(unit_id, request)] = self.clock.now_s() + LATEST_REPLY_S
+            self._doubt(unit_id, request)
             raise
         finally:
+            self._told("received", self._heard, self._heard_s)
             self._free_at_s = self.clock.now_s() + (timing.post_write_s if request.writes else 0.0)
         if self._owed:
             self._nothing_owed_by(unit_id)
@@ -109,10 +113,19 @@ class Master:
             self._proven[_shape(unit_id, request)] = request
         return payload
 
+    def _doubt(self, unit_id: int, request: Request) -> None:
+        """See to it that what has come or will come of a failed transaction is taken for nothing else."""
+        if not self._framing.numbered:
+            self._suspect = True
+            self._owed[_shape(unit_id, request)] = self.clock.now_s() + LATEST_REPLY_S
+        elif self._framing.out_of_step:
+            self.transport.lose()
+
     def _send(self, unit_id: int, request: Request) -> float:
         frame = self._framing.request(unit_id, request.pdu)
         now_s = self.clock.now_s()
         if self._trace is not None:
+            self._heard = b""
             self._trace(now_s, "sent", frame)
         self.counters.requests += 1
         self.transport.write(frame)
@@ -148,7 +161,8 @@ class Master:
                 "device powered, and are unit id, baud rate and parity right?"
             )
         if self._trace is not None:
-            self._trace(self.clock.now_s(), "received", data)
+            self._heard += data
+            self._heard_s = self.clock.now_s()
         return data
 
     def _checked(self, reply: bytes, size: int, unit_id: int, request: Request) -> bytes:
@@ -167,15 +181,25 @@ class Master:
         raise ExceptionReply(f"{self._who(unit_id, request)}: the device refuses: exception {code}, {meaning}", code)
 
     def _settle(self, timing: BusTiming) -> None:
-        """Return when the bus may be used: silent for long enough, and empty."""
+        """Return when the bus may be used: open, silent for long enough, and empty."""
+        if self.transport.lost:
+            self._reopen(timing)
         gap_s = max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)
         self.clock.sleep_until(self._free_at_s + gap_s)
         if self._framing.numbered:
             return
         stray = self.transport.discard()
-        self.counters.discarded_bytes += stray
+        if stray:
+            self._discarded(stray)
         if stray or self._suspect:
             self._quarantine(timing, silent_since_s=self.clock.now_s() if stray else self._free_at_s)
+
+    def _reopen(self, timing: BusTiming) -> None:
+        self.transport.reopen(self.clock.now_s() + timing.response_timeout_s)
+        self.counters.reopenings += 1
+        self._framing.restart()
+        self._free_at_s = self.clock.now_s()
+        self._suspect = not self._framing.numbered
 
     def _quarantine(self, timing: BusTiming, silent_since_s: float) -> None:
         """Listen until the bus has been silent for one response timeout."""
@@ -183,11 +207,19 @@ class Master:
         quiet_s = max(timing.response_timeout_s, self._silence_s)
         give_up_s = self.clock.now_s() + NEVER_SILENT_S + quiet_s
         while data := self.transport.read(silent_since_s + quiet_s):
-            self.counters.discarded_bytes += len(data)
+            self._discarded(data)
             silent_since_s = self.clock.now_s()
             if silent_since_s > give_up_s:
                 raise TransportError(f"{self.transport.name}: the bus is never silent: does another master talk?")
         self._suspect = False
+
+    def _discarded(self, data: bytes) -> None:
+        self.counters.discarded_bytes += len(data)
+        self._told("discarded", data, self.clock.now_s())
+
+    def _told(self, direction: Literal["received", "discarded"], data: bytes, time_s: float) -> None:
+        if self._trace is not None and data:
+            self._trace(time_s, direction, data)
 
     def _could_be_mistaken(self, unit_id: int, request: Request) -> bool:
         now_s = self.clock.now_s()

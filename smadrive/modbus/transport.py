@@ -46,8 +46,21 @@ class Transport(Protocol):
         """Whatever has arrived, at least one byte; empty when nothing came before `deadline_s` of the clock."""
         ...
 
-    def discard(self) -> int:
-        """Throw away what has arrived, without waiting; the number of bytes."""
+    def discard(self) -> bytes:
+        """Take away what has arrived, without waiting."""
+        ...
+
+    @property
+    def lost(self) -> bool:
+        """Whether nothing can pass before `reopen`."""
+        ...
+
+    def lose(self) -> None:
+        """Let the connection go; what is on its way is gone."""
+        ...
+
+    def reopen(self, deadline_s: float) -> None:
+        """Open a lost connection again, before `deadline_s` of the clock or not at all."""
         ...
 
     def close(self) -> None:

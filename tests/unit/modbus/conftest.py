@@ -37,15 +37,18 @@ class Registers:
         return [(self.busy_until_s, frames.seal(data[0], bytes((data[1], len(words))) + words))]
 
 
+QUIET_S = 1.0
 TIMING = BusTiming(response_timeout_s=0.1, read_retries=0)
 
 
 @pytest.fixture
 def bus():
-    """Make a master that talks to a peer on virtual time."""
+    """Make a master that talks to a peer on virtual time, on a bus that has been silent for a while."""
 
     def make(peer, baudrate=115200, trace=None):
-        return Master(InProcessTransport(peer, VirtualClock(), baudrate), trace)
+        master = Master(InProcessTransport(peer, VirtualClock(), baudrate), trace)
+        master.clock.sleep_until(QUIET_S)
+        return master
 
     return make
 

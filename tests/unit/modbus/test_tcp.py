@@ -78,6 +78,16 @@ def test_a_refusal_carries_its_code(tcp):
         tcp([(0.0, mbap.seal(1, 1, b"\x83\x0b"))]).execute(1, READ, TIMING)
 
 
+@pytest.mark.parametrize("left", [mbap.seal(1, 1, RIGHT)[:8], bytes.fromhex("00 01 00 05 00 07 01")])
+def test_a_stream_out_of_step_is_opened_anew(tcp, left):
+    """What follows half a frame could be cut into a frame that nobody sent."""
+    master = tcp([(0.0, left)], [(0.0, mbap.seal(2, 1, RIGHT))])
+    with pytest.raises((DeadlineError, ProtocolError)):
+        master.execute(1, READ, TIMING)
+    assert requests.registers_of(master.execute(1, READ, TIMING)) == (10, 11)
+    assert master.counters.reopenings == 1
+
+
 class Registers:
     """Register n holds n; it answers in order, each reply later by the next of `delays_s`."""
 

@@ -79,7 +79,7 @@ def test_bytes_pass_both_ways_and_can_be_discarded(terminal):
         os.write(near, b"\x0a\x0d\x00\xff")
         assert transport.read(transport.clock.now_s() + 5) == b"\x0a\x0d\x00\xff"
         assert transport.read(transport.clock.now_s()) == b""
-        assert transport.discard() == 0
+        assert transport.discard() == b""
         os.write(near, b"xyz")
         assert transport.read(transport.clock.now_s() + 5) == b"xyz"
 
@@ -93,6 +93,27 @@ def test_a_vanished_port_is_a_lost_connection():
             transport.read(transport.clock.now_s() + 5)
         with pytest.raises(TransportError, match="connection is lost"):
             transport.write(b"x")
+
+
+def test_a_port_that_has_come_back_is_opened_again_but_not_one_that_was_closed(terminal, tmp_path):
+    link = tmp_path / "port"
+    near, far = os.openpty()
+    link.symlink_to(os.ttyname(far))
+    with open_transport(f"serial://{link}") as transport:
+        os.close(far)
+        os.close(near)
+        with pytest.raises(TransportError, match="connection is lost"):
+            transport.write(b"x")
+        assert transport.lost
+        link.unlink()
+        with pytest.raises(TransportError, match="no such port"):
+            transport.reopen(transport.clock.now_s())
+        link.symlink_to(terminal[1])
+        transport.reopen(transport.clock.now_s())
+        transport.write(b"x")
+        assert os.read(terminal[0], 10) == b"x"
+    with pytest.raises(TransportError, match="closed: open a new one"):
+        transport.reopen(transport.clock.now_s())
 
 
 def test_a_closed_port_is_a_lost_connection_and_closing_twice_does_no_harm(terminal):

@@ -1,0 +1,120 @@
+"""What a serial port and a socket have in common: a descriptor, through which bytes move by plain system calls.
+
+No library's own read meets an absolute deadline as cheaply: pyserial takes its timeout from an attribute whose change
+reprograms the port. A connection that is lost is let go at once (a USB adapter gets its old name back only then) and
+can be opened again.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+from abc import ABC, abstractmethod
+from typing import ClassVar, NoReturn, Protocol, Self
+
+from smadrive.clock import MonotonicClock
+from smadrive.errors import TransportError
+from smadrive.modbus.framing import Framing
+
+_CHUNK = 512
+_GONE = -1
+
+
+class Channel(Protocol):
+    """What the operating system opened, in non-blocking mode."""
+
+    def fileno(self) -> int:
+        """The descriptor."""
+        ...
+
+    def close(self) -> None:
+        """Give it back."""
+        ...
+
+
+class DescriptorTransport(ABC):
+    """A transport over a descriptor; a subclass says how it is opened and what a loss may come from."""
+
+    end: ClassVar[str]
+    suspicion: ClassVar[str]
+
+    def __init__(self, name: str, framing: Framing, baudrate: int | None, timeout_s: float) -> None:
+        self.clock = MonotonicClock()
+        self.name = name
+        self.framing = framing
+        self.baudrate = baudrate
+        self._closed = False
+        self._descriptor = _GONE
+        self._open(timeout_s)
+
+    @abstractmethod
+    def _channel(self, timeout_s: float) -> Channel:
+        """Open it within `timeout_s`; TransportError tells why it cannot be opened, and the cure."""
+
+    @property
+    def lost(self) -> bool:
+        """Whether nothing can pass before `reopen`."""
+        return self._descriptor == _GONE
+
+    def reopen(self, deadline_s: float) -> None:
+        """Open a lost connection again; TransportError when it is still gone, or was closed on purpose."""
+        if self._closed:
+            raise TransportError(f"{self.name}: the connection is closed: open a new one")
+        self.lose()
+        self._open(max(deadline_s - self.clock.now_s(), 0.0))
+
+    def write(self, data: bytes) -> None:
+        """Send all of `data`; TransportError when the connection is gone or takes no more."""
+        try:
+            sent = os.write(self._descriptor, data)
+        except OSError as error:
+            self._fail(error)
+        if sent < len(data):
+            self.lose()
+            raise TransportError(f"{self.name}: took {sent} of {len(data)} bytes: is the far end or the adapter stuck?")
+
+    def read(self, deadline_s: float) -> bytes:
+        """Whatever has arrived, at least one byte; empty when nothing came before `deadline_s`."""
+        try:
+            remaining_s = max(deadline_s - self.clock.now_s(), 0.0)
+            ready, _, _ = select.select((self._descriptor,), (), (), remaining_s)
+            if not ready:
+                return b""
+            data = os.read(self._descriptor, _CHUNK)
+        except (OSError, ValueError) as error:  # ValueError: select on a closed connection
+            self._fail(error)
+        if not data:
+            self._fail(OSError(self.end))
+        return data
+
+    def discard(self) -> bytes:
+        """Take away what has arrived, without waiting."""
+        discarded = b""
+        while data := self.read(0.0):
+            discarded += data
+        return discarded
+
+    def lose(self) -> None:
+        """Let the connection go; what is on its way is gone."""
+        if self._descriptor != _GONE:
+            self._descriptor = _GONE
+            self._held.close()
+
+    def close(self) -> None:
+        """Close for good; closing twice does no harm."""
+        self._closed = True
+        self.lose()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def _open(self, timeout_s: float) -> None:
+        self._held = self._channel(timeout_s)
+        self._descriptor = self._held.fileno()
+
+    def _fail(self, error: Exception) -> NoReturn:
+        self.lose()
+        raise TransportError(f"{self.name}: the connection is lost ({error}): {self.suspicion}") from None
