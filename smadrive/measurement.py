@@ -10,11 +10,13 @@ from math import nan
 class Measurement:
     """One sample of the wire, in engineering units. A quantity that was not measured, or is invalid, is NaN.
 
-    `current_a` and `voltage_v` are those of the period that ends with this sample: the command written by the same
-    exchange acts only afterwards.
+    `current_a` and `voltage_v` are those of the period that ends with this sample, in which `commanded_a` was in force:
+    the command written by the same exchange acts only afterwards. Temperature and displacement are the latest there
+    are; `temperature_age_s` and `displacement_age_s` tell by how much a slower device's reading is older than `time_s`.
 
-    `temperature_fault` names why the temperature is invalid (open thermocouple, ...), None when it is valid;
-    `device_faults` and `device_limits` are the names of the device's own latched faults and "limited by" codes.
+    `temperature_fault` names why the temperature is invalid (open thermocouple, ...), None when it is valid.
+    `device_faults` and `device_limits` are the names of the device's own latched faults and "limited by" codes;
+    `host_limits` those of the driver, for the command that this exchange sent.
     """
 
     time_s: float
@@ -25,4 +27,8 @@ class Measurement:
     temperature_fault: str | None = None
     device_faults: tuple[str, ...] = ()
     device_limits: tuple[str, ...] = ()
+    host_limits: tuple[str, ...] = ()
     armed: bool = False
+    commanded_a: float = 0.0
+    temperature_age_s: float = 0.0
+    displacement_age_s: float = 0.0

@@ -1,4 +1,4 @@
-"""The rig: where the two columns meet. Config → transport, device, controller, loop.
+"""The rig: where the two columns meet. Config → devices, controller, loop.
 
 A `Rig` owns the port while its context lasts and offers what a bench does: `probe`, `excite`, `track`, `switch_off`.
 Nothing here computes and nothing here talks to a bus: it connects those who do.
@@ -6,12 +6,12 @@ Nothing here computes and nothing here talks to a bus: it connects those who do.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from types import TracebackType
 from typing import Self
 
-from smadrive.clock import Clock, VirtualClock
+from smadrive.clock import Clock
 from smadrive.control.controller import Controller, TemperatureController, TrackingController
 from smadrive.control.feedback import PIGains
 from smadrive.control.feedforward import DisplacementFeedforward, DisplacementInverse
@@ -19,48 +19,40 @@ from smadrive.control.loop import ControlLoop, LoopFigures, Tick, ends_safe
 from smadrive.control.observer import WireObserver
 from smadrive.control.reference import Reference
 from smadrive.control.supervisor import SafetyLimits, Supervisor
-from smadrive.device.device import Device
-from smadrive.device.heater import HeaterBoard, HeaterLimits
-from smadrive.device.profile import Profile, load_profile
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, nested_reversals
-from smadrive.modbus.connect import open_transport
-from smadrive.modbus.master import Master
 from smadrive.modbus.transport import Transport
 from smadrive.rigconfig import RigConfig, load_wire
+from smadrive.rigdevices import open_devices
 from smadrive.thermal import HeatBalance
 
 Record = Callable[[Tick], None]
+
+RATE_EXCHANGES = 4
+"""How many exchanges are timed before the loop starts, to know whether the devices keep up with it."""
 
 
 class Rig:
     """The devices of a rig file, connected. A context manager: leaving it puts every device into its safe state.
 
-    `transport` takes the place of the connection that the rig file names. `clock` is the time the loops run in; without
-    it that of the connection: real on a port, virtual on `sim://`.
+    `transports` (by device name) take the place of the connections that the rig file names. `clock` is the time the
+    loops run in; without it that of the connection: real on a port, virtual on `sim://`.
     """
 
-    def __init__(self, config: RigConfig, clock: Clock | None = None, transport: Transport | None = None) -> None:
-        if len(config.devices) != 1:
-            raise ConfigError(
-                f"rig '{config.name}': {len(config.devices)} devices; this version drives rigs of one board"
-            )
+    def __init__(
+        self, config: RigConfig, clock: Clock | None = None, transports: Mapping[str, Transport] | None = None
+    ) -> None:
         self.config = config
         self.nominal_balance = load_wire(config.wire).heat_balance()
         self._clock = clock
-        self._given_transport = transport
+        self._transports = transports or {}
 
     def __enter__(self) -> Self:
-        """Open the port, check who is there, put it into its safe state."""
-        device_config = self.config.devices[0]
-        profile = load_profile(device_config.profile)
+        """Open the ports, check who is there, put everything into its safe state."""
         with ExitStack() as stack:
-            transport = stack.enter_context(self._given_transport or _open(device_config.url, profile))
-            self.clock = self._clock or transport.clock
-            device = Device(profile, Master(transport), unit_id=device_config.unit_id)
-            limits = HeaterLimits(self.config.limits.current_max_a, self.config.limits.temperature_max_c)
-            self.heater = HeaterBoard(device, limits, self.clock)
+            opened = open_devices(self.config, stack, self._clock, self._transports)
+            self.heater, self.devices, self.clock = opened
             self.heater.connect()
             stack.enter_context(ends_safe(self.heater))
             self._on_exit = stack.pop_all()
@@ -73,10 +65,12 @@ class Rig:
         self._on_exit.__exit__(kind, error, trace)
 
     @property
-    def identity(self) -> str:
-        """What the device proved to be."""
-        profile = self.heater.device.profile.profile
-        return f"{profile.id} ({profile.vendor})"
+    def identities(self) -> dict[str, str]:
+        """What each device, by its name, proved to be."""
+        return {
+            name: f"{device.profile.profile.id} ({device.profile.profile.vendor})"
+            for name, device in self.devices.items()
+        }
 
     @property
     def period_s(self) -> float:
@@ -129,20 +123,20 @@ class Rig:
         return PIGains.for_balance(balance, slower * feedback.closed_loop_s, feedback.integral_s)
 
     def _run(self, controller: Controller, record: Record) -> LoopFigures:
+        self._check_rate()
         limits = self.config.limits
         supervisor = Supervisor(SafetyLimits(limits.temperature_max_c, limits.stale_after_s))
         loop = ControlLoop(self.heater, controller, supervisor, self.clock, self.period_s, record)
         return loop.run(limits.watchdog_s)
 
-
-def _open(url: str, profile: Profile) -> Transport:
-    """The transport of a URL; `sim://NAME` is a simulated device in this process, in virtual time."""
-    if not url.startswith("sim://"):
-        return open_transport(url, profile.serial_settings())
-    from firmware_sim.config import load_sim  # noqa: PLC0415  (a door to the simulator: only this URL opens it)
-    from firmware_sim.device import SimulatedDevice  # noqa: PLC0415
-
-    clock = VirtualClock()
-    device = SimulatedDevice.from_config(load_sim(url.removeprefix("sim://")))
-    clock.follow(device.advance_to)
-    return device.transport(clock)
+    def _check_rate(self) -> None:
+        """ConfigError when the devices cannot keep up with the rig's rate."""
+        begun_s = self.clock.now_s()
+        for _ in range(RATE_EXCHANGES):
+            self.heater.exchange(0.0)
+        needed_s = (self.clock.now_s() - begun_s) / RATE_EXCHANGES
+        if needed_s > self.period_s:
+            raise ConfigError(
+                f"rig '{self.config.name}': the devices need {needed_s:.3f} s for one tick, rate_hz = "
+                f"{self.config.rate_hz:g} allows {self.period_s:.3f} s: set rate_hz to {0.8 / needed_s:.2g}"
+            )

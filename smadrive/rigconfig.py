@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from math import pi
+from math import inf, pi
 from pathlib import Path
-from typing import Self
+from typing import Literal, Self
 
 from pydantic import Field, model_validator
 
@@ -44,12 +44,18 @@ class WireConfig(Section):
 
 
 class DeviceConfig(Section):
-    """One device of the rig: where it is and which profile describes it."""
+    """One device of the rig: where it is, which profile describes it, and what of it the rig uses.
+
+    `measures`: the quantities taken from it, all that its profile binds if left out. `rate_hz`: how often a measuring
+    device is read, at every tick if left out, and never faster than it converts.
+    """
 
     name: str
     profile: str
     url: str
-    unit_id: int = Field(default=1, ge=1, le=247)
+    unit_id: int | None = Field(default=None, ge=0, le=255)
+    measures: tuple[Literal["temperature", "displacement"], ...] | None = None
+    rate_hz: float | None = Field(default=None, gt=0)
 
 
 class LimitsConfig(Section):
@@ -57,6 +63,7 @@ class LimitsConfig(Section):
 
     current_max_a: float = Field(gt=0)
     temperature_max_c: float
+    voltage_max_v: float = Field(default=inf, gt=0, allow_inf_nan=True)
     watchdog_s: float = Field(gt=0)
     stale_after_s: float = Field(default=0.3, gt=0)
 
@@ -93,6 +100,9 @@ class RigConfig(Section):
     def _agree(self) -> Self:
         """Limits that contradict each other are refused before anything is heated."""
         limits, excitation = self.limits, self.excitation
+        names = [device.name for device in self.devices]
+        if len(set(names)) < len(names):
+            raise ValueError(f"two devices have the same name ({', '.join(names)}): give each its own")
         if not excitation.low_c < excitation.high_c:
             raise ValueError(
                 f"excitation.low_c = {excitation.low_c:g} must be below excitation.high_c = {excitation.high_c:g}"
@@ -110,8 +120,10 @@ class RigConfig(Section):
         return self
 
     def at(self, url: str) -> RigConfig:
-        """The same rig of one device, reached at another address."""
-        return self.model_copy(update={"devices": (self.devices[0].model_copy(update={"url": url}),)})
+        """The same rig with its devices at another address."""
+        return self.model_copy(
+            update={"devices": tuple(device.model_copy(update={"url": url}) for device in self.devices)}
+        )
 
 
 def load_rig(name: str) -> RigConfig:

@@ -26,7 +26,7 @@ def open_recorder(path: Path, rig: Rig, kind: str) -> Recorder:
         {
             "kind": kind,
             "rig": rig.config.model_dump_json(),
-            "device": rig.identity,
+            "devices": json.dumps(rig.identities),
             "nominal_balance": json.dumps(asdict(rig.nominal_balance)),
         },
     )

@@ -22,11 +22,12 @@ def main(rig: RigFile, as_json: AsJson = False) -> None:
     config = load_rig(rig)
     with Rig(config) as open_rig:
         measurement = open_rig.heater.exchange(0.0)
-        identity = open_rig.identity
-    output.say(f"{config.name}: {config.devices[0].name} is a {identity}")
+        identities = open_rig.identities
+    for name, identity in identities.items():
+        output.say(f"{config.name}: {name} is a {identity}")
     output.table(("quantity", "value"), _rows(measurement))
     values = {name: value if _is_plain(value) else None for name, value in asdict(measurement).items()}
-    output.result({"rig": config.name, "device": config.devices[0].name, "identity": identity, **values})
+    output.result({"rig": config.name, "devices": identities, **values})
 
 
 def _rows(measurement: Measurement) -> list[tuple[str, str]]:
@@ -38,7 +39,7 @@ def _rows(measurement: Measurement) -> list[tuple[str, str]]:
         ("heater current", f"{measurement.current_a:.4f} A"),
         ("heater voltage", f"{measurement.voltage_v:.3f} V"),
         ("faults", ", ".join(measurement.device_faults) or "none"),
-        ("limited by", ", ".join(measurement.device_limits) or "nothing"),
+        ("limited by", ", ".join(measurement.device_limits + measurement.host_limits) or "nothing"),
     ]
 
 

@@ -7,7 +7,7 @@ range switch), it is looked at again before every write.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import chain
 from typing import NamedTuple
 
@@ -71,6 +71,7 @@ class Device:
         self._settled_s = 0.0
         self._identified = False
         self._written: set[str] = set()
+        self._commanded: dict[str, tuple[int, ...]] = {}
         self._spans: dict[tuple[str, ...], tuple[Span, ...]] = {}
 
     def check_identity(self) -> None:
@@ -125,6 +126,23 @@ class Device:
         request = requests.exchange(target.address, words, source.address, source.count)
         return decode((source,), (source.words(self._execute(request)),), reads)
 
+    def command(self, name: str, value: float, reads: Sequence[str]) -> dict[str, Reading]:
+        """Write one register (unless it was commanded to hold `value` already), then read `reads`, which include it.
+
+        ReadBackError when it does not hold `value`: it did not arrive, or somebody else changed it.
+        """
+        self._know_the_scales()
+        write = self._encoded(name, value)
+        self._prove_identity()
+        if self._commanded.pop(name, None) != write.words:
+            self._keep_order(name)
+            self._send(write)
+        spans = self._spans_of(tuple(reads))
+        words = [self._span_words(span) for span in spans]
+        self._confirm(write, _part(spans, words, name, write.register.size))
+        self._commanded[name] = write.words
+        return decode(spans, words, reads)
+
     def wait_until_settled(self) -> None:
         """Return when the measurements show the last write: `settle_ms` after it."""
         self.master.clock.sleep_until(self._settled_s)
@@ -170,9 +188,8 @@ class Device:
         return span.words(self._execute(span.read_request(self.profile.timing.function_codes)))
 
     def _words(self, name: str) -> tuple[int, ...]:
-        (span,) = (span for span in self._spans_of((name,)) if any(part[0] == name for part in span.parts))
-        (at,) = (at for part, _, at in span.parts if part == name)
-        return self._span_words(span)[at : at + self.profile.register(name).size]
+        spans = [span for span in self._spans_of((name,)) if any(part == name for part, _, _ in span.parts)]
+        return _part(spans, [self._span_words(span) for span in spans], name, self.profile.register(name).size)
 
     def _encoded(self, name: str, value: float) -> _Write:
         register = self.profile.register(name)
@@ -187,16 +204,24 @@ class Device:
 
     def _store(self, write: _Write) -> None:
         """Send the write and read it back."""
+        self._commanded.pop(write.name, None)
+        self._send(write)
+        if write.register.access == "rw":
+            self._confirm(write, self._words(write.name))
+
+    def _send(self, write: _Write) -> None:
         name, register = write.name, write.register
         codes = self.profile.timing.function_codes
         try:
             self._execute(write_request(register.table, register.address, write.words, codes))
         except ExceptionReply as refusal:
             raise ExceptionReply(f"register '{name}' = {write.told(write.words)}: {refusal}", refusal.code) from None
-        if register.access == "rw" and (found := self._words(name)) != write.words:
+
+    def _confirm(self, write: _Write, found: tuple[int, ...]) -> None:
+        if found != write.words:
             raise ReadBackError(
-                f"unit {self.unit_id}, register '{name}': wrote {write.told(write.words)}, reads back "
-                f"{write.told(found)}: is the device locked or in a fault?"
+                f"unit {self.unit_id}, register '{write.name}': wrote {write.told(write.words)}, reads back "
+                f"{write.told(found)}: is the device locked or in a fault, or did somebody turn its knob?"
             )
 
     def _keep_order(self, name: str) -> None:
@@ -241,3 +266,14 @@ class Device:
         if spans is None:
             spans = self._spans[names] = plan(self.profile, names)
         return spans
+
+
+def _part(spans: Iterable[Span], words: Iterable[tuple[int, ...]], name: str, size: int) -> tuple[int, ...]:
+    """The words of one register out of the words of the spans."""
+    ((at, found),) = (
+        (at, span_words)
+        for span, span_words in zip(spans, words, strict=True)
+        for part, _, at in span.parts
+        if part == name
+    )
+    return found[at : at + size]

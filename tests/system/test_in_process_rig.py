@@ -9,7 +9,7 @@ from smadrive.clock import VirtualClock
 from smadrive.control.feedforward import HysteresisInverse, StaticMap
 from smadrive.control.reference import sine
 from smadrive.control.supervisor import Fault
-from smadrive.errors import ConfigError, SafetyError, TripError
+from smadrive.errors import SafetyError, TripError
 from smadrive.identification.wire_fit import identify_wire
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
@@ -24,7 +24,7 @@ class Bench:
         self.device = SimulatedDevice.from_config(load_sim("flexinol-lt-0.15mm"), seed=3)
         self.clock = VirtualClock()
         self.clock.follow(self.device.advance_to)
-        self.rig = Rig(load_rig("in-process"), transport=self.device.transport(self.clock))
+        self.rig = Rig(load_rig("in-process"), transports={"board": self.device.transport(self.clock)})
 
 
 @pytest.fixture
@@ -145,9 +145,3 @@ def test_a_latched_fault_refuses_to_heat_until_it_is_cleared(bench):
             rig.excite(rig.excitation(22.0), lambda tick: None)
         rig.heater.clear_faults()
         assert rig.heater.exchange(0.0).device_faults == ()
-
-
-def test_a_rig_of_several_devices_is_refused_by_name():
-    config = load_rig("in-process")
-    with pytest.raises(ConfigError, match="2 devices"):
-        Rig(config.model_copy(update={"devices": config.devices * 2}))

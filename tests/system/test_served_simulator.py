@@ -10,8 +10,10 @@ import sys
 import pytest
 
 from smadrive.clock import MonotonicClock
+from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
-from smadrive.device.heater import HeaterBoard, HeaterLimits
+from smadrive.device.heater import Heater
+from smadrive.device.heatsource import HeaterLimits
 from smadrive.device.profile import load_profile
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
@@ -50,7 +52,7 @@ def test_the_driver_heats_over_a_real_port(tmp_path):
     with served("--pty", str(link)) as (process, url):
         assert url == f"serial://{link}"
         with connected(url) as device:
-            board = HeaterBoard(device, limits=LIMITS, clock=MonotonicClock())
+            board = Heater(HeaterBoard(device, MonotonicClock()), LIMITS, MonotonicClock())
             board.connect()
             board.arm(5.0)
             board.exchange(0.4)
@@ -98,13 +100,16 @@ CLIENT = """
 import sys
 from smadrive.clock import MonotonicClock
 from smadrive.device.device import Device
-from smadrive.device.heater import HeaterBoard, HeaterLimits
+from smadrive.device.board import HeaterBoard
+from smadrive.device.heater import Heater
+from smadrive.device.heatsource import HeaterLimits
 from smadrive.device.profile import load_profile
 from smadrive.modbus.master import Master
 from smadrive.modbus.connect import open_transport
 
 device = Device(load_profile("sma-reference"), Master(open_transport(sys.argv[1])))
-board = HeaterBoard(device, limits=HeaterLimits(current_max_a=0.6, temperature_max_c=130.0), clock=MonotonicClock())
+clock = MonotonicClock()
+board = Heater(HeaterBoard(device, clock), HeaterLimits(current_max_a=0.6, temperature_max_c=130.0), clock)
 board.connect()
 board.arm(0.3)
 board.exchange(0.3)
@@ -123,7 +128,7 @@ def test_the_heater_goes_off_when_the_client_is_killed_while_heating():
         assert log[0].endswith("armed, watchdog 0.300 s\n")
         assert log[1].endswith("watchdog: no new sequence for 0.300 s, heater off\n")
         with connected(url) as device:
-            board = HeaterBoard(device, limits=LIMITS, clock=MonotonicClock())
+            board = Heater(HeaterBoard(device, MonotonicClock()), LIMITS, MonotonicClock())
             found = board.connect()
             assert found.device_faults == ("watchdog",)
             assert found.current_a < 0.01
@@ -134,7 +139,7 @@ def test_the_heater_goes_off_when_the_client_is_killed_while_heating():
 def test_driven_time_stands_still_between_lines_and_is_repeatable():
     def heated():
         with served("--time", "driven", "--seed", "7") as (process, url), connected(url) as device:
-            board = HeaterBoard(device, limits=LIMITS, clock=MonotonicClock())
+            board = Heater(HeaterBoard(device, MonotonicClock()), LIMITS, MonotonicClock())
             board.connect()
             board.arm(0.5)
             seen = []

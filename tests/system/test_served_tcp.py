@@ -11,8 +11,10 @@ import sys
 import pytest
 
 from smadrive.clock import MonotonicClock
+from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
-from smadrive.device.heater import HeaterBoard, HeaterLimits
+from smadrive.device.heater import Heater
+from smadrive.device.heatsource import HeaterLimits
 from smadrive.device.profile import load_profile
 from smadrive.modbus import mbap
 from smadrive.modbus.connect import open_transport
@@ -152,7 +154,11 @@ def test_the_driver_heats_through_either_protocol(option):
     profile = load_profile("sma-reference")
     with served(option, "127.0.0.1:0") as (process, url):
         with open_transport(url, profile.serial_settings()) as transport:
-            board = HeaterBoard(Device(profile, Master(transport)), HeaterLimits(0.6, 130.0), MonotonicClock())
+            board = Heater(
+                HeaterBoard(Device(profile, Master(transport)), MonotonicClock()),
+                HeaterLimits(0.6, 130.0),
+                MonotonicClock(),
+            )
             board.connect()
             board.arm(5.0)
             board.exchange(0.4)

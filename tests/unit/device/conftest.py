@@ -5,8 +5,10 @@ import pytest
 from firmware_sim.config import load_sim
 from firmware_sim.device import SimulatedDevice
 from smadrive.clock import VirtualClock
+from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
-from smadrive.device.heater import HeaterBoard, HeaterLimits
+from smadrive.device.heater import Heater
+from smadrive.device.heatsource import HeaterLimits
 from smadrive.device.profile import load_profile
 from smadrive.modbus.master import Master
 
@@ -31,19 +33,19 @@ def device(rig, clock):
 
 
 @pytest.fixture
-def board(device, clock):
-    return HeaterBoard(device, limits=HeaterLimits(current_max_a=0.6, temperature_max_c=130.0), clock=clock)
+def heater(device, clock):
+    return Heater(HeaterBoard(device, clock), HeaterLimits(current_max_a=0.6, temperature_max_c=130.0), clock)
 
 
 @pytest.fixture
-def run(board, clock):
+def run(heater, clock):
     """Exchange every 50 ms for a while; the measurements."""
 
     def ticks(current_a, duration_s):
         measured = []
         for _ in range(round(duration_s / TICK_S)):
             clock.sleep_until(clock.now_s() + TICK_S)
-            measured.append(board.exchange(current_a))
+            measured.append(heater.exchange(current_a))
         return measured
 
     return ticks

@@ -7,8 +7,10 @@ from hypothesis import strategies as st
 from firmware_sim.config import load_sim
 from firmware_sim.device import SimulatedDevice
 from smadrive.clock import VirtualClock
+from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
-from smadrive.device.heater import HeaterBoard, HeaterLimits
+from smadrive.device.heater import Heater
+from smadrive.device.heatsource import HeaterLimits
 from smadrive.device.profile import load_profile
 from smadrive.errors import ProtocolError, SmadriveError, TransportError
 from smadrive.modbus import frames
@@ -30,8 +32,10 @@ def test_whatever_the_bus_does_no_wrong_value_is_taken_and_the_heater_ends_off(p
     clock = VirtualClock()
     rig = SimulatedDevice.from_config(load_sim("flexinol-lt-0.15mm"))
     clock.follow(rig.advance_to)
-    board = HeaterBoard(
-        Device(load_profile("sma-reference"), Master(rig.transport(clock))), HeaterLimits(0.6, 130.0), clock
+    board = Heater(
+        HeaterBoard(Device(load_profile("sma-reference"), Master(rig.transport(clock))), clock),
+        HeaterLimits(0.6, 130.0),
+        clock,
     )
     board.connect()
     board.arm(0.5)

@@ -4,8 +4,10 @@ import math
 
 import pytest
 
+from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
-from smadrive.device.heater import HeaterBoard, HeaterLimits
+from smadrive.device.heater import Heater
+from smadrive.device.heatsource import HeaterLimits
 from smadrive.device.profile import load_profile
 from smadrive.errors import (
     ConfigError,
@@ -18,18 +20,18 @@ from smadrive.modbus import frames
 from smadrive.modbus.master import Master
 
 
-def test_it_heats_only_when_armed(board, run, rig):
-    board.connect()
+def test_it_heats_only_when_armed(heater, run, rig):
+    heater.connect()
     assert not run(0.3, 0.2)[-1].armed
     assert rig.firmware.current_a == 0.0
-    board.arm(0.5)
+    heater.arm(0.5)
     assert run(0.3, 1.0)[-1].armed
     assert rig.firmware.current_a == pytest.approx(0.3)
 
 
-def test_a_measurement_is_the_rigs(board, run, rig, clock):
-    board.connect()
-    board.arm(0.5)
+def test_a_measurement_is_the_rigs(heater, run, rig, clock):
+    heater.connect()
+    heater.arm(0.5)
     last = run(0.35, 1.5)[-1]
     assert last.time_s == clock.now_s()
     assert last.current_a == pytest.approx(0.35, abs=0.002)
@@ -40,51 +42,51 @@ def test_a_measurement_is_the_rigs(board, run, rig, clock):
     assert last.device_faults == last.device_limits == ()
 
 
-def test_a_tick_is_one_transaction(board, run, device):
-    board.connect()
+def test_a_tick_is_one_transaction(heater, run, device):
+    heater.connect()
     before = device.master.counters.requests
     run(0.0, 1.0)
     assert device.master.counters.requests == before + 20
 
 
 @pytest.mark.parametrize(("asked_a", "given_a"), [(9.9, 0.6), (-1.0, 0.0), (1e300, 0.6), (0.1234, 0.1234)])
-def test_the_current_is_held_to_the_limits(board, run, rig, asked_a, given_a):
-    board.connect()
-    board.arm(0.5)
+def test_the_current_is_held_to_the_limits(heater, run, rig, asked_a, given_a):
+    heater.connect()
+    heater.arm(0.5)
     run(asked_a, 0.05)
     assert rig.firmware.commanded_a == pytest.approx(given_a)
 
 
 @pytest.mark.parametrize("command", [math.nan, math.inf, -math.inf])
-def test_a_current_that_is_no_number_is_sent_as_zero_and_refused(board, run, rig, command):
-    board.connect()
-    board.arm(0.5)
+def test_a_current_that_is_no_number_is_sent_as_zero_and_refused(heater, run, rig, command):
+    heater.connect()
+    heater.arm(0.5)
     run(0.3, 0.2)
     with pytest.raises(SafetyError, match="zero was sent"):
-        board.exchange(command)
+        heater.exchange(command)
     assert rig.firmware.commanded_a == 0.0
 
 
-def test_arming_sets_watchdog_and_limits_on_the_device(board, rig):
-    board.connect()
-    board.arm(0.2)
+def test_arming_sets_watchdog_and_limits_on_the_device(heater, rig):
+    heater.connect()
+    heater.arm(0.2)
     assert rig.firmware.watchdog_s == 0.2
     assert rig.firmware.temperature_max_c == 130.0
     assert rig.firmware.current_max_a == 0.6
 
 
-def test_a_watchdog_that_the_device_cannot_have_is_refused(board, rig):
-    board.connect()
+def test_a_watchdog_that_the_device_cannot_have_is_refused(heater, rig):
+    heater.connect()
     with pytest.raises(ConfigError, match=r"watchdog_s.*0.05 to 10"):
-        board.arm(60.0)
+        heater.arm(60.0)
     assert rig.firmware.state == 0
 
 
 def test_limits_above_the_boards_own_are_refused(device, clock):
-    board = HeaterBoard(device, limits=HeaterLimits(current_max_a=0.5, temperature_max_c=200.0), clock=clock)
-    board.connect()
+    heater = Heater(HeaterBoard(device, clock), HeaterLimits(current_max_a=0.5, temperature_max_c=200.0), clock)
+    heater.connect()
     with pytest.raises(ExceptionReply, match=r"temperature_max.*200"):
-        board.arm(0.5)
+        heater.arm(0.5)
 
 
 @pytest.mark.parametrize(("current", "temperature"), [(0.0, 100.0), (-1.0, 100.0), (math.nan, 100.0), (1.0, math.inf)])
@@ -93,46 +95,46 @@ def test_limits_that_limit_nothing_are_refused(current, temperature):
         HeaterLimits(current_max_a=current, temperature_max_c=temperature)
 
 
-def test_silence_of_the_driver_turns_the_heater_off(board, run, rig, clock):
-    board.connect()
-    board.arm(0.5)
+def test_silence_of_the_driver_turns_the_heater_off(heater, run, rig, clock):
+    heater.connect()
+    heater.arm(0.5)
     run(0.3, 1.0)
     clock.sleep_until(clock.now_s() + 0.6)
     assert rig.firmware.current_a == 0.0
-    after = board.exchange(0.3)
+    after = heater.exchange(0.3)
     assert after.device_faults == ("watchdog",)
     assert not after.armed
-    assert not board.armed
+    assert not heater.armed
 
 
-def test_a_fault_needs_an_explicit_clear_and_a_new_arming(board, run, rig, clock):
-    board.connect()
-    board.arm(0.5)
+def test_a_fault_needs_an_explicit_clear_and_a_new_arming(heater, run, rig, clock):
+    heater.connect()
+    heater.arm(0.5)
     clock.sleep_until(clock.now_s() + 1.0)
     with pytest.raises(SafetyError, match=r"not armed, latched on the device: watchdog: remove the cause"):
-        board.arm(0.5)
-    assert board.clear_faults().device_faults == ()
+        heater.arm(0.5)
+    assert heater.clear_faults().device_faults == ()
     run(0.3, 0.2)
     assert rig.firmware.current_a == 0.0
-    board.arm(0.5)
+    heater.arm(0.5)
     run(0.3, 0.2)
     assert rig.firmware.current_a == pytest.approx(0.3)
 
 
-def test_a_cause_that_persists_cannot_be_cleared(board, rig):
-    board.connect()
+def test_a_cause_that_persists_cannot_be_cleared(heater, rig):
+    heater.connect()
     rig.sensors.short_thermocouple()
     rig.advance_to(rig.time_s + 0.1)
     with pytest.raises(SafetyError, match=r"not cleared, the cause persists: thermocouple_short"):
-        board.clear_faults()
+        heater.clear_faults()
 
 
 @pytest.mark.parametrize(
     ("fail", "name"), [("open_thermocouple", "thermocouple_open"), ("short_thermocouple", "thermocouple_short")]
 )
-def test_a_dead_thermocouple_has_no_temperature_and_no_heat(board, run, rig, fail, name):
-    board.connect()
-    board.arm(0.5)
+def test_a_dead_thermocouple_has_no_temperature_and_no_heat(heater, run, rig, fail, name):
+    heater.connect()
+    heater.arm(0.5)
     run(0.3, 0.5)
     getattr(rig.sensors, fail)()
     last = run(0.3, 0.1)[-1]
@@ -144,17 +146,17 @@ def test_a_dead_thermocouple_has_no_temperature_and_no_heat(board, run, rig, fai
 
 def test_the_host_heats_no_further_at_its_maximum(device, clock, rig):
     rig.plant.temperature_c = 99.0
-    board = HeaterBoard(device, limits=HeaterLimits(current_max_a=0.6, temperature_max_c=100.0), clock=clock)
-    board.connect()
+    heater = Heater(HeaterBoard(device, clock), HeaterLimits(current_max_a=0.6, temperature_max_c=100.0), clock)
+    heater.connect()
     rig.plant.temperature_c = 140.0
     rig.advance_to(rig.time_s + 1.0)
     with pytest.raises(SafetyError, match=r"the temperature does not allow it: \d+\.\d °C, the limit is 100 °C"):
-        board.arm(0.5)
+        heater.arm(0.5)
 
 
-def test_a_converter_that_stands_still_is_not_believed(board, run, rig):
-    board.connect()
-    board.arm(0.5)
+def test_a_converter_that_stands_still_is_not_believed(heater, run, rig):
+    heater.connect()
+    heater.arm(0.5)
     run(0.2, 0.5)
     rig.sensors.stop_conversions()
     last = run(0.2, 0.7)[-1]
@@ -164,32 +166,32 @@ def test_a_converter_that_stands_still_is_not_believed(board, run, rig):
     assert rig.firmware.commanded_a == 0.0
 
 
-def test_a_device_that_restarts_is_not_heated_on(board, run, rig):
-    board.connect()
-    board.arm(0.5)
+def test_a_device_that_restarts_is_not_heated_on(heater, run, rig):
+    heater.connect()
+    heater.arm(0.5)
     run(0.3, 0.5)
     rig.power_cycle()
     last = run(0.3, 0.2)[-1]
     assert not last.armed
-    assert not board.armed
+    assert not heater.armed
     assert rig.firmware.current_a == 0.0
 
 
-def test_a_lost_reply_costs_one_tick_and_heating_goes_on(board, run, rig, clock):
-    board.connect()
-    board.arm(0.5)
+def test_a_lost_reply_costs_one_tick_and_heating_goes_on(heater, run, rig, clock):
+    heater.connect()
+    heater.arm(0.5)
     run(0.3, 0.5)
     rig.faults.drop()
     with pytest.raises(DeadlineError):
-        board.exchange(0.3)
+        heater.exchange(0.3)
     clock.sleep_until(clock.now_s() + 0.05)
     assert run(0.3, 0.5)[-1].armed
 
 
-def test_a_stale_exchange_is_refused_by_its_sequence(board, run, rig):
+def test_a_stale_exchange_is_refused_by_its_sequence(heater, run, rig):
     """A device that answers with an old block, as a gateway that caches might."""
-    board.connect()
-    board.arm(0.5)
+    heater.connect()
+    heater.arm(0.5)
     run(0.3, 0.2)
 
     def old(frame):
@@ -198,26 +200,26 @@ def test_a_stale_exchange_is_refused_by_its_sequence(board, run, rig):
 
     rig.faults.replace(old)
     with pytest.raises(ProtocolError, match="a stale reply, discarded"):
-        board.exchange(0.3)
+        heater.exchange(0.3)
     run(0.3, 0.05)
     assert rig.firmware.commanded_a == 0.0  # nothing known of the temperature: one tick without heat
     run(0.3, 0.05)
     assert rig.firmware.commanded_a == pytest.approx(0.3)
 
 
-def test_disarming_ends_with_zero_current_confirmed(board, run, rig):
-    board.connect()
-    board.arm(0.5)
+def test_disarming_ends_with_zero_current_confirmed(heater, run, rig):
+    heater.connect()
+    heater.arm(0.5)
     run(0.4, 0.5)
-    assert not board.disarm().armed
+    assert not heater.disarm().armed
     assert rig.firmware.current_a == 0.0
     assert rig.events[-1].endswith("disarmed")
 
 
-def test_a_board_found_heating_is_turned_off_by_connecting(board, rig):
+def test_a_board_found_heating_is_turned_off_by_connecting(heater, rig):
     rig.firmware.write({"arm": 1})
     rig.firmware.write({"sequence": 3, "heater_current": 0.4, "heater_enable": 1})
-    assert not board.connect().armed
+    assert not heater.connect().armed
     assert rig.firmware.current_a == 0.0
 
 
@@ -226,4 +228,4 @@ def test_a_profile_without_the_roles_is_refused(rig, clock):
     roles = profile.roles.model_copy(update={"sequence": None})
     device = Device(profile.model_copy(update={"roles": roles}), Master(rig.transport(clock)))
     with pytest.raises(ConfigError, match="role 'sequence'"):
-        HeaterBoard(device, limits=HeaterLimits(0.5, 100.0), clock=clock)
+        Heater(HeaterBoard(device, clock), HeaterLimits(0.5, 100.0), clock)

@@ -1,0 +1,147 @@
+"""A heater board: command and all measurements in one transaction.
+
+One exchange is one FC23: it writes the command (a new sequence number, current, enable) and reads all measurements,
+in which the device echoes the sequence number. The echo proves that the measurements are younger than the command.
+"""
+
+from __future__ import annotations
+
+from math import nan
+
+from smadrive.clock import Clock
+from smadrive.device.device import Device
+from smadrive.device.heatsource import HeaterLimits, Sample, Supplied
+from smadrive.device.readings import Reading
+from smadrive.errors import ProtocolError, SafetyError
+
+STALE_S = 0.5  # the device converts at least every 0.1 s; a counter that stands still this long is a dead sensor
+
+_MEASURED = (
+    "sequence_echo",
+    "status",
+    "faults",
+    "limits",
+    "temperature",
+    "measured_current",
+    "measured_voltage",
+    "displacement",
+    "sample_counter",
+)
+_SPAN_FILLERS = ("cold_junction",)
+
+
+class HeaterBoard:
+    """A Device whose profile binds the roles of command and measurement; see HeatSource.
+
+    Raises ConfigError when the profile lacks a role.
+    """
+
+    measures = frozenset(("temperature", "displacement"))
+    has_watchdog = True
+
+    def __init__(self, device: Device, clock: Clock) -> None:
+        """Nothing is sent yet."""
+        profile = device.profile
+        self.device = device
+        self._clock = clock
+        self._names = {role: profile.role(role) for role in _MEASURED}
+        fillers = [name for role in _SPAN_FILLERS if (name := getattr(profile.roles, role)) is not None]
+        self._reads = tuple(self._names.values()) + tuple(fillers)
+        self._sequence_name = profile.role("sequence")
+        self._current_name = profile.role("heater_current")
+        self._enable_name = profile.role("heater_enable")
+        self._sequence = 0
+        self._armed = False
+        self._counter = -1
+        self._counter_since_s = clock.now_s()
+
+    @property
+    def armed(self) -> bool:
+        """Whether the board was armed at the last exchange."""
+        return self._armed
+
+    def connect(self) -> None:
+        """Prove the board's identity, bring it to its safe state, and go on from its sequence number."""
+        self.device.check_identity()
+        self.enter_safe_state()
+        echo = self._names["sequence_echo"]
+        self._sequence = int(self.device.read((echo,))[echo].raw)
+        self._counter_since_s = self._clock.now_s()
+
+    def arm(self, limits: HeaterLimits, watchdog_s: float) -> None:
+        """Set the board's watchdog and limits, confirmed by read-back, then arm it; SafetyError when it does not."""
+        profile = self.device.profile
+        self.device.write(profile.role("watchdog_s"), watchdog_s)
+        self.device.write(profile.role("temperature_max"), limits.temperature_max_c)
+        self.device.write(profile.role("current_max"), limits.current_max_a)
+        self._turn_key("arm")
+        status = self._names["status"]
+        if "armed" not in (words := self.device.read((status,))[status].words):
+            raise SafetyError(f"not armed: the device stays in state {', '.join(words)}")
+        self._armed = True
+
+    def exchange(self, current_a: float) -> Supplied:
+        """Command `current_a` and measure, in one transaction.
+
+        ProtocolError when the echoed sequence number is not the one just sent: the measurements are then not of this
+        exchange and are discarded.
+        """
+        self._sequence = (self._sequence + 1) & 0xFFFF
+        command = {
+            self._sequence_name: self._sequence,
+            self._current_name: current_a,
+            self._enable_name: 1 if self._armed else 0,
+        }
+        readings = self.device.exchange(command, self._reads)
+        now_s = self._clock.now_s()
+        self._check_echo(readings[self._names["sequence_echo"]])
+        return self._supplied(now_s, {role: readings[name] for role, name in self._names.items()})
+
+    def enter_safe_state(self) -> None:
+        """See HeatSource."""
+        self._armed = False
+        self.device.enter_safe_state()
+
+    def clear_faults(self) -> None:
+        """Clear the faults whose cause is gone."""
+        self._turn_key("fault_clear")
+
+    def _check_echo(self, echo: Reading) -> None:
+        if echo.raw != self._sequence:
+            self.device.master.distrust()
+            raise ProtocolError(
+                f"unit {self.device.unit_id}: the reply echoes sequence {echo.raw}, {self._sequence} was sent: a stale "
+                "reply, discarded"
+            )
+
+    def _supplied(self, now_s: float, readings: dict[str, Reading]) -> Supplied:
+        problem = self._temperature_fault(now_s, readings)
+        armed = "armed" in readings["status"].words
+        self._armed = self._armed and armed
+        return Supplied(
+            readings["measured_current"].value,
+            readings["measured_voltage"].value,
+            armed,
+            readings["faults"].words,
+            readings["limits"].words,
+            Sample(readings["temperature"].value if problem is None else nan, now_s, problem),
+            Sample(readings["displacement"].value, now_s, readings["displacement"].invalid),
+        )
+
+    def _temperature_fault(self, now_s: float, readings: dict[str, Reading]) -> str | None:
+        """Why the temperature cannot be used: the device says so, or its sensor stopped converting."""
+        counter = int(readings["sample_counter"].raw)
+        if counter != self._counter:
+            self._counter, self._counter_since_s = counter, now_s
+        named = [fault for fault in readings["faults"].words if fault.startswith(("thermocouple", "cold_junction"))]
+        invalid = readings["temperature"].invalid
+        if invalid is not None:
+            return ", ".join(named) or invalid
+        stale_s = now_s - self._counter_since_s
+        return f"no new conversion for {stale_s:.2f} s" if stale_s > STALE_S else None
+
+    def _turn_key(self, role: str) -> None:
+        """Write the only value that a key register takes."""
+        name = self.device.profile.role(role)
+        (key,) = self.device.profile.register(name).enum
+        self.device.write(name, key)

@@ -1,0 +1,108 @@
+"""A bench supply as heat source: current limit, voltage limit, output switch.
+
+A supply has no watchdog, measures no temperature and answers slowly; its current is a setting that anyone may also turn
+at its front panel. So every exchange reads the setting back, together with the measurements, and a setting that is not
+the commanded one is an error. Its voltage limit is given by the rig: with a wire that comes off its clamps a supply
+goes to that voltage.
+"""
+
+from __future__ import annotations
+
+from math import inf, isfinite
+
+from smadrive.device.device import Device
+from smadrive.device.heatsource import HeaterLimits, Supplied
+from smadrive.device.readings import Reading
+from smadrive.errors import ConfigError, SafetyError
+
+_NEEDED = ("heater_current", "heater_enable", "measured_current", "measured_voltage")
+_OPTIONAL = ("regulation", "faults")
+
+AT_LIMIT = 0.98
+"""Part of the voltage limit from which a supply without a CC/CV flag is taken to hold the voltage."""
+
+
+class BenchSupply:
+    """A Device whose profile binds the roles of a supply; see HeatSource. ConfigError when it lacks one."""
+
+    measures: frozenset[str] = frozenset()
+    has_watchdog = False
+
+    def __init__(self, device: Device) -> None:
+        """Nothing is sent yet."""
+        profile = device.profile
+        self.device = device
+        self._names = {role: profile.role(role) for role in _NEEDED}
+        for role in _OPTIONAL:
+            if (name := getattr(profile.roles, role)) is not None:
+                self._names[role] = name
+        self._reads = tuple(self._names.values())
+        self._armed = False
+        self._voltage_max_v = inf
+
+    @property
+    def armed(self) -> bool:
+        """Whether the output was on at the last exchange."""
+        return self._armed
+
+    def connect(self) -> None:
+        """Prove the supply's identity and switch its output off."""
+        self.device.check_identity()
+        self.enter_safe_state()
+
+    def arm(self, limits: HeaterLimits, watchdog_s: float) -> None:  # noqa: ARG002  (a supply has no watchdog)
+        """Set the voltage limit and zero current, confirmed by read-back, then switch the output on."""
+        voltage = self.device.profile.roles.heater_voltage
+        if voltage is not None:
+            if not isfinite(limits.voltage_max_v):
+                raise ConfigError(
+                    f"'{self.device.profile.profile.id}' needs a voltage limit: set voltage_max_v in [limits], some "
+                    "1.25 times what current_max_a needs across the wire"
+                )
+            self.device.write(voltage, limits.voltage_max_v)
+            self._voltage_max_v = limits.voltage_max_v
+        self.device.write(self._names["heater_current"], 0.0)
+        self.device.write(self._names["heater_enable"], 1)
+        if not self._on(self.device.read(self._reads)):
+            raise SafetyError("not armed: the supply's output stays off: is it locked or in a protection?")
+        self._armed = True
+
+    def exchange(self, current_a: float) -> Supplied:
+        """Set the current limit and measure; ReadBackError when the limit is not what was set."""
+        readings = self.device.command(self._names["heater_current"], current_a, self._reads)
+        on = self._on(readings)
+        self._armed = self._armed and on
+        voltage_v = readings[self._names["measured_voltage"]].value
+        return Supplied(
+            readings[self._names["measured_current"]].value,
+            voltage_v,
+            on,
+            self._faults(readings),
+            ("voltage",) if on and self._limits_voltage(readings, voltage_v) else (),
+        )
+
+    def enter_safe_state(self) -> None:
+        """See HeatSource."""
+        self._armed = False
+        self.device.enter_safe_state()
+
+    def clear_faults(self) -> None:
+        """Reset the protection where the supply lets it be written; others are reset at their panel."""
+        name = self._names.get("faults")
+        if name is not None and self.device.profile.register(name).writable:
+            self.device.write(name, 0)
+
+    def _on(self, readings: dict[str, Reading]) -> bool:
+        return readings[self._names["heater_enable"]].raw == 1
+
+    def _faults(self, readings: dict[str, Reading]) -> tuple[str, ...]:
+        """The protection that has cut in; raw 0 is a supply at rest."""
+        name = self._names.get("faults")
+        if name is None or not readings[name].raw:
+            return ()
+        return readings[name].words or (f"protection {readings[name].raw}",)
+
+    def _limits_voltage(self, readings: dict[str, Reading], voltage_v: float) -> bool:
+        """Whether it holds the voltage, not the current: it says so, or it stands at its limit."""
+        name = self._names.get("regulation")
+        return "cv" in readings[name].words if name is not None else voltage_v >= AT_LIMIT * self._voltage_max_v

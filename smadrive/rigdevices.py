@@ -1,0 +1,146 @@
+"""The devices of a rig file, connected: one transport per address, and who heats, who measures what.
+
+Devices that name the same address share its bus. A device measures every quantity that its profile binds, or only those
+that the rig file lists for it; two that measure the same are refused, because only the user knows which one is right.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from typing import NamedTuple
+
+from smadrive.clock import Clock, VirtualClock
+from smadrive.device.board import HeaterBoard
+from smadrive.device.device import Device
+from smadrive.device.heater import Heater
+from smadrive.device.heatsource import HeaterLimits, HeatSource
+from smadrive.device.profile import Profile, load_profile
+from smadrive.device.sensor import PolledSensor
+from smadrive.device.supply import BenchSupply
+from smadrive.errors import ConfigError
+from smadrive.modbus.connect import open_transport
+from smadrive.modbus.master import Master
+from smadrive.modbus.transport import Transport
+from smadrive.rigconfig import DeviceConfig, LimitsConfig, RigConfig
+
+QUANTITIES = ("temperature", "displacement")
+STALE_PERIODS = 3.0
+"""A polled sensor is stale after this many of its periods, however short the rig's `stale_after_s`."""
+
+
+class RigDevices(NamedTuple):
+    """The heater with its sensors, every device by its name, and the clock that they share."""
+
+    heater: Heater
+    by_name: dict[str, Device]
+    clock: Clock
+
+
+def open_devices(
+    config: RigConfig, stack: ExitStack, clock: Clock | None, transports: Mapping[str, Transport]
+) -> RigDevices:
+    """Open what the rig file names; `stack` closes it. Nothing is sent yet.
+
+    `transports` (by device name) take the place of connections; `clock` that of theirs. ConfigError when the devices
+    do not make up a rig, TransportError when a port does not open.
+    """
+    connections = _Connections(stack)
+    profiles = {device.name: load_profile(device.profile) for device in config.devices}
+    roles = _roles(config.devices, profiles)
+    devices: dict[str, Device] = {}
+    for device in config.devices:
+        profile = profiles[device.name]
+        master = connections.given(transports[device.name]) if device.name in transports else None
+        master = master or connections.master(device, profile)
+        devices[device.name] = Device(profile, master, device.unit_id)
+    clock = clock or next(iter(devices.values())).master.clock
+    sensors = {
+        quantity: _sensor(device, devices[device.name], quantity, config.limits, 1.0 / config.rate_hz, clock)
+        for quantity, device in roles.sensors.items()
+    }
+    limits = config.limits
+    heater = Heater(
+        _source(devices[roles.heater.name], clock),
+        HeaterLimits(limits.current_max_a, limits.temperature_max_c, limits.voltage_max_v),
+        clock,
+        sensors.get("temperature"),
+        sensors.get("displacement"),
+    )
+    return RigDevices(heater, devices, clock)
+
+
+class _Roles(NamedTuple):
+    heater: DeviceConfig
+    sensors: dict[str, DeviceConfig]  # the quantities that the heater does not measure itself
+
+
+def _roles(devices: tuple[DeviceConfig, ...], profiles: Mapping[str, Profile]) -> _Roles:
+    heaters = [device for device in devices if profiles[device.name].profile.role in ("heater", "supply")]
+    if len(heaters) != 1:
+        names = ", ".join(f"'{device.name}'" for device in heaters) or "none"
+        raise ConfigError(f"a rig has one device that heats, of role 'heater' or 'supply'; this one has {names}")
+    sensors: dict[str, DeviceConfig] = {}
+    for quantity in QUANTITIES:
+        measuring = [device for device in devices if _measures(device, profiles[device.name], quantity)]
+        if len(measuring) > 1:
+            names = ", ".join(f"'{device.name}'" for device in measuring)
+            raise ConfigError(
+                f"the devices {names} all measure the {quantity}: say which one counts by "
+                f'measures = ["{quantity}"] there, and measures = [] at the others'
+            )
+        if measuring and measuring != heaters:
+            sensors[quantity] = measuring[0]
+    return _Roles(heaters[0], sensors)
+
+
+def _measures(device: DeviceConfig, profile: Profile, quantity: str) -> bool:
+    bound = getattr(profile.roles, quantity) is not None
+    if device.measures is None:
+        return bound
+    if quantity in device.measures and not bound:
+        raise ConfigError(
+            f"device '{device.name}' is to measure the {quantity}, but its profile '{device.profile}' binds none"
+        )
+    return quantity in device.measures
+
+
+def _source(device: Device, clock: Clock) -> HeatSource:
+    return HeaterBoard(device, clock) if device.profile.profile.role == "heater" else BenchSupply(device)
+
+
+def _sensor(
+    config: DeviceConfig, device: Device, quantity: str, limits: LimitsConfig, tick_s: float, clock: Clock
+) -> PolledSensor:
+    period_s = tick_s if config.rate_hz is None else 1.0 / config.rate_hz
+    period_s = max(period_s, device.profile.timing.update_ms / 1e3)
+    return PolledSensor(device, quantity, period_s, max(limits.stale_after_s, STALE_PERIODS * period_s), clock)
+
+
+class _Connections:
+    """One master per address; simulated devices of one address stand on one bench, in one virtual time."""
+
+    def __init__(self, stack: ExitStack) -> None:
+        self._stack = stack
+        self._masters: dict[str, Master] = {}
+
+    def given(self, transport: Transport) -> Master:
+        return Master(self._stack.enter_context(transport))
+
+    def master(self, device: DeviceConfig, profile: Profile) -> Master:
+        if device.url not in self._masters:
+            transport = _simulated(device, profile) if device.url.startswith("sim://") else None
+            transport = transport or open_transport(device.url, profile.serial_settings())
+            self._masters[device.url] = self.given(transport)
+        return self._masters[device.url]
+
+
+def _simulated(device: DeviceConfig, profile: Profile) -> Transport:
+    """A simulated device in this process, in virtual time; no other address opens this door to the simulator."""
+    from firmware_sim.config import load_sim  # noqa: PLC0415
+    from firmware_sim.device import SimulatedDevice  # noqa: PLC0415
+
+    clock = VirtualClock()
+    simulated = SimulatedDevice.from_config(load_sim(device.url.removeprefix("sim://")), profile=profile)
+    clock.follow(simulated.advance_to)
+    return simulated.transport(clock)
