@@ -136,11 +136,15 @@ class _Connections:
 
 
 def _simulated(device: DeviceConfig, profile: Profile) -> Transport:
-    """A simulated device in this process, in virtual time; no other address opens this door to the simulator."""
+    """A simulated device in this process, in virtual time; no other address opens this door to the simulator.
+
+    sim://NAME?profile=OTHER puts a device of another type at that address than the rig file believes.
+    """
     from firmware_sim.config import load_sim  # noqa: PLC0415
     from firmware_sim.device import SimulatedDevice  # noqa: PLC0415
 
+    name, _, other = device.url.removeprefix("sim://").partition("?profile=")
     clock = VirtualClock()
-    simulated = SimulatedDevice.from_config(load_sim(device.url.removeprefix("sim://")), profile=profile)
+    simulated = SimulatedDevice.from_config(load_sim(name), profile=load_profile(other) if other else profile)
     clock.follow(simulated.advance_to)
     return simulated.transport(clock)

@@ -26,7 +26,7 @@ def open_recorder(path: Path, rig: Rig, kind: str) -> Recorder:
         {
             "kind": kind,
             "rig": rig.config.model_dump_json(),
-            "devices": json.dumps(rig.identities),
+            "device": ", ".join(f"{name}: {identity}" for name, identity in rig.identities.items()),
             "nominal_balance": json.dumps(asdict(rig.nominal_balance)),
         },
     )

@@ -135,7 +135,11 @@ def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(dat
     (data / "limits.toml").write_text(rig_text("temperature_max_c = 135.0", "temperature_max_c = 110.0"))
     (data / "wire.toml").write_text(rig_text('"flexinol-lt-0.15mm"', '"nitinol"'))
     (data / "port.toml").write_text(rig_text("/tmp/smadrive-sim", "/dev/ttyNONE"))  # noqa: S108
-    (data / "other.toml").write_text(rig_text("sma-reference", "board.toml", rig="in-process"))
+    (data / "other.toml").write_text(
+        rig_text('profile = "sma-reference"', 'profile = "board.toml"', rig="in-process").replace(
+            '0.15mm"\nunit', '0.15mm?profile=sma-reference"\nunit'
+        )
+    )
     board = (CONFIGS / "devices" / "sma-reference.toml").read_text()
     (data / "board.toml").write_text(board.replace("[[0x534D, 0x534D]]", "[[7, 7]]"))
     (data / "folder").mkdir()
