@@ -1,6 +1,6 @@
 """Models as JSON files: schema version, kind, parameters, provenance. The only file access of the maths.
 
-A file is written beside its place and renamed, so a reader never sees half a model. Reading refuses whatever is not a
+A reader never sees half a model: a file is written completely or not at all. Reading refuses whatever is not a
 complete, finite, certified model, with one line that names file, key, value and cure.
 """
 
@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from smadrive.hysteresis.fuzzy import FuzzySets, GaussianSets, TrapezoidSets, Tr
 from smadrive.hysteresis.mixture import GaussianMixture
 from smadrive.hysteresis.model import HysteresisModel
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
+from smadrive.outfile import replacing
 
 SCHEMA_VERSION = 1
 _LAWS = ("a_heating", "b_heating", "a_cooling", "b_cooling")
@@ -27,7 +27,10 @@ _LAWS = ("a_heating", "b_heating", "a_cooling", "b_cooling")
 def save_model(
     model: HysteresisModel, path: str | os.PathLike[str], *, provenance: Mapping[str, Any] | None = None
 ) -> None:
-    """Write `model` to `path`; `provenance` is any JSON object (source file, date, fit figures). Raises ModelError."""
+    """Write `model` to `path`; `provenance` is any JSON object (source file, date, fit figures).
+
+    Raises ModelError for what has no JSON form, DataError when the file cannot be written.
+    """
     document = {
         "schema": SCHEMA_VERSION,
         **_describe(model),
@@ -42,7 +45,8 @@ def save_model(
         raise ModelError(
             f"{path}: provenance cannot be written as JSON: {error}; use plain strings and finite numbers"
         ) from error
-    _replace(Path(path), text)
+    with replacing(Path(path)) as partial:
+        partial.write_text(text, encoding="utf-8")
 
 
 def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
@@ -164,20 +168,3 @@ def _sets(fields: _Fields) -> FuzzySets:
     raise ModelError(
         f"{fields.place}: shape = {shape!r} is unknown; it must be 'triangular', 'trapezoid' or 'gaussian'"
     )
-
-
-def _replace(path: Path, text: str) -> None:
-    try:
-        handle, temporary = tempfile.mkstemp(dir=path.parent, prefix=f".{path.name}.")
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be written: {error.strerror}; check the folder") from error
-    try:
-        with os.fdopen(handle, "w", encoding="utf-8") as stream:
-            stream.write(text)
-            stream.flush()
-            os.fsync(stream.fileno())
-        Path(temporary).replace(path)
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be written: {error.strerror}; check the folder and its space") from error
-    finally:
-        Path(temporary).unlink(missing_ok=True)

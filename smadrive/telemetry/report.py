@@ -11,7 +11,7 @@ from pathlib import Path
 
 from matplotlib.figure import Figure
 
-from smadrive.errors import DataError
+from smadrive.outfile import replacing
 
 STYLE = """
 body { font: 16px/1.5 system-ui, sans-serif; max-width: 60rem; margin: 2rem auto; padding: 0 1rem; color: #222; }
@@ -51,12 +51,8 @@ def write_report(
             "<footer>" + "".join(f"<p>{html.escape(note)}</p>" for note in notes) + "</footer></html>",
         ]
     )
-    partial = path.with_name(path.name + ".partial")
-    try:
+    with replacing(path) as partial:
         partial.write_text(page, encoding="utf-8")
-        partial.replace(path)
-    except OSError as error:
-        raise DataError(f"{path}: the report cannot be written ({error.strerror})") from None
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> str:

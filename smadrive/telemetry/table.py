@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from smadrive.configfile import nearest
 from smadrive.errors import DataError
+from smadrive.outfile import replacing
 
 Array = NDArray[np.float64]
 
@@ -66,15 +67,10 @@ def read_table(path: Path) -> Table:
 
 
 def write_table(path: Path, carried: Mapping[str, list[str]], added: Mapping[str, Array]) -> None:
-    """Write the carried columns as they were and the added ones as numbers; complete or not at all."""
+    """Write the carried columns as they were and the added ones as numbers, completely or not at all (DataError)."""
     columns = {name: cells for name, cells in carried.items() if name not in added}
     columns |= {name: [repr(float(value)) for value in values] for name, values in added.items()}
-    partial = path.with_name(path.name + ".partial")
-    try:
-        with partial.open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(columns)
-            writer.writerows(zip(*columns.values(), strict=True))
-        partial.replace(path)
-    except OSError as error:
-        raise DataError(f"{path}: cannot be written ({error.strerror})") from None
+    with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+        writer = csv.writer(file)
+        writer.writerow(columns)
+        writer.writerows(zip(*columns.values(), strict=True))

@@ -41,5 +41,5 @@ def test_everything_is_inside_and_text_is_escaped(tmp_path):
 
 
 def test_a_place_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(DataError, match="the report cannot be written"):
+    with pytest.raises(DataError, match=r"report\.html: cannot be written"):
         write(tmp_path / "no" / "report.html")
