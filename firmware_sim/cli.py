@@ -73,7 +73,8 @@ def _serve(device: SimulatedDevice, door: Door, time: Time) -> None:
         with stop_on_signal(), contextlib.suppress(KeyboardInterrupt):
             typer.echo(door.url)
             sys.stdout.flush()
-            server = Server(device, door)
+            server = Server(device, (door,))
+            device.faults.ears.append(server.ear(door))
             if time is Time.REAL:
                 server.run_real()
             else:

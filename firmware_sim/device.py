@@ -13,6 +13,7 @@ from firmware_sim.config import SimConfig
 from firmware_sim.faults import BusFaults, Delivery
 from firmware_sim.firmware import Firmware
 from firmware_sim.instrument import Instrument
+from firmware_sim.message import Message
 from firmware_sim.plant import Plant
 from firmware_sim.ports import Port, RtuPort, TcpPort
 from firmware_sim.registers import RegisterBank
@@ -21,6 +22,7 @@ from firmware_sim.sensors import Sensors
 from firmware_sim.supply import Supply
 from smadrive.clock import Clock
 from smadrive.device.profile import Profile, load_profile
+from smadrive.modbus import frames
 from smadrive.modbus.inprocess import InProcessTransport
 
 TICK_S = 0.01
@@ -41,11 +43,11 @@ class SimulatedDevice:
         self.plant = Plant(config.wire, config.transformation)
         self.sensors = Sensors(config, self.plant, seed)
         self.firmware = self._behaviour(config)
-        self.faults = BusFaults()
+        self.faults = BusFaults(lambda: self.time_s, seed)
         bank = RegisterBank(profile)
         bank.preset("serial_number", config.board.serial_number)
         bank.preset("firmware_version", FIRMWARE_VERSION)
-        self.responder = Responder(profile.unit_id, bank, self.firmware, profile.timing)
+        self.responder = Responder(bank, self.firmware, profile.timing)
         self.port = self.new_port(numbered=profile.profile.protocol == "modbus-tcp")
         self._deaf_until_s = profile.timing.boot_ms / 1e3
 
@@ -65,27 +67,43 @@ class SimulatedDevice:
         while (remaining_s := time_s - self.time_s) > 1e-9:
             self._tick(min(TICK_S, remaining_s))
 
+    @property
+    def unit_id(self) -> int:
+        """What it answers to."""
+        return self.profile.unit_id
+
     def new_port(self, *, numbered: bool) -> Port:
         """Another way in: by Modbus TCP frames, which are numbered, or by RTU frames."""
-        return TcpPort(self.responder) if numbered else RtuPort(self.responder)
+        return TcpPort((self,)) if numbered else RtuPort((self,))
 
     def receive(self, data: bytes, time_s: float, port: Port | None = None) -> list[Delivery]:
-        """Bytes that reach `port` at `time_s`: the replies, with the times at which they arrive.
+        """Bytes that reach `port` at `time_s`: what is answered, and when it arrives."""
+        self.advance_to(time_s)
+        return (port or self.port).receive(data, time_s)
+
+    def answer(self, request: Message, time_s: float) -> list[Delivery]:
+        """Carry out a request, and answer unless it was a broadcast.
 
         Like the real one, the device hears nothing while it starts, nor in the pause that it needs between frames.
         """
-        self.advance_to(time_s)
         if time_s < self._deaf_until_s - 1e-9:
             return []
-        replies = (port or self.port).receive(data, time_s)
-        if replies:
-            self._deaf_until_s = time_s + self.profile.timing.min_gap_ms / 1e3
-        return [delivery for reply in replies for delivery in self.faults.apply(reply, time_s)]
+        self._deaf_until_s = time_s + self.profile.timing.min_gap_ms / 1e3
+        if request.unit_id == frames.BROADCAST and request.number is None:
+            self.responder.answer(request.pdu)
+            return []
+        return self.faults.answer(request, self.responder.answer, time_s)
+
+    def overhear(self) -> None:
+        """A request for another passes by."""
+        self.responder.counters.for_others += 1
 
     def transport(self, clock: Clock | None = None) -> InProcessTransport:
         """A connection in this process, on `clock`; by default on the device's own time, which waiting moves on."""
         line = self.profile.serial_settings()
-        return InProcessTransport(self, clock or DeviceClock(self), None if line is None else line.baudrate)
+        transport = InProcessTransport(self, clock or DeviceClock(self), None if line is None else line.baudrate)
+        self.faults.ears.append(transport)
+        return transport
 
     def power_cycle(self) -> None:
         """The supply fails and returns: the firmware starts anew, the wire goes on cooling."""

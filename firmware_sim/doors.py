@@ -1,7 +1,8 @@
 """Where the simulated device can be reached: here by a pseudo-terminal, in `tcpdoor.py` by a TCP port.
 
 To the program at the other end a pseudo-terminal is a serial port like any other. A door tells the server which
-descriptors to listen on; what one of them brings belongs to a talk, which takes the replies.
+descriptors to listen on; what one of them brings belongs to a talk, which takes the replies. A door can be closed and
+opened again, as an adapter can be pulled out and put back.
 """
 
 from __future__ import annotations
@@ -9,6 +10,7 @@ from __future__ import annotations
 import contextlib
 import os
 import tty
+from collections.abc import Sequence
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -40,59 +42,85 @@ class Door(Protocol):
 
     url: str
 
+    def open(self) -> None:
+        """Let clients in again."""
+        ...
+
     def descriptors(self) -> list[int]:
         """What to listen on."""
         ...
 
+    def talks(self) -> Sequence[Talk]:
+        """Those that are going on."""
+        ...
+
     def hear(self, descriptor: int) -> Heard | None:
-        """Take what has arrived there; None: a client came or went."""
+        """Take what has arrived there; None: nothing, a client came or went."""
         ...
 
     def close(self) -> None:
-        """Let nobody in any more."""
+        """End every talk and let nobody in any more."""
         ...
 
 
 class Terminal:
-    """A pseudo-terminal in raw mode, door and only talk. Its far end stays open here: clients may come and go."""
+    """A pseudo-terminal in raw mode, door and only talk. Its far end stays open here: clients may come and go.
+
+    With a link it has a name that lasts: without one it may get another when it is opened again.
+    """
 
     def __init__(self, link: Path | None, port: Port) -> None:
         """Open it, and name it `link` too; ConfigError when that path is taken or cannot be made."""
         self.port = port
-        self._near, self._far = os.openpty()
-        tty.setraw(self._far)
-        os.set_blocking(self._near, False)
         self._link = link
-        path = os.ttyname(self._far)
-        if link is not None:
+        self._ends: tuple[int, ...] = ()
+        self.open()
+
+    def open(self) -> None:
+        """Open both ends."""
+        near, far = os.openpty()
+        tty.setraw(far)
+        os.set_blocking(near, False)
+        path = os.ttyname(far)
+        if self._link is not None:
             try:
-                _make_link(link, path)
+                _make_link(self._link, path)
             except ConfigError:
-                self._link = None
-                self.close()
+                os.close(near)
+                os.close(far)
                 raise
-            path = str(link.absolute())
+            path = str(self._link.absolute())
+        self._ends = near, far
         self.url = f"serial://{path}"
 
     def descriptors(self) -> list[int]:
         """The near end."""
-        return [self._near]
+        return list(self._ends[:1])
 
-    def hear(self, descriptor: int) -> Heard:
+    def talks(self) -> Sequence[Talk]:
+        """Itself."""
+        return (self,)
+
+    def hear(self, descriptor: int) -> Heard | None:
         """Take what has arrived."""
-        return Heard(self, os.read(descriptor, _CHUNK))
+        try:
+            return Heard(self, os.read(descriptor, _CHUNK)) if descriptor in self._ends else None
+        except BlockingIOError:
+            return None
 
     def send(self, reply: bytes) -> None:
-        """Let `reply` go; nobody reads and the line is full: a real line loses it too."""
-        with contextlib.suppress(BlockingIOError):
-            os.write(self._near, reply)
+        """Let `reply` go; the line is closed, or full and nobody reads: a real line loses it too."""
+        if self._ends:
+            with contextlib.suppress(BlockingIOError):
+                os.write(self._ends[0], reply)
 
     def close(self) -> None:
         """Close both ends and remove the link."""
-        os.close(self._near)
-        os.close(self._far)
-        if self._link is not None:
+        for end in self._ends:
+            os.close(end)
+        if self._ends and self._link is not None:
             self._link.unlink(missing_ok=True)
+        self._ends = ()
 
 
 def _make_link(link: Path, target: str) -> None:

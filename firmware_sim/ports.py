@@ -1,60 +1,83 @@
-"""How requests reach a responder: RTU frames on a line, or Modbus TCP frames in a connection.
+"""How requests reach the devices of a bus: as RTU frames on a line, or as Modbus TCP frames in a connection.
 
-RTU is silent for another unit, on a bad CRC, and after a broadcast (which is carried out). Over TCP a connection leads
-to one device: it answers as unit 0 and 255 too, and for other units what a gateway answers, exception 11. Frames whose
-protocol is not 0 are dropped; a length that no frame can have means that the stream is no Modbus, and all is dropped.
+RTU is silent for units that are not there, on a bad CRC, and after a broadcast (which all carry out). Over TCP a
+connection that leads to one device reaches it as unit 0 and 255 too, and for other units there is what a gateway
+answers, exception 11. Frames whose protocol is not 0 are dropped; a length that no frame can have means that the
+stream is no Modbus, and all is dropped.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
+from firmware_sim.faults import Delivery
+from firmware_sim.message import Message
 from firmware_sim.refusal import NO_SUCH_UNIT
-from firmware_sim.responder import Responder
 from firmware_sim.stream import RequestStream
 from smadrive.modbus import frames, mbap
 
+_ANY_UNIT = (0, 255)
+
+
+class Unit(Protocol):
+    """A device on the bus."""
+
+    @property
+    def unit_id(self) -> int:
+        """What it answers to."""
+        ...
+
+    def answer(self, request: Message, time_s: float) -> list[Delivery]:
+        """Carry out `request`; what arrives as its answer, and when (nothing, if it was a broadcast)."""
+        ...
+
+    def overhear(self) -> None:
+        """A request for another passes by."""
+        ...
+
 
 class Port(Protocol):
-    """One end of a conversation with a device."""
+    """One end of a conversation with the devices of a bus."""
 
-    def receive(self, data: bytes, time_s: float) -> list[bytes]:
-        """The reply frames to the bytes that arrive at `time_s`."""
+    def receive(self, data: bytes, time_s: float) -> list[Delivery]:
+        """What is answered to the bytes that arrive at `time_s`, and when it arrives."""
         ...
 
 
 class RtuPort:
     """RTU frames, on a serial line or through a socket."""
 
-    def __init__(self, responder: Responder) -> None:
+    def __init__(self, units: Sequence[Unit]) -> None:
         self.stream = RequestStream()
-        self._responder = responder
+        self._units = units
 
-    def receive(self, data: bytes, time_s: float) -> list[bytes]:
-        """The reply frames to the bytes that arrive at `time_s`."""
-        replies = (self._answer(frame) for frame in self.stream.feed(data, time_s))
-        return [reply for reply in replies if reply is not None]
+    def receive(self, data: bytes, time_s: float) -> list[Delivery]:
+        """What is answered to the bytes that arrive at `time_s`, and when it arrives."""
+        requests = (Message(frame[0], frame[1:-2]) for frame in self.stream.feed(data, time_s))
+        return [delivery for request in requests for delivery in self._answer(request, time_s)]
 
-    def _answer(self, frame: bytes) -> bytes | None:
-        unit_id = frame[0]
-        if unit_id not in (self._responder.unit_id, frames.BROADCAST):
-            self._responder.counters.for_others += 1
-            return None
-        reply = self._responder.answer(frame[1:-2])
-        return None if unit_id == frames.BROADCAST else frames.seal(unit_id, reply)
+    def _answer(self, request: Message, time_s: float) -> list[Delivery]:
+        deliveries = []
+        for unit in self._units:
+            if request.unit_id in (unit.unit_id, frames.BROADCAST):
+                deliveries += unit.answer(request, time_s)
+            else:
+                unit.overhear()
+        return deliveries
 
 
 class TcpPort:
     """Modbus TCP frames."""
 
-    def __init__(self, responder: Responder) -> None:
-        self._responder = responder
+    def __init__(self, units: Sequence[Unit]) -> None:
+        self._units = units
         self._pending = b""
 
-    def receive(self, data: bytes, _time_s: float) -> list[bytes]:
-        """The reply frames to the bytes that arrive."""
+    def receive(self, data: bytes, time_s: float) -> list[Delivery]:
+        """What is answered to the bytes that arrive at `time_s`, and when it arrives."""
         self._pending += data
-        replies = []
+        deliveries = []
         while (size := mbap.frame_size(self._pending)) is not None:
             if size == mbap.NO_FRAME:
                 self._pending = b""
@@ -62,15 +85,20 @@ class TcpPort:
                 break
             else:
                 frame, self._pending = self._pending[:size], self._pending[size:]
-                replies += self._answer(frame)
-        return replies
+                header = mbap.Header.of(frame)
+                if header.protocol == mbap.PROTOCOL:
+                    request = Message(header.unit_id, frame[mbap.HEADER_SIZE :], header.transaction)
+                    deliveries += self._answer(request, time_s)
+        return deliveries
 
-    def _answer(self, frame: bytes) -> list[bytes]:
-        header = mbap.Header.of(frame)
-        if header.protocol != mbap.PROTOCOL:
-            return []
-        pdu = frame[mbap.HEADER_SIZE :]
-        if header.unit_id in (self._responder.unit_id, 0, 255):
-            return [mbap.seal(header.transaction, header.unit_id, self._responder.answer(pdu))]
-        self._responder.counters.for_others += 1
-        return [mbap.seal(header.transaction, header.unit_id, bytes((pdu[0] | 0x80, NO_SUCH_UNIT)))]
+    def _answer(self, request: Message, time_s: float) -> list[Delivery]:
+        alone = len(self._units) == 1 and request.unit_id in _ANY_UNIT
+        deliveries: list[Delivery] | None = None
+        for unit in self._units:
+            if alone or request.unit_id == unit.unit_id:
+                deliveries = unit.answer(request, time_s)
+            else:
+                unit.overhear()
+        if deliveries is None:
+            return [(time_s, request.answered(bytes((request.pdu[0] | 0x80, NO_SUCH_UNIT))).frame)]
+        return deliveries

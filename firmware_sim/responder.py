@@ -32,11 +32,10 @@ class ResponderCounters:
 
 
 class Responder:
-    """Answers for `unit_id` out of `bank`, which shows and commands `firmware`."""
+    """Answers out of `bank`, which shows and commands `firmware`."""
 
-    def __init__(self, unit_id: int, bank: RegisterBank, firmware: Behaviour, timing: Timing) -> None:
+    def __init__(self, bank: RegisterBank, firmware: Behaviour, timing: Timing) -> None:
         self.counters = ResponderCounters()
-        self.unit_id = unit_id
         self._bank = bank
         self._firmware = firmware
         self._timing = timing

@@ -1,4 +1,4 @@
-"""The simulated rig behind a door, in time.
+"""The simulated rig behind its doors, in time.
 
 Time is either real, and the rig follows the machine's monotonic clock, or driven: a parent process writes the time to
 standard input, a number a line, and gets the line back when the rig has reached it. Then a test or demo with the real
@@ -15,13 +15,29 @@ import select
 import signal
 import sys
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+from typing import Protocol
 
-from firmware_sim.device import TICK_S, SimulatedDevice
-from firmware_sim.doors import Door, Talk
+from firmware_sim.doors import Door
+from firmware_sim.faults import Ear
 from smadrive.errors import ConfigError
 
+STEP_S = 0.01
 _CHUNK = 512
+
+
+class Simulated(Protocol):
+    """What lives behind the doors."""
+
+    @property
+    def time_s(self) -> float:
+        """Its time."""
+        ...
+
+    def advance_to(self, time_s: float) -> None:
+        """Let its time reach `time_s`; nothing happens if it is past."""
+        ...
 
 
 class _Lines:
@@ -36,34 +52,39 @@ class _Lines:
 
 
 class Server:
-    """Moves bytes between a door and a rig until it is stopped."""
+    """Moves bytes between doors and a rig until it is stopped."""
 
-    def __init__(self, device: SimulatedDevice, door: Door) -> None:
-        self._device = device
-        self._door = door
-        self._due: list[tuple[float, int, Talk, bytes]] = []
+    def __init__(self, rig: Simulated, doors: Sequence[Door]) -> None:
+        self._rig = rig
+        self._doors = doors
+        self._agenda: list[tuple[float, int, Callable[[], None]]] = []
         self._order = 0
+
+    def ear(self, door: Door) -> Ear:
+        """Where faults of the bus reach the clients of `door`."""
+        return _DoorEar(door, self._do_at)
 
     def run_real(self) -> None:
         """Follow the monotonic clock, in steps of 10 ms at most, until interrupted."""
-        start_s = time.monotonic() - self._device.time_s
+        start_s = time.monotonic() - self._rig.time_s
         while True:
-            next_s = min(self._device.time_s + TICK_S, self._due[0][0] if self._due else math.inf)
-            wait_s = max(start_s + next_s - time.monotonic(), 0.0)
-            ready, _, _ = select.select(self._door.descriptors(), (), (), wait_s)
+            next_s = min(self._rig.time_s + STEP_S, self._agenda[0][0] if self._agenda else math.inf)
+            doors = self._by_descriptor()
+            ready, _, _ = select.select(doors, (), (), max(start_s + next_s - time.monotonic(), 0.0))
             self._pass_time(time.monotonic() - start_s)
             for descriptor in ready:
-                self._take_request(descriptor)
+                self._take_request(doors[descriptor], descriptor)
 
     def run_driven(self) -> None:
         """Follow the times on standard input until it ends."""
         lines = _Lines()
         stdin = sys.stdin.fileno()
         while True:
-            ready, _, _ = select.select([*self._door.descriptors(), stdin], (), ())
+            doors = self._by_descriptor()
+            ready, _, _ = select.select([*doors, stdin], (), ())
             for descriptor in ready:
                 if descriptor != stdin:
-                    self._take_request(descriptor)
+                    self._take_request(doors[descriptor], descriptor)
             if stdin in ready:
                 data = os.read(stdin, _CHUNK)
                 if not data:
@@ -73,22 +94,45 @@ class Server:
                     sys.stdout.write(line + "\n")
                     sys.stdout.flush()
 
-    def _pass_time(self, time_s: float) -> None:
-        self._device.advance_to(time_s)
-        while self._due and self._due[0][0] <= self._device.time_s:
-            _, _, talk, reply = heapq.heappop(self._due)
-            talk.send(reply)
+    def _by_descriptor(self) -> dict[int, Door]:
+        return {descriptor: door for door in self._doors for descriptor in door.descriptors()}
 
-    def _take_request(self, descriptor: int) -> None:
-        heard = self._door.hear(descriptor)
+    def _pass_time(self, time_s: float) -> None:
+        self._rig.advance_to(time_s)
+        while self._agenda and self._agenda[0][0] <= self._rig.time_s:
+            heapq.heappop(self._agenda)[2]()
+
+    def _take_request(self, door: Door, descriptor: int) -> None:
+        heard = door.hear(descriptor)
         if heard is None:
             return
-        for due_s, reply in self._device.receive(heard.data, self._device.time_s, heard.talk.port):
-            if due_s <= self._device.time_s:
-                heard.talk.send(reply)
-            else:
-                self._order += 1
-                heapq.heappush(self._due, (due_s, self._order, heard.talk, reply))
+        for due_s, reply in heard.talk.port.receive(heard.data, self._rig.time_s):
+            self._do_at(due_s, partial(heard.talk.send, reply))
+
+    def _do_at(self, due_s: float, action: Callable[[], None]) -> None:
+        if due_s <= self._rig.time_s:
+            action()
+        else:
+            self._order += 1
+            heapq.heappush(self._agenda, (due_s, self._order, action))
+
+
+class _DoorEar:
+    """The clients of one door."""
+
+    def __init__(self, door: Door, do_at: Callable[[float, Callable[[], None]], None]) -> None:
+        self._door = door
+        self._do_at = do_at
+
+    def deliver(self, due_s: float, data: bytes) -> None:
+        """Let `data` arrive at every client that is there now."""
+        for talk in self._door.talks():
+            self._do_at(due_s, partial(talk.send, data))
+
+    def lose(self, return_s: float) -> None:
+        """Close the door, with all clients; open it again at `return_s`."""
+        self._door.close()
+        self._do_at(return_s, self._door.open)
 
 
 def _time_of(line: str) -> float:

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import contextlib
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
-from firmware_sim.doors import Heard
+from firmware_sim.doors import Heard, Talk
 from firmware_sim.ports import Port
 from smadrive.errors import ConfigError
 
@@ -19,21 +19,30 @@ class TcpDoor:
 
     def __init__(self, address: str, scheme: str, new_port: Callable[[], Port]) -> None:
         """ConfigError when the address makes no sense, or nobody may listen there."""
-        host, port = _parsed(address)
+        self._address = _parsed(address)
+        self._new_port = new_port
+        self._clients: dict[int, _Client] = {}
         try:
-            self._listener = socket.create_server((host, port))
+            self.open()
         except OSError as error:
             raise ConfigError(
                 f"--{scheme.replace('+', '-')} {address}: cannot listen there ({error.strerror})"
             ) from None
+        self.url = f"{scheme}://{self._address[0]}:{self._address[1]}"
+
+    def open(self) -> None:
+        """Listen; when opened again, on the same port."""
+        self._listener = socket.create_server(self._address)
         self._listener.setblocking(False)
-        self._new_port = new_port
-        self._clients: dict[int, _Client] = {}
-        self.url = f"{scheme}://{host}:{self._listener.getsockname()[1]}"
+        self._address = (self._address[0], self._listener.getsockname()[1])
 
     def descriptors(self) -> list[int]:
         """The listening socket and the clients'."""
-        return [self._listener.fileno(), *self._clients]
+        return [] if self._listener.fileno() < 0 else [self._listener.fileno(), *self._clients]
+
+    def talks(self) -> Sequence[Talk]:
+        """The clients."""
+        return list(self._clients.values())
 
     def hear(self, descriptor: int) -> Heard | None:
         """Take what a client sent; let a new one in, or one that is done out."""
@@ -42,15 +51,19 @@ class TcpDoor:
                 client = _Client(self._listener.accept()[0], self._new_port())
                 self._clients[client.connection.fileno()] = client
             return None
-        client = self._clients[descriptor]
+        talk = self._clients.get(descriptor)
+        if talk is None:
+            return None
         try:
-            data = client.connection.recv(_CHUNK)
+            data = talk.connection.recv(_CHUNK)
+        except BlockingIOError:
+            return None
         except OSError:
             data = b""
         if data:
-            return Heard(client, data)
+            return Heard(talk, data)
         del self._clients[descriptor]
-        client.connection.close()
+        talk.connection.close()
         return None
 
     def close(self) -> None:
@@ -58,6 +71,7 @@ class TcpDoor:
         self._listener.close()
         for client in self._clients.values():
             client.connection.close()
+        self._clients.clear()
 
 
 class _Client:

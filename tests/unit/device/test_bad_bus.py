@@ -12,14 +12,15 @@ from smadrive.device.device import Device
 from smadrive.device.heater import Heater
 from smadrive.device.heatsource import HeaterLimits
 from smadrive.device.profile import load_profile
-from smadrive.errors import ProtocolError, SmadriveError, TransportError
-from smadrive.modbus import frames
+from smadrive.errors import ExceptionReply, ProtocolError, SmadriveError, TransportError
 from smadrive.modbus.master import Master
 
+NAMES = [
+    *("drop", "delay", "duplicate", "corrupt", "truncate", "junk_before", "junk_after", "wrong_unit"),
+    *("wrong_function", "short_count", "refuse", "split", "noise", "vanish"),
+]
 FAULTS = st.lists(
-    st.tuples(
-        st.sampled_from(["none", "none", "drop", "delay", "corrupt", "truncate", "unit", "junk"]), st.floats(0.0, 0.6)
-    ),
+    st.tuples(st.sampled_from(["none"] * 6 + NAMES), st.floats(0.0, 0.6)),
     min_size=1,
     max_size=40,
 )
@@ -40,19 +41,20 @@ def test_whatever_the_bus_does_no_wrong_value_is_taken_and_the_heater_ends_off(p
     board.connect()
     board.arm(0.5)
     sent_c = {}
-    honest = rig.faults.apply
+    honest = rig.responder.answer
 
-    def noting(frame, time_s):
+    def noting(pdu):
+        reply = honest(pdu)
         sent_c[rig.firmware.sequence] = rig.sensors.temperature_c
-        return honest(frame, time_s)
+        return reply
 
-    rig.faults.apply = noting
+    rig.responder.answer = noting
     for fault, delay_s in plan:
         clock.sleep_until(clock.now_s() + 0.05)
         spoil(rig.faults, fault, delay_s)
         try:
             measured = board.exchange(0.2)
-        except (TransportError, ProtocolError):
+        except (TransportError, ProtocolError, ExceptionReply):
             continue
         assert measured.temperature_c == pytest.approx(sent_c[rig.firmware.sequence], abs=0.0051)
         assert measured.armed == (rig.firmware.state == 1)
@@ -63,13 +65,13 @@ def test_whatever_the_bus_does_no_wrong_value_is_taken_and_the_heater_ends_off(p
     assert rig.firmware.current_a == 0.0
 
 
-def spoil(faults, fault, delay_s):
+def spoil(faults, fault, amount):
     match fault:
-        case "drop" | "corrupt" | "truncate":
+        case "none":
+            pass
+        case "delay" | "split" | "duplicate" | "noise" | "vanish":
+            getattr(faults, fault)(amount)
+        case "refuse":
+            faults.refuse(4)
+        case _:
             getattr(faults, fault)()
-        case "delay":
-            faults.delay(delay_s)
-        case "unit":
-            faults.replace(lambda frame: frames.seal(2, frame[1:-2]))
-        case "junk":
-            faults.replace(lambda frame: b"\xff\x00" + frame)
