@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
+from math import inf
 from types import TracebackType
 from typing import Self
 
@@ -17,6 +18,7 @@ from smadrive.control.feedback import PIGains
 from smadrive.control.feedforward import DisplacementFeedforward, DisplacementInverse
 from smadrive.control.loop import ControlLoop, LoopFigures, Tick, ends_safe
 from smadrive.control.observer import WireObserver
+from smadrive.control.plausibility import IDENTIFIED, NOMINAL, PlausibleTemperature, Uncertainty
 from smadrive.control.reference import Reference
 from smadrive.control.supervisor import SafetyLimits, Supervisor
 from smadrive.errors import ConfigError
@@ -28,6 +30,9 @@ from smadrive.rigdevices import open_devices
 from smadrive.thermal import HeatBalance
 
 Record = Callable[[Tick], None]
+
+LAG_FACTOR = 3.0
+"""How much later than nominal the thermocouple may follow before its reading counts as implausible."""
 
 RATE_EXCHANGES = 4
 """How many exchanges are timed before the loop starts, to know whether the devices keep up with it."""
@@ -92,7 +97,7 @@ class Rig:
             self._gains(balance, slower=2.0),
             self.config.limits.current_max_a,
         )
-        return self._run(controller, record)
+        return self._run(controller, self._plausible(balance, NOMINAL), record)
 
     def track(
         self,
@@ -111,7 +116,8 @@ class Rig:
             self._gains(balance, slower=1.0),
             self.config.limits.current_max_a,
         )
-        return self._run(controller, record)
+        known = NOMINAL if balance is self.nominal_balance else IDENTIFIED
+        return self._run(controller, self._plausible(balance, known), record)
 
     def rest(self, duration_s: float) -> None:
         """Let the wire cool with the heater off."""
@@ -122,10 +128,24 @@ class Rig:
         feedback = self.config.feedback
         return PIGains.for_balance(balance, slower * feedback.closed_loop_s, feedback.integral_s)
 
-    def _run(self, controller: Controller, record: Record) -> LoopFigures:
+    def _plausible(self, balance: HeatBalance, uncertainty: Uncertainty) -> PlausibleTemperature:
+        lag_s = LAG_FACTOR * balance.thermocouple_lag_s + self.heater.temperature_period_s
+        return PlausibleTemperature(balance, uncertainty, lag_s)
+
+    def _run(self, controller: Controller, plausible: PlausibleTemperature, record: Record) -> LoopFigures:
         self._check_rate()
         limits = self.config.limits
-        supervisor = Supervisor(SafetyLimits(limits.temperature_max_c, limits.stale_after_s))
+        guarded = SafetyLimits(
+            limits.temperature_max_c,
+            limits.temperature_min_c,
+            stale_after_s=limits.stale_after_s,
+            settle_s=self.heater.source.settle_s,
+            displacement_min_mm=-inf if limits.displacement_min_mm is None else limits.displacement_min_mm,
+            displacement_max_mm=inf if limits.displacement_max_mm is None else limits.displacement_max_mm,
+            tracking_max_mm=limits.tracking_max_mm or inf,
+            tracking_for_s=limits.tracking_for_s,
+        )
+        supervisor = Supervisor(guarded, plausible)
         loop = ControlLoop(self.heater, controller, supervisor, self.clock, self.period_s, record)
         return loop.run(limits.watchdog_s)
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from math import inf, pi
+from math import pi
 from pathlib import Path
 from typing import Literal, Self
 
@@ -59,13 +59,18 @@ class DeviceConfig(Section):
 
 
 class LimitsConfig(Section):
-    """What must never be exceeded; every layer of safety takes its limits from here."""
+    """What must never be exceeded; every layer of safety takes its limits from here. Left out: not limited."""
 
     current_max_a: float = Field(gt=0)
     temperature_max_c: float
-    voltage_max_v: float = Field(default=inf, gt=0, allow_inf_nan=True)
+    voltage_max_v: float | None = Field(default=None, gt=0)
+    temperature_min_c: float = -20.0
     watchdog_s: float = Field(gt=0)
     stale_after_s: float = Field(default=0.3, gt=0)
+    displacement_min_mm: float | None = None
+    displacement_max_mm: float | None = None
+    tracking_max_mm: float | None = Field(default=None, gt=0)
+    tracking_for_s: float = Field(default=2.0, gt=0)
 
 
 class ExcitationConfig(Section):
@@ -112,6 +117,12 @@ class RigConfig(Section):
                 f"excitation.high_c = {excitation.high_c:g} must be below "
                 f"limits.temperature_max_c = {limits.temperature_max_c:g}, or the experiment trips its own protection"
             )
+        for name, unit in (("temperature", "c"), ("displacement", "mm")):
+            low, high = (getattr(limits, f"{name}_{end}_{unit}") for end in ("min", "max"))
+            if low is not None and high is not None and not low < high:
+                raise ValueError(
+                    f"limits.{name}_min_{unit} = {low:g} must be below limits.{name}_max_{unit} = {high:g}"
+                )
         if limits.watchdog_s < 2.0 / self.rate_hz:
             raise ValueError(
                 f"limits.watchdog_s = {limits.watchdog_s:g} is shorter than two periods of the loop "

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from contextlib import ExitStack
+from math import inf
 from typing import NamedTuple
 
 from smadrive.clock import Clock, VirtualClock
@@ -62,7 +63,7 @@ def open_devices(
     limits = config.limits
     heater = Heater(
         _source(devices[roles.heater.name], clock),
-        HeaterLimits(limits.current_max_a, limits.temperature_max_c, limits.voltage_max_v),
+        HeaterLimits(limits.current_max_a, limits.temperature_max_c, limits.voltage_max_v or inf),
         clock,
         sensors.get("temperature"),
         sensors.get("displacement"),

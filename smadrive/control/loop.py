@@ -14,7 +14,8 @@ from typing import Protocol
 
 from smadrive.clock import Clock
 from smadrive.control.controller import Command, Controller
-from smadrive.control.supervisor import Supervisor, Trip
+from smadrive.control.faults import Trip
+from smadrive.control.supervisor import Supervisor
 from smadrive.errors import ProtocolError, SmadriveError, TransportError, TripError
 from smadrive.measurement import Measurement
 
@@ -79,7 +80,6 @@ class ControlLoop:
         self._period_s = period_s
         self._record = record
         self._command = Command(0.0)
-        self._in_force_a = 0.0
         self._start_s = 0.0
         self._last_s = 0.0
         self.figures = LoopFigures()
@@ -104,14 +104,14 @@ class ControlLoop:
         slowly also acts slowly, and the heat balance must not take the delay for heat.
         """
         self.figures.ticks += 1
-        self.figures.missed_deadlines += late_s > LATE_FRACTION * self._period_s
+        missed = late_s > LATE_FRACTION * self._period_s
+        self.figures.missed_deadlines += missed
+        self._stop_if(self._supervisor.check_deadline(missed, self._clock.now_s()))
         measurement = self._exchange()
         if measurement is None:
             self._stop_if(self._supervisor.check_fresh(self._clock.now_s()))
             return
-        trip = self._supervisor.update(measurement, self._in_force_a)
-        self._in_force_a = self._command.current_a
-        self._stop_if(trip)
+        self._stop_if(self._supervisor.update(measurement, self._command.wanted_mm))
         time_s = measurement.time_s - self._start_s
         dt_s, self._last_s = time_s - self._last_s, time_s
         self._command = self._controller.update(time_s, measurement, dt_s)

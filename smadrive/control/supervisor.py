@@ -1,60 +1,41 @@
 """The supervisor: looks at every measurement, knows no controller, and can always stop it.
 
-A fault is numbered, latched, and names its cause and remedy. Conditions that noise can fake are debounced: a fault is
-raised when `needed` of the last `window` samples show it.
+The first fault is latched. Conditions that noise can fake are debounced: a fault is raised when `needed` of the last
+`window` samples show it. Data that are late, wrong or missing count as faults like a wire that is too hot.
 """
 
 from __future__ import annotations
 
 from collections import deque
 from dataclasses import dataclass, field
-from enum import Enum
-from math import isfinite
+from math import inf, isfinite
 
+from smadrive.control.faults import Fault, Trip
+from smadrive.control.plausibility import PlausibleTemperature
 from smadrive.errors import SafetyError
 from smadrive.measurement import Measurement
 
-
-class Fault(Enum):
-    """Every fault of the host: number, cause, remedy. Numbers are stable; new faults get new ones."""
-
-    OVER_TEMPERATURE = (1, "the wire is hotter than temperature_max_c", "let it cool; lower the reference or the limit")
-    SENSOR_INVALID = (2, "the thermocouple gives no valid reading", "check the bead, the plug and the polarity")
-    STALE_DATA = (3, "no fresh measurement arrived in time", "check the cable, the port and the device's supply")
-    DEVICE_FAULT = (4, "the device latched a fault of its own", "see the device's fault; remove it, then clear it")
-    CURRENT_MISMATCH = (5, "the measured current is not the commanded one", "check the wire's clamps and the supply")
-    UNEXPECTED_HEATING = (
-        6,
-        "current flows although none was commanded",
-        "switch the supply off: its switch is shorted",
-    )
-
-    def __init__(self, number: int, cause: str, remedy: str) -> None:
-        self.number = number
-        self.cause = cause
-        self.remedy = remedy
-
-
-@dataclass(frozen=True, slots=True)
-class Trip:
-    """A latched fault with the value that raised it."""
-
-    fault: Fault
-    time_s: float
-    detail: str
-
-    def __str__(self) -> str:
-        """One sentence for a person."""
-        return f"fault {self.fault.number}: {self.fault.cause} ({self.detail}); {self.fault.remedy}"
+LATE_TICKS = 20
+"""So many missed deadlines in a row are a fault."""
 
 
 @dataclass(frozen=True, slots=True)
 class SafetyLimits:
-    """What the supervisor guards; all limits are of the rig's config."""
+    """What the supervisor guards; all limits are of the rig's config.
+
+    `settle_s` is how long the heat source takes to reach a commanded current: the measured one must lie within what was
+    commanded in that time, give or take `current_tolerance_a`.
+    """
 
     temperature_max_c: float
+    temperature_min_c: float = -20.0
     stale_after_s: float = 0.3
     current_tolerance_a: float = 0.05
+    settle_s: float = 0.0
+    displacement_min_mm: float = -inf
+    displacement_max_mm: float = inf
+    tracking_max_mm: float = inf
+    tracking_for_s: float = 2.0
 
 
 @dataclass(slots=True)
@@ -69,27 +50,43 @@ class _Debounce:
         self._recent = deque(maxlen=self.window)
 
     def update(self, bad: bool) -> bool:
+        if not bad and not any(self._recent):
+            return False
         self._recent.append(bad)
         return sum(self._recent) >= self.needed
 
 
 class Supervisor:
-    """Checks each measurement and each silence; the first fault is latched as `trip`."""
+    """Checks each measurement and each silence; the first fault is latched as `trip`.
 
-    def __init__(self, limits: SafetyLimits) -> None:
+    `plausible`, where it is given, checks the reading against the heat that went in.
+    """
+
+    def __init__(self, limits: SafetyLimits, plausible: PlausibleTemperature | None = None) -> None:
         self._limits = limits
+        self._plausible = plausible
         self.trip: Trip | None = None
         self._hot = _Debounce(2, 3)
+        self._cold = _Debounce(3, 5)
         self._invalid = _Debounce(3, 5)
+        self._disarmed = _Debounce(2, 2)
         self._mismatch = _Debounce(4, 5)
+        self._implausible = _Debounce(4, 5)
+        self._strayed = _Debounce(3, 5)
+        self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
+        self._following_s: float | None = None
+        self._late_ticks = 0
 
-    def update(self, measurement: Measurement, commanded_a: float) -> Trip | None:
-        """Judge one measurement taken while `commanded_a` was in force; the latched trip, if any."""
+    def update(self, measurement: Measurement, wanted_mm: float) -> Trip | None:
+        """Judge one measurement, at which `wanted_mm` was the reference (NaN: none); the latched trip, if any."""
+        dt_s = 0.0 if self._fresh_s is None else measurement.time_s - self._fresh_s
         self._fresh_s = measurement.time_s
         self._check_device(measurement)
         self._check_temperature(measurement)
-        self._check_current(measurement, commanded_a)
+        self._check_current(measurement)
+        self._check_heat(measurement, dt_s)
+        self._check_displacement(measurement, wanted_mm)
         return self.trip
 
     def check_fresh(self, now_s: float) -> Trip | None:
@@ -103,8 +100,18 @@ class Supervisor:
             )
         return self.trip
 
+    def check_deadline(self, missed: bool, now_s: float) -> Trip | None:
+        """Judge the punctuality of a tick; the latched trip, if any."""
+        self._late_ticks = self._late_ticks + 1 if missed else 0
+        if self._late_ticks >= LATE_TICKS:
+            self._raise(Fault.DEADLINES_MISSED, now_s, f"{self._late_ticks} in a row")
+        return self.trip
+
     def check_may_arm(self, measurement: Measurement) -> None:
-        """SafetyError when heating must not begin: an open fault, no valid temperature, or a wire already too hot."""
+        """SafetyError when heating must not begin: an open fault, no valid temperature, a wire too hot or too cold.
+
+        The measurement is that of a wire at rest, from which the heat is counted.
+        """
         if measurement.device_faults:
             latched = ", ".join(measurement.device_faults)
             raise SafetyError(
@@ -114,32 +121,93 @@ class Supervisor:
         if measurement.temperature_fault or not isfinite(measurement.temperature_c):
             reason = measurement.temperature_fault or "no reading"
             raise SafetyError(f"refused to arm: thermocouple: {reason}; {Fault.SENSOR_INVALID.remedy}")
-        if measurement.temperature_c > self._limits.temperature_max_c:
+        limits, temperature_c = self._limits, measurement.temperature_c
+        if temperature_c > limits.temperature_max_c:
             raise SafetyError(
-                f"refused to arm: the wire is at {measurement.temperature_c:.1f} °C, "
-                f"above temperature_max_c = {self._limits.temperature_max_c:g}; {Fault.OVER_TEMPERATURE.remedy}"
+                f"refused to arm: the wire is at {temperature_c:.1f} °C, "
+                f"above temperature_max_c = {limits.temperature_max_c:g}; {Fault.OVER_TEMPERATURE.remedy}"
             )
+        if temperature_c < limits.temperature_min_c:
+            raise SafetyError(
+                f"refused to arm: the wire reads {temperature_c:.1f} °C, "
+                f"below temperature_min_c = {limits.temperature_min_c:g}; {Fault.UNDER_TEMPERATURE.remedy}"
+            )
+        if measurement.current_a > limits.current_tolerance_a:
+            raise SafetyError(
+                f"refused to arm: {measurement.current_a:.3f} A flow although none was commanded; "
+                f"{Fault.UNEXPECTED_HEATING.remedy}"
+            )
+        if self._plausible is not None:
+            self._plausible.start(temperature_c)
 
     def _check_device(self, measurement: Measurement) -> None:
         if measurement.device_faults:
             self._raise(Fault.DEVICE_FAULT, measurement.time_s, ", ".join(measurement.device_faults))
+        elif self._disarmed.update(not measurement.armed):
+            self._raise(Fault.DISARMED, measurement.time_s, "its output is off")
 
     def _check_temperature(self, measurement: Measurement) -> None:
-        temperature_c, limit_c = measurement.temperature_c, self._limits.temperature_max_c
+        temperature_c, limits = measurement.temperature_c, self._limits
         if self._invalid.update(not isfinite(temperature_c)):
             self._raise(Fault.SENSOR_INVALID, measurement.time_s, measurement.temperature_fault or "no reading")
-        if self._hot.update(temperature_c > limit_c):
-            self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, f"{temperature_c:.1f} °C, limit {limit_c:g} °C")
+        if self._hot.update(temperature_c > limits.temperature_max_c):
+            detail = f"{temperature_c:.1f} °C, limit {limits.temperature_max_c:g} °C"
+            self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail)
+        if self._cold.update(temperature_c < limits.temperature_min_c):
+            detail = f"{temperature_c:.1f} °C, limit {limits.temperature_min_c:g} °C"
+            self._raise(Fault.UNDER_TEMPERATURE, measurement.time_s, detail)
 
-    def _check_current(self, measurement: Measurement, commanded_a: float) -> None:
-        excess_a = measurement.current_a - commanded_a
-        limited = bool(measurement.device_limits)  # then the device gives less than asked, and says so
-        too_little = -excess_a > self._limits.current_tolerance_a and not limited
-        if not self._mismatch.update(excess_a > self._limits.current_tolerance_a or too_little):
+    def _check_current(self, measurement: Measurement) -> None:
+        """The measured current must lie within what was commanded while the source settled."""
+        tolerance_a, measured_a = self._limits.current_tolerance_a, measurement.current_a
+        if not self._commands:
+            self._commands.append((measurement.time_s - 1e-9, 0.0))  # before the first one nothing was commanded
+        self._commands.append((measurement.time_s, measurement.commanded_a))
+        while self._commands[0][0] < measurement.time_s - self._limits.settle_s:
+            self._commands.popleft()
+        least_a = min(command for _, command in self._commands)
+        most_a = max(command for _, command in self._commands)
+        lacking = measured_a < least_a - tolerance_a and not _is_excused(measurement, least_a)
+        if self._mismatch.update(measured_a > most_a + tolerance_a or lacking):
+            fault = Fault.CURRENT_MISMATCH if most_a > 0 else Fault.UNEXPECTED_HEATING
+            self._raise(
+                fault, measurement.time_s, f"{measured_a:.3f} A measured, {least_a:.3f} to {most_a:.3f} A commanded"
+            )
+
+    def _check_heat(self, measurement: Measurement, dt_s: float) -> None:
+        power_w = measurement.current_a * measurement.voltage_v
+        if self._plausible is None or not isfinite(power_w):
             return
-        fault = Fault.CURRENT_MISMATCH if commanded_a > 0 else Fault.UNEXPECTED_HEATING
-        self._raise(fault, measurement.time_s, f"{measurement.current_a:.3f} A measured, {commanded_a:.3f} A commanded")
+        reading_c = measurement.temperature_c
+        band = self._plausible.update(reading_c, power_w, dt_s)
+        if band.coldest_c > self._limits.temperature_max_c:
+            detail = (
+                f"at least {band.coldest_c:.0f} °C by the heat that went in, the thermocouple reads {reading_c:.1f} °C"
+            )
+            self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail)
+        if self._implausible.update(not band.low_c <= reading_c <= band.high_c):
+            fault = Fault.READS_TOO_COLD if reading_c < band.low_c else Fault.READS_TOO_HOT
+            detail = f"{reading_c:.1f} °C read, {band.low_c:.0f} to {band.high_c:.0f} °C are possible"
+            self._raise(fault, measurement.time_s, detail)
+
+    def _check_displacement(self, measurement: Measurement, wanted_mm: float) -> None:
+        limits, measured_mm = self._limits, measurement.displacement_mm
+        outside = measured_mm < limits.displacement_min_mm or measured_mm > limits.displacement_max_mm
+        if self._strayed.update(outside):
+            self._raise(Fault.OVER_DISPLACEMENT, measurement.time_s, f"{measured_mm:.3f} mm")
+        if self._following_s is None or not abs(wanted_mm - measured_mm) > limits.tracking_max_mm:
+            self._following_s = measurement.time_s
+        elif measurement.time_s - self._following_s > limits.tracking_for_s:
+            detail = f"{wanted_mm:.3f} mm wanted, {measured_mm:.3f} mm measured for {limits.tracking_for_s:g} s"
+            self._raise(Fault.TRACKING_LOST, measurement.time_s, detail)
 
     def _raise(self, fault: Fault, time_s: float, detail: str) -> None:
         if self.trip is None:
             self.trip = Trip(fault, time_s, detail)
+
+
+def _is_excused(measurement: Measurement, commanded_a: float) -> bool:
+    """Whether the device gives less than asked and says why; a voltage limit that halves the current is a bad wire."""
+    if measurement.device_limits == ("voltage",):
+        return measurement.current_a > 0.5 * commanded_a
+    return bool(measurement.device_limits)

@@ -43,6 +43,7 @@ class HeaterBoard:
         """Nothing is sent yet."""
         profile = device.profile
         self.device = device
+        self.settle_s = profile.timing.settle_ms / 1e3
         self._clock = clock
         self._names = {role: profile.role(role) for role in _MEASURED}
         fillers = [name for role in _SPAN_FILLERS if (name := getattr(profile.roles, role)) is not None]

@@ -53,6 +53,11 @@ class Heater:
         """Whether the source was armed at the last exchange."""
         return self.source.armed
 
+    @property
+    def temperature_period_s(self) -> float:
+        """How often the temperature is new, where a device of its own measures it; 0: at every exchange."""
+        return 0.0 if self._thermometer is None else self._thermometer.period_s
+
     def connect(self) -> Measurement:
         """Prove the identity of every device, bring it to its safe state, and measure. Nothing is armed then."""
         self.source.connect()

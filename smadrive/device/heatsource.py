@@ -60,6 +60,8 @@ class HeatSource(Protocol):
     """Which of the quantities temperature and displacement it measures by itself."""
     has_watchdog: bool
     """Whether it switches off by itself when nobody talks to it."""
+    settle_s: float
+    """How long its output takes to reach a new command."""
 
     @property
     def armed(self) -> bool:

@@ -21,7 +21,7 @@ class PolledSensor:
         self._device = device
         self._quantity = quantity
         self._name = device.profile.role(quantity)
-        self._period_s = period_s
+        self.period_s = period_s
         self._stale_s = stale_s
         self._clock = clock
         self._due_s = -inf
@@ -36,7 +36,7 @@ class PolledSensor:
         """The latest reading, taken now when it is due."""
         now_s = self._clock.now_s()
         if now_s >= self._due_s:
-            self._due_s = max(self._due_s, now_s - self._period_s) + self._period_s
+            self._due_s = max(self._due_s, now_s - self.period_s) + self.period_s
             self._poll()
         age_s = self._clock.now_s() - self._last.time_s
         if age_s > self._stale_s and self._last.problem is None:

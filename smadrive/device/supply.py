@@ -32,6 +32,7 @@ class BenchSupply:
         """Nothing is sent yet."""
         profile = device.profile
         self.device = device
+        self.settle_s = profile.timing.settle_ms / 1e3
         self._names = {role: profile.role(role) for role in _NEEDED}
         for role in _OPTIONAL:
             if (name := getattr(profile.roles, role)) is not None:

@@ -6,9 +6,9 @@ import pytest
 from firmware_sim.config import load_sim
 from firmware_sim.device import SimulatedDevice
 from smadrive.clock import VirtualClock
+from smadrive.control.faults import Fault
 from smadrive.control.feedforward import HysteresisInverse, StaticMap
 from smadrive.control.reference import sine
-from smadrive.control.supervisor import Fault
 from smadrive.errors import SafetyError, TripError
 from smadrive.identification.wire_fit import identify_wire
 from smadrive.rig import Rig

@@ -4,22 +4,23 @@ from math import nan
 
 import pytest
 
-from smadrive.control.supervisor import Fault, SafetyLimits, Supervisor
+from smadrive.control.faults import Fault
+from smadrive.control.supervisor import SafetyLimits, Supervisor
 from smadrive.errors import SafetyError
 from smadrive.measurement import Measurement
 
 LIMITS = SafetyLimits(temperature_max_c=120.0, stale_after_s=0.3, current_tolerance_a=0.05)
 
 
-def sample(n=0, temperature_c=60.0, current_a=0.2, **rest):
-    return Measurement(0.05 * n, temperature_c, current_a, 3.3, **rest)
+def sample(n=0, temperature_c=60.0, current_a=0.2, commanded_a=0.2, armed=True, **rest):
+    return Measurement(0.05 * n, temperature_c, current_a, 3.3, commanded_a=commanded_a, armed=armed, **rest)
 
 
-def trips_after(samples, commanded_a=0.2):
+def trips_after(samples, limits=LIMITS, wanted_mm=nan):
     """How many samples it took to trip, and on what; None when it never did."""
-    supervisor = Supervisor(LIMITS)
+    supervisor = Supervisor(limits)
     for n, one in enumerate(samples, start=1):
-        if trip := supervisor.update(one, commanded_a):
+        if trip := supervisor.update(one, wanted_mm):
             return n, trip.fault
     return None
 
@@ -44,7 +45,7 @@ def test_an_invalid_thermocouple_needs_three_of_five():
 
 def test_the_current_must_be_the_commanded_one():
     assert trips_after([sample(current_a=0.1)] * 10) == (4, Fault.CURRENT_MISMATCH)
-    assert trips_after([sample(current_a=0.1)] * 10, commanded_a=0.0) == (4, Fault.UNEXPECTED_HEATING)
+    assert trips_after([sample(current_a=0.1, commanded_a=0.0)] * 10) == (4, Fault.UNEXPECTED_HEATING)
 
 
 def test_a_device_that_limits_the_current_and_says_so_is_no_mismatch():
@@ -58,7 +59,7 @@ def test_a_fault_of_the_device_trips_at_once():
 
 def test_silence_is_a_fault_after_its_limit():
     supervisor = Supervisor(LIMITS)
-    supervisor.update(sample(0), 0.2)
+    supervisor.update(sample(0), nan)
     assert supervisor.check_fresh(0.29) is None
     trip = supervisor.check_fresh(0.31)
     assert trip is not None
@@ -73,9 +74,9 @@ def test_silence_from_the_beginning_counts_too():
 
 def test_the_first_fault_is_latched():
     supervisor = Supervisor(LIMITS)
-    supervisor.update(sample(device_faults=("watchdog",)), 0.2)
+    supervisor.update(sample(device_faults=("watchdog",)), nan)
     for n in range(10):
-        trip = supervisor.update(sample(n, temperature_c=200.0), 0.2)
+        trip = supervisor.update(sample(n, temperature_c=200.0), nan)
     assert trip is not None
     assert trip.fault is Fault.DEVICE_FAULT
 
@@ -83,7 +84,7 @@ def test_the_first_fault_is_latched():
 def test_a_trip_tells_number_cause_value_limit_and_remedy():
     supervisor = Supervisor(LIMITS)
     for n in range(2):
-        trip = supervisor.update(sample(n, temperature_c=125.04), 0.2)
+        trip = supervisor.update(sample(n, temperature_c=125.04), nan)
     text = str(trip)
     for part in ("fault 1", "hotter", "125.0 °C", "120", "let it cool"):
         assert part in text
@@ -105,3 +106,56 @@ def test_fault_numbers_are_unique():
 def test_arming_is_refused_with_the_cure(measurement, told):
     with pytest.raises(SafetyError, match=told):
         Supervisor(LIMITS).check_may_arm(measurement)
+
+
+def test_a_device_that_stops_heating_by_itself_is_noticed():
+    assert trips_after([sample(), sample(armed=False), sample(armed=False)]) == (3, Fault.DISARMED)
+
+
+def test_a_wire_that_reads_colder_than_any_room_has_its_thermocouple_reversed():
+    assert trips_after([sample(temperature_c=-25.0)] * 5) == (3, Fault.UNDER_TEMPERATURE)
+
+
+def test_a_source_that_settles_slowly_may_be_anywhere_between_its_last_commands():
+    slow = SafetyLimits(120.0, settle_s=0.5)
+    ramp = [sample(n, current_a=0.02 * n, commanded_a=0.02 * (n + 8)) for n in range(100)]
+    assert trips_after(ramp) == (4, Fault.CURRENT_MISMATCH)
+    assert trips_after(ramp, slow) is None
+    stuck = [sample(n, current_a=0.5, commanded_a=0.5 if n < 10 else 0.1) for n in range(100)]
+    count, fault = trips_after(stuck, slow)
+    assert fault is Fault.CURRENT_MISMATCH
+    assert 20 <= count <= 25
+
+
+def test_a_voltage_limit_excuses_a_little_less_current_but_not_a_broken_wire():
+    at_limit = {"device_limits": ("voltage",), "commanded_a": 0.4}
+    assert trips_after([sample(current_a=0.3, **at_limit)] * 10) is None
+    assert trips_after([sample(current_a=0.0, **at_limit)] * 10) == (4, Fault.CURRENT_MISMATCH)
+
+
+def test_displacement_has_its_own_limits():
+    limits = SafetyLimits(120.0, displacement_min_mm=-1.0, displacement_max_mm=12.0)
+    assert trips_after([sample(displacement_mm=11.9)] * 10, limits) is None
+    assert trips_after([sample(displacement_mm=12.1)] * 10, limits) == (3, Fault.OVER_DISPLACEMENT)
+    assert trips_after([sample(displacement_mm=nan)] * 10, limits) is None
+
+
+def test_a_wire_that_does_not_follow_for_too_long_has_lost_its_reference():
+    limits = SafetyLimits(120.0, tracking_max_mm=1.0, tracking_for_s=2.0)
+    strayed = [sample(n, displacement_mm=3.5) for n in range(100)]
+    back = [sample(n, displacement_mm=3.5 if n % 30 else 4.5) for n in range(100)]
+    assert trips_after(strayed, limits, wanted_mm=5.0) == (42, Fault.TRACKING_LOST)
+    assert trips_after(back, limits, wanted_mm=5.0) is None
+    assert trips_after(strayed, limits) is None
+
+
+def test_a_loop_that_is_always_late_is_stopped():
+    supervisor = Supervisor(LIMITS)
+    assert all(supervisor.check_deadline(n % 15 > 0, 0.05 * n) is None for n in range(1000))
+    trips = [supervisor.check_deadline(True, 0.05 * n) for n in range(20)]
+    assert trips[-1].fault is Fault.DEADLINES_MISSED
+
+
+def test_arming_is_refused_while_current_flows():
+    with pytest.raises(SafetyError, match=r"0.300 A flow although none was commanded"):
+        Supervisor(LIMITS).check_may_arm(sample(current_a=0.3, commanded_a=0.0))

@@ -1,0 +1,66 @@
+"""The faults of the host: numbered, each with its cause and what to do about it.
+
+Numbers are stable: they stand in logs and in the heads of people. A new fault gets a new one.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+
+
+class Fault(Enum):
+    """Number, cause, remedy."""
+
+    OVER_TEMPERATURE = (1, "the wire is hotter than temperature_max_c", "let it cool; lower the reference or the limit")
+    SENSOR_INVALID = (2, "the thermocouple gives no valid reading", "check the bead, the plug and the polarity")
+    STALE_DATA = (3, "no fresh measurement arrived in time", "check the cable, the port and the device's supply")
+    DEVICE_FAULT = (4, "the device latched a fault of its own", "see the device's fault; remove it, then clear it")
+    CURRENT_MISMATCH = (5, "the measured current is not the commanded one", "check the wire's clamps and the supply")
+    UNEXPECTED_HEATING = (
+        6,
+        "current flows although none was commanded",
+        "switch the supply off: its switch is shorted",
+    )
+    DISARMED = (7, "the device stopped heating by itself", "did it lose its supply? look at it, then start again")
+    READS_TOO_COLD = (
+        8,
+        "the thermocouple reads colder than the heat that went in allows",
+        "is the bead tight on the wire, its polarity right, the wire whole?",
+    )
+    READS_TOO_HOT = (
+        9,
+        "the thermocouple reads hotter than the heat that went in explains",
+        "does something else heat the wire or the bead? is the wire file that of this wire?",
+    )
+    UNDER_TEMPERATURE = (10, "the wire reads colder than temperature_min_c", "check the thermocouple's polarity")
+    OVER_DISPLACEMENT = (
+        11,
+        "the displacement left displacement_min_mm to displacement_max_mm",
+        "look at the mechanics and the sensor",
+    )
+    TRACKING_LOST = (
+        12,
+        "the wire does not follow its reference",
+        "is it blocked, overloaded or slack? identify it again, or ask less of it",
+    )
+    DEADLINES_MISSED = (13, "the loop ran late again and again", "lower rate_hz, or free the machine of other work")
+    GUARDIAN = (14, "the guardian took the heater over", "the driver stood still: free the machine, then start again")
+
+    def __init__(self, number: int, cause: str, remedy: str) -> None:
+        self.number = number
+        self.cause = cause
+        self.remedy = remedy
+
+
+@dataclass(frozen=True, slots=True)
+class Trip:
+    """A latched fault with the value that raised it."""
+
+    fault: Fault
+    time_s: float
+    detail: str
+
+    def __str__(self) -> str:
+        """One sentence for a person."""
+        return f"fault {self.fault.number}: {self.fault.cause} ({self.detail}); {self.fault.remedy}"
