@@ -16,6 +16,7 @@ from firmware_sim.device import SimulatedDevice
 from firmware_sim.doors import Door, Terminal
 from firmware_sim.serve import Server, stop_on_signal
 from firmware_sim.tcpdoor import TcpDoor
+from firmware_sim.timeline import load_script
 from smadrive.device.profile import load_profile
 from smadrive.errors import ConfigError, SmadriveError
 
@@ -42,13 +43,18 @@ def serve(
     ] = None,
     profile: Annotated[str, typer.Option(help="The register map: a shipped name or a path.")] = "sma-reference",
     time: Annotated[Time, typer.Option(help="real: the machine's; driven: told on standard input.")] = Time.REAL,
-    seed: Annotated[int, typer.Option(help="Of the sensors' noise.")] = 0,
+    faults: Annotated[
+        Path | None, typer.Option(help="What goes wrong and when (docs/simulator.md).", metavar="FAULTS.toml")
+    ] = None,
+    seed: Annotated[int, typer.Option(help="Of the sensors' noise and of random faults.")] = 0,
     log: Annotated[Path | None, typer.Option(help="Write the event lines there instead of standard error.")] = None,
 ) -> None:
     """Serve a simulated device on a serial port, or a TCP port, and print its URL as the first line."""
     try:
         with _event_log(log) as events:
             device = SimulatedDevice.from_config(load_sim(sim), seed, load_profile(profile), _line_writer(events))
+            if faults is not None:
+                device.follow_script(load_script(faults))
             door = _door(device, pty, tcp, rtu_tcp)
             _serve(device, door, time)
     except SmadriveError as error:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from firmware_sim.behaviour import Behaviour
+from firmware_sim.chance import ChanceFaults
 from firmware_sim.config import SimConfig
 from firmware_sim.faults import BusFaults, Delivery
 from firmware_sim.firmware import Firmware
@@ -20,6 +21,7 @@ from firmware_sim.registers import RegisterBank
 from firmware_sim.responder import Responder
 from firmware_sim.sensors import Sensors
 from firmware_sim.supply import Supply
+from firmware_sim.timeline import FaultScript, Timeline, bound
 from smadrive.clock import Clock
 from smadrive.device.profile import Profile, load_profile
 from smadrive.modbus import frames
@@ -44,6 +46,8 @@ class SimulatedDevice:
         self.sensors = Sensors(config, self.plant, seed)
         self.firmware = self._behaviour(config)
         self.faults = BusFaults(lambda: self.time_s, seed)
+        self._seed = seed
+        self._timeline = Timeline()
         bank = RegisterBank(profile)
         bank.preset("serial_number", config.board.serial_number)
         bank.preset("firmware_version", FIRMWARE_VERSION)
@@ -105,6 +109,24 @@ class SimulatedDevice:
         self.faults.ears.append(transport)
         return transport
 
+    def follow_script(self, script: FaultScript) -> None:
+        """From now on let the faults of `script` happen; ConfigError when it names one that there is not."""
+        self._timeline = Timeline(bound(script, self.known_faults()), self._event)
+        self._timeline.pass_time(self.time_s)
+        if script.random is not None:
+            chance = script.random
+            ChanceFaults(self.faults, self.power_cycle, chance.share, chance.slowest_s, self._seed)
+
+    def known_faults(self) -> dict[str, Callable[..., None]]:
+        """Everything that a script can do to the rig."""
+        sensors, plant = self.sensors, self.plant
+        physical = (
+            *(sensors.open_thermocouple, sensors.short_thermocouple, sensors.freeze_thermocouple),
+            *(sensors.stop_conversions, sensors.mend_thermocouple, plant.break_wire, plant.short_switch),
+        )
+        named = {fault.__name__: fault for fault in physical}
+        return {**self.faults.by_name(), **named, "reboot": self.power_cycle, "mend_heater": plant.mend}
+
     def power_cycle(self) -> None:
         """The supply fails and returns: the firmware starts anew, the wire goes on cooling."""
         self._event("power-up")
@@ -132,6 +154,7 @@ class SimulatedDevice:
         self.sensors.advance(before_c, dt_s)
         self.time_s += dt_s
         self.firmware.tick(dt_s)
+        self._timeline.pass_time(self.time_s)
 
     def _event(self, text: str) -> None:
         line = f"t={self.time_s:.3f} s {text}"

@@ -16,14 +16,26 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from math import inf
-from typing import Protocol
+from typing import Annotated, Protocol
+
+from pydantic import Field
 
 from firmware_sim.message import Message
 
 Delivery = tuple[float, bytes]  # when it arrives (seconds of the device), what arrives
 Spoil = Callable[[Message], list[Delivery]]  # what arrives instead of a reply, and how much later
 
+Seconds = Annotated[float, Field(gt=0)]
+Later = Annotated[float, Field(ge=0)]
+Replies = Annotated[int, Field(ge=1)]
+Pieces = Annotated[int, Field(ge=2)]
+Code = Annotated[int, Field(ge=1, le=0xFF)]
+
 JUNK_BYTES = 3
+FAULTS = (
+    *("drop", "delay", "duplicate", "corrupt", "truncate", "junk_before", "junk_after", "wrong_unit"),
+    *("wrong_function", "short_count", "refuse", "split", "stale", "noise", "vanish"),
+)
 
 
 class Ear(Protocol):
@@ -68,51 +80,51 @@ class BusFaults:
         self._busy_until_s = 0.0
         self._before = b""
 
-    def drop(self, replies: int = 1, for_s: float | None = None) -> None:
+    def drop(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """Replies never arrive."""
         self._plan(lambda _reply: [], replies, for_s)
 
-    def delay(self, delay_s: float, replies: int = 1, for_s: float | None = None) -> None:
+    def delay(self, delay_s: Seconds, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """Replies arrive `delay_s` late, and so do those behind them."""
         self._plan(lambda reply: [(delay_s, reply.frame)], replies, for_s)
 
-    def duplicate(self, after_s: float = 0.0, replies: int = 1, for_s: float | None = None) -> None:
+    def duplicate(self, after_s: Later = 0.0, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """Replies arrive twice, the second time `after_s` after the first."""
         self._plan(lambda reply: [(0.0, reply.frame), (after_s, reply.frame)], replies, for_s)
 
-    def corrupt(self, replies: int = 1, for_s: float | None = None) -> None:
+    def corrupt(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """A bit flips: the CRC is wrong. TCP guards its payload itself, so there it is a bit of the header."""
         self._plan(lambda reply: [(0.0, reply.damaged)], replies, for_s)
 
-    def truncate(self, replies: int = 1, for_s: float | None = None) -> None:
+    def truncate(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """The second half is missing."""
         self._plan(lambda reply: [(0.0, reply.frame[: len(reply.frame) // 2])], replies, for_s)
 
-    def junk_before(self, replies: int = 1, for_s: float | None = None) -> None:
+    def junk_before(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """Random bytes arrive right before the reply."""
         self._plan(lambda reply: [(0.0, self._random.randbytes(JUNK_BYTES) + reply.frame)], replies, for_s)
 
-    def junk_after(self, replies: int = 1, for_s: float | None = None) -> None:
+    def junk_after(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """Random bytes arrive right behind the reply."""
         self._plan(lambda reply: [(0.0, reply.frame + self._random.randbytes(JUNK_BYTES))], replies, for_s)
 
-    def wrong_unit(self, replies: int = 1, for_s: float | None = None) -> None:
+    def wrong_unit(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """Another unit seems to answer."""
         self._plan(lambda reply: [(0.0, reply.from_another_unit.frame)], replies, for_s)
 
-    def wrong_function(self, replies: int = 1, for_s: float | None = None) -> None:
+    def wrong_function(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """The reply is that to another function."""
         self._plan(lambda reply: [(0.0, reply.of_another_function.frame)], replies, for_s)
 
-    def short_count(self, replies: int = 1, for_s: float | None = None) -> None:
+    def short_count(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """The reply is in itself right, and carries less than was asked for."""
         self._plan(lambda reply: [(0.0, reply.of_less.frame)], replies, for_s)
 
-    def refuse(self, code: int, replies: int = 1, for_s: float | None = None) -> None:
+    def refuse(self, code: Code, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """Requests are not carried out but answered with exception `code`."""
         self._plan(_pass, replies, for_s, code)
 
-    def split(self, pause_s: float, pieces: int = 2, replies: int = 1, for_s: float | None = None) -> None:
+    def split(self, pause_s: Seconds, pieces: Pieces = 2, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """Replies arrive in `pieces`, with a pause after each."""
 
         def cut(reply: Message) -> list[Delivery]:
@@ -121,11 +133,11 @@ class BusFaults:
 
         self._plan(cut, replies, for_s)
 
-    def stale(self, replies: int = 1, for_s: float | None = None) -> None:
+    def stale(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """The reply is the one before it, as from a gateway that caches: right in all but its content."""
         self._plan(lambda reply: [(0.0, reply.answered(self._before).frame)], replies, for_s)
 
-    def noise(self, for_s: float, gap_s: float = 0.05) -> None:
+    def noise(self, for_s: Seconds, gap_s: Seconds = 0.05) -> None:
         """For a while random bytes arrive, on average every `gap_s`."""
         time_s = self._now_s()
         end_s = time_s + for_s
@@ -133,10 +145,14 @@ class BusFaults:
             for ear in self.ears:
                 ear.deliver(time_s, self._random.randbytes(self._random.randint(1, JUNK_BYTES)))
 
-    def vanish(self, for_s: float) -> None:
+    def vanish(self, for_s: Seconds) -> None:
         """Every connection is lost, and none can be made for a while: the adapter is out, the gateway restarts."""
         for ear in self.ears:
             ear.lose(self._now_s() + for_s)
+
+    def by_name(self) -> dict[str, Callable[..., None]]:
+        """Every fault there is."""
+        return {name: getattr(self, name) for name in FAULTS}
 
     def clear(self) -> None:
         """Nothing that was planned for replies happens any more."""
