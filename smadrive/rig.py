@@ -13,14 +13,13 @@ from types import TracebackType
 from typing import Self
 
 from smadrive.clock import Clock
-from smadrive.control.controller import Controller, TemperatureController, TrackingController
-from smadrive.control.feedback import PIGains
-from smadrive.control.feedforward import DisplacementFeedforward, DisplacementInverse
+from smadrive.control.controller import Controller
+from smadrive.control.feedforward import DisplacementInverse
 from smadrive.control.loop import ControlLoop, LoopFigures, Tick, ends_safe
-from smadrive.control.observer import WireObserver
 from smadrive.control.plausibility import IDENTIFIED, NOMINAL, PlausibleTemperature, Uncertainty
 from smadrive.control.reference import Reference
 from smadrive.control.supervisor import SafetyLimits, Supervisor
+from smadrive.controllers import excitation_controller, tracking_controller
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, nested_reversals
@@ -90,13 +89,7 @@ class Rig:
     def excite(self, excitation: Excitation, record: Record) -> LoopFigures:
         """Run the identification experiment; every tick goes to `record`."""
         balance = self.nominal_balance
-        controller = TemperatureController(
-            excitation.temperature_c,
-            excitation.duration_s,
-            balance,
-            self._gains(balance, slower=2.0),
-            self.config.limits.current_max_a,
-        )
+        controller = excitation_controller(self.config, excitation, balance)
         return self._run(controller, self._plausible(balance, NOMINAL), record)
 
     def track(
@@ -108,14 +101,7 @@ class Rig:
         record: Record,
     ) -> LoopFigures:
         """Follow a displacement reference with the given inverse; every tick goes to `record`."""
-        controller = TrackingController(
-            reference,
-            WireObserver(balance, model, self.period_s, self.config.feedback.noise_c),
-            DisplacementFeedforward(inverse, model, balance),
-            balance,
-            self._gains(balance, slower=1.0),
-            self.config.limits.current_max_a,
-        )
+        controller = tracking_controller(self.config, reference, model, balance, inverse)
         known = NOMINAL if balance is self.nominal_balance else IDENTIFIED
         return self._run(controller, self._plausible(balance, known), record)
 
@@ -123,10 +109,6 @@ class Rig:
         """Let the wire cool with the heater off."""
         self.heater.enter_safe_state()
         self.clock.sleep_until(self.clock.now_s() + duration_s)
-
-    def _gains(self, balance: HeatBalance, slower: float) -> PIGains:
-        feedback = self.config.feedback
-        return PIGains.for_balance(balance, slower * feedback.closed_loop_s, feedback.integral_s)
 
     def _plausible(self, balance: HeatBalance, uncertainty: Uncertainty) -> PlausibleTemperature:
         lag_s = LAG_FACTOR * balance.thermocouple_lag_s + self.heater.temperature_period_s

@@ -1,93 +1,117 @@
-"""The log of one run of a rig: ticks become rows, the rig's config its attributes, the tracking error its figures."""
+"""The log of one run of a rig: its ticks become rows, its faults and limits events, everything it was run with texts.
+
+What the controller was given and what it answered is all there, so that a replay can give it again.
+"""
 
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass, fields
-from math import isfinite
+import platform
+from collections.abc import Mapping
+from dataclasses import asdict
+from importlib.metadata import version
+from operator import attrgetter
 from pathlib import Path
 
-import numpy as np
-
-from smadrive.control.loop import LoopFigures, Tick
+from smadrive.control.feedforward import DisplacementInverse, HysteresisInverse
+from smadrive.control.loop import Tick
 from smadrive.control.reference import Reference
-from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisModel
-from smadrive.identification.excitation import ExcitationRecord
+from smadrive.identification.excitation import Excitation
 from smadrive.rig import Rig
-from smadrive.telemetry.log import Log
 from smadrive.telemetry.recorder import Recorder
+from smadrive.thermal import HeatBalance
+from smadrive.wirefile import wire_text
+
+COLUMNS = {
+    "time_s": "time_s",
+    "temperature_c": "measurement.temperature_c",
+    "displacement_mm": "measurement.displacement_mm",
+    "current_a": "measurement.current_a",
+    "voltage_v": "measurement.voltage_v",
+    "reference_mm": "command.wanted_mm",
+    "wanted_c": "command.wanted_c",
+    "estimated_c": "command.estimated_c",
+    "estimated_mm": "command.estimated_mm",
+    "power_w": "command.power_w",
+    "commanded_a": "command.current_a",
+    "in_force_a": "measurement.commanded_a",
+    "temperature_age_s": "measurement.temperature_age_s",
+    "displacement_age_s": "measurement.displacement_age_s",
+    "late_s": "late_s",
+}
+"""The columns of a log, and where in a tick each is found."""
+
+LIMITED = "limited"
+"""One column more: 1 where something held the output back; what it was is told by an event when it first does."""
+
+_VALUES = attrgetter(*COLUMNS.values())
+_PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 
 
-def open_recorder(path: Path, rig: Rig, kind: str) -> Recorder:
-    """A log that tells by itself what was run on which rig, with what nominal wire."""
-    return Recorder(
-        path,
-        {
-            "kind": kind,
-            "rig": rig.config.model_dump_json(),
-            "device": ", ".join(f"{name}: {identity}" for name, identity in rig.identities.items()),
-            "nominal_balance": json.dumps(asdict(rig.nominal_balance)),
-        },
-    )
+class TickRecorder(Recorder):
+    """Takes the ticks of a loop: a row for each, and an event when a fault appears or a limit first holds it back."""
+
+    def __init__(self, path: Path, about: Mapping[str, str], rows: int) -> None:
+        super().__init__(path, (*COLUMNS, LIMITED), about, rows)
+        self._told: set[str] = set()
+        self._faults: tuple[str, ...] = ()
+
+    def tick(self, tick: Tick) -> None:
+        """Record one turn of the loop. DataError when the disk takes no more."""
+        measurement = tick.measurement
+        limits = measurement.device_limits + measurement.host_limits
+        self.row((*_VALUES(tick), float(bool(limits))))
+        faults = measurement.device_faults
+        if measurement.temperature_fault is not None:
+            faults = (*faults, f"thermocouple {measurement.temperature_fault}")
+        if faults != self._faults:
+            self._faults = faults
+            self.event(f"faults: {', '.join(faults) or 'none any more'}")
+        for limit in limits:
+            if limit not in self._told:
+                self._told.add(limit)
+                self.event(f"limited by {limit} for the first time")
 
 
-def excitation_record(log: Log) -> ExcitationRecord:
-    """The columns of a recorded excitation, all of them finite; DataError otherwise."""
-    names = [field.name for field in fields(ExcitationRecord)]
-    return ExcitationRecord(*(log.column(name) for name in names))
+def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:
+    """The log of an identification experiment; `notes` are texts that the rig does not know of, as a seed."""
+    about = {"kind": "excitation", "excitation": json.dumps(asdict(excitation))}
+    return _open(path, rig, {**about, **notes}, excitation.duration_s)
 
 
-def row(tick: Tick) -> dict[str, float]:
-    """The columns of a log, in the order of their importance to a reader."""
-    measurement, command = tick.measurement, tick.command
-    return {
-        "time_s": tick.time_s,
-        "temperature_c": measurement.temperature_c,
-        "displacement_mm": measurement.displacement_mm,
-        "current_a": measurement.current_a,
-        "voltage_v": measurement.voltage_v,
-        "reference_mm": command.wanted_mm,
-        "wanted_c": command.wanted_c,
-        "estimated_c": command.estimated_c,
-        "estimated_mm": command.estimated_mm,
-        "power_w": command.power_w,
-        "commanded_a": command.current_a,
-        "late_s": tick.late_s,
+def record_tracking(
+    path: Path,
+    rig: Rig,
+    reference: Reference,
+    model: HysteresisModel,
+    balance: HeatBalance,
+    inverse: DisplacementInverse,
+    **notes: str,
+) -> TickRecorder:
+    """The log of a tracking run; `notes` are texts that the rig does not know of, as a seed."""
+    about = {
+        "kind": "tracking",
+        "reference": json.dumps(
+            {
+                "times_s": reference.times_s.tolist(),
+                "displacement_mm": reference.displacement_mm.tolist(),
+                "scored_from_s": reference.scored_from_s,
+            }
+        ),
+        "wire": wire_text(model, balance),
+        "inverse": "hysteresis" if isinstance(inverse, HysteresisInverse) else "plain map",
     }
+    return _open(path, rig, {**about, **notes}, reference.duration_s)
 
 
-def travel_mm(model: HysteresisModel) -> tuple[float, float]:
-    """Displacement of the cold and of the fully heated wire: the ends of the model's major loop."""
-    cold_c, hot_c = model.input_range
-    return model.initial_state(cold_c).y, model.initial_state(hot_c).y
-
-
-@dataclass(frozen=True)
-class TrackingFigures:
-    """How a run went: error = reference - displacement in % of the stroke, after the approach."""
-
-    rms_percent: float
-    max_percent: float
-    ticks: int
-    missed_deadlines: int
-    trips: int
-    log_file: str
-
-
-def tracking_figures(log: Log, reference: Reference, model: HysteresisModel, loop: LoopFigures) -> TrackingFigures:
-    """The figures of a recorded tracking run. DataError when the rig has no displacement sensor to judge it by."""
-    cold_mm, hot_mm = travel_mm(model)
-    scored = log.column("time_s") >= reference.scored_from_s
-    error = (log.column("reference_mm") - log.columns["displacement_mm"])[scored]
-    if not isfinite(float(np.sum(error))) or error.size == 0:
-        raise DataError(f"{log.path}: no displacement was measured: the tracking error is unknown")
-    percent = 100.0 * error / abs(hot_mm - cold_mm)
-    return TrackingFigures(
-        float(np.sqrt(np.mean(percent**2))),
-        float(np.max(np.abs(percent))),
-        loop.ticks,
-        loop.missed_deadlines,
-        loop.trips,
-        str(log.path),
-    )
+def _open(path: Path, rig: Rig, about: Mapping[str, str], duration_s: float) -> TickRecorder:
+    everywhere = {
+        "rig": rig.config.model_dump_json(),
+        "nominal_balance": json.dumps(asdict(rig.nominal_balance)),
+        "devices": json.dumps(rig.identities),
+        "profiles": json.dumps({name: device.profile.model_dump(mode="json") for name, device in rig.devices.items()}),
+        "versions": json.dumps({"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}),
+        "machine": platform.platform(),
+    }
+    return TickRecorder(path, {**everywhere, **about}, rows=int(duration_s / rig.period_s) + 1)

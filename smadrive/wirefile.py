@@ -11,6 +11,7 @@ from typing import Any
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis import HysteresisModel, load_model, save_model
+from smadrive.hysteresis.modelfile import model_text, parse_model
 from smadrive.thermal import HeatBalance
 
 
@@ -31,10 +32,27 @@ def save_wire(
 def load_wire_file(path: Path) -> tuple[HysteresisModel, HeatBalance | None]:
     """The certified model of the file, and its heat balance if it has one. ModelError, CertificateError."""
     model = load_model(path)
-    numbers = json.loads(path.read_text(encoding="utf-8"))["provenance"].get("heat_balance")
+    return model, _balance(path.read_text(encoding="utf-8"), str(path))
+
+
+def wire_text(model: HysteresisModel, balance: HeatBalance) -> str:
+    """A wire as it is in use, in the form of its file: how a log keeps it."""
+    return model_text(model, {"heat_balance": asdict(balance)}, place="wire")
+
+
+def parse_wire(text: str, place: str) -> tuple[HysteresisModel, HeatBalance]:
+    """What `wire_text` wrote. ModelError, CertificateError."""
+    balance = _balance(text, place)
+    if balance is None:
+        raise ModelError(f"{place}: tells no heat balance; record it again")
+    return parse_model(text, place=place), balance
+
+
+def _balance(text: str, place: str) -> HeatBalance | None:
+    numbers = json.loads(text).get("provenance", {}).get("heat_balance")
     if numbers is None:
-        return model, None
+        return None
     try:
-        return model, HeatBalance(**numbers)
+        return HeatBalance(**numbers)
     except TypeError as error:
-        raise ModelError(f"{path}: provenance.heat_balance: {error}; identify the wire again") from None
+        raise ModelError(f"{place}: provenance.heat_balance: {error}; identify the wire again") from None

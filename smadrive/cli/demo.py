@@ -15,12 +15,13 @@ from smadrive.cli.identify import certificate, rules
 from smadrive.cli.output import AsJson, Output, make_folder
 from smadrive.cli.run import APPROACH_S, HEADER, table_row
 from smadrive.control.feedforward import DisplacementInverse, HysteresisInverse, StaticMap
-from smadrive.control.loop import LoopFigures, Tick
+from smadrive.control.loop import Tick
 from smadrive.control.reference import Reference, sine
 from smadrive.identification.wire_fit import WireFit, identify_wire
+from smadrive.loggedrun import TrackingFigures, excitation_record, tracking_figures, travel_mm
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
-from smadrive.runlog import TrackingFigures, excitation_record, open_recorder, row, tracking_figures, travel_mm
+from smadrive.runlog import TickRecorder, record_excitation, record_tracking
 from smadrive.telemetry.log import Log, read_log
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.wirefile import save_wire
@@ -63,7 +64,7 @@ def main(
         config = load_rig(RIG).at(simulator.url)
         output.say(f"firmware-sim serves the simulated wire at {simulator.url}")
         with Rig(config, simulator.clock) as bench, output.progress() as progress:
-            excitation = _excite(bench, progress, folder / "excitation.h5")
+            excitation = _excite(bench, progress, folder / "excitation.h5", seed)
             wire = _identify(bench, progress, excitation)
             save_wire(
                 folder / "model.json",
@@ -76,7 +77,7 @@ def main(
                 WITH: HysteresisInverse(wire.hysteresis.model),
                 WITHOUT: StaticMap(wire.thermal.wire_temperature_c, excitation.column("displacement_mm")),
             }
-            arms = [_track(bench, progress, folder, name, inverse, wire) for name, inverse in inverses.items()]
+            arms = [_track(bench, progress, folder, name, inverse, wire, seed) for name, inverse in inverses.items()]
     report = folder / "report.html"
     write_demo_report(report, wire, excitation, [(arm.name, arm.log, arm.figures) for arm in arms])
     output.table(HEADER, [table_row(arm.name, arm.figures) for arm in arms])
@@ -99,9 +100,11 @@ def main(
     )
 
 
-def _excite(bench: Rig, progress: Progress, path: Path) -> Log:
+def _excite(bench: Rig, progress: Progress, path: Path, seed: int) -> Log:
     excitation = bench.excitation(bench.heater.exchange(0.0).temperature_c)
-    _recorded(bench, progress, path, "exciting", excitation.duration_s, lambda record: bench.excite(excitation, record))
+    with record_excitation(path, bench, excitation, seed=str(seed)) as recorder:
+        record = _shown(recorder, progress, "exciting", excitation.duration_s)
+        bench.excite(excitation, record)
     return read_log(path)
 
 
@@ -112,21 +115,18 @@ def _identify(bench: Rig, progress: Progress, log: Log) -> WireFit:
     return wire
 
 
-def _track(bench: Rig, progress: Progress, folder: Path, name: str, inverse: DisplacementInverse, wire: WireFit) -> Arm:
+def _track(
+    bench: Rig, progress: Progress, folder: Path, name: str, inverse: DisplacementInverse, wire: WireFit, seed: int
+) -> Arm:
     model, balance = wire.hysteresis.model, wire.thermal.balance
     bench.rest(REST_S)
-    reference = _reference(*travel_mm(model))
+    experiment = _reference(*travel_mm(model)), model, balance, inverse
     path = folder / f"{name.replace(' ', '-')}.h5"
-    loop = _recorded(
-        bench,
-        progress,
-        path,
-        f"tracking, {name}",
-        reference.duration_s,
-        lambda record: bench.track(reference, model, balance, inverse, record),
-    )
+    with record_tracking(path, bench, *experiment, seed=str(seed)) as recorder:
+        record = _shown(recorder, progress, f"tracking, {name}", experiment[0].duration_s)
+        loop = bench.track(*experiment, record)
     log = read_log(path)
-    return Arm(name, log, tracking_figures(log, reference, model, loop))
+    return Arm(name, log, tracking_figures(log, loop))
 
 
 def _reference(cold_mm: float, hot_mm: float) -> Reference:
@@ -134,22 +134,12 @@ def _reference(cold_mm: float, hot_mm: float) -> Reference:
     return sine(low_mm=low_mm, high_mm=high_mm, period_s=PERIOD_S, cycles=2.0).with_approach(cold_mm, APPROACH_S)
 
 
-def _recorded(
-    bench: Rig,
-    progress: Progress,
-    path: Path,
-    title: str,
-    duration_s: float,
-    run: Callable[[Callable[[Tick], None]], LoopFigures],
-) -> LoopFigures:
-    """Run something with its ticks in a log and on the progress bar."""
+def _shown(recorder: TickRecorder, progress: Progress, title: str, duration_s: float) -> Callable[[Tick], None]:
+    """Takes ticks to the log and to the progress bar."""
     task = progress.add_task(title, total=duration_s)
-    with open_recorder(path, bench, title) as recorder:
 
-        def record(tick: Tick) -> None:
-            recorder.row(row(tick))
-            progress.update(task, completed=tick.time_s)
+    def record(tick: Tick) -> None:
+        recorder.tick(tick)
+        progress.update(task, completed=tick.time_s)
 
-        figures = run(record)
-    progress.update(task, completed=duration_s)
-    return figures
+    return record

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
@@ -11,7 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from smadrive.identification.wire_fit import WireFit
-from smadrive.runlog import TrackingFigures
+from smadrive.loggedrun import TrackingFigures
 from smadrive.telemetry.log import Log
 from smadrive.telemetry.report import Plot, write_report
 
@@ -50,9 +49,8 @@ def _notes(wire: WireFit, excitation: Log) -> list[str]:
         f"Heat balance found: {1e3 * balance.heat_capacity_j_per_k:.1f} mJ/K, {1e3 * balance.loss_w_per_k:.2f} mW/K, "
         f"latent heat {balance.latent_heat_j:.2f} J, thermocouple lag {1e3 * balance.thermocouple_lag_s:.0f} ms."
     )
-    origin = (
-        f"smadrive {version('smadrive')}, {excitation.attributes['start_time']}, {excitation.attributes['device']}."
-    )
+    devices = ", ".join(f"{name}: {identity}" for name, identity in excitation.json("devices").items())
+    origin = f"smadrive {excitation.version}, {excitation.start_time}, {devices}."
     return [model, heat, origin]
 
 

@@ -12,7 +12,7 @@ from smadrive.cli.probe import RigFile
 from smadrive.control.loop import Tick
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
-from smadrive.runlog import open_recorder, row
+from smadrive.runlog import record_excitation
 
 
 def main(
@@ -24,11 +24,11 @@ def main(
     output = Output(as_json)
     with Rig(load_rig(rig)) as bench:
         excitation = bench.excitation(bench.heater.exchange(0.0).temperature_c)
-        with open_recorder(log_file, bench, "excitation") as recorder, output.progress() as progress:
+        with record_excitation(log_file, bench, excitation) as recorder, output.progress() as progress:
             task = progress.add_task("exciting", total=excitation.duration_s)
 
             def record(tick: Tick) -> None:
-                recorder.row(row(tick))
+                recorder.tick(tick)
                 progress.update(task, completed=tick.time_s)
 
             figures = bench.excite(excitation, record)

@@ -11,7 +11,7 @@ import typer
 
 from smadrive.cli.output import AsJson, Output
 from smadrive.identification.wire_fit import AnyFit, identify_hysteresis, identify_wire
-from smadrive.runlog import excitation_record
+from smadrive.loggedrun import excitation_record, nominal_balance
 from smadrive.telemetry.log import is_log, read_log
 from smadrive.telemetry.table import read_table
 from smadrive.thermal import HeatBalance
@@ -72,8 +72,7 @@ def certificate(fit: AnyFit) -> dict[str, float | bool]:
 
 def _from_log(path: Path, kind: Kind, sets: int) -> tuple[AnyFit, HeatBalance]:
     log = read_log(path)
-    start = HeatBalance(**log.json_attribute("nominal_balance"))
-    wire = identify_wire(excitation_record(log), start, kind=kind.value, sets=sets)
+    wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets)
     return wire.hysteresis, wire.thermal.balance
 
 

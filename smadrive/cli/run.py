@@ -16,10 +16,11 @@ from smadrive.control.loop import Tick
 from smadrive.control.reference import Reference, parse_reference
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
+from smadrive.loggedrun import TrackingFigures, tracking_figures, travel_mm
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
-from smadrive.runlog import TrackingFigures, open_recorder, row, tracking_figures, travel_mm
+from smadrive.runlog import record_tracking
 from smadrive.telemetry.log import read_log
 from smadrive.telemetry.table import read_table
 from smadrive.wirefile import load_wire_file
@@ -49,17 +50,16 @@ def main(
         measured = bench.heater.exchange(0.0)
         start_mm = start_displacement_mm(hysteresis, measured)
         path = wanted.with_approach(start_mm, APPROACH_S)
-        with open_recorder(log_file, bench, "tracking") as recorder, output.progress() as progress:
+        experiment = path, hysteresis, balance or bench.nominal_balance, HysteresisInverse(hysteresis)
+        with record_tracking(log_file, bench, *experiment) as recorder, output.progress() as progress:
             task = progress.add_task("tracking", total=path.duration_s)
 
             def record(tick: Tick) -> None:
-                recorder.row(row(tick))
+                recorder.tick(tick)
                 progress.update(task, completed=tick.time_s)
 
-            loop = bench.track(
-                path, hysteresis, balance or bench.nominal_balance, HysteresisInverse(hysteresis), record
-            )
-    figures = tracking_figures(read_log(log_file), path, hysteresis, loop)
+            loop = bench.track(*experiment, record)
+    figures = tracking_figures(read_log(log_file), loop)
     output.table(HEADER, [table_row("tracking", figures)])
     output.say(f"log: {log_file}")
     output.result(asdict(figures))

@@ -31,20 +31,7 @@ def save_model(
 
     Raises ModelError for what has no JSON form, DataError when the file cannot be written.
     """
-    document = {
-        "schema": SCHEMA_VERSION,
-        **_describe(model),
-        "scale": model.scale,
-        "offset": model.offset,
-        "input_range": list(model.input_range),
-        "provenance": dict(provenance or {}),
-    }
-    try:
-        text = json.dumps(document, indent=2, allow_nan=False) + "\n"
-    except (TypeError, ValueError) as error:
-        raise ModelError(
-            f"{path}: provenance cannot be written as JSON: {error}; use plain strings and finite numbers"
-        ) from error
+    text = model_text(model, provenance or {}, place=str(path))
     with replacing(Path(path)) as partial:
         partial.write_text(text, encoding="utf-8")
 
@@ -52,21 +39,45 @@ def save_model(
 def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
     """Read a model. Raises ModelError for a file that is none, CertificateError for rules that are not certified."""
     try:
-        document = json.loads(Path(path).read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ModelError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+        text = Path(path).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise ModelError(f"{path}: cannot be read: {error}; check the path") from error
+    return parse_model(text, place=str(path), allow_uncertified=allow_uncertified)
+
+
+def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: str) -> str:
+    """What a model file says; `place` is how errors call it. Raises ModelError for what has no JSON form."""
+    document = {
+        "schema": SCHEMA_VERSION,
+        **_describe(model),
+        "scale": model.scale,
+        "offset": model.offset,
+        "input_range": list(model.input_range),
+        "provenance": dict(provenance),
+    }
+    try:
+        return json.dumps(document, indent=2, allow_nan=False) + "\n"
+    except (TypeError, ValueError) as error:
+        raise ModelError(
+            f"{place}: provenance cannot be written as JSON: {error}; use plain strings and finite numbers"
+        ) from error
+
+
+def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
+    """The model that `model_text` wrote. Raises ModelError, CertificateError; `place` is how they call the text."""
+    try:
+        fields = _Fields(place, json.loads(text))
     except ValueError as error:
-        raise ModelError(f"{path}: not a JSON file: {error}; write it with save_model") from error
-    fields = _Fields(str(path), document)
+        raise ModelError(f"{place}: not a JSON file: {error}; write it with save_model") from error
     if fields.value("schema") != SCHEMA_VERSION:
         raise ModelError(
-            f"{path}: schema is {fields.value('schema')!r}; this version reads {SCHEMA_VERSION}; identify again"
+            f"{place}: schema is {fields.value('schema')!r}; this version reads {SCHEMA_VERSION}; identify again"
         )
     model = _build(fields)
     certificate = model.certificate()
     if not (certificate.holds or allow_uncertified):
         raise CertificateError(
-            f"{path}: not certified (contraction_rate {certificate.contraction_rate:.3g}, "
+            f"{place}: not certified (contraction_rate {certificate.contraction_rate:.3g}, "
             f"bounded {certificate.bounded}); identify it again, or pass allow_uncertified=True to simulate it only"
         )
     return model

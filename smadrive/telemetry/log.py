@@ -1,4 +1,8 @@
-"""What a run's log says: the columns of a tick, and reading them back."""
+"""What a run's log says: the columns of a tick, what was run, and what happened, read back into memory.
+
+A log is readable at every moment of its life (see logfile.py): that of a run that still goes on or whose writer was
+killed ends with its last complete row.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,7 @@ import json
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
@@ -17,14 +22,26 @@ from smadrive.errors import DataError
 Array = NDArray[np.float64]
 
 
+class Event(NamedTuple):
+    """Something that happened at `time_s`."""
+
+    time_s: float
+    message: str
+
+
 @dataclass(frozen=True)
 class Log:
-    """The columns and attributes of a log file, in memory."""
+    """The content of a log file. `about` are texts that tell what was recorded; `end_time` is empty when nobody ended
+    the log: its writer was killed, or still writes.
+    """
 
     path: Path
     columns: Mapping[str, Array]
-    attributes: Mapping[str, str]
-    events: tuple[str, ...]
+    about: Mapping[str, str]
+    events: tuple[Event, ...]
+    start_time: str
+    end_time: str
+    version: str
 
     def column(self, name: str) -> Array:
         """The named column; DataError when there is none, or when it holds a value that is not finite."""
@@ -36,11 +53,11 @@ class Log:
             raise DataError(f"{self.path}, sample {row + 1}, column '{name}': not a finite number: record it again")
         return values
 
-    def json_attribute(self, name: str) -> dict[str, float]:
-        """The attribute `name` as the JSON object it is; DataError when the log has none."""
-        if name not in self.attributes:
-            raise DataError(f"{self.path}: the log does not tell its {name}: record it with `smadrive excite`")
-        return dict(json.loads(self.attributes[name]))
+    def json(self, name: str) -> Any:
+        """What `about` tells of `name`, as the JSON it is; DataError when it tells nothing."""
+        if name not in self.about:
+            raise DataError(f"{self.path}: the log does not tell its {name}: record it with this version of smadrive")
+        return json.loads(self.about[name])
 
 
 def is_log(path: Path) -> bool:
@@ -49,14 +66,31 @@ def is_log(path: Path) -> bool:
 
 
 def read_log(path: Path) -> Log:
-    """The log at `path`; DataError when it is missing or no HDF5 file."""
+    """The log at `path`; DataError when it is missing or no log."""
     if not path.is_file():
         raise DataError(f"{path}: no such file")
     try:
-        with h5py.File(path, "r", libver="latest", swmr=True) as file:  # also one whose writer was killed
-            columns = {name: np.asarray(data, dtype=np.float64) for name, data in file.items() if name != "events"}
-            attributes = {name: str(value) for name, value in file.attrs.items()}
-            events = tuple(event.decode() for event in file["events"][:]) if "events" in file else ()
-    except OSError as error:
-        raise DataError(f"{path}: not a readable HDF5 log ({error})") from None
-    return Log(path, columns, attributes, events)
+        with h5py.File(path, "r", locking=False) as file:
+            return _read(path, file["entry"])
+    except (OSError, KeyError, RuntimeError) as error:
+        raise DataError(f"{path}: not a readable log of smadrive ({error})") from None
+
+
+def _read(path: Path, entry: h5py.Group) -> Log:
+    events = _written(entry["events"])
+    messages = [message.rstrip(b"\0").decode(errors="ignore") for message in events["message"]]
+    return Log(
+        path,
+        columns=_written(entry["data"]),
+        about={name: text.asstr()[()] for name, text in entry["about"].items()},
+        events=tuple(Event(float(time_s), text) for time_s, text in zip(events["time_s"], messages, strict=True)),
+        start_time=entry["start_time"].asstr()[()],
+        end_time=entry["end_time"][()].decode(),
+        version=str(entry["program_name"].attrs["version"]),
+    )
+
+
+def _written(group: h5py.Group) -> dict[str, Array]:
+    """The datasets of a group, up to the last row that was written completely: time is written last."""
+    rows = int(np.count_nonzero(np.isfinite(group["time_s"][:])))
+    return {name: values[:rows] for name, values in group.items()}

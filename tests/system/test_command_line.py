@@ -119,7 +119,7 @@ WRONG = [
     ("another device", ("probe", "other.toml"), 3, "is no 'sma-reference': device_id is 21325"),
     ("beyond the stroke", (*RUN, "--model", "loop.json", "--reference", FAR), 2, "reaches from 0 to 0.04 mm"),
     ("model is a folder", ("identify", "wire.csv", *STRAIN[:-1], "folder"), 2, "folder: cannot be written"),
-    ("log in no folder", ("excite", "in-process", "-o", "no/l.h5"), 2, "no/l.h5: the log cannot be written"),
+    ("log in no folder", ("excite", "in-process", "-o", "no/l.h5"), 2, "no/l.h5: cannot be written"),
     ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
     ("unknown option", ("probe", "in-process", "--nosuch"), 2, "No such option"),
     ("no command", ("prob",), 2, "No such command"),

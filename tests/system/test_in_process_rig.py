@@ -11,9 +11,10 @@ from smadrive.control.feedforward import HysteresisInverse, StaticMap
 from smadrive.control.reference import sine
 from smadrive.errors import SafetyError, TripError
 from smadrive.identification.wire_fit import identify_wire
+from smadrive.loggedrun import excitation_record, nominal_balance, tracking_figures, travel_mm
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
-from smadrive.runlog import excitation_record, open_recorder, row, tracking_figures, travel_mm
+from smadrive.runlog import record_excitation, record_tracking
 from smadrive.telemetry.log import read_log
 
 
@@ -36,11 +37,12 @@ def bench():
 def excited(tmp_path_factory):
     """The log of one excitation, and the wire identified from it."""
     path = tmp_path_factory.mktemp("excited") / "excitation.h5"
-    with Rig(load_rig("in-process")) as rig, open_recorder(path, rig, "excitation") as recorder:
-        rig.excite(rig.excitation(22.0), lambda tick: recorder.row(row(tick)))
-        start = rig.nominal_balance
+    with Rig(load_rig("in-process")) as rig:
+        excitation = rig.excitation(22.0)
+        with record_excitation(path, rig, excitation) as recorder:
+            rig.excite(excitation, recorder.tick)
     log = read_log(path)
-    return log, identify_wire(excitation_record(log), start)
+    return log, identify_wire(excitation_record(log), nominal_balance(log))
 
 
 def test_identification_recovers_the_simulated_wire_from_its_record(excited):
@@ -66,9 +68,10 @@ def test_the_inverse_tracks_ten_times_better_than_the_plain_map(excited, tmp_pat
     errors = []
     for name, inverse in (("inverse", HysteresisInverse(model)), ("plain", plain)):
         path = tmp_path / f"{name}.h5"
-        with Rig(load_rig("in-process")) as rig, open_recorder(path, rig, "tracking") as recorder:
-            loop = rig.track(reference, model, balance, inverse, lambda tick, log=recorder: log.row(row(tick)))
-        figures = tracking_figures(read_log(path), reference, model, loop)
+        experiment = reference, model, balance, inverse
+        with Rig(load_rig("in-process")) as rig, record_tracking(path, rig, *experiment) as recorder:
+            loop = rig.track(*experiment, recorder.tick)
+        figures = tracking_figures(read_log(path), loop)
         assert figures.missed_deadlines == figures.trips == 0
         errors.append(figures.rms_percent)
     assert errors[0] <= 2.0
@@ -79,17 +82,16 @@ def test_the_same_run_twice_gives_the_same_log(tmp_path):
     logs = []
     for n in range(2):
         path = tmp_path / f"{n}.h5"
-        with Rig(load_rig("in-process")) as rig, open_recorder(path, rig, "excitation") as recorder:
-            excitation = rig.excitation(22.0)
+        with Rig(load_rig("in-process")) as rig, record_excitation(path, rig, rig.excitation(22.0)) as recorder:
             ticks = iter(range(600))
 
             def record(tick, recorder=recorder, ticks=ticks):
-                recorder.row(row(tick))
+                recorder.tick(tick)
                 if next(ticks, None) is None:
                     raise KeyboardInterrupt
 
             with pytest.raises(KeyboardInterrupt):
-                rig.excite(excitation, record)
+                rig.excite(rig.excitation(22.0), record)
         logs.append(read_log(path).columns)
     for name in logs[0]:
         np.testing.assert_array_equal(logs[0][name], logs[1][name])

@@ -1,0 +1,208 @@
+"""The file of a log: HDF5 with room for its rows from the start, into which rows are put by plain writes.
+
+HDF5 needs milliseconds for a row of many columns, leaves a file that nobody opens when it is killed while it changes
+the structure, and cannot even close a file on a full disk. So it has no part in the run: it makes the whole file first,
+every place filled with NaN, and closes it; the disk has no room: nothing has been heated yet. Then each row is written
+where HDF5 said that its values lie. At every moment the file is a complete HDF5 file that any reader opens; what was
+not written yet reads NaN. At the end the columns are cut to the rows there are; a killed writer's log just has a tail
+of NaN. Only a log that gets longer than was said opens HDF5 in between, to get room for the next `GROWTH_ROWS` rows.
+
+    /                       NXroot; every column once more as a link, so that plain readers find it
+    /entry                  NXentry: start_time, end_time (empty: the writer was killed), program_name
+    /entry/data             NXdata: the columns along `time_s`, float64, each with its `units`
+    /entry/about            NXcollection: texts (config, model, provenance), JSON where they are structured
+    /entry/events           NXcollection: time_s, message
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from smadrive.errors import DataError
+from smadrive.outfile import replacing
+
+CHUNK_ROWS = 1024
+"""Rows of a column that lie together."""
+
+GROWTH_ROWS = 8 * CHUNK_ROWS
+"""Rows that a log of unknown length gets room for at a time: seven minutes at 20 Hz."""
+
+EVENT_ROWS = 128
+"""Events that a log gets room for at a time."""
+
+EVENT_BYTES = 400
+"""Events have a fixed length, or their place could not be known."""
+
+STRUCTURE_BYTES = 1 << 18
+"""More than HDF5 needs beside the rows and texts."""
+
+UNITS = {"s": "s", "c": "degC", "a": "A", "v": "V", "w": "W", "mm": "mm"}
+"""The unit of a column, told by the suffix of its name."""
+
+_NOW_BYTES = 32
+
+
+class Field:
+    """A dataset of one value a row, and where in the file its chunks lie."""
+
+    def __init__(self, dataset: h5py.Dataset) -> None:
+        self.name: str = dataset.name
+        self.value_bytes: int = dataset.dtype.itemsize
+        self._chunk_rows: int = dataset.chunks[0]
+        self._offsets: list[int] = []
+        self._find(dataset)
+
+    @property
+    def rows(self) -> int:
+        """How many rows there is room for."""
+        return len(self._offsets) * self._chunk_rows
+
+    def grow(self, file: h5py.File, rows: int) -> None:
+        """Room for `rows` more, a multiple of those of a chunk."""
+        dataset = file[self.name]
+        dataset.resize(self.rows + rows, axis=0)
+        self._find(dataset)
+
+    def write(self, handle: int, row: int, values: bytes) -> None:
+        """Put `values` into their places from `row` on."""
+        chunk_bytes = self._chunk_rows * self.value_bytes
+        position = row * self.value_bytes
+        while values:
+            chunk, within = divmod(position, chunk_bytes)
+            written = os.pwrite(handle, values[: chunk_bytes - within], self._offsets[chunk] + within)
+            position, values = position + written, values[written:]
+
+    def _find(self, dataset: h5py.Dataset) -> None:
+        new = range(self.rows, len(dataset), self._chunk_rows)
+        self._offsets += [dataset.id.get_chunk_info_by_coord((row,)).byte_offset for row in new]
+
+
+class LogFile:
+    """A log being written. `rows`: how many are to come, if that is known. DataError when the disk has no room."""
+
+    def __init__(self, path: Path, columns: Sequence[str], about: Mapping[str, str], rows: int = GROWTH_ROWS) -> None:
+        self._path = path
+        self._rows = self._events = 0
+        with replacing(path) as partial, self._told_plainly():
+            needed = 8 * len(columns) * (rows + CHUNK_ROWS) + sum(map(len, about.values())) + STRUCTURE_BYTES
+            _claim(partial, needed)
+            _create(partial, columns, about, rows)
+        with self._told_plainly():
+            self._handle = os.open(path, os.O_RDWR)
+            with h5py.File(path, "r", locking=False) as file:
+                self._columns = [Field(file[f"entry/data/{name}"]) for name in columns]
+                self._event_fields = [Field(file[f"entry/events/{name}"]) for name in ("message", "time_s")]
+
+    def append(self, block: NDArray[np.float64]) -> None:
+        """Write rows, one column of `block` for each of the log's. Time comes last: a row that has it is complete."""
+        with self._told_plainly():
+            while self._rows + len(block) > self._columns[0].rows:
+                self._grow(self._columns, GROWTH_ROWS)
+            for n in reversed(range(len(self._columns))):
+                self._columns[n].write(self._handle, self._rows, np.ascontiguousarray(block[:, n]).tobytes())
+            self._rows += len(block)
+
+    def add_event(self, time_s: float, message: str) -> None:
+        """Write one event; of a message the first `EVENT_BYTES` are kept."""
+        text = message.encode()[:EVENT_BYTES].ljust(EVENT_BYTES, b"\0")
+        with self._told_plainly():
+            if self._events >= self._event_fields[0].rows:
+                self._grow(self._event_fields, EVENT_ROWS)
+            for field, value in zip(self._event_fields, (text, np.float64(time_s).tobytes()), strict=True):
+                field.write(self._handle, self._events, value)
+            self._events += 1
+
+    def finish(self) -> None:
+        """Cut the log to the rows there are, note the end, close."""
+        os.close(self._handle)
+        with self._told_plainly(), h5py.File(self._path, "r+", locking=False) as file:
+            for field in self._columns:
+                file[field.name].resize(self._rows, axis=0)
+            for field in self._event_fields:
+                file[field.name].resize(self._events, axis=0)
+            file["entry/end_time"][()] = _now()
+
+    def _grow(self, fields: Sequence[Field], rows: int) -> None:
+        size = os.fstat(self._handle).st_size
+        _claim(self._path, size + sum(field.value_bytes for field in fields) * rows + STRUCTURE_BYTES)
+        with h5py.File(self._path, "r+", locking=False) as file:
+            for field in fields:
+                field.grow(file, rows)
+
+    @contextmanager
+    def _told_plainly(self) -> Iterator[None]:
+        try:
+            yield
+        except (OSError, RuntimeError) as error:  # h5py raises either
+            reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+            raise DataError(f"{self._path}: the log takes no more ({reason}): check the folder and its space") from None
+
+
+def _claim(path: Path, size: int) -> None:
+    """Let the file system say now whether it has room for `size` bytes."""
+    handle = os.open(path, os.O_WRONLY)
+    try:
+        os.posix_fallocate(handle, 0, size)
+    finally:
+        os.close(handle)
+
+
+def _create(path: Path, columns: Sequence[str], about: Mapping[str, str], rows: int) -> None:
+    with h5py.File(path, "w") as file:
+        file.attrs.update(NX_class="NXroot", default="entry")
+        entry = _group(file, "entry", "NXentry")
+        entry.attrs["default"] = "data"
+        entry["start_time"] = _now().decode()
+        entry.create_dataset("end_time", data=np.array(b"", f"S{_NOW_BYTES}"))
+        entry["program_name"] = "smadrive"
+        entry["program_name"].attrs["version"] = version("smadrive")
+        texts = _group(entry, "about", "NXcollection")
+        for name, text in about.items():
+            texts[name] = text
+        events = _group(entry, "events", "NXcollection")
+        _reserve(events, "time_s", np.dtype("f8"), EVENT_ROWS, EVENT_ROWS, np.nan).attrs["units"] = "s"
+        _reserve(events, "message", h5py.string_dtype("utf-8", EVENT_BYTES), EVENT_ROWS, EVENT_ROWS, None)
+        _create_columns(file, _group(entry, "data", "NXdata"), columns, rows)
+
+
+def _create_columns(file: h5py.File, data: h5py.Group, columns: Sequence[str], rows: int) -> None:
+    room = -(-rows // CHUNK_ROWS) * CHUNK_ROWS
+    data.attrs.update(axes="time_s", signal="displacement_mm" if "displacement_mm" in columns else columns[-1])
+    for name in columns:
+        column = _reserve(data, name, np.dtype("f8"), room, CHUNK_ROWS, np.nan)
+        column.attrs["units"] = UNITS.get(name.rpartition("_")[2], "1")
+        file[name] = h5py.SoftLink(f"/entry/data/{name}")
+    data["time_s"].make_scale("time_s")
+    for name in columns:
+        if name != "time_s":
+            data[name].dims[0].attach_scale(data["time_s"])
+
+
+def _reserve(
+    group: h5py.Group, name: str, dtype: np.dtype[np.generic], rows: int, chunk_rows: int, fill: float | None
+) -> h5py.Dataset:
+    """A dataset whose chunks all exist from the start."""
+    creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    creation.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    return group.create_dataset(
+        name, (rows,), dtype, chunks=(chunk_rows,), maxshape=(None,), fillvalue=fill, dcpl=creation
+    )
+
+
+def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
+    group = parent.create_group(name)
+    group.attrs["NX_class"] = nexus_class
+    return group
+
+
+def _now() -> bytes:
+    return datetime.now(UTC).isoformat(timespec="seconds").encode()
