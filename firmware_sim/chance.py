@@ -24,7 +24,7 @@ class ChanceFaults:
         self._common: tuple[Callable[[], None], ...] = (
             faults.drop,
             lambda: faults.delay(self._some_s()),
-            lambda: faults.duplicate(self._some_s()),
+            faults.duplicate,  # at once: on RTU a second reply that comes behind the next request is the reply to it
             faults.corrupt,
             faults.truncate,
             faults.junk_before,

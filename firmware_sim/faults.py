@@ -89,8 +89,12 @@ class BusFaults:
         self._plan(lambda reply: [(delay_s, reply.frame)], replies, for_s)
 
     def duplicate(self, after_s: Later = 0.0, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Replies arrive twice, the second time `after_s` after the first."""
-        self._plan(lambda reply: [(0.0, reply.frame), (after_s, reply.frame)], replies, for_s)
+        """Replies arrive twice, the second time `after_s` after the first; 0: in one piece."""
+
+        def twice(reply: Message) -> list[Delivery]:
+            return [(0.0, reply.frame), (after_s, reply.frame)] if after_s else [(0.0, 2 * reply.frame)]
+
+        self._plan(twice, replies, for_s)
 
     def corrupt(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """A bit flips: the CRC is wrong. TCP guards its payload itself, so there it is a bit of the header."""

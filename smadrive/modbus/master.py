@@ -12,6 +12,9 @@ for one:
 3. bytes that nobody asked for, found before a request, also lead to quarantine, and so does a new connection: nobody
    knows what was asked through the one before it.
 
+One thing no master of RTU can tell: a device that answers twice, the second time after the next request of the same
+shape has gone out. Content tells it: a sequence number (`HeaterBoard.exchange`), the read-back (`Device.write`).
+
 A lost connection is opened again by the next request, within that request's response timeout.
 """
 

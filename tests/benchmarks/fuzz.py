@@ -1,0 +1,170 @@
+"""Exchanges with a device on a bus where everything goes wrong: python tests/benchmarks/fuzz.py [EXCHANGES]
+
+The oracle: three registers of the device (watchdog, highest temperature, highest current) are written with numbers that
+follow from a nonce, another one for every write, and never with numbers used before. So what a read must return is
+known: the numbers of the last write, or of one since whose outcome is unknown, or the defaults, since the device may
+restart at any time. Anything else is a wrong value taken for a right one, above all an old reply taken for a new one.
+"""
+
+from __future__ import annotations
+
+import random
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from smadrive.errors import SmadriveError, TransportError
+from smadrive.modbus import requests
+from smadrive.modbus.bus import BusTiming
+from smadrive.modbus.connect import open_transport
+from smadrive.modbus.master import NEVER_SILENT_S, PROBES, Master
+from smadrive.modbus.transport import SerialSettings
+
+FIRST = 48
+SPANS = (9950, 1600, 9000)
+LEAST = (50, 1, 1)
+COUNT = len(SPANS)
+TIMING = BusTiming(response_timeout_s=0.01, silence=False, read_retries=0)
+SCRIPT = "[random]\nshare = 0.25\nslowest_s = 0.05\n"
+
+
+def pattern(nonce):
+    """Register words that no two nonces of a long run share."""
+    return tuple(low + nonce * step % span for low, span, step in zip(LEAST, SPANS, (1, 7, 13), strict=True))
+
+
+def longest_s(timing):
+    """No call may last longer: each probe and the request itself wait for silence, then for the reply."""
+    return (PROBES + 1) * (NEVER_SILENT_S + 4 * timing.response_timeout_s)
+
+
+@dataclass
+class Figures:
+    """What came of the exchanges."""
+
+    right: int = 0
+    wrong: list[str] = field(default_factory=list)
+    errors: Counter = field(default_factory=Counter)
+    slowest_s: float = 0.0
+    hangs: int = 0
+
+    def __str__(self):
+        failed = ", ".join(f"{count} {name}" for name, count in sorted(self.errors.items()))
+        return (
+            f"{self.right + len(self.wrong) + sum(self.errors.values())} exchanges: {self.right} right, "
+            f"{len(self.wrong)} wrong values, {self.hangs} hangs, {failed}; slowest {self.slowest_s:.3f} s"
+        )
+
+
+class Fuzzer:
+    """Makes random exchanges through `master` and judges what comes back."""
+
+    def __init__(self, master, seed, timing=TIMING):
+        self.figures = Figures()
+        self._master = master
+        self._timing = timing
+        self._random = random.Random(seed)
+        self._nonce = 0
+        self._defaults = requests.registers_of(self._until_answered(requests.read_holding(FIRST, COUNT)))
+        self._possible = {self._defaults}  # without a restart, which is always possible too
+
+    def run(self, exchanges):
+        """That many; the figures."""
+        act = self._read
+        for _ in range(exchanges):
+            began_s = self._master.clock.now_s()
+            if self._random.random() < 0.3:  # else the same again, as a control loop does: late replies then fit
+                act = self._random.choice((self._read, self._write, self._exchange, self._echo))
+            try:
+                act()
+            except SmadriveError as error:
+                self.figures.errors[type(error).__name__] += 1
+                if type(error) is TransportError:  # the port is gone: no use in asking a thousand times
+                    self._master.clock.sleep_until(self._master.clock.now_s() + self._timing.response_timeout_s)
+            took_s = self._master.clock.now_s() - began_s
+            self.figures.slowest_s = max(self.figures.slowest_s, took_s)
+            self.figures.hangs += took_s > longest_s(self._timing)
+        return self.figures
+
+    def _read(self):
+        first = self._random.randrange(COUNT)
+        count = self._random.randint(1, COUNT - first)
+        words = self._execute(requests.read_holding(FIRST + first, count))
+        self._judge(words, {known[first : first + count] for known in self._possible | {self._defaults}})
+
+    def _write(self):
+        words = self._next()
+        if self._random.random() < 0.5:
+            self._change(requests.write_registers(FIRST, words), {words})
+        else:  # one register of the three: what the others hold stays
+            after = {(words[0], *known[1:]) for known in self._possible | {self._defaults}}
+            self._change(requests.write_register(FIRST, words[0]), after)
+        self.figures.right += 1
+
+    def _exchange(self):
+        words = self._next()
+        self._judge(self._change(requests.exchange(FIRST, words, FIRST, COUNT), {words}), {words})
+
+    def _change(self, request, after):
+        self._possible |= after
+        words = self._execute(request)
+        self._possible = after
+        return words
+
+    def _echo(self):
+        """The sequence that every tick of a control loop writes, and finds again among the measurements."""
+        self._nonce += 1
+        sequence = self._nonce & 0xFFFF
+        words = self._execute(requests.exchange(32, (sequence, 0, 0), 16, 11))
+        self._judge(words[:1], {(sequence,)})
+
+    def _next(self):
+        self._nonce += 1
+        return pattern(self._nonce)
+
+    def _execute(self, request):
+        return requests.registers_of(self._master.execute(1, request, self._timing))
+
+    def _judge(self, words, possible):
+        if words in possible:
+            self.figures.right += 1
+        else:
+            self.figures.wrong.append(f"{words} instead of one of {possible}")
+
+    def _until_answered(self, request):
+        while True:
+            try:
+                return self._master.execute(1, request, self._timing)
+            except SmadriveError:
+                continue
+
+
+def over(way_in, exchanges, seed=1):
+    """The figures of one run against the simulator as a process behind `way_in`."""
+    with tempfile.TemporaryDirectory() as folder:
+        script = Path(folder, "faults.toml")
+        script.write_text(SCRIPT, encoding="utf-8")
+        option = ["--pty", str(Path(folder, "port"))] if way_in == "pty" else [f"--{way_in}", "0"]
+        command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--faults", str(script), *option]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as simulator:
+            try:
+                with open_transport(simulator.stdout.readline().strip(), SerialSettings()) as transport:
+                    master = Master(transport)
+                    figures = Fuzzer(master, seed).run(exchanges)
+            finally:
+                simulator.kill()
+    print(f"{way_in}: {figures}\n    {master.counters}", *figures.wrong[:5], sep="\n    ", flush=True)
+    return figures
+
+
+def main():
+    exchanges = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
+    figures = [over(way_in, exchanges) for way_in in ("pty", "tcp", "rtu-tcp")]
+    sys.exit(any(one.wrong or one.hangs for one in figures))
+
+
+if __name__ == "__main__":
+    main()
