@@ -15,7 +15,8 @@ The tree says whose fault it is; every message names what, where, the value, the
     │   ├── IdentityError       another device than the profile describes
     │   └── ReadBackError       a written value that did not arrive
     ├── SafetyError             heating refused, or stopped by the supervisor   exit code 4
-    │   └── TripError           a latched trip
+    │   ├── TripError           a latched trip
+    │   └── TakenOverError      the guardian switched the heater off
     └── IdentificationError     the data do not determine the model             exit code 5
 """
 
@@ -96,6 +97,10 @@ class TripError(SafetyError):
     def __init__(self, message: str, number: int) -> None:
         super().__init__(message)
         self.number = number
+
+
+class TakenOverError(SafetyError):
+    """The guardian switched the heater off because the driver stood still."""
 
 
 class IdentificationError(SmadriveError):

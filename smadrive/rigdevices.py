@@ -14,6 +14,8 @@ from typing import NamedTuple
 from smadrive.clock import Clock, VirtualClock
 from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
+from smadrive.device.guard import Guard
+from smadrive.device.guardian import GuardedDevice, Task
 from smadrive.device.heater import Heater
 from smadrive.device.heatsource import HeaterLimits, HeatSource
 from smadrive.device.profile import Profile, load_profile
@@ -24,6 +26,9 @@ from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
 from smadrive.modbus.transport import Transport
 from smadrive.rigconfig import DeviceConfig, LimitsConfig, RigConfig
+
+SIMULATED = "sim://"
+"""A simulated device in this process ends with it: it needs no guardian."""
 
 QUANTITIES = ("temperature", "displacement")
 STALE_PERIODS = 3.0
@@ -61,12 +66,15 @@ def open_devices(
         for quantity, device in roles.sensors.items()
     }
     limits = config.limits
+    source = _source(devices[roles.heater.name], clock)
+    unguarded = source.has_watchdog or roles.heater.name in transports or roles.heater.url.startswith(SIMULATED)
     heater = Heater(
-        _source(devices[roles.heater.name], clock),
+        source,
         HeaterLimits(limits.current_max_a, limits.temperature_max_c, limits.voltage_max_v or inf),
         clock,
         sensors.get("temperature"),
         sensors.get("displacement"),
+        None if unguarded else stack.enter_context(Guard(_guardian_task(roles.heater, limits))),
     )
     return RigDevices(heater, devices, clock)
 
@@ -110,6 +118,10 @@ def _source(device: Device, clock: Clock) -> HeatSource:
     return HeaterBoard(device, clock) if device.profile.profile.role == "heater" else BenchSupply(device)
 
 
+def _guardian_task(device: DeviceConfig, limits: LimitsConfig) -> Task:
+    return Task((GuardedDevice(device.profile, device.url, device.unit_id),), limits.watchdog_s)
+
+
 def _sensor(
     config: DeviceConfig, device: Device, quantity: str, limits: LimitsConfig, tick_s: float, clock: Clock
 ) -> PolledSensor:
@@ -130,7 +142,7 @@ class _Connections:
 
     def master(self, device: DeviceConfig, profile: Profile) -> Master:
         if device.url not in self._masters:
-            transport = _simulated(device, profile) if device.url.startswith("sim://") else None
+            transport = _simulated(device, profile) if device.url.startswith(SIMULATED) else None
             transport = transport or open_transport(device.url, profile.serial_settings())
             self._masters[device.url] = self.given(transport)
         return self._masters[device.url]
@@ -144,7 +156,7 @@ def _simulated(device: DeviceConfig, profile: Profile) -> Transport:
     from firmware_sim.config import load_sim  # noqa: PLC0415
     from firmware_sim.device import SimulatedDevice  # noqa: PLC0415
 
-    name, _, other = device.url.removeprefix("sim://").partition("?profile=")
+    name, _, other = device.url.removeprefix(SIMULATED).partition("?profile=")
     clock = VirtualClock()
     simulated = SimulatedDevice.from_config(load_sim(name), profile=load_profile(other) if other else profile)
     clock.follow(simulated.advance_to)

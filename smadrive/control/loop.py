@@ -14,9 +14,9 @@ from typing import Protocol
 
 from smadrive.clock import Clock
 from smadrive.control.controller import Command, Controller
-from smadrive.control.faults import Trip
+from smadrive.control.faults import Fault, Trip
 from smadrive.control.supervisor import Supervisor
-from smadrive.errors import ProtocolError, SmadriveError, TransportError, TripError
+from smadrive.errors import ProtocolError, SmadriveError, TakenOverError, TransportError, TripError
 from smadrive.measurement import Measurement
 
 LATE_FRACTION = 0.5
@@ -124,6 +124,9 @@ class ControlLoop:
         except (TransportError, ProtocolError):
             self.figures.lost_exchanges += 1
             return None
+        except TakenOverError as taken:
+            self._stop_if(Trip(Fault.GUARDIAN, self._clock.now_s(), str(taken)))
+            raise
 
     def _stop_if(self, trip: Trip | None) -> None:
         if trip is not None:

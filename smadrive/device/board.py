@@ -69,12 +69,15 @@ class HeaterBoard:
         self._sequence = int(self.device.read((echo,))[echo].raw)
         self._counter_since_s = self._clock.now_s()
 
-    def arm(self, limits: HeaterLimits, watchdog_s: float) -> None:
-        """Set the board's watchdog and limits, confirmed by read-back, then arm it; SafetyError when it does not."""
+    def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:
+        """Set the board's watchdog and limits, confirmed by read-back."""
         profile = self.device.profile
         self.device.write(profile.role("watchdog_s"), watchdog_s)
         self.device.write(profile.role("temperature_max"), limits.temperature_max_c)
         self.device.write(profile.role("current_max"), limits.current_max_a)
+
+    def arm(self) -> None:
+        """Turn the key; SafetyError when the board does not arm."""
         self._turn_key("arm")
         status = self._names["status"]
         if "armed" not in (words := self.device.read((status,))[status].words):

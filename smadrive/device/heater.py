@@ -11,6 +11,7 @@ from __future__ import annotations
 from math import isfinite, nan
 
 from smadrive.clock import Clock
+from smadrive.device.guard import Guard
 from smadrive.device.heatsource import HeaterLimits, HeatSource, Sample, Supplied
 from smadrive.device.sensor import PolledSensor
 from smadrive.errors import ConfigError, ProtocolError, SafetyError
@@ -24,7 +25,7 @@ class Heater:
     """A heat source with the sensors of its wire; raises what the talk with the devices raises.
 
     `thermometer` and `displacement` take the place of what the source measures itself; ConfigError when nothing
-    measures the temperature.
+    measures the temperature. `guard` watches over a source that has no watchdog of its own.
     """
 
     def __init__(
@@ -34,6 +35,7 @@ class Heater:
         clock: Clock,
         thermometer: PolledSensor | None = None,
         displacement: PolledSensor | None = None,
+        guard: Guard | None = None,
     ) -> None:
         """Nothing is sent yet; call `connect()`."""
         if thermometer is None and "temperature" not in source.measures:
@@ -45,6 +47,7 @@ class Heater:
         self._clock = clock
         self._thermometer = thermometer
         self._displacement = displacement
+        self._guard = guard
         self._temperature_c = nan
         self._sent_a = 0.0
 
@@ -80,7 +83,10 @@ class Heater:
         if not self._temperature_c < self.limits.temperature_max_c:
             hot = f"{now.temperature_c:.1f} °C, the limit is {self.limits.temperature_max_c:g} °C"
             raise SafetyError(f"not armed: the temperature does not allow it: {now.temperature_fault or hot}")
-        self.source.arm(self.limits, watchdog_s)
+        self.source.configure(self.limits, watchdog_s)
+        if self._guard is not None:
+            self._guard.watch()
+        self.source.arm()
 
     def exchange(self, current_a: float) -> Measurement:
         """Command `current_a`, held to the limits, and measure.
@@ -88,6 +94,8 @@ class Heater:
         A current that is no number is sent as zero, then SafetyError is raised. After a reply that is not to be
         believed, nothing is known of the temperature, and the next command is held to zero.
         """
+        if self._guard is not None:
+            self._guard.beat()
         allowed_a, limits = self._allowed(current_a)
         in_force_a, self._sent_a = self._sent_a, allowed_a
         try:
@@ -112,6 +120,8 @@ class Heater:
         """Zero current and heater off, confirmed by read-back; tried several times, raises when unconfirmed."""
         self._sent_a = 0.0
         self.source.enter_safe_state()
+        if self._guard is not None:
+            self._guard.rest()
 
     def clear_faults(self) -> Measurement:
         """Clear the latched faults; SafetyError names those that persist. Nothing is armed afterwards."""

@@ -72,8 +72,12 @@ class HeatSource(Protocol):
         """Prove its identity and bring it to its safe state."""
         ...
 
-    def arm(self, limits: HeaterLimits, watchdog_s: float) -> None:
-        """Give it its limits and let it heat, at zero current; SafetyError when it does not arm."""
+    def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:
+        """Give it its limits and its watchdog, confirmed by read-back; ConfigError when it cannot have such ones."""
+        ...
+
+    def arm(self) -> None:
+        """Let it heat, at zero current; SafetyError when it does not arm."""
         ...
 
     def exchange(self, current_a: float) -> Supplied:

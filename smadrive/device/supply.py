@@ -51,8 +51,8 @@ class BenchSupply:
         self.device.check_identity()
         self.enter_safe_state()
 
-    def arm(self, limits: HeaterLimits, watchdog_s: float) -> None:  # noqa: ARG002  (a supply has no watchdog)
-        """Set the voltage limit and zero current, confirmed by read-back, then switch the output on."""
+    def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:  # noqa: ARG002  (a supply has no watchdog)
+        """Set the voltage limit and zero current, confirmed by read-back."""
         voltage = self.device.profile.roles.heater_voltage
         if voltage is not None:
             if not isfinite(limits.voltage_max_v):
@@ -63,6 +63,9 @@ class BenchSupply:
             self.device.write(voltage, limits.voltage_max_v)
             self._voltage_max_v = limits.voltage_max_v
         self.device.write(self._names["heater_current"], 0.0)
+
+    def arm(self) -> None:
+        """Switch the output on; SafetyError when it stays off."""
         self.device.write(self._names["heater_enable"], 1)
         if not self._on(self.device.read(self._reads)):
             raise SafetyError("not armed: the supply's output stays off: is it locked or in a protection?")

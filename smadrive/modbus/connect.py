@@ -26,17 +26,19 @@ _ALLOWED = {
 }
 
 
-def open_transport(url: str, defaults: SerialSettings | None = None) -> Transport:
+def open_transport(url: str, defaults: SerialSettings | None = None, *, exclusive: bool = True) -> Transport:
     """The connection of a URL.
 
-    `defaults` (a profile's) hold for what the URL leaves open. ConfigError: the URL makes no sense;
+    `defaults` (a profile's) hold for what the URL leaves open. `exclusive`: a serial port is for this process alone,
+    and refused when another has it so. ConfigError: the URL makes no sense;
     TransportError: the port is missing, busy or forbidden, the host unknown, silent or refusing.
     """
     parts = urlsplit(url)
     line = defaults or SerialSettings()
     match parts.scheme:
         case "serial":
-            return SerialTransport(_port_path(url, parts), _settings(url, parts.query, line, tuple(_ALLOWED)))
+            settings = _settings(url, parts.query, line, tuple(_ALLOWED))
+            return SerialTransport(_port_path(url, parts), settings, exclusive=exclusive)
         case "tcp":
             host, port = _address(url, parts, MODBUS_TCP_PORT)
             _settings(url, parts.query, line, allowed=())

@@ -15,14 +15,15 @@ from smadrive.modbus.transport import SerialSettings
 
 
 class SerialTransport(DescriptorTransport):
-    """An open serial port, for this process alone (a second smadrive is refused)."""
+    """An open serial port; `exclusive`: for this process alone (a second smadrive is refused)."""
 
     end = "the port is readable and has no data"
     suspicion = "is the adapter plugged in and the device powered?"
 
-    def __init__(self, port: str, settings: SerialSettings) -> None:
+    def __init__(self, port: str, settings: SerialSettings, *, exclusive: bool = True) -> None:
         """Open `port`; TransportError tells whether it is missing, busy or forbidden, and the cure."""
         self._settings = settings
+        self._exclusive = exclusive
         super().__init__(port, RtuFraming(), settings.baudrate, timeout_s=0.0)
 
     def _channel(self, _timeout_s: float) -> serial.Serial:
@@ -34,7 +35,7 @@ class SerialTransport(DescriptorTransport):
                 parity=self._settings.parity,
                 stopbits=self._settings.stopbits,
                 timeout=0,
-                exclusive=True,
+                exclusive=True if self._exclusive else None,
             )
         except (serial.SerialException, OSError, ValueError) as error:
             raise TransportError(_cure(self.name, error)) from None

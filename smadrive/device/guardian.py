@@ -1,0 +1,164 @@
+"""The guardian: a process that outlives the driver and switches the heat source off when the driver no longer can.
+
+A bench supply without a watchdog heats on when its driver is killed, stands still or crashes. So the driver starts this
+process beside itself and writes it a byte at every tick, through a pipe:
+
+    w   watch: heating begins        b   a beat: the driver lives        r   rest: the source is confirmed off
+
+While it watches, no byte for `timeout_s`, or the end of the pipe, means that the driver is gone: the guardian opens the
+ports itself (it needs no lock for that) and writes the safe state until every device has confirmed it. A driver that
+only stood still finds `t` (taken over) in the other pipe when it wakes, before it commands anything; until it says `r`
+or ends, the guardian looks again, in case one last command slipped through.
+
+    python -m smadrive.device.guardian        its task, a JSON object, is the first line of standard input
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import select
+import signal
+import sys
+import time
+from dataclasses import asdict, dataclass
+
+from smadrive.device.device import Device
+from smadrive.device.profile import load_profile
+from smadrive.errors import SmadriveError
+from smadrive.modbus.connect import open_transport
+from smadrive.modbus.master import Master
+
+WATCH, BEAT, REST = b"w", b"b", b"r"
+READY, TAKEN = b"y", b"t"
+
+LOOK_AGAIN_S = 0.5
+GIVE_UP_S = 3600.0
+"""A device that cannot be reached for an hour has been taken away."""
+
+
+@dataclass(frozen=True)
+class GuardedDevice:
+    """A device to bring to its safe state, as the rig file names it."""
+
+    profile: str
+    url: str
+    unit_id: int | None
+
+
+@dataclass(frozen=True)
+class Task:
+    """What the guardian is told at its start."""
+
+    devices: tuple[GuardedDevice, ...]
+    timeout_s: float
+
+    def to_json(self) -> bytes:
+        """One line."""
+        return json.dumps(asdict(self)).encode() + b"\n"
+
+    @classmethod
+    def from_json(cls, line: bytes) -> Task:
+        """What `to_json` wrote."""
+        task = json.loads(line)
+        return cls(tuple(GuardedDevice(**device) for device in task["devices"]), task["timeout_s"])
+
+
+class Pipe:
+    """What the driver says, without waiting longer than told."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self.ended = False
+
+    def read_line(self) -> bytes:
+        """The first line, byte by byte: what follows it belongs to the watch."""
+        line = b""
+        while not line.endswith(b"\n") and (byte := os.read(self._descriptor, 1)):
+            line += byte
+        return line
+
+    def said(self, within_s: float) -> bytes:
+        """The last thing said, waiting at most `within_s` for it; empty when nothing was."""
+        if self.ended:
+            time.sleep(within_s)
+            return b""
+        ready, _, _ = select.select((self._descriptor,), (), (), within_s)
+        if not ready:
+            return b""
+        data = os.read(self._descriptor, 4096)
+        self.ended = not data
+        return data[-1:]
+
+
+def guard(task: Task, driver: Pipe) -> None:
+    """Watch until the driver ends; take over when it fails while heating."""
+    watching = False
+    while not driver.ended:
+        said = driver.said(task.timeout_s)
+        if watching and not said:
+            reason = "ended" if driver.ended else f"stood still for {task.timeout_s:g} s"
+            _take_over(task, driver, reason)
+            return
+        watching = said in (WATCH, BEAT) if said else watching
+
+
+def _take_over(task: Task, driver: Pipe, reason: str) -> None:
+    """Safe state, confirmed; then again and again while a driver that stood still may still wake."""
+    _tell(TAKEN)
+    _say(f"the driver {reason} while heating: taking over")
+    give_up_s = time.monotonic() + GIVE_UP_S
+    told = ""
+    while time.monotonic() < give_up_s:
+        problem = _switch_off(task)
+        news = problem or "heater off, confirmed by read-back"
+        if news != told:
+            _say(news)
+            told = news
+        if problem is None and driver.ended:
+            return
+        if driver.said(LOOK_AGAIN_S) == REST:
+            return
+
+
+def _switch_off(task: Task) -> str | None:
+    """Bring every device to its safe state; None, or what went wrong."""
+    problem = None
+    for guarded in task.devices:
+        try:
+            profile = load_profile(guarded.profile)
+            with open_transport(guarded.url, profile.serial_settings(), exclusive=False) as transport:
+                device = Device(profile, Master(transport), guarded.unit_id)
+                device.check_identity()
+                device.enter_safe_state()
+        except SmadriveError as error:
+            problem = f"the heater is NOT confirmed off yet ({error}): cut its supply"
+    return problem
+
+
+def _tell(what: bytes) -> None:
+    with contextlib.suppress(OSError):  # the driver is gone
+        os.write(sys.stdout.fileno(), what)
+
+
+def _say(text: str) -> None:
+    with contextlib.suppress(OSError, ValueError):  # so is its terminal
+        sys.stderr.write(f"smadrive guardian: {text}\n")
+        sys.stderr.flush()
+
+
+def main() -> None:
+    """Read the task, say that it is ready, watch."""
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
+        signal.signal(number, signal.SIG_IGN)  # it ends when the driver does
+    driver = Pipe(sys.stdin.fileno())
+    task = Task.from_json(driver.read_line())
+    for guarded in task.devices:
+        load_profile(guarded.profile)  # a profile that cannot be loaded must fail now
+    _tell(READY)
+    guard(task, driver)
+
+
+if __name__ == "__main__":
+    main()
