@@ -27,7 +27,6 @@ _MEASURED = (
     "displacement",
     "sample_counter",
 )
-_SPAN_FILLERS = ("cold_junction",)
 
 
 class HeaterBoard:
@@ -46,8 +45,7 @@ class HeaterBoard:
         self.settle_s = profile.timing.settle_ms / 1e3
         self._clock = clock
         self._names = {role: profile.role(role) for role in _MEASURED}
-        fillers = [name for role in _SPAN_FILLERS if (name := getattr(profile.roles, role)) is not None]
-        self._reads = tuple(self._names.values()) + tuple(fillers)
+        self._reads = tuple(self._names.values())
         self._sequence_name = profile.role("sequence")
         self._current_name = profile.role("heater_current")
         self._enable_name = profile.role("heater_enable")

@@ -18,7 +18,7 @@ from smadrive.device.profile import Profile
 from smadrive.device.readings import ALONE, Context, Reading
 from smadrive.device.registers import Register
 from smadrive.device.sections import WriteOrder
-from smadrive.device.variants import matching
+from smadrive.device.variants import has_switch, matching
 from smadrive.errors import (
     ConfigError,
     DeadlineError,
@@ -64,7 +64,7 @@ class Device:
         self.unit_id = profile.unit_id if unit_id is None else unit_id
         self._family = profile
         self._telling = tuple({name: None for variant in profile.variants for name in variant.match})
-        self._switched = any(profile.register(name).writable for name in self._telling)
+        self._switched = False
         self._timing = profile.bus_timing()
         self._interval_s = profile.timing.poll_interval_ms / 1e3
         self._next_s = 0.0
@@ -90,7 +90,9 @@ class Device:
                     f"unit {self.unit_id} is no '{self.profile.profile.id}': {proof.register_} is {raw}, expected "
                     f"{wanted}: check profile and unit id of the rig"
                 )
-        variant = matching(self._family.variants, {name: reading.raw for name, reading in readings.items()})
+        raws = {name: reading.raw for name, reading in readings.items()}
+        variant = matching(self._family.variants, raws)
+        self._switched = has_switch(self._family.variants, self._family.registers, raws)
         self._become(self._family if variant is None else self._family.as_variant(variant))
         self._identified = True
 
@@ -254,7 +256,10 @@ class Device:
 
     def _one_span(self, names: tuple[str, ...], verb: str) -> Span:
         spans = self._spans_of(names)
-        if len(spans) != 1 or spans[0].table != "holding":
+        torn = len(spans) != 1 or (
+            verb == "written" and spans[0].count > sum(part.size for _, part, _ in spans[0].parts)
+        )
+        if torn or spans[0].table != "holding":
             raise ConfigError(
                 f"'{self.profile.profile.id}': {', '.join(names)} cannot be {verb} in one request: they must be "
                 "adjacent holding registers"

@@ -17,7 +17,7 @@ ENDS_WITHIN_S = 5.0
 
 
 class Guard:
-    """A guardian process for `task`, a context manager: leaving it ends the guardian, unless the source may still heat."""
+    """A guardian process for `task`, a context manager: leaving it ends the guardian, unless heat may still flow."""
 
     def __init__(self, task: Task) -> None:
         self._task = task

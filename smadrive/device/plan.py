@@ -1,7 +1,8 @@
 """Which requests read a set of registers, and how their replies become readings.
 
-Neighbours are read together, as many as the device allows; a block is always read whole and by itself, so that its
-values belong together; registers that say what another one means are read with it.
+Neighbours are read together, as many as the device allows, and across others that the profile knows: a request costs
+more than a few words. A block is always read whole and by itself, so that its values belong together; registers that
+say what another one means are read with it.
 """
 
 from __future__ import annotations
@@ -41,11 +42,12 @@ class Span:
 def plan(profile: Profile, names: Sequence[str]) -> tuple[Span, ...]:
     """The spans that hold the registers `names` and all that must be read with them."""
     most = profile.timing.max_read_registers
+    loose = _loose_addresses(profile)
     groups: list[list[tuple[str, Register]]] = []
     wanted = ((name, profile.register(name)) for name in _with_company(profile, names))
     for name, register in sorted(wanted, key=lambda item: (item[1].table, item[1].address)):
         group = groups[-1] if groups else []
-        if group and _belongs(register, group[0][1], group[-1][1], most):
+        if group and _belongs(register, group[0][1], group[-1][1], most, loose):
             group.append((name, register))
         else:
             groups.append([(name, register)])
@@ -80,9 +82,18 @@ def _with_company(profile: Profile, names: Sequence[str]) -> set[str]:
         company |= more
 
 
-def _belongs(register: Register, first: Register, last: Register, most: int) -> bool:
-    adjacent = last.table == register.table and last.addresses.stop == register.address
-    return adjacent and last.block == register.block and register.addresses.stop - first.address <= most
+def _loose_addresses(profile: Profile) -> set[tuple[str, int]]:
+    """Table and address of everything that can be read on the way."""
+    readable = (register for register in profile.registers.values() if register.access != "w" and not register.block)
+    return {(register.table, address) for register in readable for address in register.addresses}
+
+
+def _belongs(register: Register, first: Register, last: Register, most: int, loose: set[tuple[str, int]]) -> bool:
+    if last.table != register.table or last.block != register.block:
+        return False
+    between = range(last.addresses.stop, register.address)
+    bridged = all((register.table, address) in loose for address in between) and not (between and register.block)
+    return bridged and register.addresses.stop - first.address <= most
 
 
 def _span(group: list[tuple[str, Register]]) -> Span:

@@ -51,6 +51,19 @@ def matching(variants: Sequence[Variant], raws: Mapping[str, float]) -> Variant 
     return None
 
 
+def has_switch(variants: Sequence[Variant], registers: Mapping[str, Register], raws: Mapping[str, float]) -> bool:
+    """Whether the device with these raw values can become another variant by a setting (a range switch)."""
+
+    def may_hold(name: str, span: tuple[int, int]) -> bool:
+        return registers[name].writable or span[0] <= raws[name] <= span[1]
+
+    return any(
+        all(may_hold(name, span) for name, span in variant.match.items())
+        and any(registers[name].writable for name in variant.match)
+        for variant in variants
+    )
+
+
 def refuse_ambiguity(variants: Sequence[Variant]) -> None:
     """ValueError when one device could be two variants."""
     for one, other in combinations((variant for variant in variants if variant.match), 2):

@@ -1,0 +1,100 @@
+"""A supply without a watchdog never heats without its driver: killed, stopped, crashed or interrupted, in real time."""
+
+import contextlib
+import signal
+import subprocess
+import sys
+
+import pytest
+
+SIMULATOR = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm"]
+RIG = """
+name = "supply and reader"
+wire = "flexinol-lt-0.15mm"
+rate_hz = 4.0
+[[devices]]
+name = "supply"
+profile = "riden-rd60xx"
+url = "{supply}"
+[[devices]]
+name = "reader"
+profile = "delta-dtb"
+url = "{reader}"
+[limits]
+current_max_a = 0.6
+temperature_max_c = 135.0
+voltage_max_v = 15.0
+watchdog_s = 1.0
+stale_after_s = 1.0
+[excitation]
+low_c = 40.0
+high_c = 120.0
+rate_c_per_s = 6.0
+"""
+DRIVER = """
+import sys, time
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig
+with Rig(load_rig(sys.argv[1])) as rig:
+    rig.heater.arm(1.0)
+    for tick in range(10_000):
+        rig.heater.exchange(0.3)
+        if tick == 2:
+            print("heating", flush=True)
+        if tick == 4 and sys.argv[2] == "crash":
+            raise ZeroDivisionError
+        time.sleep(0.1)
+"""
+
+
+@contextlib.contextmanager
+def served(profile):
+    """A simulated device; its process and its address."""
+    with subprocess.Popen(
+        [*SIMULATOR, "--profile", profile], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.kill()
+
+
+@contextlib.contextmanager
+def driven(tmp_path, fate):
+    """A driver that heats through a supply; its process, and the supply's."""
+    with served("riden-rd60xx") as (supply, supply_url), served("delta-dtb") as (_, reader_url):
+        rig = tmp_path / "rig.toml"
+        rig.write_text(RIG.format(supply=supply_url, reader=reader_url))
+        with subprocess.Popen(
+            [sys.executable, "-c", DRIVER, str(rig), fate], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as driver:
+            try:
+                assert driver.stdout.readline() == "heating\n", driver.stderr.read()
+                assert supply.stderr.readline().endswith("output on, no watchdog\n")
+                yield driver, supply
+            finally:
+                driver.kill()
+
+
+@pytest.mark.parametrize("fate", ["killed", "stopped"])
+def test_the_guardian_switches_off_behind_a_driver_that_cannot(tmp_path, fate):
+    with driven(tmp_path, fate) as (driver, supply):
+        driver.send_signal(signal.SIGKILL if fate == "killed" else signal.SIGSTOP)
+        assert supply.stderr.readline().endswith("output off\n")
+        if fate == "stopped":
+            driver.send_signal(signal.SIGCONT)
+        said = driver.communicate(timeout=30)[1]
+        assert "taking over" in said
+        assert "heater off, confirmed by read-back" in said
+        if fate == "stopped":
+            assert "the guardian switched the heater off" in said.replace("\n", " ")
+
+
+@pytest.mark.parametrize("fate", ["interrupted", "terminated", "crash"])
+def test_a_driver_that_can_switch_off_does_so_itself(tmp_path, fate):
+    with driven(tmp_path, fate) as (driver, supply):
+        if fate != "crash":
+            driver.send_signal(signal.SIGINT if fate == "interrupted" else signal.SIGTERM)
+        assert supply.stderr.readline().endswith("output off\n")
+        said = driver.communicate(timeout=30)[1]
+        assert ("taking over" in said) == (fate == "terminated")  # to a script like this one SIGTERM is a kill
