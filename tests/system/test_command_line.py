@@ -121,6 +121,8 @@ WRONG = [
     ("model is a folder", ("identify", "wire.csv", *STRAIN[:-1], "folder"), 2, "folder: cannot be written"),
     ("log in no folder", ("excite", "in-process", "-o", "no/l.h5"), 2, "no/l.h5: cannot be written"),
     ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
+    ("no log to replay", ("replay", "absent.h5"), 2, "absent.h5: no such file"),
+    ("a log that is none", ("replay", "wire.csv"), 2, "wire.csv: not a readable log"),
     ("unknown option", ("probe", "in-process", "--nosuch"), 2, "No such option"),
     ("no command", ("prob",), 2, "No such command"),
 ]  # fmt: skip

@@ -1,0 +1,94 @@
+"""`smadrive replay`: a recorded run once more, on its recorded measurements."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from math import isfinite
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from smadrive.cli.output import AsJson, Output
+from smadrive.loggedrun import logged_wire, nominal_balance
+from smadrive.replay import Replay, Wire, prediction_percent, replay
+from smadrive.telemetry.log import Log, read_log
+from smadrive.telemetry.logfile import UNITS
+from smadrive.wirefile import load_wire_file
+
+
+def main(
+    log_file: Annotated[Path, typer.Argument(metavar="LOG", help="Log (.h5) of `run` or `excite`.")],
+    model: Annotated[Path | None, typer.Option(help="Model file to replay with; the log's own by default.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Run model and controller on the measurements in LOG and show where their answers differ from the recorded ones.
+
+    The wire's own answer stays the recorded one.
+    """
+    output = Output(as_json)
+    log = read_log(log_file)
+    wire = None if model is None else _wire(model, log)
+    with output.progress() as progress:
+        progress.add_task(f"replaying {log_file.name}", total=None)
+        again = replay(log, wire)
+    predictions = _predictions(log, again, wire)
+    _tell(output, again, predictions)
+    output.result(
+        {
+            "log_file": str(log_file),
+            "model_file": None if model is None else str(model),
+            "ticks": int(again.time_s.size),
+            "exact": again.exact,
+            "differences": {name: _finite(asdict(difference)) for name, difference in again.differences.items()},
+            "prediction_percent": _finite(predictions),
+        }
+    )
+
+
+def _wire(path: Path, log: Log) -> Wire:
+    model, balance = load_wire_file(path)
+    return model, balance or nominal_balance(log)
+
+
+def _predictions(log: Log, again: Replay, wire: Wire | None) -> dict[str, float]:
+    """How far the estimated displacement was from the measured one; nothing where no model ran."""
+    if "wire" not in log.about:
+        return {}
+    recorded, _ = logged_wire(log)
+    replayed = recorded if wire is None else wire[0]
+    return {
+        "recorded": prediction_percent(log, log.columns["estimated_mm"], recorded),
+        "replayed": prediction_percent(log, again.signals["estimated_mm"], replayed),
+    }
+
+
+def _tell(output: Output, again: Replay, predictions: dict[str, float]) -> None:
+    ticks = again.time_s.size
+    if again.exact:
+        output.say(f"{ticks} ticks: the replay is the record, bit for bit")
+    else:
+        output.table(("signal", "max difference", "RMS difference", "first at"), _rows(again))
+    if all(isfinite(value) for value in predictions.values()) and predictions:
+        output.say(
+            "estimated against measured displacement, RMS in % of the stroke: "
+            + ", ".join(f"{name} {value:.2f}" for name, value in predictions.items())
+        )
+
+
+def _rows(again: Replay) -> list[tuple[str, ...]]:
+    rows = []
+    for name, difference in again.differences.items():
+        unit = UNITS[name.rpartition("_")[2]].replace("degC", "K")
+        if isfinite(difference.first_s):
+            rows.append(
+                (name, f"{difference.max:.3g} {unit}", f"{difference.rms:.3g} {unit}", f"{difference.first_s:.2f} s")
+            )
+        else:
+            rows.append((name, "none", "none", "never"))
+    return rows
+
+
+def _finite(values: dict[str, Any]) -> dict[str, Any]:
+    """JSON has no NaN and no infinity: both become null."""
+    return {name: value if isfinite(value) else None for name, value in values.items()}
