@@ -77,7 +77,7 @@ def _tell(output: Output, again: Replay, predictions: dict[str, float]) -> None:
 
 
 def _rows(again: Replay) -> list[tuple[str, ...]]:
-    rows = []
+    rows: list[tuple[str, ...]] = []
     for name, difference in again.differences.items():
         unit = UNITS[name.rpartition("_")[2]].replace("degC", "K")
         if isfinite(difference.first_s):
