@@ -14,6 +14,8 @@ import typer
 from firmware_sim.config import load_sim
 from firmware_sim.device import SimulatedDevice
 from firmware_sim.doors import Door, Terminal
+from firmware_sim.linespeed import SlowLine
+from firmware_sim.ports import Port
 from firmware_sim.serve import Server, stop_on_signal
 from firmware_sim.tcpdoor import TcpDoor
 from firmware_sim.timeline import load_script
@@ -41,6 +43,9 @@ def serve(
     rtu_tcp: Annotated[
         str | None, typer.Option(help="Serve RTU frames on TCP, as a gateway does.", metavar="HOST:PORT")
     ] = None,
+    line_speed: Annotated[
+        bool, typer.Option("--line-speed", help="Characters take the time of the baud rate.")
+    ] = False,
     profile: Annotated[str, typer.Option(help="The register map: a shipped name or a path.")] = "sma-reference",
     time: Annotated[Time, typer.Option(help="real: the machine's; driven: told on standard input.")] = Time.REAL,
     faults: Annotated[
@@ -55,23 +60,33 @@ def serve(
             device = SimulatedDevice.from_config(load_sim(sim), seed, load_profile(profile), _line_writer(events))
             if faults is not None:
                 device.follow_script(load_script(faults))
-            door = _door(device, pty, tcp, rtu_tcp)
+            door = _door(device, pty, tcp, rtu_tcp, line_speed=line_speed)
             _serve(device, door, time)
     except SmadriveError as error:
         typer.echo(f"firmware-sim: {error}", err=True)
         raise typer.Exit(error.exit_code) from None
 
 
-def _door(device: SimulatedDevice, pty: Path | None, tcp: str | None, rtu_tcp: str | None) -> Door:
+def _door(device: SimulatedDevice, pty: Path | None, tcp: str | None, rtu_tcp: str | None, *, line_speed: bool) -> Door:
     if sum(option is not None for option in (pty, tcp, rtu_tcp)) > 1:
         raise ConfigError("--pty, --tcp and --rtu-tcp exclude each other: start one simulator for each")
+    line = device.profile.serial_settings()
+    if line_speed and (line is None or tcp is not None):
+        raise ConfigError(
+            "--line-speed: Modbus TCP has no serial line; serve a device that has one with --pty or --rtu-tcp"
+        )
     if tcp is not None:
         return TcpDoor(tcp, "tcp", lambda: device.new_port(numbered=True))
+
+    def rtu_port() -> Port:
+        port = device.new_port(numbered=False)
+        return SlowLine(port, line) if line_speed and line is not None else port
+
     if rtu_tcp is not None:
-        return TcpDoor(rtu_tcp, "rtu+tcp", lambda: device.new_port(numbered=False))
-    if device.profile.serial is None:
+        return TcpDoor(rtu_tcp, "rtu+tcp", rtu_port)
+    if line is None:
         raise ConfigError(f"'{device.profile.profile.id}' has no serial line: serve it with --tcp HOST:PORT")
-    return Terminal(pty, device.port)
+    return Terminal(pty, rtu_port())
 
 
 def _serve(device: SimulatedDevice, door: Door, time: Time) -> None:

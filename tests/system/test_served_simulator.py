@@ -15,6 +15,7 @@ from smadrive.device.device import Device
 from smadrive.device.heater import Heater
 from smadrive.device.heatsource import HeaterLimits
 from smadrive.device.profile import load_profile
+from smadrive.modbus import frames, requests
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
 
@@ -105,6 +106,7 @@ from smadrive.device.heater import Heater
 from smadrive.device.heatsource import HeaterLimits
 from smadrive.device.profile import load_profile
 from smadrive.modbus.master import Master
+from smadrive.modbus import frames, requests
 from smadrive.modbus.connect import open_transport
 
 device = Device(load_profile("sma-reference"), Master(open_transport(sys.argv[1])))
@@ -161,6 +163,28 @@ def test_driven_time_stands_still_between_lines_and_is_repeatable():
     assert first[1][-1][0] > 60.0
 
 
+@pytest.mark.parametrize("way_in", ["--pty", "--rtu-tcp"])
+def test_a_slow_line_answers_when_its_characters_have_passed(way_in, tmp_path):
+    where = str(tmp_path / "port") if way_in == "--pty" else "0"
+    with served("--profile", "delta-dtb", "--line-speed", "--time", "driven", way_in, where) as (process, url):
+
+        def advance_to(time_s):
+            process.stdin.write(f"{time_s}\n")
+            process.stdin.flush()
+            assert float(process.stdout.readline()) == time_s
+
+        request = frames.seal(1, requests.read_holding(0x1000, 2).pdu)
+        reply_s = (8 + 9) * 10 / 9600 + 3.5 * 11 / 9600
+        with open_transport(url, load_profile("delta-dtb").serial_settings()) as transport:
+            advance_to(1.0)
+            transport.write(request)
+            assert transport.read(transport.clock.now_s() + 0.3) == b""
+            advance_to(1.0 + 0.9 * reply_s)
+            assert transport.read(transport.clock.now_s()) == b""
+            advance_to(1.0 + 1.1 * reply_s)
+            assert len(transport.read(transport.clock.now_s() + 5.0)) == 9
+
+
 def test_the_log_goes_to_a_file(tmp_path):
     log = tmp_path / "events.log"
     with served("--log", str(log), "--time", "driven") as (process, _):
@@ -178,6 +202,7 @@ def test_the_log_goes_to_a_file(tmp_path):
         ([SIM, "--profile", "sma-referense"], "'sma-referense' is neither"),
         ([SIM, "--pty", "/nowhere/wire"], "--pty /nowhere/wire: cannot be made (No such file or directory)"),
         ([SIM, "--pty", "/dev/null"], "--pty /dev/null: cannot be made (File exists)"),
+        ([SIM, "--tcp", "0", "--line-speed"], "--line-speed: Modbus TCP has no serial line"),
         ([SIM, "--log", "/nowhere/log"], "--log /nowhere/log: cannot be written"),
     ],
 )
