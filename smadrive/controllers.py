@@ -42,6 +42,7 @@ def tracking_controller(
         balance,
         _gains(config, balance, slower=1.0),
         config.limits.current_max_a,
+        config.feedback.feedforward_share,
     )
 
 

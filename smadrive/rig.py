@@ -101,7 +101,10 @@ class Rig:
         record: Record,
     ) -> LoopFigures:
         """Follow a displacement reference with the given inverse; every tick goes to `record`."""
-        controller = tracking_controller(self.config, reference, model, balance, inverse)
+        return self.drive(tracking_controller(self.config, reference, model, balance, inverse), balance, record)
+
+    def drive(self, controller: Controller, balance: HeatBalance, record: Record) -> LoopFigures:
+        """Arm, run a controller on the wire of this heat balance to its end, disarm; every tick goes to `record`."""
         known = NOMINAL if balance is self.nominal_balance else IDENTIFIED
         return self._run(controller, self._plausible(balance, known), record)
 

@@ -82,11 +82,15 @@ class ExcitationConfig(Section):
 
 
 class FeedbackConfig(Section):
-    """How fast the temperature loop is; the gains follow from the heat balance."""
+    """How fast the temperature loop is; the gains follow from the heat balance.
+
+    `feedforward_share` of the feedforward's power is used: all of it, or less to see what the feedback does alone.
+    """
 
     closed_loop_s: float = Field(default=0.25, gt=0)
     integral_s: float = Field(default=5.0, gt=0)
     noise_c: float = Field(default=0.1, gt=0)
+    feedforward_share: float = Field(default=1.0, ge=0, le=1.5)
 
 
 class RigConfig(Section):

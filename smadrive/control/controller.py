@@ -80,7 +80,10 @@ class TemperatureController:
 
 
 class TrackingController:
-    """Makes the wire follow a displacement reference: observer, feedforward, PI feedback on temperature."""
+    """Makes the wire follow a displacement reference: observer, feedforward, PI feedback on temperature.
+
+    `feedforward_share` of the feedforward's power is used; less than 1 leaves more to the feedback.
+    """
 
     def __init__(
         self,
@@ -90,6 +93,7 @@ class TrackingController:
         balance: HeatBalance,
         gains: PIGains,
         current_limit_a: float,
+        feedforward_share: float = 1.0,
     ) -> None:
         self.duration_s = reference.duration_s
         self._reference = reference
@@ -98,7 +102,15 @@ class TrackingController:
         self._balance = balance
         self._feedback = TemperatureFeedback(gains)
         self._current_limit_a = current_limit_a
+        self._feedforward_share = feedforward_share
         self._estimate: WireEstimate | None = None
+
+    def take_over(self, before: TrackingController) -> None:
+        """Go on where `before` stands: the same wire, and a command that does not jump."""
+        if before._estimate is not None:
+            self._estimate = self._observer.take_over(before._observer, before._estimate)
+            self._feedforward.take_over(before._feedforward)
+            self._feedback.take_over(before._feedback)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """The command for the coming period; the reference is previewed by the one period that a command takes."""
@@ -109,7 +121,7 @@ class TrackingController:
         resistance_ohm = self._balance.resistance_ohm(estimate.hysteresis.w)
         power_w = self._feedback.update(
             feedforward.temperature_c - estimate.temperature_c,
-            feedforward.power_w,
+            self._feedforward_share * feedforward.power_w,
             self._current_limit_a**2 * resistance_ohm,
             dt_s,
         )

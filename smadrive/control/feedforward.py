@@ -115,6 +115,10 @@ class DisplacementFeedforward:
         self._balance = balance
         self._direction = 1
 
+    def take_over(self, before: DisplacementFeedforward) -> None:
+        """Go on in the direction of `before`."""
+        self._direction = before._direction
+
     def update(self, estimate: WireEstimate, wanted_mm: float, next_mm: float, dt_s: float) -> Feedforward:
         """The feedforward for a reference that goes from `wanted_mm` to `next_mm` within `dt_s`."""
         rate_mm_per_s = (next_mm - wanted_mm) / dt_s

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import count
 from typing import Protocol
 
 from smadrive.clock import Clock
@@ -91,7 +92,9 @@ class ControlLoop:
             self._heater.arm(watchdog_s)
             self._start_s = self._clock.now_s()
             self._last_s = -self._period_s
-            for number in range(int(self._controller.duration_s / self._period_s) + 1):
+            for number in count():
+                if number * self._period_s > self._controller.duration_s:
+                    break
                 due_s = self._start_s + number * self._period_s
                 self._clock.sleep_until(due_s)
                 self.tick(late_s=self._clock.now_s() - due_s)

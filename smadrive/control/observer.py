@@ -61,6 +61,12 @@ class WireObserver:
         hysteresis = self._model.initial_state(self._dead_band.update(reading_c), measured_mm)
         return WireEstimate(reading_c, hysteresis, 0.0)
 
+    def take_over(self, before: WireObserver, estimate: WireEstimate) -> WireEstimate:
+        """The estimate of the observer `before`, of the same wire, in the terms of this one's model."""
+        self._reading_c, self._dead_band = before._reading_c, before._dead_band
+        hysteresis = self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y)
+        return WireEstimate(estimate.temperature_c, hysteresis, estimate.disturbance_w)
+
     def update(self, before: WireEstimate, reading_c: float, power_w: float, dt_s: float) -> WireEstimate:
         """The estimate `dt_s` after `before`, with `power_w` applied since and `reading_c` read now (NaN: none)."""
         power_w += before.disturbance_w

@@ -8,7 +8,8 @@ begins, which is driven but not scored.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -26,11 +27,15 @@ TRAVEL_SLACK = 0.005
 
 @dataclass(frozen=True)
 class Reference:
-    """Wanted displacement over time; `scored_from_s` is where the approach ends and the figures begin."""
+    """Wanted displacement over time; `scored_from_s` is where the approach ends and the figures begin.
+
+    An `endless` one begins there again whenever its table has come to the end.
+    """
 
     times_s: Array
     displacement_mm: Array
     scored_from_s: float = 0.0
+    endless: bool = False
 
     @classmethod
     def from_samples(cls, times_s: ArrayLike, displacement_mm: ArrayLike) -> Reference:
@@ -54,11 +59,21 @@ class Reference:
     @property
     def duration_s(self) -> float:
         """Length of the reference, approach included."""
-        return float(self.times_s[-1])
+        return inf if self.endless else float(self.times_s[-1])
+
+    @property
+    def cycle_s(self) -> float:
+        """Length of the table without the approach."""
+        return float(self.times_s[-1]) - self.scored_from_s
+
+    def cycle(self, time_s: float) -> int:
+        """How many times an endless reference has begun again."""
+        return max(0, int((time_s - self.scored_from_s) // self.cycle_s)) if self.endless else 0
 
     def value_mm(self, time_s: float) -> float:
         """Wanted displacement at `time_s`; the ends are held."""
-        return float(np.interp(time_s, self.times_s, self.displacement_mm))
+        in_table_s = time_s - self.cycle(time_s) * self.cycle_s
+        return float(np.interp(in_table_s, self.times_s, self.displacement_mm))
 
     def check_within(self, ends_mm: tuple[float, float]) -> None:
         """ConfigError when the reference leaves the wire's travel, whose two ends are `ends_mm` in either order."""
@@ -71,18 +86,37 @@ class Reference:
                     f"{high:.3g} mm: keep the reference within"
                 )
 
+    def without_end(self, return_s: float) -> Reference:
+        """The same reference again and again; one that does not end where it begins returns within `return_s`."""
+        begins_mm, ends_mm = self.value_mm(self.scored_from_s), float(self.displacement_mm[-1])
+        if begins_mm == ends_mm:
+            return replace(self, endless=True)
+        path_mm = _minimum_jerk(ends_mm, begins_mm, return_s)[1:]
+        times_s = self.times_s[-1] + np.linspace(0.0, return_s, path_mm.size + 1)[1:]
+        return Reference(
+            np.concatenate((self.times_s, times_s)),
+            np.concatenate((self.displacement_mm, path_mm)),
+            self.scored_from_s,
+            endless=True,
+        )
+
     def with_approach(self, from_mm: float, approach_s: float) -> Reference:
         """The same reference after a minimum-jerk approach from `from_mm` lasting `approach_s`."""
         if approach_s <= 0:
             return self
-        s = np.linspace(0.0, 1.0, max(2, int(approach_s / TABLE_STEP_S)))[:-1]
-        blend = s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-        begins_mm = self.displacement_mm[0]
+        path_mm = _minimum_jerk(from_mm, float(self.displacement_mm[0]), approach_s)
+        times_s = np.linspace(0.0, approach_s, path_mm.size)
         return Reference(
-            np.concatenate((s * approach_s, approach_s + self.times_s)),
-            np.concatenate((from_mm + (begins_mm - from_mm) * blend, self.displacement_mm)),
+            np.concatenate((times_s[:-1], approach_s + self.times_s)),
+            np.concatenate((path_mm[:-1], self.displacement_mm)),
             scored_from_s=approach_s,
         )
+
+
+def _minimum_jerk(from_mm: float, to_mm: float, within_s: float) -> Array:
+    """The smoothest way between two points at rest, tabulated."""
+    s = np.linspace(0.0, 1.0, max(3, int(within_s / TABLE_STEP_S)))
+    return from_mm + (to_mm - from_mm) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
 
 def parse_reference(spec: str) -> Reference:

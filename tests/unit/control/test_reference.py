@@ -1,5 +1,7 @@
 """References: shapes, the approach, and what is refused."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -76,3 +78,20 @@ def test_a_reference_beyond_the_travel_of_the_wire_is_refused():
         reference.check_within((0.0, 8.0))
     with pytest.raises(ConfigError, match="lowest value is 2 mm"):
         reference.check_within((3.0, 12.0))
+
+
+def test_without_end_it_begins_again_after_the_approach():
+    once = parse_reference("sine:low_mm=2,high_mm=9,period_s=20,cycles=1").with_approach(0.5, 10.0)
+    reference = once.without_end(return_s=5.0)
+    assert reference.duration_s == math.inf
+    assert reference.cycle_s == pytest.approx(20.0)
+    assert [reference.value_mm(t) for t in (0.0, 20.0)] == [once.value_mm(t) for t in (0.0, 20.0)]
+    assert reference.value_mm(47.0) == pytest.approx(once.value_mm(27.0))
+    assert [reference.cycle(t) for t in (0.0, 29.9, 30.1, 1030.1)] == [0, 0, 1, 51]
+
+
+def test_without_end_it_returns_to_where_it_begins():
+    reference = Reference.from_samples([0.0, 10.0], [1.0, 5.0]).without_end(return_s=4.0)
+    assert reference.cycle_s == pytest.approx(14.0)
+    values = np.array([reference.value_mm(t) for t in np.arange(0.0, 42.0, 0.05)])
+    assert np.abs(np.diff(values)).max() < 0.15

@@ -1,0 +1,133 @@
+"""Moving the branches of a model: what a person turns when a wire transforms earlier, later, or over a wider span.
+
+The place and the spread of a branch are those of its slope, read as a distribution over v:
+
+    μ = ∫ v dP / ∫ dP        σ² = ∫ (v - μ)² dP / ∫ dP          P the branch of the major loop
+
+A branch is moved by u(v) = μ_old + (v - μ_new) σ_old/σ_new: the new law at v is the old one at u, divided by the
+stretch σ_new/σ_old. For a Duhem model that is exact. The rules of a T-S model share their sets between the branches:
+the centres follow the mean of both moves, and the consequents are read off the old ones in between. Contraction and
+boundedness survive, being signs of the rates; slopes that this turned the wrong way are put right.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from smadrive.errors import ModelError
+from smadrive.hysteresis import DuhemModel, GaussianMixture, TSFuzzyDuhem
+from smadrive.hysteresis.arrays import FloatArray
+from smadrive.hysteresis.branch import Branch
+from smadrive.identification.monotone import monotone
+
+Model = DuhemModel | TSFuzzyDuhem
+
+_INVERTIBLE = 0.999
+"""Below this invertible share the slopes are put right; a trace of wrong slope in saturation is not worth its time."""
+
+
+class BranchShape(NamedTuple):
+    """Place and spread of both branches, in the unit of v, and the scale, in that of y."""
+
+    mu_heating: float
+    mu_cooling: float
+    sigma_heating: float
+    sigma_cooling: float
+    scale: float
+
+
+class _Move(NamedTuple):
+    """One branch from (μ, σ) to (new μ, new σ)."""
+
+    mu: float
+    sigma: float
+    new_mu: float
+    new_sigma: float
+
+    @property
+    def stretch(self) -> float:
+        return self.new_sigma / self.sigma
+
+    def forth(self, v: FloatArray) -> FloatArray:
+        return self.new_mu + (v - self.mu) * self.stretch
+
+    def aimed(self, reached_mu: float, reached_sigma: float) -> _Move:
+        return _Move(self.mu, self.sigma, 2 * self.new_mu - reached_mu, self.new_sigma * self.new_sigma / reached_sigma)
+
+    def back(self, v: FloatArray) -> FloatArray:
+        return self.mu + (v - self.new_mu) / self.stretch
+
+
+def shape_of(model: Model) -> BranchShape:
+    """The shape of a model's major loop."""
+    engine = model.engine
+    mu_heating, sigma_heating = _moments(engine.nodes, engine.heating)
+    mu_cooling, sigma_cooling = _moments(engine.nodes, engine.cooling)
+    return BranchShape(mu_heating, mu_cooling, sigma_heating, sigma_cooling, model.scale)
+
+
+def reshaped(model: Model, shape: BranchShape) -> Model:
+    """`model` with its branches moved to `shape`. ModelError for a shape that no wire has."""
+    _check(model, shape)
+    now = shape_of(model)
+    heating = _Move(now.mu_heating, now.sigma_heating, shape.mu_heating, shape.sigma_heating)
+    cooling = _Move(now.mu_cooling, now.sigma_cooling, shape.mu_cooling, shape.sigma_cooling)
+    if isinstance(model, DuhemModel):
+        mixtures = _moved_mixture(model.heating, heating), _moved_mixture(model.cooling, cooling)
+        return DuhemModel(*mixtures, shape.scale, model.offset, model.input_range)
+    moved = _moved_rules(model, heating, cooling, shape.scale)
+    reached = shape_of(moved)  # what the coarse grid of rules made of it: aim beside it by as much
+    heating = heating.aimed(reached.mu_heating, reached.sigma_heating)
+    cooling = cooling.aimed(reached.mu_cooling, reached.sigma_cooling)
+    moved = _moved_rules(model, heating, cooling, shape.scale)
+    return moved if moved.certificate().invertible_share > _INVERTIBLE else monotone(moved)
+
+
+def _check(model: Model, shape: BranchShape) -> None:
+    lower, upper = model.input_range
+    for name, value in shape._asdict().items():
+        if name.startswith("mu") and not lower < value < upper:
+            raise ModelError(f"{name} = {value:g} lies outside the model's range, {lower:g} to {upper:g}")
+        if name.startswith("sigma") and not 0 < value < upper - lower:
+            raise ModelError(f"{name} = {value:g}: it must be positive and below {upper - lower:g}")
+    if not shape.mu_heating > shape.mu_cooling:
+        raise ModelError(
+            f"mu_heating = {shape.mu_heating:g} must exceed mu_cooling = {shape.mu_cooling:g}: "
+            "a wire transforms later on heating"
+        )
+    if not shape.scale * model.scale > 0:
+        raise ModelError(f"scale = {shape.scale:g}: it must not be zero nor change its sign (it was {model.scale:g})")
+
+
+def _moments(nodes: FloatArray, branch: Branch) -> tuple[float, float]:
+    rise, middle = np.diff(branch.target), (nodes[1:] + nodes[:-1]) / 2
+    mean = float(middle @ rise / rise.sum())
+    return mean, float(np.sqrt((middle - mean) ** 2 @ rise / rise.sum()))
+
+
+def _moved_mixture(mixture: GaussianMixture, move: _Move) -> GaussianMixture:
+    means = move.forth(np.array(mixture.means))
+    return GaussianMixture(mixture.weights, tuple(means.tolist()), tuple(s * move.stretch for s in mixture.sigmas))
+
+
+def _moved_rules(model: TSFuzzyDuhem, heating: _Move, cooling: _Move, scale: float) -> TSFuzzyDuhem:
+    old = np.array(model.sets.centres)
+    lower, upper = model.input_range
+    centres = np.clip((heating.forth(old) + cooling.forth(old)) / 2, lower, upper)
+
+    def law(values: FloatArray, move: _Move) -> FloatArray:
+        return np.interp(move.back(centres), old, values) / move.stretch
+
+    return TSFuzzyDuhem(
+        replace(model.sets, centres=tuple(centres.tolist())),  # type: ignore[type-var]
+        a_heating=law(model.heating_law[0], heating),
+        b_heating=law(model.heating_law[1], heating),
+        a_cooling=law(model.cooling_law[0], cooling),
+        b_cooling=law(model.cooling_law[1], cooling),
+        scale=scale,
+        offset=model.offset,
+        input_range=model.input_range,
+    )

@@ -1,0 +1,83 @@
+"""One controller takes over from another while the wire moves: no jump of the command, and then its own way."""
+
+import pytest
+
+from smadrive.control.controller import TrackingController
+from smadrive.control.feedback import HANDOVER_S, PIGains, TemperatureFeedback
+from smadrive.control.feedforward import DisplacementFeedforward, HysteresisInverse
+from smadrive.control.observer import WireObserver
+from smadrive.control.reference import sine
+from smadrive.hysteresis import DuhemModel
+from smadrive.measurement import Measurement
+from smadrive.thermal import HeatBalance
+
+BALANCE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
+PERIOD_S = 0.05
+
+
+def wire(mu_heating=90.0):
+    return DuhemModel.gaussian(
+        mu_heating=mu_heating, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(0, 200)
+    )
+
+
+def controller(model, feedforward_share=1.0):
+    return TrackingController(
+        sine(low_mm=3.0, high_mm=9.0, period_s=56.0),
+        WireObserver(BALANCE, model, PERIOD_S, noise_c=0.1),
+        DisplacementFeedforward(HysteresisInverse(model), model, BALANCE),
+        BALANCE,
+        PIGains.for_balance(BALANCE, 0.25, 5.0),
+        0.6,
+        feedforward_share,
+    )
+
+
+def reading(time_s, temperature_c):
+    return Measurement(time_s=time_s, temperature_c=temperature_c, current_a=0.26, voltage_v=4.0)
+
+
+def test_the_command_does_not_jump_and_comes_to_be_the_other_one():
+    before = controller(wire())
+    for tick in range(40):
+        last = before.update(PERIOD_S * tick, reading(PERIOD_S * tick, 84.0), PERIOD_S)
+    after, fresh = controller(wire(mu_heating=93.0)), controller(wire(mu_heating=93.0))
+    after.take_over(before)
+    fresh.take_over(before)
+    fresh._feedback = TemperatureFeedback(before._feedback.gains)
+    fresh._feedback.integral_w = before._feedback.integral_w
+    time_s = 40 * PERIOD_S
+    jump_w = abs(fresh.update(time_s, reading(time_s, 84.0), PERIOD_S).power_w - last.power_w)
+    assert jump_w > 0.1
+    assert after.update(time_s, reading(time_s, 84.0), PERIOD_S).power_w == pytest.approx(last.power_w)
+    powers = [
+        [one.update(PERIOD_S * tick, reading(PERIOD_S * tick, 84.0), PERIOD_S).power_w for one in (after, fresh)]
+        for tick in range(41, 41 + int(6 * HANDOVER_S / PERIOD_S))
+    ]
+    assert powers[-1][0] == pytest.approx(powers[-1][1], abs=0.01 * jump_w + 0.01)
+
+
+def test_a_command_at_its_limit_leaves_nothing_to_hand_over():
+    before, after = TemperatureFeedback(PIGains(0.1, 0.0)), TemperatureFeedback(PIGains(0.1, 0.0))
+    assert before.update(-50.0, 0.0, 6.0, PERIOD_S) == 0.0
+    after.take_over(before)
+    assert after.update(-20.0, 0.0, 6.0, PERIOD_S) == 0.0
+    assert after.update(0.0, 1.5, 6.0, PERIOD_S) == 1.5
+
+
+def test_the_estimate_goes_on_in_the_terms_of_the_new_model():
+    before = controller(wire())
+    for tick in range(40):
+        believed = before.update(PERIOD_S * tick, reading(PERIOD_S * tick, 90.0), PERIOD_S)
+    after = controller(wire(mu_heating=90.5))
+    after.take_over(before)
+    goes_on = after.update(2.0, reading(2.0, 90.0), PERIOD_S)
+    assert goes_on.estimated_c == pytest.approx(believed.estimated_c, abs=0.5)
+    assert goes_on.estimated_mm == pytest.approx(believed.estimated_mm, abs=0.5)
+
+
+def test_a_share_of_the_feedforward_leaves_the_rest_to_the_feedback():
+    whole, half = (controller(wire(), share).update(0.0, reading(0.0, 84.0), PERIOD_S) for share in (1.0, 0.5))
+    proportional_w = BALANCE.heat_capacity_j_per_k / 0.25 * (whole.wanted_c - whole.estimated_c)
+    assert half.wanted_c == whole.wanted_c
+    assert half.power_w - proportional_w == pytest.approx(0.5 * (whole.power_w - proportional_w))

@@ -1,0 +1,94 @@
+"""Moving the branches of a model: exact for a Duhem model, close and certified for rules."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from smadrive.errors import ModelError
+from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
+from smadrive.identification import identify_tsfuzzy
+from smadrive.identification.reshape import BranchShape, reshaped, shape_of
+
+SHAPE = BranchShape(mu_heating=90.0, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0)
+TURNS = [20, 130, 20, 95, 75, 105, 60, 90, 20]
+PATH = np.concatenate([np.linspace(a, b, 100) for a, b in pairwise(TURNS)])
+MOVES = [
+    {},
+    {"mu_heating": 92.0, "mu_cooling": 71.0},
+    {"mu_heating": 92.0, "mu_cooling": 67.0},
+    {"mu_cooling": 67.0},
+    {"sigma_heating": 6.0, "sigma_cooling": 6.0},
+    {"scale": 11.0},
+]
+
+
+def duhem(shape):
+    return DuhemModel.gaussian(**shape._asdict(), input_range=(20, 140))
+
+
+@pytest.fixture(scope="module")
+def rules():
+    return identify_tsfuzzy(PATH, duhem(SHAPE).simulate(PATH), sets=11).model
+
+
+def test_the_shape_is_that_of_the_gaussians():
+    assert shape_of(duhem(SHAPE)) == pytest.approx(SHAPE, abs=0.02)
+
+
+@pytest.mark.parametrize("move", MOVES)
+def test_a_duhem_model_moves_exactly(move):
+    moved = reshaped(duhem(SHAPE), SHAPE._replace(**move))
+    assert moved.simulate(PATH) == pytest.approx(duhem(SHAPE._replace(**move)).simulate(PATH), abs=0.02)
+
+
+@pytest.mark.parametrize("move", MOVES)
+def test_rules_move_closely_and_stay_certified(rules, move):
+    shape = shape_of(rules)._replace(**move)
+    moved = reshaped(rules, shape)
+    error = moved.simulate(PATH) - duhem(SHAPE._replace(**move)).simulate(PATH)
+    assert shape_of(moved) == pytest.approx(shape, abs=0.1)
+    assert np.sqrt(np.mean(error**2)) < 0.012 * SHAPE.scale
+    assert moved.certificate().holds
+    assert moved.certificate().invertible_share > 0.999
+
+
+def test_moving_back_gives_the_same_rules(rules):
+    shape = shape_of(rules)
+    same = reshaped(rules, shape)
+    assert isinstance(same, TSFuzzyDuhem)
+    assert same.heating_law[0] == pytest.approx(rules.heating_law[0], rel=1e-6, abs=1e-9)
+
+
+def test_falling_output_keeps_its_sign(rules):
+    falling = TSFuzzyDuhem(
+        TriangularSets(rules.sets.centres),
+        a_heating=rules.heating_law[0],
+        b_heating=rules.heating_law[1],
+        a_cooling=rules.cooling_law[0],
+        b_cooling=rules.cooling_law[1],
+        scale=-12.0,
+        offset=12.0,
+        input_range=rules.input_range,
+    )
+    assert reshaped(falling, shape_of(falling)._replace(scale=-10.0)).scale == -10.0
+    with pytest.raises(ModelError, match="sign"):
+        reshaped(falling, shape_of(falling)._replace(scale=10.0))
+
+
+@pytest.mark.parametrize(
+    ("move", "complaint"),
+    [
+        ({"mu_heating": 68.0}, "must exceed mu_cooling"),
+        ({"mu_heating": 400.0}, "outside the model's range"),
+        ({"sigma_cooling": -1.0}, "must be positive"),
+        ({"scale": 0.0}, "zero"),
+        ({"scale": float("nan")}, "scale"),
+        ({"mu_cooling": float("nan")}, "mu_cooling"),
+    ],
+)
+@pytest.mark.parametrize("kind", ["duhem", "rules"])
+def test_shapes_that_no_wire_has_are_refused(rules, kind, move, complaint):
+    model = rules if kind == "rules" else duhem(SHAPE)
+    with pytest.raises(ModelError, match=complaint):
+        reshaped(model, shape_of(model)._replace(**move))
