@@ -11,6 +11,7 @@ from typing import Annotated, TextIO
 
 import typer
 
+from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
 from firmware_sim.device import SimulatedDevice
 from firmware_sim.doors import Door, Terminal
@@ -57,11 +58,11 @@ def serve(
     """Serve a simulated device on a serial port, or a TCP port, and print its URL as the first line."""
     try:
         with _event_log(log) as events:
-            device = SimulatedDevice.from_config(load_sim(sim), seed, load_profile(profile), _line_writer(events))
+            bench = SimulatedBench(load_sim(sim), seed, _line_writer(events))
+            device = bench.attach(load_profile(profile))
             if faults is not None:
-                device.follow_script(load_script(faults))
-            door = _door(device, pty, tcp, rtu_tcp, line_speed=line_speed)
-            _serve(device, door, time)
+                bench.follow_script(load_script(faults))
+            _serve(bench, device, _door(device, pty, tcp, rtu_tcp, line_speed=line_speed), time)
     except SmadriveError as error:
         typer.echo(f"firmware-sim: {error}", err=True)
         raise typer.Exit(error.exit_code) from None
@@ -76,10 +77,10 @@ def _door(device: SimulatedDevice, pty: Path | None, tcp: str | None, rtu_tcp: s
             "--line-speed: Modbus TCP has no serial line; serve a device that has one with --pty or --rtu-tcp"
         )
     if tcp is not None:
-        return TcpDoor(tcp, "tcp", lambda: device.new_port(numbered=True))
+        return TcpDoor(tcp, "tcp", lambda: device.line.new_port(numbered=True))
 
     def rtu_port() -> Port:
-        port = device.new_port(numbered=False)
+        port = device.line.new_port(numbered=False)
         return SlowLine(port, line) if line_speed and line is not None else port
 
     if rtu_tcp is not None:
@@ -89,19 +90,19 @@ def _door(device: SimulatedDevice, pty: Path | None, tcp: str | None, rtu_tcp: s
     return Terminal(pty, rtu_port())
 
 
-def _serve(device: SimulatedDevice, door: Door, time: Time) -> None:
+def _serve(bench: SimulatedBench, device: SimulatedDevice, door: Door, time: Time) -> None:
     try:
         with stop_on_signal(), contextlib.suppress(KeyboardInterrupt):
             typer.echo(door.url)
             sys.stdout.flush()
-            server = Server(device, (door,))
+            server = Server(bench, (door,))
             device.faults.ears.append(server.ear(door))
             if time is Time.REAL:
                 server.run_real()
             else:
                 server.run_driven()
     finally:
-        device.switch_off()
+        bench.switch_off()
         door.close()
 
 

@@ -131,33 +131,45 @@ def _sensor(
 
 
 class _Connections:
-    """One master per address; simulated devices of one address stand on one bench, in one virtual time."""
+    """One master per address."""
 
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
         self._masters: dict[str, Master] = {}
+        self._benches: dict[str, _SimulatedBench] = {}
 
     def given(self, transport: Transport) -> Master:
         return Master(self._stack.enter_context(transport))
 
     def master(self, device: DeviceConfig, profile: Profile) -> Master:
+        if device.url.startswith(SIMULATED):
+            return self.given(self._simulated(device, profile))
         if device.url not in self._masters:
-            transport = _simulated(device, profile) if device.url.startswith(SIMULATED) else None
-            transport = transport or open_transport(device.url, profile.serial_settings())
-            self._masters[device.url] = self.given(transport)
+            self._masters[device.url] = self.given(open_transport(device.url, profile.serial_settings()))
         return self._masters[device.url]
 
+    def _simulated(self, device: DeviceConfig, profile: Profile) -> Transport:
+        """A simulated device in this process, in virtual time; those of one address stand on one bench.
 
-def _simulated(device: DeviceConfig, profile: Profile) -> Transport:
-    """A simulated device in this process, in virtual time; no other address opens this door to the simulator.
+        sim://NAME?profile=OTHER puts a device of another type there than the rig file believes.
+        """
+        sim, _, other = device.url.removeprefix(SIMULATED).partition("?profile=")
+        if self._benches and sim not in self._benches:
+            raise ConfigError(f"'{device.url}': the simulated devices of a rig stand on one bench: name the same one")
+        bench = self._benches.setdefault(sim, _SimulatedBench(sim))
+        return bench.transport(load_profile(other) if other else profile, device)
 
-    sim://NAME?profile=OTHER puts a device of another type at that address than the rig file believes.
-    """
-    from firmware_sim.config import load_sim  # noqa: PLC0415
-    from firmware_sim.device import SimulatedDevice  # noqa: PLC0415
 
-    name, _, other = device.url.removeprefix(SIMULATED).partition("?profile=")
-    clock = VirtualClock()
-    simulated = SimulatedDevice.from_config(load_sim(name), profile=load_profile(other) if other else profile)
-    clock.follow(simulated.advance_to)
-    return simulated.transport(clock)
+class _SimulatedBench:
+    """The door to the simulator; no other address opens it."""
+
+    def __init__(self, sim: str) -> None:
+        from firmware_sim.bench import SimulatedBench  # noqa: PLC0415
+        from firmware_sim.config import load_sim  # noqa: PLC0415
+
+        self._clock = VirtualClock()
+        self._bench = SimulatedBench(load_sim(sim))
+        self._clock.follow(self._bench.advance_to)
+
+    def transport(self, profile: Profile, device: DeviceConfig) -> Transport:
+        return self._bench.attach(profile, device.unit_id, device.name).transport(self._clock)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
-from firmware_sim.device import SimulatedDevice
 from smadrive.clock import VirtualClock
 from smadrive.control.faults import Fault
 from smadrive.control.feedforward import HysteresisInverse, StaticMap
@@ -22,9 +22,9 @@ class Bench:
     """The shipped in-process rig with its simulated device within reach."""
 
     def __init__(self):
-        self.device = SimulatedDevice.from_config(load_sim("flexinol-lt-0.15mm"), seed=3)
+        self.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=3)
         self.clock = VirtualClock()
-        self.clock.follow(self.device.advance_to)
+        self.clock.follow(self.device.bench.advance_to)
         self.rig = Rig(load_rig("in-process"), transports={"board": self.device.transport(self.clock)})
 
 
@@ -112,7 +112,7 @@ def excite_and_break(bench, break_it):
 
 
 def test_an_open_thermocouple_trips_and_ends_with_zero_current(bench):
-    trip = excite_and_break(bench, bench.device.sensors.open_thermocouple)
+    trip = excite_and_break(bench, bench.device.bench.sensors.open_thermocouple)
     assert trip.number == Fault.DEVICE_FAULT.number
     assert bench.device.firmware.current_a == 0.0
     assert not hasattr(trip, "__notes__")
@@ -123,7 +123,7 @@ def test_a_dead_bus_trips_says_that_off_is_unconfirmed_and_the_watchdog_switches
     assert trip.number == Fault.STALE_DATA.number
     assert sum("could NOT be confirmed off" in note for note in trip.__notes__) == 1
     assert bench.device.firmware.current_a == 0.0
-    assert any("watchdog" in event for event in bench.device.events)
+    assert any("watchdog" in event for event in bench.device.bench.events)
 
 
 def test_an_exception_in_the_loop_ends_with_zero_current(bench):
@@ -138,11 +138,11 @@ def test_an_exception_in_the_loop_ends_with_zero_current(bench):
 
 
 def test_a_latched_fault_refuses_to_heat_until_it_is_cleared(bench):
-    bench.device.sensors.open_thermocouple()
+    bench.device.bench.sensors.open_thermocouple()
     with bench.rig as rig:
         with pytest.raises(SafetyError, match="thermocouple_open"):
             rig.excite(rig.excitation(22.0), lambda tick: None)
-        bench.device.sensors.mend_thermocouple()
+        bench.device.bench.sensors.mend_thermocouple()
         with pytest.raises(SafetyError, match="refused to arm"):
             rig.excite(rig.excitation(22.0), lambda tick: None)
         rig.heater.clear_faults()

@@ -2,8 +2,8 @@
 
 import pytest
 
+from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
-from firmware_sim.device import SimulatedDevice
 from smadrive.clock import VirtualClock
 from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
@@ -22,8 +22,8 @@ def clock():
 
 @pytest.fixture
 def rig(clock):
-    device = SimulatedDevice.from_config(load_sim("flexinol-lt-0.15mm"), seed=1)
-    clock.follow(device.advance_to)
+    device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=1)
+    clock.follow(device.bench.advance_to)
     return device
 
 

@@ -4,8 +4,8 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
-from firmware_sim.device import SimulatedDevice
 from smadrive.clock import VirtualClock
 from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
@@ -31,8 +31,8 @@ FAULTS = st.lists(
 def test_whatever_the_bus_does_no_wrong_value_is_taken_and_the_heater_ends_off(plan):
     """Every measurement is the rig's of this very exchange; afterwards zero current, by read-back or by watchdog."""
     clock = VirtualClock()
-    rig = SimulatedDevice.from_config(load_sim("flexinol-lt-0.15mm"))
-    clock.follow(rig.advance_to)
+    rig = simulated_device(load_sim("flexinol-lt-0.15mm"))
+    clock.follow(rig.bench.advance_to)
     board = Heater(
         HeaterBoard(Device(load_profile("sma-reference"), Master(rig.transport(clock))), clock),
         HeaterLimits(0.6, 130.0),
@@ -45,7 +45,7 @@ def test_whatever_the_bus_does_no_wrong_value_is_taken_and_the_heater_ends_off(p
 
     def noting(pdu):
         reply = honest(pdu)
-        sent_c[rig.firmware.sequence] = rig.sensors.temperature_c
+        sent_c[rig.firmware.sequence] = rig.bench.sensors.temperature_c
         return reply
 
     rig.responder.answer = noting

@@ -34,9 +34,9 @@ def test_a_measurement_is_the_rigs(heater, run, rig, clock):
     last = run(0.35, 1.5)[-1]
     assert last.time_s == clock.now_s()
     assert last.current_a == pytest.approx(0.35, abs=0.002)
-    assert last.voltage_v == pytest.approx(0.35 * rig.plant.resistance_ohm, abs=0.02)
-    assert last.displacement_mm == pytest.approx(rig.plant.displacement_mm, abs=0.06)
-    assert last.temperature_c == pytest.approx(rig.sensors.temperature_c, abs=0.01)
+    assert last.voltage_v == pytest.approx(0.35 * rig.bench.plant.resistance_ohm, abs=0.02)
+    assert last.displacement_mm == pytest.approx(rig.bench.plant.displacement_mm, abs=0.06)
+    assert last.temperature_c == pytest.approx(rig.bench.sensors.temperature_c, abs=0.01)
     assert last.temperature_fault is None
     assert last.device_faults == last.device_limits == ()
 
@@ -122,8 +122,8 @@ def test_a_fault_needs_an_explicit_clear_and_a_new_arming(heater, run, rig, cloc
 
 def test_a_cause_that_persists_cannot_be_cleared(heater, rig):
     heater.connect()
-    rig.sensors.short_thermocouple()
-    rig.advance_to(rig.time_s + 0.1)
+    rig.bench.sensors.short_thermocouple()
+    rig.bench.advance_to(rig.bench.time_s + 0.1)
     with pytest.raises(SafetyError, match=r"not cleared, the cause persists: thermocouple_short"):
         heater.clear_faults()
 
@@ -135,7 +135,7 @@ def test_a_dead_thermocouple_has_no_temperature_and_no_heat(heater, run, rig, fa
     heater.connect()
     heater.arm(0.5)
     run(0.3, 0.5)
-    getattr(rig.sensors, fail)()
+    getattr(rig.bench.sensors, fail)()
     last = run(0.3, 0.1)[-1]
     assert math.isnan(last.temperature_c)
     assert last.temperature_fault == name
@@ -144,11 +144,11 @@ def test_a_dead_thermocouple_has_no_temperature_and_no_heat(heater, run, rig, fa
 
 
 def test_the_host_heats_no_further_at_its_maximum(device, clock, rig):
-    rig.plant.temperature_c = 99.0
+    rig.bench.plant.temperature_c = 99.0
     heater = Heater(HeaterBoard(device, clock), HeaterLimits(current_max_a=0.6, temperature_max_c=100.0), clock)
     heater.connect()
-    rig.plant.temperature_c = 140.0
-    rig.advance_to(rig.time_s + 1.0)
+    rig.bench.plant.temperature_c = 140.0
+    rig.bench.advance_to(rig.bench.time_s + 1.0)
     with pytest.raises(SafetyError, match=r"the temperature does not allow it: \d+\.\d °C, the limit is 100 °C"):
         heater.arm(0.5)
 
@@ -157,7 +157,7 @@ def test_a_converter_that_stands_still_is_not_believed(heater, run, rig):
     heater.connect()
     heater.arm(0.5)
     run(0.2, 0.5)
-    rig.sensors.stop_conversions()
+    rig.bench.sensors.stop_conversions()
     last = run(0.2, 0.7)[-1]
     assert math.isnan(last.temperature_c)
     assert "no new conversion for 0.7" in last.temperature_fault
@@ -207,7 +207,7 @@ def test_disarming_ends_with_zero_current_confirmed(heater, run, rig):
     run(0.4, 0.5)
     assert not heater.disarm().armed
     assert rig.firmware.current_a == 0.0
-    assert rig.events[-1].endswith("disarmed")
+    assert rig.bench.events[-1].endswith("disarmed")
 
 
 def test_a_board_found_heating_is_turned_off_by_connecting(heater, rig):

@@ -2,8 +2,8 @@
 
 import pytest
 
+from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
-from firmware_sim.device import SimulatedDevice
 from smadrive.modbus import frames
 
 
@@ -14,7 +14,7 @@ def config():
 
 @pytest.fixture
 def rig(config):
-    return SimulatedDevice.from_config(config, seed=1)
+    return simulated_device(config, seed=1)
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def ask(rig):
     """Send a PDU (hexadecimal) to unit 1, or to another; the reply's PDU, None when there is silence."""
 
     def send(pdu, unit=1):
-        replies = rig.receive(frames.seal(unit, bytes.fromhex(pdu)), rig.time_s)
+        replies = rig.line.receive(frames.seal(unit, bytes.fromhex(pdu)), rig.bench.time_s)
         if not replies:
             return None
         ((_, frame),) = replies
@@ -42,9 +42,9 @@ def heat(rig):
         if firmware.state == 0:
             firmware.write({"watchdog_s": watchdog_s})
             firmware.write({"arm": 0x4152})
-        end_s = rig.time_s + duration_s
-        while rig.time_s < end_s - 1e-9:
+        end_s = rig.bench.time_s + duration_s
+        while rig.bench.time_s < end_s - 1e-9:
             firmware.write({"sequence": firmware.sequence + 1, "heater_current": current_a, "heater_enable": 1})
-            rig.advance_to(min(rig.time_s + 0.05, end_s))
+            rig.bench.advance_to(min(rig.bench.time_s + 0.05, end_s))
 
     return run

@@ -2,8 +2,8 @@
 
 import pytest
 
+from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
-from firmware_sim.device import SimulatedDevice
 from smadrive.clock import VirtualClock
 from smadrive.device.device import Device
 from smadrive.device.profile import load_profile
@@ -29,8 +29,8 @@ def connect(config):
 
     def make(model, family=None):
         clock = VirtualClock()
-        rig = SimulatedDevice.from_config(config, seed=1, profile=model)
-        clock.follow(rig.advance_to)
+        rig = simulated_device(config, seed=1, profile=model)
+        clock.follow(rig.bench.advance_to)
         return rig, Device(family or load_profile(model.profile.id), Master(rig.transport(clock)))
 
     return make
@@ -56,12 +56,12 @@ def test_a_supply_of_any_model_heats_the_wire_as_told(connect, model):
     device.write(role("heater_enable"), 1)
     assert rig.firmware.current_a == pytest.approx(0.3)
     device.wait_until_settled()
-    rig.advance_to(rig.time_s + 2.0)
-    device.master.clock.sleep_until(rig.time_s)
+    rig.bench.advance_to(rig.bench.time_s + 2.0)
+    device.master.clock.sleep_until(rig.bench.time_s)
     shown = device.read((role("measured_current"), role("measured_voltage")))
     current, voltage = shown[role("measured_current")], shown[role("measured_voltage")]
     assert current.value == pytest.approx(0.3, abs=0.011)
-    assert voltage.value == pytest.approx(0.3 * rig.plant.resistance_ohm, abs=0.05)
+    assert voltage.value == pytest.approx(0.3 * rig.bench.plant.resistance_ohm, abs=0.05)
     if model.roles.regulation:
         assert device.read((role("regulation"),))[role("regulation")].words == ("cc",)
     device.enter_safe_state()
@@ -72,11 +72,11 @@ def test_a_voltage_limit_that_is_reached_holds_the_current_back(connect):
     rig, device = connect(load_profile("juntek-dpm86xx"))
     for name, value in (("v_set", 1.0), ("i_set", 0.5), ("output", 1)):
         device.write(name, value)
-    rig.advance_to(rig.time_s + 0.1)
-    assert rig.plant.current_a == pytest.approx(1.0 / rig.plant.resistance_ohm, rel=0.01)
+    rig.bench.advance_to(rig.bench.time_s + 0.1)
+    assert rig.bench.plant.current_a == pytest.approx(1.0 / rig.bench.plant.resistance_ohm, rel=0.01)
     assert device.read(("regulation",))["regulation"].words == ("cv",)
     device.write("output", 0)
-    rig.advance_to(rig.time_s + 0.1)
+    rig.bench.advance_to(rig.bench.time_s + 0.1)
     assert device.read(("regulation",))["regulation"].words == ("off",)
 
 
@@ -84,35 +84,35 @@ def test_a_voltage_limit_that_is_reached_holds_the_current_back(connect):
 def test_a_thermometer_shows_the_wire_and_its_own_sentinel(connect, profile):
     rig, device = connect(profile)
     device.check_identity()
-    rig.plant.temperature_c = 80.0
-    rig.sensors.advance(80.0, 10.0)
-    device.master.clock.sleep_until(rig.time_s + 0.5)
+    rig.bench.plant.temperature_c = 80.0
+    rig.bench.sensors.advance(80.0, 10.0)
+    device.master.clock.sleep_until(rig.bench.time_s + 0.5)
     name = profile.role("temperature")
     assert 60.0 < device.read((name,))[name].value < 81.0  # the wire cools on
     if profile.register(name).invalid:
-        rig.sensors.open_thermocouple()
-        device.master.clock.sleep_until(rig.time_s + 0.5)
+        rig.bench.sensors.open_thermocouple()
+        device.master.clock.sleep_until(rig.bench.time_s + 0.5)
         assert "open" in device.read((name,))[name].invalid
 
 
 def test_the_displacement_is_read_in_one_piece_and_invalid_without_signal(connect, config):
     profile = load_profile("baumer-om20")
     rig, device = connect(profile)
-    rig.advance_to(0.1)
+    rig.bench.advance_to(0.1)
     before = device.master.counters.requests
     reading = device.read(("distance",))["distance"]
-    assert reading.value == pytest.approx(rig.plant.displacement_mm, abs=0.1)
+    assert reading.value == pytest.approx(rig.bench.plant.displacement_mm, abs=0.1)
     assert device.master.counters.requests == before + 1
-    blind = SimulatedDevice.from_config(config.model_copy(update={"displacement": None}), profile=profile)
+    blind = simulated_device(config.model_copy(update={"displacement": None}), profile=profile)
     reading = Device(profile, Master(blind.transport())).read(("distance",))["distance"]
     assert reading.invalid == "quality: no signal"
 
 
 def test_a_thermometer_converts_no_faster_than_it_can(connect):
     rig, device = connect(load_profile("delta-dtb"))
-    rig.advance_to(0.45)
+    rig.bench.advance_to(0.45)
     first = device.read(("pv",))["pv"].raw
-    rig.sensors.temperature_c = 90.0
+    rig.bench.sensors.temperature_c = 90.0
     assert device.read(("pv",))["pv"].raw == first
 
 
@@ -183,16 +183,16 @@ def test_a_device_that_starts_up_is_waited_for(connect):
     rig, device = connect(load_profile("xy-sk-family"))
     assert rig.profile.timing.boot_ms == 2000
     device.check_identity()
-    assert 2.0 <= rig.time_s < 3.5
+    assert 2.0 <= rig.bench.time_s < 3.5
 
 
 def test_the_device_is_polled_no_faster_than_it_stands(connect):
     rig, device = connect(load_profile("riden-rd60xx"))
     device.check_identity()
-    start_s = rig.time_s
+    start_s = rig.bench.time_s
     for _ in range(10):
         device.read(("v_out",))
-    assert rig.time_s - start_s >= 0.999
+    assert rig.bench.time_s - start_s >= 0.999
 
 
 def test_without_its_pause_the_device_hears_nothing(connect):
@@ -204,7 +204,7 @@ def test_without_its_pause_the_device_hears_nothing(connect):
 
 
 def test_bits_are_answered_by_the_book(config):
-    rig = SimulatedDevice.from_config(load_sim("flexinol-lt-0.15mm"), profile=load_profile("adam-6018"))
+    rig = simulated_device(load_sim("flexinol-lt-0.15mm"), profile=load_profile("adam-6018"))
     answer = rig.responder.answer
     for request, reply in [
         ("05 00 10 FF 00", "05 00 10 FF 00"),

@@ -2,7 +2,7 @@
 
 import pytest
 
-from firmware_sim.device import SimulatedDevice
+from firmware_sim.bench import simulated_device
 from smadrive.clock import VirtualClock
 from smadrive.device.profile import load_profile
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
@@ -24,8 +24,8 @@ def profile(request):
 def bus(config, profile):
     """A device, the master that talks to it, and one good reply behind them."""
     clock = VirtualClock()
-    device = SimulatedDevice.from_config(config, 1, profile)
-    clock.follow(device.advance_to)
+    device = simulated_device(config, 1, profile)
+    clock.follow(device.bench.advance_to)
     master = Master(device.transport(clock))
     clock.sleep_until(2.0)
     master.execute(1, READ[profile.profile.id], TIMING)
@@ -148,7 +148,7 @@ def test_a_port_that_vanishes_comes_back(bus, read):
 
 
 def test_a_rebooting_device_is_deaf_for_its_boot_time(config):
-    device = SimulatedDevice.from_config(config, 1, load_profile("xy-sk-family"))
+    device = simulated_device(config, 1, load_profile("xy-sk-family"))
     boot_s = device.profile.timing.boot_ms / 1e3
     assert boot_s > 0
     timing = BusTiming(0.1, min_gap_s=0.05, read_retries=0)
@@ -159,7 +159,7 @@ def test_a_rebooting_device_is_deaf_for_its_boot_time(config):
     device.power_cycle()
     with pytest.raises(DeadlineError):
         master.execute(1, read, timing)
-    master.clock.sleep_until(device.time_s + boot_s)
+    master.clock.sleep_until(device.bench.time_s + boot_s)
     assert master.execute(1, read, timing) == right
 
 
@@ -191,7 +191,7 @@ def test_a_fault_holds_for_a_while_or_for_some_replies_and_the_first_planned_goe
 
 
 def test_a_broadcast_is_carried_out_and_consumes_no_fault(config):
-    device = SimulatedDevice.from_config(config, 1)
+    device = simulated_device(config, 1)
     master = Master(device.transport())
     master.clock.sleep_until(2.0)
     device.faults.drop()

@@ -6,9 +6,9 @@ from firmware_sim.firmware import Fault, Limit, State
 
 
 def test_it_wakes_idle_and_cold(rig):
-    rig.advance_to(1.0)
+    rig.bench.advance_to(1.0)
     assert rig.firmware.state is State.IDLE
-    assert rig.plant.temperature_c == pytest.approx(22.0)
+    assert rig.bench.plant.temperature_c == pytest.approx(22.0)
 
 
 def test_only_the_key_arms(ask, rig):
@@ -33,15 +33,16 @@ def test_enable_zero_disarms_and_zeroes_the_current(heat, rig, ask):
 @pytest.mark.parametrize("watchdog_s", [0.05, 0.5, 10.0])
 def test_the_watchdog_bites_on_time(heat, rig, watchdog_s):
     heat(0.2, 0.02, watchdog_s)
-    fed_s = rig.time_s - 0.02
-    rig.advance_to(fed_s + watchdog_s - 0.01)
+    fed_s = rig.bench.time_s - 0.02
+    rig.bench.advance_to(fed_s + watchdog_s - 0.01)
     assert rig.firmware.current_a > 0
-    rig.advance_to(fed_s + watchdog_s)
+    rig.bench.advance_to(fed_s + watchdog_s)
     assert rig.firmware.current_a == 0.0
     assert rig.firmware.state is State.FAULT
     assert rig.firmware.faults == Fault.WATCHDOG
     assert (
-        rig.events[-1] == f"t={fed_s + watchdog_s:.3f} s watchdog: no new sequence for {watchdog_s:.3f} s, heater off"
+        rig.bench.events[-1]
+        == f"t={fed_s + watchdog_s:.3f} s watchdog: no new sequence for {watchdog_s:.3f} s, heater off"
     )
 
 
@@ -50,18 +51,18 @@ def test_traffic_and_a_repeated_sequence_do_not_feed_the_watchdog(heat, rig, ask
     for _ in range(12):
         ask("03 00 10 00 0D")
         ask(f"10 00 20 00 03 06 {rig.firmware.sequence:04X} 07 D0 00 01")
-        rig.advance_to(rig.time_s + 0.05)
+        rig.bench.advance_to(rig.bench.time_s + 0.05)
     assert rig.firmware.faults == Fault.WATCHDOG
 
 
 def test_idle_has_no_watchdog(rig):
-    rig.advance_to(30.0)
+    rig.bench.advance_to(30.0)
     assert rig.firmware.state is State.IDLE
 
 
 def test_a_fault_latches_until_the_key_and_refuses_to_arm(heat, rig, ask):
     heat(0.2, 0.05)
-    rig.advance_to(2.0)
+    rig.bench.advance_to(2.0)
     assert ask("06 00 28 41 52") == "86 04"
     assert ask("17 00 11 00 02 00 20 00 03 06 12 34 0B B8 00 01") == "17 04 00 02 00 01"
     assert rig.firmware.current_a == 0.0
@@ -73,11 +74,11 @@ def test_a_fault_latches_until_the_key_and_refuses_to_arm(heat, rig, ask):
 @pytest.mark.parametrize(
     ("fail", "fault"),
     [
-        (lambda rig: rig.sensors.open_thermocouple(), Fault.THERMOCOUPLE_OPEN),
-        (lambda rig: rig.sensors.short_thermocouple(), Fault.THERMOCOUPLE_SHORT),
-        (lambda rig: setattr(rig.sensors, "cold_junction_c", 90.0), Fault.COLD_JUNCTION_RANGE),
-        (lambda rig: rig.plant.break_wire(), Fault.HEATER_OPEN),
-        (lambda rig: rig.plant.short_switch(0.9), Fault.OVER_CURRENT),
+        (lambda rig: rig.bench.sensors.open_thermocouple(), Fault.THERMOCOUPLE_OPEN),
+        (lambda rig: rig.bench.sensors.short_thermocouple(), Fault.THERMOCOUPLE_SHORT),
+        (lambda rig: setattr(rig.bench.sensors, "cold_junction_c", 90.0), Fault.COLD_JUNCTION_RANGE),
+        (lambda rig: rig.bench.plant.break_wire(), Fault.HEATER_OPEN),
+        (lambda rig: rig.bench.plant.short_switch(0.9), Fault.OVER_CURRENT),
     ],
 )
 def test_every_failure_turns_the_heater_off_and_is_named(heat, rig, fail, fault):
@@ -87,16 +88,16 @@ def test_every_failure_turns_the_heater_off_and_is_named(heat, rig, fail, fault)
     assert rig.firmware.state is State.FAULT
     assert rig.firmware.faults == fault
     assert rig.firmware.current_a == 0.0
-    assert fault.name.lower() in rig.events[-1]
+    assert fault.name.lower() in rig.bench.events[-1]
 
 
 def test_a_persisting_cause_cannot_be_cleared(rig, ask):
-    rig.sensors.open_thermocouple()
-    rig.advance_to(0.02)
+    rig.bench.sensors.open_thermocouple()
+    rig.bench.advance_to(0.02)
     ask("06 00 29 43 4C")
     assert rig.firmware.faults == Fault.THERMOCOUPLE_OPEN
     assert ask("03 00 14 00 01") == "03 02 80 00"
-    rig.sensors.mend_thermocouple()
+    rig.bench.sensors.mend_thermocouple()
     ask("06 00 29 43 4C")
     assert rig.firmware.state is State.IDLE
 
@@ -106,11 +107,11 @@ def test_over_temperature_trips_and_the_derate_band_holds_back_before(heat, rig)
     heat(0.6, 1.0)
     assert rig.firmware.limits & Limit.TEMPERATURE or rig.firmware.faults
     heat(0.6, 10.0)
-    assert rig.plant.temperature_c < 63.0
-    rig.firmware.write({"temperature_max": rig.sensors.temperature_c - 1})
-    rig.advance_to(rig.time_s + 0.02)
+    assert rig.bench.plant.temperature_c < 63.0
+    rig.firmware.write({"temperature_max": rig.bench.sensors.temperature_c - 1})
+    rig.bench.advance_to(rig.bench.time_s + 0.02)
     assert rig.firmware.faults & Fault.OVER_TEMPERATURE
-    assert "over_temperature" in rig.events[-1]
+    assert "over_temperature" in rig.bench.events[-1]
 
 
 def test_limits_say_what_holds_the_current_back(heat, rig):
@@ -124,16 +125,16 @@ def test_a_reset_while_heating_is_a_heater_off_that_repeating_the_command_does_n
     heat(0.3, 0.5)
     rig.power_cycle()
     assert ask("17 00 11 00 01 00 20 00 03 06 33 33 0B B8 00 01") == "17 02 00 00"
-    rig.advance_to(rig.time_s + 0.05)
+    rig.bench.advance_to(rig.bench.time_s + 0.05)
     assert rig.firmware.current_a == 0.0
 
 
 def test_the_same_seed_gives_the_same_rig(config, heat, rig):
-    from firmware_sim.device import SimulatedDevice
+    from firmware_sim.bench import simulated_device
 
-    twin = SimulatedDevice.from_config(config, seed=1)
-    other = SimulatedDevice.from_config(config, seed=2)
+    twin = simulated_device(config, seed=1)
+    other = simulated_device(config, seed=2)
     for device in (rig, twin, other):
-        device.advance_to(1.0)
+        device.bench.advance_to(1.0)
     assert rig.firmware.quantities() == twin.firmware.quantities()
-    assert rig.sensors.temperature_c != other.sensors.temperature_c
+    assert rig.bench.sensors.temperature_c != other.bench.sensors.temperature_c

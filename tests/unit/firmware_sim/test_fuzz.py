@@ -3,7 +3,7 @@
 import pytest
 from benchmarks.fuzz import Fuzzer
 
-from firmware_sim.device import SimulatedDevice
+from firmware_sim.bench import simulated_device
 from firmware_sim.timeline import FaultScript
 from smadrive.clock import VirtualClock
 from smadrive.modbus.bus import BusTiming
@@ -15,12 +15,12 @@ SCRIPT = FaultScript.model_validate({"random": {"share": 0.3, "slowest_s": 0.6}}
 
 
 def fuzzed(config, seed, numbered, exchanges):
-    device = SimulatedDevice.from_config(config, seed)
-    device.follow_script(SCRIPT)
-    device.port = device.new_port(numbered=numbered)
+    device = simulated_device(config, seed)
+    device.bench.follow_script(SCRIPT)
+    device.line.port = device.line.new_port(numbered=numbered)
     clock = VirtualClock()
-    clock.follow(device.advance_to)
-    transport = InProcessTransport(device, clock, None if numbered else 115200)
+    clock.follow(device.bench.advance_to)
+    transport = InProcessTransport(device.line, clock, None if numbered else 115200)
     device.faults.ears.append(transport)
     master = Master(transport)
     return Fuzzer(master, seed, TIMING).run(exchanges), master.counters

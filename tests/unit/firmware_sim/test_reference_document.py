@@ -17,7 +17,7 @@ BITS = re.findall(r"^\| (\d) \| (\w+) \| ", DOCUMENT, re.MULTILINE)
 def test_the_dialogue_is_what_the_board_says(rig):
     assert len(DIALOGUE) == 13
     for request, reply in DIALOGUE:
-        ((_, answer),) = rig.receive(bytes.fromhex(request), 0.0)
+        ((_, answer),) = rig.line.receive(bytes.fromhex(request), 0.0)
         assert answer.hex(" ").upper() == reply, request
 
 

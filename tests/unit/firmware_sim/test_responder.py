@@ -70,8 +70,8 @@ def test_a_block_with_one_bad_value_writes_nothing(ask):
 def test_other_units_and_bad_crcs_meet_silence(rig, ask):
     assert ask(READ_ID, unit=2) is None
     frame = frames.seal(1, bytes.fromhex(READ_ID))
-    assert rig.receive(frame[:-1] + b"\x00", rig.time_s) == []
-    rig.advance_to(1.0)
+    assert rig.line.receive(frame[:-1] + b"\x00", rig.bench.time_s) == []
+    rig.bench.advance_to(1.0)
     assert ask(READ_ID) == "03 02 53 4D"
 
 
@@ -83,26 +83,26 @@ def test_a_broadcast_is_carried_out_in_silence(ask):
 def test_a_request_byte_by_byte_is_answered(rig):
     replies = []
     for byte in frames.seal(1, bytes.fromhex(READ_ID)):
-        replies += rig.receive(bytes((byte,)), rig.time_s + 0.001)
+        replies += rig.line.receive(bytes((byte,)), rig.bench.time_s + 0.001)
     assert len(replies) == 1
 
 
 def test_two_requests_in_one_lump_get_two_replies(rig):
     one, two = (frames.seal(1, bytes.fromhex(pdu)) for pdu in (READ_ID, "03 00 01 00 01"))
-    assert [frame[3:5] for _, frame in rig.receive(one + two, 0.0)] == [b"\x53\x4d", b"\x00\x01"]
+    assert [frame[3:5] for _, frame in rig.line.receive(one + two, 0.0)] == [b"\x53\x4d", b"\x00\x01"]
 
 
 @pytest.mark.parametrize("junk", ["FF", "00 00 00", "DE AD BE EF", "7F 7F", "01 63"])
 def test_a_request_behind_junk_is_found(rig, junk):
     request = frames.seal(1, bytes.fromhex(READ_ID))
-    assert len(rig.receive(bytes.fromhex(junk) + request, 0.0)) == 1
-    assert rig.port.stream.bad_bytes == len(bytes.fromhex(junk))
+    assert len(rig.line.receive(bytes.fromhex(junk) + request, 0.0)) == 1
+    assert rig.line.port.stream.bad_bytes == len(bytes.fromhex(junk))
 
 
 def test_a_truncated_request_is_forgotten_after_a_pause(rig):
     request = frames.seal(1, bytes.fromhex(READ_ID))
-    assert rig.receive(request[:5], 0.0) == []
-    assert len(rig.receive(request, 1.0)) == 1
+    assert rig.line.receive(request[:5], 0.0) == []
+    assert len(rig.line.receive(request, 1.0)) == 1
 
 
 @given(st.lists(st.binary(max_size=40), max_size=20))
@@ -117,5 +117,5 @@ def test_whatever_noise_came_a_request_after_a_pause_is_found(noise):
 
 def test_two_masters_replies_of_others_do_not_confuse_it(rig):
     foreign = frames.seal(2, bytes.fromhex("03 04 00 01 00 02"))
-    rig.receive(foreign, 0.0)
-    assert len(rig.receive(frames.seal(1, bytes.fromhex(READ_ID)), 1.0)) == 1
+    rig.line.receive(foreign, 0.0)
+    assert len(rig.line.receive(frames.seal(1, bytes.fromhex(READ_ID)), 1.0)) == 1

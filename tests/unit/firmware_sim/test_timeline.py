@@ -2,7 +2,7 @@
 
 import pytest
 
-from firmware_sim.device import SimulatedDevice
+from firmware_sim.bench import simulated_device
 from firmware_sim.timeline import FaultScript, load_script
 from smadrive.errors import ConfigError, DeadlineError, ExceptionReply, SmadriveError
 from smadrive.modbus import requests
@@ -24,7 +24,7 @@ def script(tmp_path):
 
 
 def test_faults_happen_at_their_times_and_are_told(rig, script):
-    rig.follow_script(
+    rig.bench.follow_script(
         script("""
         [[faults]]
         at_s = 3.0
@@ -49,10 +49,10 @@ def test_faults_happen_at_their_times_and_are_told(rig, script):
         except SmadriveError as error:
             outcomes.append(type(error))
     assert outcomes == [4, DeadlineError, 4, ExceptionReply, ExceptionReply, 4]
-    healthy = rig.sensors.failure
-    rig.advance_to(4.1)
-    assert (healthy, rig.sensors.failure) == ("none", "open")
-    assert [event for event in rig.events if "fault:" in event] == [
+    healthy = rig.bench.sensors.failure
+    rig.bench.advance_to(4.1)
+    assert (healthy, rig.bench.sensors.failure) == ("none", "open")
+    assert [event for event in rig.bench.events if "fault:" in event] == [
         "t=1.000 s fault: drop for_s = 0.5",
         "t=3.000 s fault: refuse code = 6, replies = 2",
         "t=4.000 s fault: open_thermocouple",
@@ -60,8 +60,8 @@ def test_faults_happen_at_their_times_and_are_told(rig, script):
 
 
 def outcomes_by_chance(config, seed):
-    rig = SimulatedDevice.from_config(config, seed)
-    rig.follow_script(FaultScript.model_validate({"random": {"share": 0.5, "slowest_s": 0.3}}))
+    rig = simulated_device(config, seed)
+    rig.bench.follow_script(FaultScript.model_validate({"random": {"share": 0.5, "slowest_s": 0.3}}))
     master = Master(rig.transport())
     outcomes = []
     for _ in range(300):
@@ -96,4 +96,4 @@ def test_faults_by_chance_are_those_of_the_seed(config):
 )
 def test_what_makes_no_sense_is_refused_with_its_cure(rig, script, text, says):
     with pytest.raises(ConfigError, match=says):
-        rig.follow_script(script(text))
+        rig.bench.follow_script(script(text))

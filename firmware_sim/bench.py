@@ -1,0 +1,135 @@
+"""A simulated bench: one wire with its sensors, and the devices on it, in one time.
+
+    bench = SimulatedBench(load_sim("flexinol-lt-0.15mm"), seed=1)
+    supply = bench.attach(load_profile("riden-rd60xx"), name="supply")      # one device heats
+    reader = bench.attach(load_profile("delta-dtb"), name="reader")         # any number measures
+    supply.transport(clock), reader.transport(clock)                        # each on a line of its own
+    Line((supply, reader)).transport(clock)                                 # or several on one line
+
+The bench lives on the time it is told: `advance_to` moves everything on in ticks of 10 ms. The same config, seed and
+calls give the same bench, to the last bit, at any speed. What goes wrong is a method: of a device's `faults` (its bus),
+of `sensors` and of `plant`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from firmware_sim.behaviour import Behaviour
+from firmware_sim.chance import ChanceFaults
+from firmware_sim.config import SimConfig
+from firmware_sim.device import SimulatedDevice
+from firmware_sim.firmware import Firmware
+from firmware_sim.instrument import Instrument
+from firmware_sim.plant import Plant
+from firmware_sim.sensors import Sensors
+from firmware_sim.supply import Supply
+from firmware_sim.timeline import FaultScript, Timeline, bound
+from smadrive.device.profile import Profile, load_profile
+from smadrive.errors import ConfigError
+
+TICK_S = 0.01
+
+
+class SimulatedBench:
+    """The wire and its devices. `log` gets a line per event, with the time of the bench; `events` keeps them."""
+
+    def __init__(self, config: SimConfig, seed: int = 0, log: Callable[[str], None] | None = None) -> None:
+        self.config = config
+        self.seed = seed
+        self.time_s = 0.0
+        self.events: list[str] = []
+        self.plant = Plant(config.wire, config.transformation)
+        self.sensors = Sensors(config, self.plant, seed)
+        self.devices: list[SimulatedDevice] = []
+        self._heating: SimulatedDevice | None = None
+        self._log = log
+        self._timeline = Timeline()
+
+    def attach(self, profile: Profile, unit_id: int | None = None, name: str = "") -> SimulatedDevice:
+        """A device with the map of `profile`; `name` stands before its events and its faults.
+
+        ConfigError when it is a second one that heats.
+        """
+        heats = profile.profile.role in ("heater", "supply")
+        if heats and self._heating is not None:
+            raise ConfigError(
+                f"'{profile.profile.id}' and '{self._heating.profile.profile.id}' would both heat the simulated wire: "
+                "attach one of them"
+            )
+        device = SimulatedDevice(self, profile, unit_id, name, seed=self.seed + len(self.devices))
+        self.devices.append(device)
+        if heats:
+            self._heating = device
+        return device
+
+    def behaviour(self, profile: Profile, tell: Callable[[str], None]) -> Behaviour:
+        """What makes a device of this profile go."""
+        match profile.profile.role:
+            case "heater":
+                return Firmware(self.config.board, self.sensors, tell)
+            case "supply":
+                return Supply(self.sensors, has_voltage=profile.roles.heater_voltage is not None, log=tell)
+            case _:
+                return Instrument(self.sensors, profile.timing.update_ms / 1e3)
+
+    def advance_to(self, time_s: float) -> None:
+        """Let the time reach `time_s`; nothing happens if it is past."""
+        while (remaining_s := time_s - self.time_s) > 1e-9:
+            self._tick(min(TICK_S, remaining_s))
+
+    def follow_script(self, script: FaultScript) -> None:
+        """From now on let the faults of `script` happen; ConfigError when it names one that there is not."""
+        self._timeline = Timeline(bound(script, self.known_faults()), self.tell)
+        self._timeline.pass_time(self.time_s)
+        if script.random is not None:
+            for device in self.devices:
+                chance = script.random
+                ChanceFaults(device.faults, device.power_cycle, chance.share, chance.slowest_s, self.seed)
+
+    def known_faults(self) -> dict[str, Callable[..., None]]:
+        """Everything that a script can do; the faults of a named device begin with its name and a point."""
+        sensors, plant = self.sensors, self.plant
+        physical = (
+            *(sensors.open_thermocouple, sensors.short_thermocouple, sensors.freeze_thermocouple),
+            *(sensors.stop_conversions, sensors.mend_thermocouple, plant.break_wire, plant.short_switch),
+        )
+        known = {fault.__name__: fault for fault in physical}
+        known["mend_heater"] = plant.mend
+        for device in self.devices:
+            prefix = f"{device.name}." if device.name else ""
+            known |= {prefix + name: fault for name, fault in device.faults.by_name().items()}
+            known[prefix + "reboot"] = device.power_cycle
+        return known
+
+    def switch_off(self) -> None:
+        """The simulation ends, and with it the heating."""
+        for device in self.devices:
+            device.firmware.restart()
+        self.tell("heater off, end")
+
+    def tell(self, text: str) -> None:
+        """An event, now."""
+        line = f"t={self.time_s:.3f} s {text}"
+        self.events.append(line)
+        if self._log is not None:
+            self._log(line)
+
+    def _tick(self, dt_s: float) -> None:
+        before_c = self.plant.temperature_c
+        if self._heating is None:
+            self.plant.advance(0.0, dt_s)
+        else:
+            self.plant.advance(self._heating.firmware.current_a, dt_s, self._heating.firmware.voltage_max_v)
+        self.sensors.advance(before_c, dt_s)
+        self.time_s += dt_s
+        for device in self.devices:
+            device.firmware.tick(dt_s)
+        self._timeline.pass_time(self.time_s)
+
+
+def simulated_device(
+    config: SimConfig, seed: int = 0, profile: Profile | None = None, log: Callable[[str], None] | None = None
+) -> SimulatedDevice:
+    """The only device of a bench of its own; the reference board by default."""
+    return SimulatedBench(config, seed, log).attach(profile or load_profile("sma-reference"))

@@ -1,0 +1,150 @@
+"""A rig of three devices on one simulated wire: a bench supply, a thermometer and a laser, in virtual time."""
+
+import pytest
+
+from firmware_sim.bench import SimulatedBench
+from firmware_sim.config import load_sim
+from smadrive.clock import VirtualClock
+from smadrive.control.faults import Fault
+from smadrive.device.profile import load_profile
+from smadrive.errors import ConfigError, ReadBackError, TripError
+from smadrive.rig import Rig
+from smadrive.rigconfig import RigConfig, load_rig
+
+PROFILES = {"supply": "riden-rd60xx", "reader": "autonics-tk", "laser": "baumer-om20"}
+
+
+def rig_of(devices, rate_hz=4.0, **limits):
+    """The shipped in-process rig with other devices."""
+    base = load_rig("in-process").model_dump(exclude_none=True)
+    base["devices"] = devices
+    base["rate_hz"] = rate_hz
+    base["limits"] |= {"voltage_max_v": 15.0, "watchdog_s": 1.0} | limits
+    return RigConfig.model_validate(base)
+
+
+def devices(**changes):
+    return [
+        {"name": name, "profile": profile, "url": "sim://flexinol-lt-0.15mm"} | changes.get(name, {})
+        for name, profile in PROFILES.items()
+    ]
+
+
+class Bench:
+    """The rig, with its simulated bench within reach."""
+
+    def __init__(self, config):
+        self.bench = SimulatedBench(load_sim("flexinol-lt-0.15mm"), seed=3)
+        clock = VirtualClock()
+        clock.follow(self.bench.advance_to)
+        self.devices = {name: self.bench.attach(load_profile(profile), name=name) for name, profile in PROFILES.items()}
+        transports = {name: device.transport(clock) for name, device in self.devices.items()}
+        self.rig = Rig(config, transports=transports)
+
+    def heat(self, rig, current_a, ticks):
+        measured = []
+        for _ in range(ticks):
+            rig.clock.sleep_until(rig.clock.now_s() + 0.25)
+            measured.append(rig.heater.exchange(current_a))
+        return measured
+
+
+@pytest.fixture
+def bench():
+    return Bench(rig_of(devices()))
+
+
+def test_every_device_is_known_and_measures_its_part(bench):
+    with bench.rig as rig:
+        assert list(rig.identities) == ["supply", "reader", "laser"]
+        rig.heater.arm(1.0)
+        last = bench.heat(rig, 0.25, 60)[-1]
+        plant = bench.bench.plant
+        assert last.armed
+        assert last.current_a == pytest.approx(0.25, abs=0.002)
+        assert last.voltage_v == pytest.approx(0.25 * plant.resistance_ohm, abs=0.02)
+        assert last.temperature_c == pytest.approx(plant.temperature_c, abs=1.5)
+        assert last.displacement_mm == pytest.approx(plant.displacement_mm, abs=0.2)
+        assert 0.0 <= last.temperature_age_s <= 0.5
+    assert bench.devices["supply"].firmware.current_a == 0.0
+
+
+def test_a_supply_is_told_only_what_changes_and_read_back_every_time(bench):
+    with bench.rig as rig:
+        rig.heater.arm(1.0)
+        bench.heat(rig, 0.25, 2)
+        counters = rig.devices["supply"].master.counters
+        before = counters.requests
+        bench.heat(rig, 0.25, 4)
+        assert counters.requests == before + 4
+        bench.heat(rig, 0.26, 1)
+        assert counters.requests == before + 6
+
+
+def test_a_knob_that_somebody_turned_is_an_error(bench):
+    def record(tick):
+        if tick.time_s > 5.0:
+            bench.devices["supply"].firmware.write({"heater_current": 2.0})
+
+    with pytest.raises(ReadBackError, match=r"i_set.*did somebody turn its knob"), bench.rig as rig:
+        rig.excite(rig.excitation(22.0), record)
+    assert bench.devices["supply"].firmware.current_a == 0.0
+
+
+def test_a_dead_thermometer_stops_the_heat_although_the_supply_lives(bench):
+    def record(tick):
+        if tick.time_s > 5.0:
+            bench.devices["reader"].faults.drop(for_s=1000.0)
+
+    with pytest.raises(TripError) as caught, bench.rig as rig:
+        rig.excite(rig.excitation(22.0), record)
+    assert caught.value.number == Fault.SENSOR_INVALID.number
+    assert "no new temperature for" in str(caught.value)
+    assert bench.devices["supply"].firmware.current_a == 0.0
+
+
+def test_a_supply_that_lost_its_output_is_noticed(bench):
+    def record(tick):
+        if tick.time_s > 5.0:
+            bench.devices["supply"].firmware.write({"heater_enable": 0})
+
+    with pytest.raises(TripError) as caught, bench.rig as rig:
+        rig.excite(rig.excitation(22.0), record)
+    assert caught.value.number == Fault.DISARMED.number
+
+
+def test_a_rate_that_the_devices_cannot_keep_is_refused_with_the_one_they_can():
+    bench = Bench(rig_of(devices(), rate_hz=20.0))
+    with pytest.raises(ConfigError, match=r"need 0\.1\d\d s for one tick, .* set rate_hz to"), bench.rig as rig:
+        rig.excite(rig.excitation(22.0), lambda tick: None)
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        (devices()[1:], "one device that heats, of role 'heater' or 'supply'; this one has none"),
+        (devices(reader={"profile": "hanmatek-hm30x"}), "this one has 'supply', 'reader'"),
+        ([devices()[0], devices()[2]], "nothing measures the wire's temperature"),
+        (devices(laser={"profile": "delta-dtb"}), "'reader', 'laser' all measure the temperature: say which one"),
+        (devices(laser={"measures": ["temperature"]}), "profile 'baumer-om20' binds none"),
+        (devices(laser={"url": "sim://other"}), "stand on one bench"),
+        (devices(laser={"name": "reader"}), "two devices have the same name"),
+    ],
+    ids=["no heat", "two heaters", "no thermometer", "two thermometers", "cannot measure", "two benches", "same name"],
+)
+def test_devices_that_make_up_no_rig_are_refused_by_name(changed, says):
+    with pytest.raises(Exception, match=says), Rig(rig_of(changed)):
+        pass
+
+
+def test_two_thermometers_are_one_too_many_until_the_rig_says_which_counts():
+    both = [*devices(), {"name": "spare", "profile": "delta-dtb", "url": "sim://flexinol-lt-0.15mm", "measures": []}]
+    with Rig(rig_of(both)) as rig:
+        assert rig.heater.exchange(0.0).temperature_c == pytest.approx(22.0, abs=1.0)
+
+
+def test_a_supply_without_a_voltage_limit_does_not_heat():
+    config = rig_of(devices())
+    config = config.model_copy(update={"limits": config.limits.model_copy(update={"voltage_max_v": None})})
+    with pytest.raises(ConfigError, match="needs a voltage limit: set voltage_max_v"), Rig(config) as rig:
+        rig.heater.arm(1.0)
