@@ -2,7 +2,7 @@
 
 import pytest
 
-from firmware_sim.device import SimulatedDevice
+from firmware_sim.bench import simulated_device
 from firmware_sim.linespeed import SlowLine
 from smadrive.modbus import frames, requests
 from smadrive.modbus.bus import BusTiming
@@ -21,18 +21,18 @@ from smadrive.modbus.transport import SerialSettings
     ids=["9600 8N1", "19200 8E1", "115200 8N2"],
 )
 def test_an_exchange_takes_the_time_of_its_characters(rig, settings, exchange_s):
-    rig.port = SlowLine(rig.port, settings)
-    master = Master(InProcessTransport(rig, rig.transport().clock, settings.baudrate))
+    rig.line.port = SlowLine(rig.line.port, settings)
+    master = Master(InProcessTransport(rig.line, rig.transport().clock, settings.baudrate))
     ends_s = []
     for _ in range(3):
         master.execute(1, requests.read_holding(16, 8), BusTiming(0.02, read_retries=0))
-        ends_s.append(rig.time_s)
+        ends_s.append(rig.bench.time_s)
     assert ends_s[2] - ends_s[1] == pytest.approx(exchange_s)
 
 
 def test_requests_on_each_others_heels_are_answered_one_behind_the_other(config):
-    rig = SimulatedDevice.from_config(config)
-    line = SlowLine(rig.port, SerialSettings(9600))
+    rig = simulated_device(config)
+    line = SlowLine(rig.line.port, SerialSettings(9600))
     request = frames.seal(1, requests.read_holding(0, 2).pdu)
     (first_s, _), (second_s, _) = line.receive(2 * request, 1.0)
     assert first_s == pytest.approx(1.0 + (16 + 9) * 10 / 9600 + 3.5 * 11 / 9600)
