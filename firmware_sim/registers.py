@@ -36,6 +36,7 @@ class RegisterBank:
         self._words: dict[str, dict[int, int]] = {}
         self._writable: dict[tuple[str, int], tuple[str, Register]] = {}
         self._roles: dict[str, list[tuple[int, str, Register]]] = {}
+        self._published: dict[str, Quantity] = {}
         self._role_of = {name: role for role, name in profile.roles.model_dump(exclude_none=True).items()}
         for name, register in profile.registers.items():
             self._words.setdefault(register.table, {}).update(dict.fromkeys(register.addresses, 0))
@@ -55,9 +56,14 @@ class RegisterBank:
 
     def publish(self, quantities: Mapping[str, Quantity], table: str, first: int, count: int) -> None:
         """Refresh the registers of these roles that lie in a range about to be read."""
+        published = self._published
         for address, role, register in self._roles.get(table, ()):
             if first <= address < first + count and role in quantities:
-                self._show(register, quantities[role])
+                value = quantities[role]
+                if role not in published or published[role] != value:
+                    self._show(register, value)
+                    if not register.companions:  # else other registers say how it shows, and may change
+                        published[role] = value
 
     def preset(self, name: str, value: float) -> None:
         """Set a register that no role fills; a profile without it is none the worse."""
@@ -94,7 +100,8 @@ class RegisterBank:
                 write.register.encode(write.value, write.name, self._context(write.register))
             except ConfigError:
                 raise Refusal(ILLEGAL_VALUE) from None
-            self._check_unlocked(write.name)
+            if self._profile.write_order:
+                self._check_unlocked(write.name)
         return writes
 
     def by_role(self, writes: Sequence[Write]) -> dict[str, float]:
@@ -106,6 +113,7 @@ class RegisterBank:
         for write in writes:
             if write.register.access == "rw":
                 self._store(write.register, write.words)
+                self._published.pop(self._role_of.get(write.name, ""), None)
 
     def _check_unlocked(self, name: str) -> None:
         for rule in self._profile.write_order:

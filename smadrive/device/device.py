@@ -73,6 +73,7 @@ class Device:
         self._written: set[str] = set()
         self._commanded: dict[str, tuple[int, ...]] = {}
         self._spans: dict[tuple[str, ...], tuple[Span, ...]] = {}
+        self._exchanges: dict[tuple[tuple[str, ...], tuple[str, ...]], tuple[Span, Span]] = {}
 
     def check_identity(self) -> None:
         """Prove that the device is the one that the profile describes, and find its model; IdentityError if not.
@@ -118,14 +119,10 @@ class Device:
     def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, Reading]:
         """Write adjacent registers, then read adjacent registers, in one FC23 transaction; never retried."""
         self._know_the_scales()
-        for name in writes:
-            if not self.profile.register(name).exchangeable:
-                raise ConfigError(f"register '{name}' takes part in no exchange: write it by itself")
-        target = self._one_span(tuple(writes), "written")
-        source = self._one_span(tuple(reads), "read")
-        words = list(chain.from_iterable(self._encoded(name, writes[name]).words for name, _, _ in target.parts))
+        target, source = self._exchange_spans(tuple(writes), tuple(reads))
+        words = chain.from_iterable(register.encode(writes[name], name) for name, register, _ in target.parts)
+        request = requests.exchange(target.address, tuple(words), source.address, source.count)
         self._prove_identity()
-        request = requests.exchange(target.address, words, source.address, source.count)
         return decode((source,), (source.words(self._execute(request)),), reads)
 
     def command(self, name: str, value: float, reads: Sequence[str]) -> dict[str, Reading]:
@@ -193,10 +190,14 @@ class Device:
         spans = [span for span in self._spans_of((name,)) if any(part == name for part, _, _ in span.parts)]
         return _part(spans, [self._span_words(span) for span in spans], name, self.profile.register(name).size)
 
-    def _encoded(self, name: str, value: float) -> _Write:
+    def _writable(self, name: str) -> Register:
         register = self.profile.register(name)
         if not register.writable:
             raise ConfigError(f"register '{name}' of '{self.profile.profile.id}' cannot be written (access 'r')")
+        return register
+
+    def _encoded(self, name: str, value: float) -> _Write:
+        register = self._writable(name)
         context = ALONE
         if register.companions:
             context = context_of(register, self._read(register.companions))
@@ -253,6 +254,18 @@ class Device:
         if profile.registers is not self.profile.registers:
             self.profile = profile
             self._spans.clear()
+            self._exchanges.clear()
+
+    def _exchange_spans(self, writes: tuple[str, ...], reads: tuple[str, ...]) -> tuple[Span, Span]:
+        """What one FC23 writes and reads."""
+        spans = self._exchanges.get((writes, reads))
+        if spans is None:
+            for name in writes:
+                if not self._writable(name).exchangeable:
+                    raise ConfigError(f"register '{name}' takes part in no exchange: write it by itself")
+            spans = self._one_span(writes, "written"), self._one_span(reads, "read")
+            self._exchanges[writes, reads] = spans
+        return spans
 
     def _one_span(self, names: tuple[str, ...], verb: str) -> Span:
         spans = self._spans_of(names)

@@ -8,6 +8,7 @@ below, then from above, so that heating and cooling curves start from every dept
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +30,7 @@ class ExcitationRecord:
     displacement_mm: NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Excitation:
     """A piecewise linear temperature path through `turning_points_c` at constant rate.
 
@@ -45,7 +46,7 @@ class Excitation:
         if self.rate_c_per_s <= 0:
             raise ConfigError(f"excitation: rate_c_per_s must be positive, it is {self.rate_c_per_s:g}")
 
-    @property
+    @cached_property
     def times_s(self) -> NDArray[np.float64]:
         """When each turning point is reached."""
         legs = np.abs(np.diff(np.asarray(self.turning_points_c))) / self.rate_c_per_s
