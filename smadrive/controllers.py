@@ -5,24 +5,29 @@ The rig runs it on the wire; a replay runs the same one on what was recorded.
 
 from __future__ import annotations
 
-from smadrive.control.controller import TemperatureController, TrackingController
+from smadrive.control.controller import TemperatureController
 from smadrive.control.feedback import PIGains
-from smadrive.control.feedforward import DisplacementFeedforward, DisplacementInverse
-from smadrive.control.observer import WireObserver
+from smadrive.control.feedforward import DisplacementInverse
 from smadrive.control.reference import Reference
+from smadrive.control.tracking import TrackingController, TrackingSettings
+from smadrive.control.wire import WireModel
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation
 from smadrive.rigconfig import RigConfig
 from smadrive.thermal import HeatBalance
 
+EXCITATION_SLOWER = 2.0
+"""How much slower the temperature loop is before the wire is known."""
+
 
 def excitation_controller(config: RigConfig, excitation: Excitation, balance: HeatBalance) -> TemperatureController:
     """Follows the temperature path of an identification experiment with the nominal heat balance."""
+    feedback = config.feedback
     return TemperatureController(
         excitation.temperature_c,
         excitation.duration_s,
         balance,
-        _gains(config, balance, slower=2.0),
+        PIGains.for_balance(balance, EXCITATION_SLOWER * feedback.closed_loop_s, feedback.integral_s),
         config.limits.current_max_a,
     )
 
@@ -35,17 +40,16 @@ def tracking_controller(
     inverse: DisplacementInverse,
 ) -> TrackingController:
     """Follows a displacement reference with the given inverse."""
-    return TrackingController(
-        reference,
-        WireObserver(balance, model, 1.0 / config.rate_hz, config.feedback.noise_c),
-        DisplacementFeedforward(inverse, model, balance),
-        balance,
-        _gains(config, balance, slower=1.0),
-        config.limits.current_max_a,
-        config.feedback.feedforward_share,
+    return TrackingController(reference, WireModel(model, balance), inverse, tracking_settings(config))
+
+
+def tracking_settings(config: RigConfig) -> TrackingSettings:
+    """What the rig file says about tracking."""
+    return TrackingSettings(
+        period_s=1.0 / config.rate_hz,
+        current_limit_a=config.limits.current_max_a,
+        closed_loop_s=config.feedback.closed_loop_s,
+        integral_s=config.feedback.integral_s,
+        noise_c=config.feedback.noise_c,
+        feedforward_share=config.feedback.feedforward_share,
     )
-
-
-def _gains(config: RigConfig, balance: HeatBalance, slower: float) -> PIGains:
-    feedback = config.feedback
-    return PIGains.for_balance(balance, slower * feedback.closed_loop_s, feedback.integral_s)

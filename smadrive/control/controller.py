@@ -1,7 +1,6 @@
-"""The two controllers that a loop can run: a temperature path (excitation) and a displacement reference (tracking).
+"""What a loop runs, and the simpler of the two controllers: along a temperature path (excitation).
 
-Both end in a power and share how it becomes a current. What they believed at each tick is returned beside the current,
-so that it can be recorded and looked at.
+What a controller believed at a tick is returned beside the current, so that it can be recorded and looked at.
 """
 
 from __future__ import annotations
@@ -12,9 +11,6 @@ from math import isfinite, nan
 from typing import Protocol
 
 from smadrive.control.feedback import PIGains, TemperatureFeedback
-from smadrive.control.feedforward import DisplacementFeedforward
-from smadrive.control.observer import WireEstimate, WireObserver
-from smadrive.control.reference import Reference
 from smadrive.measurement import Measurement
 from smadrive.thermal import HeatBalance
 
@@ -77,68 +73,3 @@ class TemperatureController:
         if isfinite(measurement.temperature_c):
             self._last_reading_c = measurement.temperature_c
         return self._last_reading_c
-
-
-class TrackingController:
-    """Makes the wire follow a displacement reference: observer, feedforward, PI feedback on temperature.
-
-    `feedforward_share` of the feedforward's power is used; less than 1 leaves more to the feedback.
-    """
-
-    def __init__(
-        self,
-        reference: Reference,
-        observer: WireObserver,
-        feedforward: DisplacementFeedforward,
-        balance: HeatBalance,
-        gains: PIGains,
-        current_limit_a: float,
-        feedforward_share: float = 1.0,
-    ) -> None:
-        self.duration_s = reference.duration_s
-        self._reference = reference
-        self._observer = observer
-        self._feedforward = feedforward
-        self._balance = balance
-        self._feedback = TemperatureFeedback(gains)
-        self._current_limit_a = current_limit_a
-        self._feedforward_share = feedforward_share
-        self._estimate: WireEstimate | None = None
-
-    def take_over(self, before: TrackingController) -> None:
-        """Go on where `before` stands: the same wire, and a command that does not jump."""
-        if before._estimate is not None:
-            self._estimate = self._observer.take_over(before._observer, before._estimate)
-            self._feedforward.take_over(before._feedforward)
-            self._feedback.take_over(before._feedback)
-
-    def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """The command for the coming period; the reference is previewed by the one period that a command takes."""
-        estimate = self._observe(measurement, dt_s)
-        next_mm = self._reference.value_mm(time_s + dt_s)
-        after_mm = self._reference.value_mm(time_s + 2.0 * dt_s)
-        feedforward = self._feedforward.update(estimate, next_mm, after_mm, dt_s)
-        resistance_ohm = self._balance.resistance_ohm(estimate.hysteresis.w)
-        power_w = self._feedback.update(
-            feedforward.temperature_c - estimate.temperature_c,
-            self._feedforward_share * feedforward.power_w,
-            self._current_limit_a**2 * resistance_ohm,
-            dt_s,
-        )
-        return Command(
-            self._balance.current_a(power_w, estimate.hysteresis.w),
-            feedforward.temperature_c,
-            self._reference.value_mm(time_s),
-            estimate.temperature_c,
-            estimate.hysteresis.y,
-            power_w,
-        )
-
-    def _observe(self, measurement: Measurement, dt_s: float) -> WireEstimate:
-        """Advance the estimate by the power measured over the period that ends now."""
-        if self._estimate is None:
-            self._estimate = self._observer.start(measurement.temperature_c, measurement.displacement_mm)
-        else:
-            power_w = measurement.current_a * measurement.voltage_v
-            self._estimate = self._observer.update(self._estimate, measurement.temperature_c, power_w, dt_s)
-        return self._estimate

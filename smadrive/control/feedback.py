@@ -20,6 +20,9 @@ from smadrive.thermal import HeatBalance
 HANDOVER_S = 1.0
 """Time constant with which the difference to the command of a feedback taken over from decays."""
 
+INTEGRATED_C = 1.0
+"""More than this of an error is not integrated: it is a way to go (the wire crosses its hysteresis), no model error."""
+
 
 @dataclass(frozen=True, slots=True)
 class PIGains:
@@ -61,5 +64,6 @@ class TemperatureFeedback:
         unclamped = wanted + self._handover_w
         self.command_w = min(max(unclamped, 0.0), limit_w)
         if self.command_w == unclamped:
-            self.integral_w += self.gains.integral_w_per_k_s * error_c * dt_s
+            counted_c = min(max(error_c, -INTEGRATED_C), INTEGRATED_C)
+            self.integral_w += self.gains.integral_w_per_k_s * counted_c * dt_s
         return self.command_w

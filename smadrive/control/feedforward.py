@@ -15,14 +15,14 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import isotonic_regression
 
 from smadrive.control.observer import WireEstimate
+from smadrive.control.wire import WireModel
 from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisModel, HysteresisState, InverseFeedforward
-from smadrive.thermal import HeatBalance
 
 REVERSAL_TOLERANCE = 0.01
 """Fraction of the stroke by which the estimate may lead the reference before the wire is driven back."""
 
-WAITING_RANGE_C = 2.0
+WAITING_RANGE_C = 0.5
 """How far below (above) its present temperature a wire that leads the reference is held while it waits, K."""
 
 MAP_LEVELS = 50
@@ -107,24 +107,23 @@ class Feedforward:
 
 
 class DisplacementFeedforward:
-    """Wanted displacement now and one period later → wanted temperature and power (inverse heat balance)."""
+    """Wanted displacement and its rate → wanted temperature and power (inverse heat balance)."""
 
-    def __init__(self, inverse: DisplacementInverse, model: HysteresisModel, balance: HeatBalance) -> None:
+    def __init__(self, inverse: DisplacementInverse, wire: WireModel) -> None:
         self._inverse = inverse
-        self._scale_mm = model.scale
-        self._balance = balance
-        self._direction = 1
+        self._scale_mm = wire.model.scale
+        self._balance = wire.balance
 
-    def take_over(self, before: DisplacementFeedforward) -> None:
-        """Go on in the direction of `before`."""
-        self._direction = before._direction
+    def update(self, estimate: WireEstimate, wanted_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
+        """The feedforward for a wire that is to be at `wanted_mm`, moving on at `rate_mm_per_s`.
 
-    def update(self, estimate: WireEstimate, wanted_mm: float, next_mm: float, dt_s: float) -> Feedforward:
-        """The feedforward for a reference that goes from `wanted_mm` to `next_mm` within `dt_s`."""
-        rate_mm_per_s = (next_mm - wanted_mm) / dt_s
-        phase_rate_per_s = rate_mm_per_s / self._scale_mm
-        if phase_rate_per_s:
-            self._direction = 1 if phase_rate_per_s > 0 else -1
-        target = self._inverse.target(estimate.hysteresis, next_mm, self._direction)
-        power_w = self._balance.power_w(target.temperature_c, target.k_per_mm * rate_mm_per_s, phase_rate_per_s)
+        `direction` is that in which the phase is to go (+1: it rises).
+        """
+        target = self._inverse.target(estimate.hysteresis, wanted_mm, direction)
+        rate_c_per_s = target.k_per_mm * rate_mm_per_s
+        power_w = self._balance.power_w(target.temperature_c, rate_c_per_s, rate_mm_per_s / self._scale_mm)
         return Feedforward(target.temperature_c, power_w - estimate.disturbance_w)
+
+    def hold(self, estimate: WireEstimate, temperature_c: float) -> Feedforward:
+        """The feedforward for a wire that is to go to a temperature and stay."""
+        return Feedforward(temperature_c, self._balance.power_w(temperature_c, 0.0, 0.0) - estimate.disturbance_w)

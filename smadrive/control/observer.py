@@ -1,104 +1,111 @@
-"""Where the wire is: its own temperature and phase, from heater power and a lagging, noisy thermocouple.
+"""Where the wire is: temperature and phase, from heater power, a lagging thermocouple and, where there is one, the
+displacement.
 
-State x = (T, T_tc, d): wire temperature, thermocouple temperature, and a slowly drifting power d that the heat balance
-does not explain (draught, wrong h A), without which the estimate would be biased wherever the model is. The prediction
-is the heat balance with the transformation's latent heat; the correction is a stationary Kalman gain, solved once from
-the discrete Riccati equation. The hysteresis state follows the estimated temperature through a dead band: noise that
-turns back and forth would otherwise ratchet the model.
+State x = (T, T_tc, d, w): wire temperature, thermocouple temperature, a slowly drifting power d that the heat balance
+does not explain (draught, wrong h A), and the phase w of the hysteresis model. The prediction is the heat balance with
+the transformation's latent heat, and the hysteresis model itself; the correction is a Kalman gain.
+
+The model is linear only locally. Its rules, at their present firing strengths, say how the phase moves with the
+temperature, dw/dT = Σ μ_i (a_i w + b_i), and that slope is all in which one place of the loop differs from another: so
+the gain is solved for a row of slopes and taken from there (see observer_gain). Without a displacement w is not
+corrected by itself: it moves with the correction of the temperature along the slope. Only the predicted temperature
+makes the model step, and through a dead band, for noise that turns back and forth would ratchet it.
+
+Nothing is hidden: an estimate is all that an observer knows, and any observer can go on from it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import exp, isfinite
+from dataclasses import dataclass, replace
+from math import isfinite
 
-import numpy as np
-from numpy.typing import NDArray
-from scipy.linalg import solve_discrete_are
+from smadrive.control.observer_gain import Array, GainSchedule
+from smadrive.control.wire import WireModel, WireState
+from smadrive.hysteresis import HysteresisState
 
-from smadrive.hysteresis import HysteresisModel, HysteresisState
-from smadrive.hysteresis.reversal import DeadBand
-from smadrive.thermal import HeatBalance
-
-PROCESS_NOISE_C = 0.015
-"""What the heat balance misses in the wire temperature: standard deviation after one second, K."""
-
-DRIFT_NOISE_C = 0.2
-"""How the unexplained power drifts: standard deviation after one second, in K of ambient temperature (times h A)."""
-
-DEAD_BAND_NOISES = 0.5
-"""Radius of the reversal dead band in standard deviations of the thermocouple's noise (the estimate is quieter)."""
+DEAD_BAND_NOISES = 0.2
+"""Radius of the reversal dead band in standard deviations of the thermocouple's noise (a prediction is quieter)."""
 
 
 @dataclass(frozen=True, slots=True)
 class WireEstimate:
-    """What the observer believes: wire temperature, hysteresis state (v, w, y), power that the balance misses."""
+    """What the observer believes.
+
+    Temperatures of wire and thermocouple, hysteresis state (v, w, y), the power that the balance misses; `play_c` and
+    `play_direction` are the state of the dead band between temperature and hysteresis.
+    """
 
     temperature_c: float
+    thermocouple_c: float
     hysteresis: HysteresisState
     disturbance_w: float
+    play_c: float
+    play_direction: int
 
 
 class WireObserver:
     """The observer above.
 
-    `noise_c` is the standard deviation of the thermocouple's noise, `period_s` the nominal update period for which the
-    gain is solved.
+    `noise_c` and `noise_mm` are the standard deviations of thermocouple and displacement, `period_s` the nominal update
+    period for which the gains are solved.
     """
 
-    def __init__(self, balance: HeatBalance, model: HysteresisModel, period_s: float, noise_c: float) -> None:
-        self._balance = balance
-        self._model = model
-        self._gain = _stationary_gain(balance, period_s, noise_c)
-        self._dead_band = DeadBand(DEAD_BAND_NOISES * noise_c)
-        self._reading_c = 0.0
+    def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise_mm: float) -> None:
+        self._wire = wire
+        self._model = wire.model
+        self._balance = wire.balance
+        self._gains = GainSchedule(wire, period_s, noise_c, noise_mm)
+        self._radius_c = DEAD_BAND_NOISES * noise_c
 
     def start(self, reading_c: float, displacement_mm: float) -> WireEstimate:
         """The estimate for a wire at rest: at the displacement, if it is measured, else on the heating branch."""
-        self._reading_c = reading_c
-        self._dead_band = DeadBand(self._dead_band.radius)
         measured_mm = displacement_mm if isfinite(displacement_mm) else None
-        hysteresis = self._model.initial_state(self._dead_band.update(reading_c), measured_mm)
-        return WireEstimate(reading_c, hysteresis, 0.0)
+        hysteresis = self._model.initial_state(reading_c, measured_mm)
+        return WireEstimate(reading_c, reading_c, hysteresis, 0.0, reading_c, 0)
 
-    def take_over(self, before: WireObserver, estimate: WireEstimate) -> WireEstimate:
-        """The estimate of the observer `before`, of the same wire, in the terms of this one's model."""
-        self._reading_c, self._dead_band = before._reading_c, before._dead_band
-        hysteresis = self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y)
-        return WireEstimate(estimate.temperature_c, hysteresis, estimate.disturbance_w)
+    def adopt(self, estimate: WireEstimate) -> WireEstimate:
+        """Another observer's estimate for this one's model: the same temperatures, the same displacement."""
+        return replace(estimate, hysteresis=self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y))
 
-    def update(self, before: WireEstimate, reading_c: float, power_w: float, dt_s: float) -> WireEstimate:
-        """The estimate `dt_s` after `before`, with `power_w` applied since and `reading_c` read now (NaN: none)."""
-        power_w += before.disturbance_w
-        wire_c = self._balance.step(before.temperature_c, power_w, self._phase_per_k(before, power_w), dt_s)
-        expected_c = self._balance.step_thermocouple(self._reading_c, before.temperature_c, wire_c, dt_s)
-        innovation_c = reading_c - expected_c if isfinite(reading_c) else 0.0
-        wire_c += self._gain[0] * innovation_c
-        self._reading_c = expected_c + self._gain[1] * innovation_c
+    def predict(self, before: WireEstimate, power_w: float, dt_s: float) -> WireEstimate:
+        """The estimate `dt_s` later, with `power_w` applied and nothing measured."""
+        total_w = power_w + before.disturbance_w
+        wire_c, _ = self._wire.step(WireState(before.temperature_c, before.hysteresis), total_w, dt_s)
+        read_c = self._balance.step_thermocouple(before.thermocouple_c, before.temperature_c, wire_c, dt_s)
+        play_c = min(max(before.play_c, wire_c - self._radius_c), wire_c + self._radius_c)
+        direction = before.play_direction
+        if play_c != before.play_c:
+            direction = 1 if play_c > before.play_c else -1
+        hysteresis = self._model.step(before.hysteresis, play_c + direction * self._radius_c)
+        return WireEstimate(wire_c, read_c, hysteresis, before.disturbance_w, play_c, direction)
+
+    def update(
+        self, before: WireEstimate, reading_c: float, displacement_mm: float, power_w: float, dt_s: float
+    ) -> WireEstimate:
+        """The estimate `dt_s` after `before`, with `power_w` applied since; NaN for what was not measured now."""
+        expected = self.predict(before, power_w, dt_s)
+        slope = self._wire.phase_per_k(expected.hysteresis, expected.play_direction or 1)
+        read_c = reading_c - expected.thermocouple_c if isfinite(reading_c) else 0.0
+        if not isfinite(displacement_mm):
+            return self._corrected(expected, self._gains.reading(slope) * read_c)
+        seen = (displacement_mm - expected.hysteresis.y) / self._model.scale
+        return self._corrected(expected, self._gains.both(slope) @ (read_c, seen))
+
+    def _corrected(self, expected: WireEstimate, correction: Array) -> WireEstimate:
+        """The estimate moved by (T, T_tc, d, w) at once.
+
+        The hysteresis input moves with the temperature but makes no step: what the correction of the temperature means
+        for the phase is part of the correction of the phase.
+        """
+        wire_c, thermocouple_c, power_w, phase = correction.tolist()
+        v, _, w = expected.hysteresis
+        low, high = self._model.admissible(v + wire_c)
+        phase = min(max(w + phase, low), high)
         return WireEstimate(
-            wire_c,
-            self._model.step(before.hysteresis, self._dead_band.update(wire_c)),
-            before.disturbance_w + self._gain[2] * innovation_c,
+            expected.temperature_c + wire_c,
+            expected.thermocouple_c + thermocouple_c,
+            HysteresisState(v + wire_c, self._model.offset + self._model.scale * phase, phase),
+            expected.disturbance_w + power_w,
+            expected.play_c + wire_c,
+            expected.play_direction,
         )
-
-    def _phase_per_k(self, estimate: WireEstimate, power_w: float) -> float:
-        """dw/dT in the direction in which the power drives the wire."""
-        settled_c = self._balance.ambient_c + power_w / self._balance.loss_w_per_k
-        direction = 1 if settled_c > estimate.temperature_c else -1
-        return self._model.slope(estimate.hysteresis, direction) / self._model.scale
-
-
-def _stationary_gain(balance: HeatBalance, period_s: float, noise_c: float) -> tuple[float, float, float]:
-    """Kalman gain of (T, T_tc, d) for the reading T_tc, from the discrete algebraic Riccati equation."""
-    keep = exp(-period_s / balance.time_constant_s)
-    follow = 1.0 - exp(-period_s / max(balance.thermocouple_lag_s, 1e-3))
-    transition = np.array(
-        [[keep, 0.0, (1.0 - keep) / balance.loss_w_per_k], [follow, 1.0 - follow, 0.0], [0.0, 0.0, 1.0]]
-    )
-    reads = np.array([[0.0, 1.0, 0.0]])
-    drift_w = DRIFT_NOISE_C * balance.loss_w_per_k
-    process = period_s * np.diag([PROCESS_NOISE_C**2, (0.1 * PROCESS_NOISE_C) ** 2, drift_w**2])
-    noise = np.array([[noise_c**2]])
-    covariance: NDArray[np.float64] = solve_discrete_are(transition.T, reads.T, process, noise)
-    gain = (covariance @ reads.T / (reads @ covariance @ reads.T + noise)).ravel()
-    return float(gain[0]), float(gain[1]), float(gain[2])

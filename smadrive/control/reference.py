@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import inf
 
 import numpy as np
@@ -74,6 +75,28 @@ class Reference:
         """Wanted displacement at `time_s`; the ends are held."""
         in_table_s = time_s - self.cycle(time_s) * self.cycle_s
         return float(np.interp(in_table_s, self.times_s, self.displacement_mm))
+
+    @cached_property
+    def _turns(self) -> tuple[Array, Array]:
+        """When the reference begins to move the other way, and in which direction; an endless one in two cycles."""
+        times, values = self.times_s, self.displacement_mm
+        if self.endless:
+            again = times > self.scored_from_s
+            times = np.concatenate((times, times[again] + self.cycle_s))
+            values = np.concatenate((values, values[again]))
+        moves = np.sign(np.diff(values))
+        moving = np.flatnonzero(moves)
+        changes = moving[1:][moves[moving][1:] != moves[moving][:-1]]
+        return times[changes], moves[changes]
+
+    def next_turn_s(self, time_s: float, direction: int) -> float:
+        """When, after `time_s`, the reference next begins to move against `direction`; inf when it does not."""
+        times, directions = self._turns
+        before_s = self.cycle(time_s) * self.cycle_s
+        for number in range(int(np.searchsorted(times, time_s - before_s, side="right")), times.size):
+            if directions[number] != direction:
+                return before_s + float(times[number])
+        return inf
 
     def check_within(self, ends_mm: tuple[float, float]) -> None:
         """ConfigError when the reference leaves the wire's travel, whose two ends are `ends_mm` in either order."""

@@ -4,7 +4,7 @@ from math import exp
 
 import pytest
 
-from smadrive.control.feedback import PIGains, TemperatureFeedback
+from smadrive.control.feedback import INTEGRATED_C, PIGains, TemperatureFeedback
 from smadrive.thermal import HeatBalance
 
 WIRE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
@@ -35,3 +35,9 @@ def test_a_long_saturation_leaves_the_integral_alone():
         assert feedback.update(-40.0, 0.5, 6.0, 0.05) == 0.0
         assert feedback.update(+400.0, 0.5, 6.0, 0.05) == 6.0
     assert feedback.integral_w == 0.0
+
+
+def test_a_way_to_go_is_not_integrated_as_if_it_were_an_error():
+    feedback = TemperatureFeedback(GAINS)
+    feedback.update(10.0, 0.5, 6.0, 1.0)
+    assert feedback.integral_w == pytest.approx(GAINS.integral_w_per_k_s * INTEGRATED_C)

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from smadrive.control.feedforward import DisplacementFeedforward, HysteresisInverse, StaticMap
+from smadrive.control.feedforward import WAITING_RANGE_C, DisplacementFeedforward, HysteresisInverse, StaticMap
 from smadrive.control.observer import WireEstimate
+from smadrive.control.wire import WireModel
 from smadrive.errors import DataError
 from smadrive.hysteresis import DuhemModel
 from smadrive.thermal import HeatBalance
@@ -16,6 +17,11 @@ LOOP = DuhemModel.gaussian(
 FALLING = DuhemModel.gaussian(
     mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=-12, offset=12, input_range=(0, 160)
 )
+
+
+def at_rest(state, unexplained_w=0.0):
+    """The estimate of a wire that has long been at one temperature."""
+    return WireEstimate(state.v, state.v, state, unexplained_w, state.v, 0)
 
 
 @pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
@@ -45,15 +51,15 @@ def test_a_wire_far_ahead_is_driven_back_along_the_other_branch():
 def test_waiting_where_the_branch_is_flat_is_bounded():
     state = LOOP.initial_state(40.0)
     held = HysteresisInverse(LOOP).target(state, state.y - 1e-9, direction=1)
-    assert held.temperature_c == pytest.approx(38.0)
+    assert held.temperature_c == pytest.approx(40.0 - WAITING_RANGE_C)
     assert held.k_per_mm == 0.0
 
 
 def test_the_power_holds_the_wanted_temperature_and_pays_for_the_transformation():
     state = LOOP.initial_state(90.0)
-    feedforward = DisplacementFeedforward(HysteresisInverse(LOOP), LOOP, WIRE)
+    feedforward = DisplacementFeedforward(HysteresisInverse(LOOP), WireModel(LOOP, WIRE))
     rate_mm_per_s = 0.4
-    found = feedforward.update(WireEstimate(90.0, state, 0.0), state.y, state.y + rate_mm_per_s * 0.05, 0.05)
+    found = feedforward.update(at_rest(state), state.y + 1e-3, rate_mm_per_s, direction=1)
     rate_k_per_s = rate_mm_per_s / LOOP.slope(state, 1)
     expected_w = WIRE.power_w(90.0, rate_k_per_s, rate_mm_per_s / LOOP.scale)
     assert found.power_w == pytest.approx(expected_w, rel=0.02)
@@ -62,8 +68,8 @@ def test_the_power_holds_the_wanted_temperature_and_pays_for_the_transformation(
 def test_what_the_balance_does_not_explain_is_taken_off_the_power():
     state = LOOP.initial_state(90.0)
     powers = [
-        DisplacementFeedforward(HysteresisInverse(LOOP), LOOP, WIRE)
-        .update(WireEstimate(90.0, state, unexplained_w), state.y, state.y + 0.01, 0.05)
+        DisplacementFeedforward(HysteresisInverse(LOOP), WireModel(LOOP, WIRE))
+        .update(at_rest(state, unexplained_w), state.y + 0.01, 0.2, direction=1)
         .power_w
         for unexplained_w in (0.0, 0.1)
     ]
@@ -90,3 +96,10 @@ def test_the_plain_map_of_a_falling_output_falls():
 def test_a_plain_map_needs_two_columns():
     with pytest.raises(DataError, match="two columns"):
         StaticMap([1.0, 2.0], [1.0])
+
+
+def test_holding_a_temperature_takes_the_loss_and_no_more():
+    estimate = at_rest(LOOP.initial_state(90.0), unexplained_w=0.1)
+    held = DisplacementFeedforward(HysteresisInverse(LOOP), WireModel(LOOP, WIRE)).hold(estimate, 75.0)
+    assert held.temperature_c == 75.0
+    assert held.power_w == pytest.approx(WIRE.loss_w_per_k * (75.0 - WIRE.ambient_c) - 0.1)

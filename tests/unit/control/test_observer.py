@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from smadrive.control.observer import WireObserver
+from smadrive.control.wire import WireModel
 from smadrive.hysteresis import DuhemModel
 from smadrive.thermal import HeatBalance
 
@@ -16,10 +17,13 @@ LOOP = DuhemModel.gaussian(
 DT_S = 0.05
 
 
-def follow(balance, powers_w, noise_c=0.1, lost=()):
-    """(true, read, estimated) temperatures and (true, estimated) displacements of a wire driven by `powers_w`."""
+def follow(balance, powers_w, noise_c=0.1, lost=(), model=LOOP, noise_mm=None):
+    """(true, read, estimated) temperatures and (true, estimated) displacements of a wire driven by `powers_w`.
+
+    The displacement is measured where it has a noise.
+    """
     noise = np.random.default_rng(2)
-    observer = WireObserver(balance, LOOP, DT_S, 0.1)
+    observer = WireObserver(WireModel(model, balance), DT_S, 0.1, 0.012)
     wire = reading = 22.0
     state = LOOP.initial_state(wire)
     estimate = observer.start(wire, float("nan"))
@@ -31,7 +35,8 @@ def follow(balance, powers_w, noise_c=0.1, lost=()):
             reading = TRUE.step_thermocouple(reading, wire, after, DT_S / 10)
             wire, state = after, LOOP.step(state, after)
         read = float("nan") if n in lost else reading + noise.normal(0, noise_c)
-        estimate = observer.update(estimate, read, power_w, DT_S)
+        seen_mm = float("nan") if noise_mm is None else state.y + noise.normal(0, noise_mm)
+        estimate = observer.update(estimate, read, seen_mm, power_w, DT_S)
         rows.append((wire, read, estimate.temperature_c, state.y, estimate.hysteresis.y, estimate.disturbance_w))
     return np.array(rows).T
 
@@ -67,6 +72,41 @@ def test_lost_readings_are_bridged_by_the_heat_balance():
 
 
 def test_it_starts_at_the_measured_displacement_when_there_is_one():
-    observer = WireObserver(TRUE, LOOP, DT_S, 0.1)
+    observer = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012)
     assert observer.start(80.0, 6.0).hysteresis.y == pytest.approx(6.0)
     assert observer.start(80.0, float("nan")).hysteresis.y == pytest.approx(LOOP.initial_state(80.0).y)
+
+
+def test_a_displacement_sensor_puts_the_phase_of_a_wrong_model_right():
+    shifted = DuhemModel.gaussian(
+        mu_heating=92, mu_cooling=70, sigma_heating=6, sigma_cooling=6, scale=12, input_range=(0, 160)
+    )
+    *_, displacement, blind, _ = follow(TRUE, POWERS, model=shifted)
+    *_, displacement, seeing, _ = follow(TRUE, POWERS, model=shifted, noise_mm=0.012)
+    assert rms(blind - displacement) > 0.05 * 12
+    assert rms(seeing - displacement) < 0.005 * 12
+
+
+def test_a_displacement_sensor_makes_the_temperature_better_too():
+    wire, _, blind, *_ = follow(TRUE, POWERS)
+    _, _, seeing, *_ = follow(TRUE, POWERS, noise_mm=0.012)
+    assert rms(seeing - wire) < rms(blind - wire)
+
+
+def test_an_observer_goes_on_from_the_estimate_of_another():
+    other = DuhemModel.gaussian(
+        mu_heating=88, mu_cooling=70, sigma_heating=6, sigma_cooling=6, scale=12, input_range=(0, 160)
+    )
+    before = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012).start(85.0, 6.0)
+    after = WireObserver(WireModel(other, TRUE), DT_S, 0.1, 0.012).adopt(before)
+    assert after.temperature_c == before.temperature_c
+    assert after.hysteresis.y == pytest.approx(before.hysteresis.y)
+
+
+def test_what_is_seen_never_leaves_what_the_model_can_be_in():
+    observer = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012)
+    estimate = observer.start(22.0, float("nan"))
+    for _ in range(100):
+        estimate = observer.update(estimate, 22.0, -3.0, 0.0, DT_S)
+    low, high = LOOP.admissible(estimate.hysteresis.v)
+    assert low <= estimate.hysteresis.w <= high

@@ -95,3 +95,20 @@ def test_without_end_it_returns_to_where_it_begins():
     assert reference.cycle_s == pytest.approx(14.0)
     values = np.array([reference.value_mm(t) for t in np.arange(0.0, 42.0, 0.05)])
     assert np.abs(np.diff(values)).max() < 0.15
+
+
+def test_a_reference_knows_when_it_next_turns():
+    trapezoid = Reference.from_samples([0, 2, 5, 7, 9, 11], [1, 3, 3, 1, 1, 2])
+    assert trapezoid.next_turn_s(0.0, 1) == 5.0
+    assert trapezoid.next_turn_s(4.9, 1) == 5.0
+    assert trapezoid.next_turn_s(5.0, -1) == 9.0
+    assert trapezoid.next_turn_s(0.0, -1) == 9.0
+    assert trapezoid.next_turn_s(9.0, 1) == float("inf")
+
+
+def test_an_endless_reference_turns_again_and_again():
+    reference = Reference.from_samples([0, 2, 5, 7], [1, 3, 3, 1]).without_end(return_s=1.0)
+    assert reference.next_turn_s(0.0, 1) == 5.0
+    assert reference.next_turn_s(5.5, -1) == pytest.approx(7.0)
+    assert reference.next_turn_s(5.5 + 700.0, -1) == pytest.approx(707.0)
+    assert reference.next_turn_s(8.0, 1) == pytest.approx(12.0)

@@ -2,11 +2,11 @@
 
 import pytest
 
-from smadrive.control.controller import TrackingController
 from smadrive.control.feedback import HANDOVER_S, PIGains, TemperatureFeedback
-from smadrive.control.feedforward import DisplacementFeedforward, HysteresisInverse
-from smadrive.control.observer import WireObserver
+from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.reference import sine
+from smadrive.control.tracking import TrackingController, TrackingSettings
+from smadrive.control.wire import WireModel
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
 from smadrive.thermal import HeatBalance
@@ -24,12 +24,9 @@ def wire(mu_heating=90.0):
 def controller(model, feedforward_share=1.0):
     return TrackingController(
         sine(low_mm=3.0, high_mm=9.0, period_s=56.0),
-        WireObserver(BALANCE, model, PERIOD_S, noise_c=0.1),
-        DisplacementFeedforward(HysteresisInverse(model), model, BALANCE),
-        BALANCE,
-        PIGains.for_balance(BALANCE, 0.25, 5.0),
-        0.6,
-        feedforward_share,
+        WireModel(model, BALANCE),
+        HysteresisInverse(model),
+        TrackingSettings(PERIOD_S, 0.6, 0.25, 5.0, 0.1, feedforward_share),
     )
 
 
@@ -77,7 +74,9 @@ def test_the_estimate_goes_on_in_the_terms_of_the_new_model():
 
 
 def test_a_share_of_the_feedforward_leaves_the_rest_to_the_feedback():
-    whole, half = (controller(wire(), share).update(0.0, reading(0.0, 84.0), PERIOD_S) for share in (1.0, 0.5))
-    proportional_w = BALANCE.heat_capacity_j_per_k / 0.25 * (whole.wanted_c - whole.estimated_c)
+    whole, half, quarter = (
+        controller(wire(), share).update(0.0, reading(0.0, 84.0), PERIOD_S) for share in (1.0, 0.5, 0.25)
+    )
     assert half.wanted_c == whole.wanted_c
-    assert half.power_w - proportional_w == pytest.approx(0.5 * (whole.power_w - proportional_w))
+    assert whole.power_w - half.power_w > 0.1
+    assert whole.power_w - half.power_w == pytest.approx(2.0 * (half.power_w - quarter.power_w))

@@ -1,0 +1,62 @@
+"""The wire as it was identified: heat balance and hysteresis together, one step at a time.
+
+Temperature and phase depend on each other: the transformation takes heat, and the temperature drives it. Over a short
+way the slope dw/dT is constant, and the balance is exact then; a longer way is gone in pieces, each with the mean slope
+over it (that at its start, improved once).
+"""
+
+from __future__ import annotations
+
+from math import ceil
+from typing import NamedTuple
+
+from smadrive.hysteresis import HysteresisModel, HysteresisState
+from smadrive.thermal import HeatBalance
+
+SHORT_WAY_C = 0.1
+"""Over this way the slope of the hysteresis is taken for constant, K."""
+
+PIECE_C = 2.0
+"""Length of the pieces of a longer way, K."""
+
+
+class WireState(NamedTuple):
+    """Wire temperature and the state of its hysteresis."""
+
+    temperature_c: float
+    hysteresis: HysteresisState
+
+
+class WireModel:
+    """The identified wire. Its `step` is that of every model: state in, state out."""
+
+    def __init__(self, model: HysteresisModel, balance: HeatBalance) -> None:
+        self.model = model
+        self.balance = balance
+
+    def step(self, state: WireState, power_w: float, dt_s: float) -> WireState:
+        """The wire after `dt_s` at constant power."""
+        way_c = self._heated_c(state, power_w, dt_s) - state.temperature_c
+        pieces = ceil(abs(way_c) / PIECE_C) or 1
+        for _ in range(pieces):
+            state = self._piece(state, power_w, dt_s / pieces)
+        return state
+
+    def _piece(self, state: WireState, power_w: float, dt_s: float) -> WireState:
+        wire_c, hysteresis = state
+        after_c = self._heated_c(state, power_w, dt_s)
+        way_c = after_c - wire_c
+        if abs(way_c) > SHORT_WAY_C:
+            per_k = (self.model.step(hysteresis, hysteresis.v + way_c).w - hysteresis.w) / way_c
+            after_c = self.balance.step(wire_c, power_w, per_k, dt_s)
+        return WireState(after_c, self.model.step(hysteresis, hysteresis.v + after_c - wire_c))
+
+    def _heated_c(self, state: WireState, power_w: float, dt_s: float) -> float:
+        """Temperature after `dt_s` with the slope at the start."""
+        settled_c = self.balance.ambient_c + power_w / self.balance.loss_w_per_k
+        per_k = self.phase_per_k(state.hysteresis, 1 if settled_c > state.temperature_c else -1)
+        return self.balance.step(state.temperature_c, power_w, per_k, dt_s)
+
+    def phase_per_k(self, hysteresis: HysteresisState, direction: int) -> float:
+        """dw/dT at a state, heating (+1) or cooling (-1)."""
+        return self.model.slope(hysteresis, direction) / self.model.scale

@@ -1,0 +1,158 @@
+"""The tracking controller on a simulated wire: as exact as its model, trimmed where that is wrong."""
+
+import dataclasses
+from math import nan
+
+import numpy as np
+import pytest
+
+from smadrive.control.feedforward import HysteresisInverse
+from smadrive.control.reference import Reference, sine
+from smadrive.control.tracking import TrackingController, TrackingSettings
+from smadrive.control.wire import WireModel, WireState
+from smadrive.hysteresis import DuhemModel
+from smadrive.measurement import Measurement
+from smadrive.thermal import HeatBalance
+
+DT_S = 0.05
+SETTINGS = TrackingSettings(DT_S, 0.6, closed_loop_s=0.25, integral_s=2.0, noise_c=0.1)
+BALANCE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
+
+
+def loop(shift_k=0.0, width=5.0):
+    return DuhemModel.gaussian(
+        mu_heating=90 + shift_k,
+        mu_cooling=69 + shift_k,
+        sigma_heating=width,
+        sigma_cooling=width,
+        scale=12,
+        input_range=(0, 160),
+    )
+
+
+class Bench:
+    """A wire with noisy sensors; a command acts one period after the measurement that it answers."""
+
+    def __init__(self, wire, sensor):
+        self.wire, self.sensor = wire, sensor
+        self.state = WireState(22.0, wire.model.initial_state(22.0))
+        self.reading_c, self.time_s = 22.0, 0.0
+        self.in_force_a = self.sent_a = 0.0
+        self.noise = np.random.default_rng(7)
+
+    def measurement(self):
+        seen_mm = self.state.hysteresis.y + self.noise.normal(0, 0.012) if self.sensor else nan
+        ohm = self.wire.balance.resistance_ohm(self.state.hysteresis.w)
+        reading_c = self.reading_c + self.noise.normal(0, 0.1)
+        return Measurement(self.time_s, reading_c, self.in_force_a, self.in_force_a * ohm, seen_mm)
+
+    def advance(self, current_a):
+        self.in_force_a, self.sent_a = self.sent_a, current_a
+        for _ in range(5):
+            before = self.state
+            power_w = self.in_force_a**2 * self.wire.balance.resistance_ohm(before.hysteresis.w)
+            self.state = self.wire.step(before, power_w, DT_S / 5)
+            self.reading_c = self.wire.balance.step_thermocouple(
+                self.reading_c, before.temperature_c, self.state.temperature_c, DT_S / 5
+            )
+        self.time_s += DT_S
+
+    def run(self, controller, until_s):
+        """Rows of (time, reference, displacement, commanded power)."""
+        rows = []
+        while self.time_s < until_s:
+            command = controller.update(self.time_s, self.measurement(), DT_S)
+            rows.append((self.time_s, command.wanted_mm, self.state.hysteresis.y, command.power_w))
+            self.advance(command.current_a)
+        return np.array(rows)
+
+
+def controller(reference, model, balance=BALANCE, settings=SETTINGS, before=None):
+    made = TrackingController(reference, WireModel(model, balance), HysteresisInverse(model), settings)
+    if before is not None:
+        made.take_over(before)
+    return made
+
+
+REFERENCE = sine(low_mm=2.4, high_mm=9.6, period_s=56.0, cycles=1.0).with_approach(0.0, 10.0)
+
+
+def errors_percent(rows):
+    scored = rows[rows[:, 0] >= REFERENCE.scored_from_s]
+    error = 100 * (scored[:, 1] - scored[:, 2]) / 12
+    return float(np.sqrt(np.mean(error**2))), float(np.max(np.abs(error)))
+
+
+def track(known, sensor, balance=BALANCE):
+    bench = Bench(WireModel(loop(), BALANCE), sensor)
+    return errors_percent(bench.run(controller(REFERENCE, known, balance), REFERENCE.duration_s))
+
+
+@pytest.mark.parametrize(("sensor", "rms_percent", "max_percent"), [(False, 0.4, 1.0), (True, 0.1, 0.5)])
+def test_a_known_wire_is_tracked_to_a_fraction_of_a_percent(sensor, rms_percent, max_percent):
+    rms, largest = track(loop(), sensor)
+    assert rms < rms_percent
+    assert largest < max_percent
+
+
+def test_a_wrong_heat_balance_costs_little():
+    wrong = dataclasses.replace(BALANCE, loss_w_per_k=0.0138, heat_capacity_j_per_k=0.026, latent_heat_j=0.7)
+    assert track(loop(), sensor=False, balance=wrong)[0] < 0.6
+
+
+def test_a_displacement_sensor_makes_up_for_a_wrong_model():
+    wrong = loop(shift_k=1.0, width=6.0)
+    blind, seeing = track(wrong, sensor=False)[0], track(wrong, sensor=True)[0]
+    assert blind > 3.0
+    assert seeing < 0.4
+
+
+def swapped(change):
+    """Powers commanded around a change of controllers at 30 s, and the rows after it."""
+    bench = Bench(WireModel(loop(), BALANCE), sensor=True)
+    first = controller(REFERENCE, loop())
+    before = bench.run(first, 30.0)
+    after = bench.run(change(first), REFERENCE.duration_s)
+    return before[:, 3], after[:, 3], after
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda before: controller(REFERENCE, loop(), before=before),
+        lambda before: controller(REFERENCE, loop(shift_k=0.3, width=5.5), before=before),
+        lambda before: controller(
+            REFERENCE, loop(), settings=dataclasses.replace(SETTINGS, closed_loop_s=0.4), before=before
+        ),
+        lambda before: controller(
+            REFERENCE, loop(), balance=dataclasses.replace(BALANCE, loss_w_per_k=0.0125), before=before
+        ),
+    ],
+    ids=["nothing", "model", "gains", "heat balance"],
+)
+def test_a_change_at_run_time_makes_no_bump_and_tracks_on(change):
+    before, after, rows = swapped(change)
+    steady = np.abs(np.diff(before[-100:])).max()
+    assert abs(after[0] - before[-1]) < 2.0 * steady + 0.002
+    error = 100 * (rows[:, 1] - rows[:, 2]) / 12
+    assert np.sqrt(np.mean(error**2)) < 0.3
+
+
+def test_a_new_reference_is_approached_from_where_the_wire_is():
+    bench = Bench(WireModel(loop(), BALANCE), sensor=True)
+    first = controller(REFERENCE, loop())
+    bench.run(first, 30.0)
+    here_mm = first.state.estimate.hysteresis.y
+    there = Reference.from_samples([0.0, 30.0, 34.0, 50.0], [here_mm, here_mm, 5.0, 5.0])
+    rows = bench.run(controller(there, loop(), before=first), 50.0)
+    assert np.abs(rows[-100:, 2] - 5.0).max() < 0.01 * 12
+
+
+def test_a_lost_reading_is_bridged():
+    bench = Bench(WireModel(loop(), BALANCE), sensor=False)
+    tracker = controller(REFERENCE, loop())
+    bench.run(tracker, 25.0)
+    for _ in range(10):
+        command = tracker.update(bench.time_s, dataclasses.replace(bench.measurement(), temperature_c=nan), DT_S)
+        bench.advance(command.current_a)
+    assert abs(bench.state.hysteresis.y - REFERENCE.value_mm(bench.time_s)) < 0.01 * 12

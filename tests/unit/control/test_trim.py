@@ -1,0 +1,17 @@
+"""The displacement trim: integrates what the wire owes, and nothing else."""
+
+import pytest
+
+from smadrive.control.trim import FOLLOWS_C, SLOWER, DisplacementTrim
+
+
+def test_a_lasting_error_is_made_up_for_within_the_integral_time():
+    trim_mm = 0.0
+    for _ in range(20):
+        trim_mm = DisplacementTrim(0.25).update(trim_mm, 0.1, 0.0, SLOWER * 0.25 / 20)
+    assert trim_mm == pytest.approx(0.1)
+
+
+@pytest.mark.parametrize("error_c", [FOLLOWS_C + 0.01, -10.0, float("inf")])
+def test_a_wire_on_its_way_across_the_hysteresis_winds_nothing_up(error_c):
+    assert DisplacementTrim(0.25).update(0.02, 0.5, error_c, 0.05) == 0.02

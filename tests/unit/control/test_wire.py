@@ -1,0 +1,47 @@
+"""The identified wire: heat and transformation together, whatever the step."""
+
+import pytest
+
+from smadrive.control.wire import WireModel, WireState
+from smadrive.hysteresis import DuhemModel
+from smadrive.thermal import HeatBalance
+
+WIRE = WireModel(
+    DuhemModel.gaussian(mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 160)),
+    HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15),
+)
+
+
+def run(power_w, start_c, seconds, steps):
+    state = WireState(start_c, WIRE.model.initial_state(start_c))
+    for _ in range(steps):
+        state = WIRE.step(state, power_w, seconds / steps)
+    return state
+
+
+@pytest.mark.parametrize(("power_w", "start_c"), [(5.0, 30.0), (1.1, 80.0), (0.0, 110.0)])
+def test_a_long_step_ends_where_many_short_ones_end(power_w, start_c):
+    long, short = run(power_w, start_c, 0.4, 1), run(power_w, start_c, 0.4, 2000)
+    assert long.temperature_c == pytest.approx(short.temperature_c, abs=0.1)
+    assert long.hysteresis.w == pytest.approx(short.hysteresis.w, abs=0.005)
+
+
+def test_the_heat_that_goes_in_is_found_again():
+    """What is neither stored nor transformed is lost to the room."""
+    state, lost_j = WireState(30.0, WIRE.model.initial_state(30.0)), 0.0
+    for _ in range(4000):
+        after = WIRE.step(state, 2.0, 5e-4)
+        lost_j += 5e-4 * WIRE.balance.loss_w_per_k * (0.5 * (state.temperature_c + after.temperature_c) - 22.0)
+        state = after
+    stored_j = WIRE.balance.heat_capacity_j_per_k * (state.temperature_c - 30.0)
+    transformed_j = WIRE.balance.latent_heat_j * state.hysteresis.w
+    assert stored_j + transformed_j + lost_j == pytest.approx(2.0 * 2.0, rel=1e-3)
+
+
+def test_the_slope_is_that_of_the_phase_also_where_displacement_falls_on_heating():
+    falling = DuhemModel.gaussian(
+        mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=-12, offset=12, input_range=(0, 160)
+    )
+    wire = WireModel(falling, WIRE.balance)
+    state = falling.initial_state(88.0)
+    assert wire.phase_per_k(state, 1) == pytest.approx(WIRE.phase_per_k(WIRE.model.initial_state(88.0), 1))
