@@ -1,24 +1,19 @@
-"""What a log tells of the run behind it: rig, experiment, wire, and how well the reference was followed."""
+"""What a log tells of the run behind it: rig, experiment, wire. DataError when it does not tell it."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import fields
 
 import numpy as np
-from numpy.typing import NDArray
 
 from smadrive.configfile import validate
-from smadrive.control.loop import LATE_FRACTION, LoopFigures
 from smadrive.control.reference import Reference
-from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, ExcitationRecord
 from smadrive.rigconfig import RigConfig
 from smadrive.telemetry.log import Log
 from smadrive.thermal import HeatBalance
 from smadrive.wirefile import parse_wire
-
-Array = NDArray[np.float64]
 
 
 def excitation_record(log: Log) -> ExcitationRecord:
@@ -59,43 +54,3 @@ def travel_mm(model: HysteresisModel) -> tuple[float, float]:
     """Displacement of the cold and of the fully heated wire: the ends of the model's major loop."""
     cold_c, hot_c = model.input_range
     return model.initial_state(cold_c).y, model.initial_state(hot_c).y
-
-
-def error_percent(log: Log, model: HysteresisModel) -> Array:
-    """Reference - displacement of every row, in % of the stroke of `model`; NaN where nothing was measured."""
-    cold_mm, hot_mm = travel_mm(model)
-    return 100.0 * (log.columns["reference_mm"] - log.columns["displacement_mm"]) / abs(hot_mm - cold_mm)
-
-
-def missed_deadlines(log: Log) -> int:
-    """How many of the recorded ticks began too late."""
-    return int(np.count_nonzero(log.columns["late_s"] > LATE_FRACTION / logged_rig(log).rate_hz))
-
-
-@dataclass(frozen=True)
-class TrackingFigures:
-    """How a run went: error = reference - displacement in % of the stroke, after the approach."""
-
-    rms_percent: float
-    max_percent: float
-    ticks: int
-    missed_deadlines: int
-    trips: int
-    log_file: str
-
-
-def tracking_figures(log: Log, loop: LoopFigures) -> TrackingFigures:
-    """The figures of a recorded tracking run. DataError when the rig has no displacement sensor to judge it by."""
-    model, _ = logged_wire(log)
-    scored = log.column("time_s") >= logged_reference(log).scored_from_s
-    percent = error_percent(log, model)[scored]
-    if percent.size == 0 or not np.all(np.isfinite(percent)):
-        raise DataError(f"{log.path}: no displacement was measured: the tracking error is unknown")
-    return TrackingFigures(
-        float(np.sqrt(np.mean(percent**2))),
-        float(np.max(np.abs(percent))),
-        loop.ticks,
-        loop.missed_deadlines,
-        loop.trips,
-        str(log.path),
-    )

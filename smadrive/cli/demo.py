@@ -18,9 +18,10 @@ from smadrive.control.feedforward import DisplacementInverse, HysteresisInverse,
 from smadrive.control.loop import Tick
 from smadrive.control.reference import Reference, sine
 from smadrive.identification.wire_fit import WireFit, identify_wire
-from smadrive.loggedrun import TrackingFigures, excitation_record, tracking_figures, travel_mm
+from smadrive.loggedrun import excitation_record, travel_mm
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
+from smadrive.runfigures import TrackingFigures, tracking_figures
 from smadrive.runlog import TickRecorder, record_excitation, record_tracking
 from smadrive.telemetry.log import Log, read_log
 from smadrive.testing.simulator import ServedSimulator

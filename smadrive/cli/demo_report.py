@@ -6,18 +6,26 @@ from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
 from smadrive.identification.wire_fit import WireFit
-from smadrive.loggedrun import TrackingFigures
+from smadrive.runfigures import TrackingFigures
 from smadrive.telemetry.log import Log
-from smadrive.telemetry.report import Plot, write_report
+from smadrive.telemetry.plots import (
+    COOLING,
+    ESTIMATED,
+    FAINT,
+    HEATING,
+    MEASURED,
+    WANTED,
+    legend,
+    line,
+    panels,
+)
+from smadrive.telemetry.report import Grid, Notes, Plot, write_report
 
 ArmView = tuple[str, Log, TrackingFigures]
 
-COLOURS = ("tab:blue", "tab:orange")
-REFERENCE_COLOUR = "black"
+ARM_COLOURS = (MEASURED, ESTIMATED)
 
 
 def write_demo_report(path: Path, wire: WireFit, excitation: Log, arms: Sequence[ArmView]) -> None:
@@ -31,10 +39,14 @@ def write_demo_report(path: Path, wire: WireFit, excitation: Log, arms: Sequence
         "smadrive demo: a simulated SMA wire moves where it is told",
         "Errors are reference minus displacement, in percent of the stroke, without displacement feedback: "
         "the sensor only judges.",
-        ("run", "RMS error", "max error", "trips", "missed deadlines"),
-        rows,
-        [_loop_plot(wire, excitation), _tracking_plot(arms), _error_plot(arms), _temperature_plot(arms)],
-        _notes(wire, excitation),
+        [
+            Grid(("run", "RMS error", "max error", "trips", "missed deadlines"), rows),
+            _loop_plot(wire, excitation),
+            _tracking_plot(arms),
+            _error_plot(arms),
+            _temperature_plot(arms),
+            Notes(_notes(wire, excitation)),
+        ],
     )
 
 
@@ -55,16 +67,16 @@ def _notes(wire: WireFit, excitation: Log) -> list[str]:
 
 
 def _loop_plot(wire: WireFit, excitation: Log) -> Plot:
-    figure, axes = _axes(1)
-    (ax,) = axes
+    figure, (ax,) = panels((4.0,))
     model = wire.hysteresis.model
     temperature, displacement = wire.thermal.wire_temperature_c, excitation.column("displacement_mm")
-    ax.plot(temperature, displacement, ".", ms=1.5, color="0.6", label="measured (excitation)")
-    low, high = float(temperature.min()), float(temperature.max())
-    sweep = np.concatenate((np.linspace(low, high, 400), np.linspace(high, low, 400)))
-    ax.plot(sweep, model.simulate(sweep), color=COLOURS[0], lw=1.5, label="identified model, major loop")
+    ax.plot(temperature, displacement, ".", ms=2, color=FAINT, label="measured (excitation)", rasterized=True)
+    sweep = np.linspace(float(temperature.min()), float(temperature.max()), 400)
+    heating, cooling = np.split(model.simulate(np.concatenate((sweep, sweep[::-1]))), 2)
+    ax.plot(sweep, heating, color=HEATING, lw=1.5, label="identified model, heating")
+    ax.plot(sweep[::-1], cooling, color=COOLING, lw=1.5, label="cooling")
     ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")
-    ax.legend()
+    legend(ax)
     return Plot(
         "The loop",
         figure,
@@ -73,16 +85,13 @@ def _loop_plot(wire: WireFit, excitation: Log) -> Plot:
 
 
 def _tracking_plot(arms: Sequence[ArmView]) -> Plot:
-    figure, axes = _axes(1)
-    (ax,) = axes
+    figure, (ax,) = panels((3.6,))
+    for (name, log, _), colour in zip(arms, ARM_COLOURS, strict=True):
+        line(ax, log.column("time_s"), log.columns["displacement_mm"], color=colour, label=name)
     _, first, _ = arms[0]
-    for (name, log, _), colour in zip(arms, COLOURS, strict=True):
-        ax.plot(log.columns["time_s"], log.columns["displacement_mm"], color=colour, lw=1, label=name)
-    ax.plot(
-        first.columns["time_s"], first.columns["reference_mm"], "--", color=REFERENCE_COLOUR, lw=1, label="reference"
-    )
+    line(ax, first.column("time_s"), first.columns["reference_mm"], color=WANTED, ls="--", lw=1, label="reference")
     ax.set(xlabel="time / s", ylabel="displacement / mm")
-    ax.legend()
+    legend(ax)
     return Plot(
         "Tracking",
         figure,
@@ -91,37 +100,29 @@ def _tracking_plot(arms: Sequence[ArmView]) -> Plot:
 
 
 def _error_plot(arms: Sequence[ArmView]) -> Plot:
-    figure, axes = _axes(len(arms))
-    for ax, (name, log, figures), colour in zip(axes, arms, COLOURS, strict=True):
+    figure, axes = panels((1.9,) * len(arms))
+    for ax, (name, log, figures), colour in zip(axes, arms, ARM_COLOURS, strict=True):
         error = log.columns["reference_mm"] - log.columns["displacement_mm"]
-        ax.plot(log.columns["time_s"], error, color=colour, lw=0.8)
-        ax.axhline(0.0, color=REFERENCE_COLOUR, lw=0.5)
+        line(ax, log.column("time_s"), error, color=colour, lw=0.8)
+        ax.axhline(0.0, color=WANTED, lw=0.5)
         ax.set(ylabel="error / mm", title=f"{name}: {figures.rms_percent:.2f} % RMS")
     axes[-1].set_xlabel("time / s")
     return Plot("Error", figure, "Mind the scales: each run has its own.")
 
 
 def _temperature_plot(arms: Sequence[ArmView]) -> Plot:
-    figure, axes = _axes(2)
-    name, log, _ = arms[0]
-    time = log.columns["time_s"]
-    axes[0].plot(time, log.columns["temperature_c"], color="0.7", lw=0.8, label="thermocouple")
-    axes[0].plot(time, log.columns["estimated_c"], color=COLOURS[0], lw=1, label="estimated wire")
-    axes[0].plot(time, log.columns["wanted_c"], "--", color=REFERENCE_COLOUR, lw=0.8, label="wanted")
-    axes[0].set(ylabel="temperature / °C", title=name)
-    axes[0].legend()
-    axes[1].plot(time, 1e3 * log.columns["current_a"], color=COLOURS[0], lw=0.8)
-    axes[1].set(xlabel="time / s", ylabel="heater current / mA")
+    figure, (upper, lower) = panels((2.4, 1.8))
+    _, log, _ = arms[0]
+    time_s = log.column("time_s")
+    line(upper, time_s, log.columns["temperature_c"], color=FAINT, lw=1.6, label="thermocouple")
+    line(upper, time_s, log.columns["estimated_c"], color=ESTIMATED, label="wire, estimated")
+    line(upper, time_s, log.columns["wanted_c"], color=WANTED, ls="--", lw=0.8, label="wanted")
+    upper.set_ylabel("temperature / °C")
+    legend(upper)
+    line(lower, time_s, 1e3 * log.columns["current_a"], color=MEASURED, lw=0.9)
+    lower.set(xlabel="time / s", ylabel="heater current / mA")
     return Plot(
         "What the driver did",
         figure,
         "At every turning point the wire must cross the width of the loop before it moves again.",
     )
-
-
-def _axes(rows: int) -> tuple[Figure, list[Axes]]:
-    figure = Figure(figsize=(9, 2.4 + 2.2 * rows), layout="constrained")
-    axes = figure.subplots(rows, 1, sharex=True, squeeze=False)
-    for ax in axes[:, 0]:
-        ax.grid(alpha=0.3)
-    return figure, list(axes[:, 0])

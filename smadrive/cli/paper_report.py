@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem
-from smadrive.telemetry.report import Plot, write_report
+from smadrive.telemetry.report import Grid, Listing, Notes, Plot, write_report
 
 Array = NDArray[np.float64]
 HEADER = ("22 rules", "major loop", "mixed loop", "unseen, median", "unseen, worst")
@@ -40,10 +40,12 @@ def write_paper_report(
         "Modeling of dynamic hysteresis based on a T-S fuzzy Duhem model, redone",
         "Errors are model minus Duhem model, in the unit of k = 40; unseen: the largest error on each of a hundred "
         "random loops that no fit saw, in % of k.",
-        HEADER,
-        rows,
-        plots,
-        [*reading, "The rules, fitted centres:", *best.rules_text().splitlines()],
+        [
+            Grid(HEADER, rows),
+            *plots,
+            Notes(reading),
+            Listing("The rules, fitted centres", best.rules_text()),
+        ],
     )
 
 

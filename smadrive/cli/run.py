@@ -16,10 +16,11 @@ from smadrive.control.loop import Tick
 from smadrive.control.reference import Reference, parse_reference
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
-from smadrive.loggedrun import TrackingFigures, tracking_figures, travel_mm
+from smadrive.loggedrun import travel_mm
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
+from smadrive.runfigures import TrackingFigures, tracking_figures
 from smadrive.runlog import record_tracking
 from smadrive.telemetry.log import read_log
 from smadrive.telemetry.table import read_table

@@ -21,6 +21,9 @@ from smadrive.errors import DataError
 
 Array = NDArray[np.float64]
 
+ENDED_BY = "ended by "
+"""How the event begins that tells what ended a run before its time."""
+
 
 class Event(NamedTuple):
     """Something that happened at `time_s`."""
@@ -42,6 +45,12 @@ class Log:
     start_time: str
     end_time: str
     version: str
+
+    @property
+    def ended_by(self) -> str:
+        """What ended the run before its time; empty when nothing did."""
+        causes = [event.message for event in self.events if event.message.startswith(ENDED_BY)]
+        return causes[-1].removeprefix(ENDED_BY) if causes else ""
 
     def column(self, name: str) -> Array:
         """The named column; DataError when there is none, or when it holds a value that is not finite."""

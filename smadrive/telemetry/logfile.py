@@ -199,7 +199,7 @@ def _reserve(
 
 
 def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
-    group = parent.create_group(name)
+    group = parent.create_group(name, track_order=True)
     group.attrs["NX_class"] = nexus_class
     return group
 

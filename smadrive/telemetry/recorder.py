@@ -13,6 +13,7 @@ from typing import Self
 
 import numpy as np
 
+from smadrive.telemetry.log import ENDED_BY
 from smadrive.telemetry.logfile import GROWTH_ROWS, LogFile
 
 BUFFER_S = 1.0
@@ -42,7 +43,7 @@ class Recorder:
         """Write what is buffered, and the error that ended the run as its last event."""
         try:
             if error is not None:
-                for message in (f"{type(error).__name__}: {error}", *getattr(error, "__notes__", ())):
+                for message in (ENDED_BY + _cause(error), *getattr(error, "__notes__", ())):
                     self.event(message)
         finally:
             self.close()
@@ -73,3 +74,9 @@ class Recorder:
             self.flush()
         finally:
             self._file.finish()
+
+
+def _cause(error: BaseException) -> str:
+    if isinstance(error, KeyboardInterrupt | SystemExit):
+        return "interruption: Ctrl-C or SIGTERM"
+    return f"{type(error).__name__}: {error}"

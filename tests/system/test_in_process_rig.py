@@ -11,9 +11,10 @@ from smadrive.control.feedforward import HysteresisInverse, StaticMap
 from smadrive.control.reference import sine
 from smadrive.errors import SafetyError, TripError
 from smadrive.identification.wire_fit import identify_wire
-from smadrive.loggedrun import excitation_record, nominal_balance, tracking_figures, travel_mm
+from smadrive.loggedrun import excitation_record, nominal_balance, travel_mm
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
+from smadrive.runfigures import tracking_figures
 from smadrive.runlog import record_excitation, record_tracking
 from smadrive.telemetry.log import read_log
 

@@ -86,7 +86,8 @@ def test_a_run_that_fails_leaves_a_complete_log_that_says_why(tmp_path):
         raise error
     log = read_log(tmp_path / "run.h5")
     assert log.column("time_s").size == 1
-    assert log.events == ((0.05, "RuntimeError: unplugged"), (0.05, "cut the supply"))
+    assert log.ended_by == "RuntimeError: unplugged"
+    assert log.events == ((0.05, "ended by RuntimeError: unplugged"), (0.05, "cut the supply"))
 
 
 def test_an_empty_run_is_a_readable_log(tmp_path):
@@ -183,5 +184,5 @@ def test_a_disk_that_fills_during_the_run_leaves_what_it_took(tmp_path):
     assert "run.h5: the log takes no more (File too large)" in done.stdout
     log = read_log(path)
     assert log.column("time_s").size > GROWTH_ROWS
-    assert log.events[-1].message.startswith("DataError: ")
+    assert log.ended_by.startswith("DataError: ")
     assert log.end_time

@@ -1,0 +1,52 @@
+"""`smadrive report`: a log as one page to look at and to show, and as a table for other programs."""
+
+from __future__ import annotations
+
+from dataclasses import asdict
+from math import isfinite
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from smadrive.cli.log_report import write_log_report
+from smadrive.cli.output import AsJson, Output
+from smadrive.telemetry.log import read_log
+from smadrive.telemetry.table import write_table
+
+
+def main(
+    log_file: Annotated[Path, typer.Argument(metavar="LOG", help="Log (.h5) of `run`, `excite` or `demo`.")],
+    report_file: Annotated[
+        Path | None, typer.Option("--report-file", "-o", help="Page (HTML) to write; beside the log by default.")
+    ] = None,
+    csv_file: Annotated[Path | None, typer.Option("--csv", help="CSV to write with every column of the log.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Show the run in LOG, complete or cut, on one self-contained page: plots, figures, faults, provenance."""
+    output = Output(as_json)
+    log = read_log(log_file)
+    page = report_file or log_file.with_suffix(".html")
+    with output.progress() as progress:
+        progress.add_task(f"drawing {log_file.name}", total=None)
+        summary = write_log_report(page, log)
+        if csv_file is not None:
+            write_table(csv_file, {}, log.columns)
+    output.say(f"report: {page}" + ("" if csv_file is None else f"   CSV: {csv_file}"))
+    figures = {name: _finite(value) for name, value in asdict(summary).items()}
+    output.result(
+        {
+            "log_file": str(log_file),
+            "report_file": str(page),
+            "csv_file": None if csv_file is None else str(csv_file),
+            "complete": bool(log.end_time) and not log.ended_by,
+            "ended_by": log.ended_by if log.end_time else "a kill, or it still runs",
+            **figures,
+            "events": [event._asdict() for event in log.events],
+        }
+    )
+
+
+def _finite(value: float | str) -> float | str | None:
+    """JSON has no NaN: what is not known becomes null."""
+    return value if isinstance(value, str) or isfinite(value) else None

@@ -1,0 +1,99 @@
+"""How a recorded run went: the tracking error, and what the loop, the heater and the wire did."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import nan
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smadrive.control.loop import LATE_FRACTION, LoopFigures
+from smadrive.errors import DataError
+from smadrive.loggedrun import logged_reference, logged_rig, logged_wire, travel_mm
+from smadrive.telemetry.log import Log
+
+Array = NDArray[np.float64]
+
+
+def error_percent(log: Log) -> Array:
+    """Reference - displacement of every row, in % of the stroke; NaN during the approach and where nothing is measured.
+
+    DataError when the log is of no tracking run.
+    """
+    cold_mm, hot_mm = travel_mm(logged_wire(log)[0])
+    error = 100.0 * (log.columns["reference_mm"] - log.columns["displacement_mm"]) / abs(hot_mm - cold_mm)
+    return np.where(log.column("time_s") >= logged_reference(log).scored_from_s, error, nan)
+
+
+@dataclass(frozen=True)
+class TrackingFigures:
+    """How a run went: error = reference - displacement in % of the stroke, after the approach."""
+
+    rms_percent: float
+    max_percent: float
+    ticks: int
+    missed_deadlines: int
+    trips: int
+    log_file: str
+
+
+def tracking_figures(log: Log, loop: LoopFigures) -> TrackingFigures:
+    """The figures of a recorded tracking run. DataError when the rig has no displacement sensor to judge it by."""
+    rms, largest = _rms_and_max(error_percent(log)[log.column("time_s") >= logged_reference(log).scored_from_s])
+    if not np.isfinite(rms):
+        raise DataError(f"{log.path}: no displacement was measured: the tracking error is unknown")
+    return TrackingFigures(rms, largest, loop.ticks, loop.missed_deadlines, loop.trips, str(log.path))
+
+
+@dataclass(frozen=True)
+class RunSummary:
+    """What a log alone tells of its run, complete or cut; NaN where it is not known.
+
+    `energy_j` is what the heater gave; `limited_percent` the share of the ticks in which something held it back.
+    """
+
+    kind: str
+    ticks: int
+    duration_s: float
+    rms_percent: float
+    max_percent: float
+    missed_deadlines: int
+    late_max_s: float
+    temperature_max_c: float
+    current_max_a: float
+    energy_j: float
+    limited_percent: float
+
+
+def run_summary(log: Log) -> RunSummary:
+    """The summary of `log`. DataError when nothing was recorded."""
+    time_s, late_s = log.column("time_s"), log.column("late_s")
+    if time_s.size == 0:
+        raise DataError(f"{log.path}: no tick was recorded: there is nothing to report")
+    tracked = "reference" in log.about
+    error = error_percent(log) if tracked else np.array([nan])
+    power_w = log.columns["current_a"] * log.columns["voltage_v"]
+    return RunSummary(
+        log.about["kind"],
+        time_s.size,
+        float(time_s[-1]),
+        *_rms_and_max(error[np.isfinite(error)]),
+        int(np.count_nonzero(late_s > LATE_FRACTION / logged_rig(log).rate_hz)),
+        float(late_s.max()),
+        _largest(log.columns["temperature_c"]),
+        _largest(log.columns["current_a"]),
+        float(np.nansum(power_w[1:] * np.diff(time_s))),
+        100.0 * float(np.mean(log.column("limited"))),
+    )
+
+
+def _rms_and_max(values: Array) -> tuple[float, float]:
+    if values.size == 0:
+        return nan, nan
+    return float(np.sqrt(np.mean(values**2))), float(np.max(np.abs(values)))
+
+
+def _largest(values: Array) -> float:
+    known = values[np.isfinite(values)]
+    return float(known.max()) if known.size else nan

@@ -1,0 +1,80 @@
+"""How every plot looks: one set of colours, one style, and lines that stay light however long the run was."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+WANTED = "#1f2933"
+MEASURED = "#1d6fb8"
+ESTIMATED = "#e07b16"
+FAINT = "#a9b4c0"
+LIMIT = "#c8323c"
+HEATING, COOLING = "#c8323c", "#1d6fb8"
+
+STYLE: Any = {
+    "font.size": 10,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#7b8794",
+    "axes.labelcolor": "#323f4b",
+    "axes.titlesize": 10,
+    "axes.titlelocation": "left",
+    "axes.grid": True,
+    "grid.color": "#e4e7eb",
+    "xtick.color": "#52606d",
+    "ytick.color": "#52606d",
+    "lines.linewidth": 1.2,
+    "svg.hashsalt": "smadrive",
+}
+
+POINTS = 3000
+"""A line is drawn with at most about this many points: more than a page has pixels."""
+
+
+def panels(heights: Sequence[float], width: float = 9.0) -> tuple[Figure, list[Axes]]:
+    """A figure of panels one above the other, which share their time axis; heights in inches."""
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(width, sum(heights) + 0.5), layout="constrained")
+        axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=list(heights))
+    return figure, list(axes[:, 0])
+
+
+def line(ax: Axes, time_s: Array, values: Array, **look: Any) -> None:
+    """A line over time; of a long one the extremes of every stretch, so that no spike is lost."""
+    if not np.isfinite(values).any():
+        return
+    shown = _extremes(values)
+    ax.plot(time_s[shown], values[shown], **look)
+
+
+def legend(ax: Axes) -> None:
+    """The legend in a row above the panel, where it hides nothing."""
+    ax.legend(
+        loc="lower right",
+        bbox_to_anchor=(1.0, 1.0),
+        ncols=6,
+        borderaxespad=0.0,
+        handlelength=1.6,
+        frameon=False,
+        fontsize=9,
+    )
+
+
+def _extremes(values: Array) -> NDArray[np.intp]:
+    """Indices of the least and the greatest value of each of `POINTS`/2 stretches, in order."""
+    if values.size <= POINTS:
+        return np.arange(values.size)
+    edges = np.linspace(0, values.size, POINTS // 2 + 1).astype(np.intp)
+    low, high = np.where(np.isfinite(values), values, np.inf), np.where(np.isfinite(values), values, -np.inf)
+    pairs = [(a + int(np.argmin(low[a:b])), a + int(np.argmax(high[a:b]))) for a, b in pairwise(edges)]
+    return np.unique(np.array(pairs).ravel())
