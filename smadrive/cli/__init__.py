@@ -20,6 +20,7 @@ INTERRUPTED = 130
 
 COMMANDS = {
     "demo": "A simulated wire, identified and driven: the whole product at work, with a report.",
+    "scan": "Find the devices on a line, and the profiles that match them.",
     "probe": "Connect to a rig, check who is there, show live values.",
     "excite": "Run the identification experiment on a rig.",
     "identify": "Fit a hysteresis model to recorded data.",

@@ -1,0 +1,86 @@
+"""`smadrive scan`: who is on this line?"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+
+from smadrive.cli.output import AsJson, Output
+from smadrive.device.profile import load_profile
+from smadrive.device.scan import Found, scan
+from smadrive.errors import ConfigError, DeviceError
+from smadrive.modbus.transport import SerialSettings
+from smadrive.shipped import configs_dir
+
+Port = Annotated[
+    str, typer.Argument(help="serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port", metavar="PORT")
+]
+Units = Annotated[str, typer.Option(help="Unit ids to ask, as in 1-10 or 1,3,7.", metavar="IDS")]
+
+HEADER = ("unit id", "line", "profile")
+
+
+def main(port: Port, units: Units = "1-10", as_json: AsJson = False) -> None:
+    """Ask every unit on PORT who it is, and name the profiles that match. Nothing is written to any device."""
+    output = Output(as_json)
+    unit_ids = unit_ids_of(units)
+    profiles = [load_profile(file) for file in sorted((configs_dir() / "devices").glob("*.toml"))]
+    with output.progress() as progress:
+        task = progress.add_task("asking", total=None)
+        found = list(
+            scan(
+                port,
+                unit_ids,
+                profiles,
+                lambda line, unit_id: progress.update(task, description=f"asking unit {unit_id} {line}"),
+            )
+        )
+    if not found:
+        raise DeviceError(
+            f"{port}: none of the units {units} answers: are they powered, wired A to A, and set to Modbus?"
+        )
+    output.table(HEADER, [(str(one.unit_id), _line(one.line), _profile(one)) for one in found])
+    for one in found:
+        if one.proved:
+            output.say(
+                f'[[devices]]\nname = "{one.proved[0]}"\nprofile = "{one.proved[0]}"\nurl = "{_url(port, one.line)}"'
+            )
+            output.say(f"unit_id = {one.unit_id}\n")
+    output.result({"port": port, "devices": [_as_json(one, port) for one in found]})
+
+
+def unit_ids_of(text: str) -> list[int]:
+    """The numbers of `1-10` or `1,3,7`; ConfigError when they are none."""
+    try:
+        spans = [part.partition("-") for part in text.split(",")]
+        unit_ids = [unit for first, _, last in spans for unit in range(int(first), int(last or first) + 1)]
+    except ValueError:
+        unit_ids = []
+    if not unit_ids or not all(0 <= unit <= 255 for unit in unit_ids):
+        raise ConfigError(f"--units {text}: write unit ids of 0 to 255, as in 1-10 or 1,3,7")
+    return unit_ids
+
+
+def _profile(found: Found) -> str:
+    if found.proved:
+        return " or ".join(found.proved)
+    maybe = " or ".join(found.possible)
+    return f"perhaps {maybe} (nothing on these devices proves it)" if maybe else "none of the shipped profiles"
+
+
+def _line(line: SerialSettings | None) -> str:
+    return "" if line is None else f"{line.baudrate} 8{line.parity}{line.stopbits}"
+
+
+def _url(port: str, line: SerialSettings | None) -> str:
+    return port if line is None else f"{port}?baudrate={line.baudrate}&parity={line.parity}&stopbits={line.stopbits}"
+
+
+def _as_json(found: Found, port: str) -> dict[str, object]:
+    return {
+        "unit_id": found.unit_id,
+        "url": _url(port, found.line),
+        "profiles": list(found.proved),
+        "possible": list(found.possible),
+    }

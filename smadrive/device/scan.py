@@ -1,0 +1,99 @@
+"""Who is on a line: every unit id is asked for what proves the identity of each profile. Nothing is written.
+
+A profile without a register that proves it is possible where the registers of its roles read as valid numbers. A unit
+that leaves `SILENT` requests unanswered is taken as absent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+from smadrive.device.device import Device
+from smadrive.device.profile import Profile
+from smadrive.errors import DeadlineError, DeviceError, ProtocolError
+from smadrive.modbus.connect import open_transport
+from smadrive.modbus.master import Master
+from smadrive.modbus.transport import SerialSettings
+
+SILENT = 3
+"""So many unanswered requests, and nobody is there."""
+TIMEOUT_MS = 200.0
+"""How long each is waited for: longer than any of the shipped devices takes when it is not busy."""
+
+_QUANTITIES = ("temperature", "displacement", "measured_current", "measured_voltage")
+
+
+@dataclass(frozen=True)
+class Found:
+    """A unit that answers: the profiles that it proved to be, and those that it may be."""
+
+    unit_id: int
+    line: SerialSettings | None
+    proved: tuple[str, ...]
+    possible: tuple[str, ...]
+
+
+def scan(
+    url: str, unit_ids: Sequence[int], profiles: Sequence[Profile], ask: Callable[[str, int], None]
+) -> Iterator[Found]:
+    """What answers at `url`; `ask(line, unit_id)` is told before each question.
+
+    A serial URL without a baud rate is tried with the line settings of all profiles.
+    """
+    found: set[int] = set()
+    for line in _lines(url, profiles):
+        with open_transport(url, line) as transport:
+            master = Master(transport)
+            for unit_id in unit_ids:
+                if unit_id in found:
+                    continue
+                ask(_text(line), unit_id)
+                answer = _who_is(master, unit_id, sorted(profiles, key=lambda one: one.serial_settings() != line))
+                if answer is not None:
+                    found.add(unit_id)
+                    yield Found(unit_id, line, *answer)
+
+
+def _lines(url: str, profiles: Iterable[Profile]) -> list[SerialSettings | None]:
+    if not url.startswith("serial:") or "baudrate=" in url:
+        return [None]
+    settings = {line for profile in profiles if (line := profile.serial_settings()) is not None}
+    return [*sorted(settings, key=lambda line: (-line.baudrate, line.parity, line.stopbits))]
+
+
+def _text(line: SerialSettings | None) -> str:
+    return "" if line is None else f"{line.baudrate} 8{line.parity}{line.stopbits}"
+
+
+def _who_is(
+    master: Master, unit_id: int, profiles: Iterable[Profile]
+) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """The profiles that unit `unit_id` proves, and those it may be; None when nobody answers."""
+    matching: dict[bool, list[str]] = {True: [], False: []}
+    silent, answered = 0, False
+    for profile in profiles:
+        quick = {"response_timeout_ms": TIMEOUT_MS, "retries": 0, "boot_ms": 0.0, "poll_interval_ms": 0.0}
+        hurried = profile.model_copy(update={"timing": profile.timing.model_copy(update=quick)})
+        try:
+            if _is_one(Device(hurried, master, unit_id)):
+                matching[bool(profile.identify)].append(profile.profile.id)
+        except DeadlineError:
+            silent += 1
+            if silent >= SILENT and not answered:
+                return None
+        except (ProtocolError, DeviceError):
+            answered = True
+        else:
+            answered = True
+    if not answered:
+        return None
+    return tuple(matching[True]), () if matching[True] else tuple(matching[False])
+
+
+def _is_one(device: Device) -> bool:
+    """Whether the device proves its identity, or, where nothing proves it, shows valid measurements."""
+    device.check_identity()
+    roles = device.profile.roles
+    names = [name for role in _QUANTITIES if (name := getattr(roles, role)) is not None]
+    return bool(device.profile.identify) or all(reading.invalid is None for reading in device.read(names).values())

@@ -1,0 +1,84 @@
+"""Fixtures for pytest: a rig on a simulated wire, in virtual time, and everything that can go wrong with it.
+
+One line in your conftest.py brings them into your tests:
+
+    pytest_plugins = ["smadrive.testing.plugin"]
+
+`sma_rig` is a connected `Rig`; `sma_faults` has a method for every fault of its simulated devices. Which rig, which
+simulated wire and which seed a test gets is said by a marker, all parts of which may be left out:
+
+    @pytest.mark.sma(rig="my-rig.toml", sim="flexinol-lt-0.15mm", seed=7)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+
+from firmware_sim.bench import SimulatedBench
+from firmware_sim.config import load_sim
+from smadrive.clock import VirtualClock
+from smadrive.configfile import nearest
+from smadrive.device.profile import load_profile
+from smadrive.errors import ConfigError
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig
+
+RIG = "in-process"
+SIM = "flexinol-lt-0.15mm"
+
+
+class SimulatedFaults:
+    """The faults of a simulated bench as methods; `bench` itself tells what is really the case.
+
+    faults.open_thermocouple()              what befalls the wire and its sensors
+    faults["board.drop"](replies=3)         what befalls the bus of a device, which stands before it by its name
+    """
+
+    def __init__(self, bench: SimulatedBench) -> None:
+        self.bench = bench
+
+    def __getitem__(self, name: str) -> Callable[..., None]:
+        known = self.bench.known_faults()
+        if name not in known:
+            raise ConfigError(f"no fault is called '{name}'{nearest(name, known)}")
+        return known[name]
+
+    def __getattr__(self, name: str) -> Callable[..., None]:
+        try:
+            return self[name]
+        except ConfigError as error:
+            raise AttributeError(str(error)) from None
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Make the marker known."""
+    config.addinivalue_line("markers", "sma(rig, sim, seed): which simulated rig the fixture sma_rig is.")
+
+
+@pytest.fixture
+def sma_faults(request: pytest.FixtureRequest) -> SimulatedFaults:
+    """Everything that can be done to the simulated bench that `sma_rig` is connected to."""
+    said = _said(request)
+    return SimulatedFaults(SimulatedBench(load_sim(said.get("sim", SIM)), said.get("seed", 0)))
+
+
+@pytest.fixture
+def sma_rig(request: pytest.FixtureRequest, sma_faults: SimulatedFaults) -> Iterator[Rig]:
+    """A rig, connected to simulated devices whatever addresses its file names; in its safe state when the test ends."""
+    config = load_rig(_said(request).get("rig", RIG))
+    clock = VirtualClock()
+    clock.follow(sma_faults.bench.advance_to)
+    transports = {
+        device.name: sma_faults.bench.attach(load_profile(device.profile), device.unit_id, device.name).transport(clock)
+        for device in config.devices
+    }
+    with Rig(config, transports=transports) as rig:
+        yield rig
+
+
+def _said(request: pytest.FixtureRequest) -> dict[str, Any]:
+    marker = request.node.get_closest_marker("sma")
+    return {} if marker is None else marker.kwargs
