@@ -27,7 +27,7 @@ class RequestStream:
         self._fed_s = time_s
         self._pending += data
         found = []
-        while frame := self._next():
+        while self._pending and (frame := self._next()):
             found.append(frame)
         self._drop(max(len(self._pending) - frames.MAX_FRAME, 0))
         return found

@@ -155,7 +155,8 @@ class Register(Section):
     def saturated(self, value: float, context: Context = ALONE) -> tuple[int, ...]:
         """The words by which a device shows `value`: at the end of the type's range when it exceeds it."""
         lowest, highest = self._range
-        return self.pack(min(max(self._rounded(value, context), lowest), highest))
+        raw = self._rounded(value, context)
+        return bus.pack(self.type, self.word_order, lowest if raw < lowest else highest if raw > highest else raw)
 
     def _value_of(self, raw: float, context: Context) -> float:
         if context is ALONE:
@@ -164,8 +165,9 @@ class Register(Section):
         return (value - 32) / 1.8 if context.fahrenheit else value
 
     def _rounded(self, value: float, context: Context) -> float:
-        exact = (value - self.offset) / self.scale
-        if context is not ALONE:
+        if context is ALONE:
+            exact = (value - self.offset) / self.scale
+        else:
             given = value * 1.8 + 32 if context.fahrenheit else value
             exact = (context.sign * given - self.offset) / (context.scale or self.scale)
         return exact if self.type == "float32" else round(exact)

@@ -3,6 +3,7 @@
      write ADDRESS VALUE...         FC06 for one, FC16 for several
      exchange ADDRESS VALUE... / ADDRESS COUNT      FC23, prints what it read
      rate N                         N times FC23 (write 4, read 8): prints the seconds they took */
+#include <errno.h>
 #include <modbus.h>
 #include <stdio.h>
 #include <stdlib.h>

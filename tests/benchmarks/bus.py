@@ -1,0 +1,162 @@
+"""How fast the wire column is, against peers measured in the same run: PYTHONPATH=tests python tests/benchmarks/bus.py
+
+    exchanges    FC23 (write 4, read 8) on a pseudo-terminal whose far end is libmodbus's own server in C: libmodbus's
+                 client in C, smadrive with all its checks, pymodbus async and sync, in turns; medians of the rounds
+    tick         processor time of the driver for one tick of a heater board served by firmware-sim
+    closed loop  ten simulated minutes at 20 Hz through the full register codec, in process and in virtual time
+
+Prints ratios and rates; asserts nothing about time. The pauses of the standard are off everywhere, as peers have none.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import hashlib
+import statistics
+import subprocess
+import sys
+import time
+
+from peers import libmodbus
+from pymodbus.client import AsyncModbusSerialClient, ModbusSerialClient
+
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
+from smadrive.clock import MonotonicClock, VirtualClock
+from smadrive.device.board import HeaterBoard
+from smadrive.device.device import Device
+from smadrive.device.profile import load_profile
+from smadrive.modbus import requests
+from smadrive.modbus.bus import BusTiming
+from smadrive.modbus.connect import open_transport
+from smadrive.modbus.master import Master
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig
+
+ROUNDS = 9
+COUNTS = {"libmodbus C": 2000, "smadrive": 2000, "pymodbus async": 1000, "pymodbus sync": 100}
+READ = 8
+
+
+def libmodbus_s(path, count):
+    """Seconds of libmodbus's own client."""
+    return float(libmodbus.client("rtu", path, 1, "rate", count)[0])
+
+
+def smadrive_s(path, count):
+    """Seconds of smadrive, each reply checked for unit, function, count, length and CRC, and its payload compared."""
+    timing = BusTiming(1.0, silence=False)
+    with open_transport(f"serial://{path}") as transport:
+        master = Master(transport)
+        master.execute(1, requests.read_holding(0, 1), timing)
+        began_s = time.perf_counter()
+        for number in range(count):
+            payload = master.execute(1, requests.exchange(0, (number, 0, 0, 0), 0, READ), timing)
+            assert requests.registers_of(payload)[0] == number
+        return time.perf_counter() - began_s
+
+
+def pymodbus_sync_s(path, count):
+    """Seconds of pymodbus's synchronous client."""
+    with ModbusSerialClient(path, baudrate=115200, timeout=1) as client:
+        began_s = time.perf_counter()
+        for number in range(count):
+            reply = client.readwrite_registers(
+                read_address=0, read_count=READ, write_address=0, values=[number, 0, 0, 0], device_id=1
+            )
+            assert reply.registers[0] == number
+        return time.perf_counter() - began_s
+
+
+def pymodbus_async_s(path, count):
+    """Seconds of pymodbus's asynchronous client."""
+
+    async def run():
+        client = AsyncModbusSerialClient(path, baudrate=115200, timeout=1)
+        await client.connect()
+        began_s = time.perf_counter()
+        for number in range(count):
+            reply = await client.readwrite_registers(
+                read_address=0, read_count=READ, write_address=0, values=[number, 0, 0, 0], device_id=1
+            )
+            assert reply.registers[0] == number
+        took_s = time.perf_counter() - began_s
+        client.close()
+        return took_s
+
+    return asyncio.run(run())
+
+
+CLIENTS = dict(zip(COUNTS, (libmodbus_s, smadrive_s, pymodbus_async_s, pymodbus_sync_s), strict=True))
+
+
+def report_exchanges():
+    """Rates, and that of smadrive over each peer's."""
+    rates = {name: [] for name in COUNTS}
+    with libmodbus.server("rtu") as path:
+        for _ in range(ROUNDS):
+            for name, count in COUNTS.items():
+                rates[name].append(count / CLIENTS[name](path, count))
+    ours = statistics.median(rates["smadrive"])
+    for name, seen in rates.items():
+        rate = statistics.median(seen)
+        span = f"{min(seen):,.0f} to {max(seen):,.0f}"
+        print(f"FC23 on a pty, {name}: {rate:,.0f}/s ({span}); smadrive is {ours / rate:.2f} x")
+
+
+def report_tick(ticks=2000):
+    """Processor time, of this process alone."""
+    profile = load_profile("sma-reference")
+    command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as simulator:
+        with open_transport(simulator.stdout.readline().strip(), profile.serial_settings()) as transport:
+            board = HeaterBoard(Device(profile, Master(transport)), MonotonicClock())
+            board.connect()
+            began_s = time.process_time()
+            for _ in range(ticks):
+                board.exchange(0.0)
+            tick_s = (time.process_time() - began_s) / ticks
+        simulator.kill()
+    share = 100 * 20 * tick_s
+    print(f"tick of a served board: {1e6 * tick_s:.0f} us of processor time, {share:.2f} % of a core at 20 Hz")
+
+
+def closed_loop():
+    """Processor and simulated seconds of ten minutes of excitations, their ticks, the digest of all they measured."""
+    simulated_s, ticks, digest = 0.0, 0, hashlib.sha256()
+    began_s = time.process_time()
+    while simulated_s < 600.0:
+        device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=1)
+        clock = VirtualClock()
+        clock.follow(device.bench.advance_to)
+        with Rig(load_rig("in-process"), transports={"board": device.transport(clock)}) as rig:
+            seen = []
+            rig.excite(rig.excitation(22.0), seen.append)
+        simulated_s += clock.now_s()
+        ticks += len(seen)
+        digest.update(repr(seen).encode())
+    return time.process_time() - began_s, simulated_s, ticks, digest.hexdigest()
+
+
+def report_closed_loop():
+    """Twice, to see whether the same seed gives the same log."""
+    runs = [closed_loop() for _ in range(3)]
+    took_s, simulated_s, ticks, _ = min(runs)
+    same = len({digest for *_, digest in runs}) == 1
+    print(
+        f"closed loop in virtual time: {simulated_s / took_s:.0f} x real time ({simulated_s:.0f} s, {ticks} ticks, "
+        f"{1e6 * took_s / ticks:.0f} us each); same seed, same log: {same}"
+    )
+
+
+def main():
+    if (reason := libmodbus.missing()) is not None:
+        print(f"FC23 on a pty: not measured, {reason}")
+    else:
+        report_exchanges()
+    report_tick()
+    report_closed_loop()
+
+
+if __name__ == "__main__":
+    main()
