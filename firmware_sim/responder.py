@@ -41,12 +41,13 @@ class Responder:
         self._timing = timing
         functions: dict[int, Callable[[bytes], bytes]] = {
             3: lambda data: self._read("holding", data),
-            4: lambda data: self._read("input", data),
             6: self._write_one,
             16: self._write_several,
             22: self._mask_write,
             23: self._exchange,
         }
+        if "input" in bank.tables:
+            functions[4] = lambda data: self._read("input", data)
         if bank.tables & {"coil", "discrete"}:
             bits_by_fc2 = "discrete" if "discrete" in bank.tables else "coil"
             functions |= {

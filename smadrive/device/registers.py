@@ -156,7 +156,7 @@ class Register(Section):
         """The words by which a device shows `value`: at the end of the type's range when it exceeds it."""
         lowest, highest = self._range
         raw = self._rounded(value, context)
-        return bus.pack(self.type, self.word_order, lowest if raw < lowest else highest if raw > highest else raw)
+        return bus.pack(self.type, self.word_order, lowest if raw < lowest else min(raw, highest))
 
     def _value_of(self, raw: float, context: Context) -> float:
         if context is ALONE:

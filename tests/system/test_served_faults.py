@@ -1,9 +1,10 @@
 """Faults by script in the served process: the driver behind a real port and a real socket."""
 
 import subprocess
-import sys
+from functools import partial
 
 import pytest
+from served import COMMAND, SIM, advance, served
 
 from smadrive.device.profile import load_profile
 from smadrive.errors import ExceptionReply, ProtocolError, TransportError
@@ -12,7 +13,6 @@ from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
 
-COMMAND = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--time", "driven"]
 READ = requests.read_holding(0, 2)
 RIGHT = (0x534D, 1)
 TIMING = BusTiming(0.1, read_retries=0)
@@ -40,27 +40,17 @@ gap_s = 0.01
 
 
 @pytest.fixture(params=["--pty", "--tcp", "--rtu-tcp"])
-def served(request, tmp_path):
-    """The simulator, how to move its time, and its URL."""
+def scripted(request, tmp_path):
+    """How to move the simulator's time, and its URL."""
     script = tmp_path / "faults.toml"
     script.write_text(FAULTS, encoding="utf-8")
     way_in = str(tmp_path / "port") if request.param == "--pty" else "0"
-    command = [*COMMAND, "--faults", str(script), request.param, way_in]
-    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True) as process:
-
-        def advance_to(time_s):
-            process.stdin.write(f"{time_s}\n")
-            process.stdin.flush()
-            assert float(process.stdout.readline()) == time_s
-
-        try:
-            yield advance_to, process.stdout.readline().strip()
-        finally:
-            process.kill()
+    with served("--time", "driven", "--faults", str(script), request.param, way_in) as (process, url):
+        yield partial(advance, process), url
 
 
-def test_a_scripted_bus_fails_on_time_and_the_driver_gets_over_it(served):
-    advance_to, url = served
+def test_a_scripted_bus_fails_on_time_and_the_driver_gets_over_it(scripted):
+    advance_to, url = scripted
     with open_transport(url, load_profile("sma-reference").serial_settings()) as transport:
         master = Master(transport)
 
@@ -99,7 +89,7 @@ def test_a_script_that_makes_no_sense_is_one_clear_line(tmp_path):
     script = tmp_path / "faults.toml"
     script.write_text('[[faults]]\nat_s = 1.0\nname = "dorp"\n', encoding="utf-8")
     for path, says in ((script, "did you mean 'drop'?"), (tmp_path / "none.toml", "no such file")):
-        run = subprocess.run([*COMMAND, "--faults", str(path)], capture_output=True, text=True, check=False)
+        run = subprocess.run([*COMMAND, SIM, "--faults", str(path)], capture_output=True, text=True, check=False)
         assert run.returncode == 2
         assert says in run.stderr
         assert run.stderr.count("\n") == 1

@@ -8,6 +8,7 @@ import subprocess
 import sys
 
 import pytest
+from served import COMMAND, SIM, advance, served
 
 from smadrive.clock import MonotonicClock
 from smadrive.device.board import HeaterBoard
@@ -19,22 +20,8 @@ from smadrive.modbus import frames, requests
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
 
-SIM = "flexinol-lt-0.15mm"
-COMMAND = [sys.executable, "-m", "firmware_sim.cli"]
 PROFILE = load_profile("sma-reference")
 LIMITS = HeaterLimits(current_max_a=0.6, temperature_max_c=130.0)
-
-
-@contextlib.contextmanager
-def served(*options):
-    """The process, its URL read."""
-    with subprocess.Popen(
-        [*COMMAND, SIM, *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            yield process, process.stdout.readline().strip()
-        finally:
-            process.kill()
 
 
 @contextlib.contextmanager
@@ -146,9 +133,7 @@ def test_driven_time_stands_still_between_lines_and_is_repeatable():
             board.arm(0.5)
             seen = []
             for tick in range(1, 41):
-                process.stdin.write(f"{tick * 0.05}\n")
-                process.stdin.flush()
-                assert float(process.stdout.readline()) == tick * 0.05
+                advance(process, tick * 0.05)
                 measured = board.exchange(0.3)
                 seen.append((measured.temperature_c, measured.current_a, measured.displacement_mm))
             uptime_s = device.read(("uptime",))["uptime"].value
@@ -167,21 +152,15 @@ def test_driven_time_stands_still_between_lines_and_is_repeatable():
 def test_a_slow_line_answers_when_its_characters_have_passed(way_in, tmp_path):
     where = str(tmp_path / "port") if way_in == "--pty" else "0"
     with served("--profile", "delta-dtb", "--line-speed", "--time", "driven", way_in, where) as (process, url):
-
-        def advance_to(time_s):
-            process.stdin.write(f"{time_s}\n")
-            process.stdin.flush()
-            assert float(process.stdout.readline()) == time_s
-
         request = frames.seal(1, requests.read_holding(0x1000, 2).pdu)
         reply_s = (8 + 9) * 10 / 9600 + 3.5 * 11 / 9600
         with open_transport(url, load_profile("delta-dtb").serial_settings()) as transport:
-            advance_to(1.0)
+            advance(process, 1.0)
             transport.write(request)
             assert transport.read(transport.clock.now_s() + 0.3) == b""
-            advance_to(1.0 + 0.9 * reply_s)
+            advance(process, 1.0 + 0.9 * reply_s)
             assert transport.read(transport.clock.now_s()) == b""
-            advance_to(1.0 + 1.1 * reply_s)
+            advance(process, 1.0 + 1.1 * reply_s)
             assert len(transport.read(transport.clock.now_s() + 5.0)) == 9
 
 

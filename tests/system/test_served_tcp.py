@@ -1,14 +1,13 @@
 """firmware-sim on a TCP port: conformance on the wire, the driver through both protocols, a third party."""
 
-import contextlib
 import re
 import shutil
 import signal
 import socket
 import subprocess
-import sys
 
 import pytest
+from served import COMMAND, SIM, served
 
 from smadrive.clock import MonotonicClock
 from smadrive.device.board import HeaterBoard
@@ -19,20 +18,6 @@ from smadrive.device.profile import load_profile
 from smadrive.modbus import mbap
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
-
-COMMAND = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm"]
-
-
-@contextlib.contextmanager
-def served(*options):
-    """The process, its URL read."""
-    with subprocess.Popen(
-        [*COMMAND, *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
-    ) as process:
-        try:
-            yield process, process.stdout.readline().strip()
-        finally:
-            process.kill()
 
 
 @pytest.fixture(scope="module")
@@ -184,7 +169,9 @@ def test_the_driver_heats_through_either_protocol(option):
     ],
 )
 def test_bad_input_is_one_clear_line(options, says):
-    run = subprocess.run([*COMMAND, *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    run = subprocess.run(
+        [*COMMAND, SIM, *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
+    )
     assert run.returncode == 2
     assert says in run.stderr
     assert run.stderr.count("\n") == 1

@@ -1,0 +1,27 @@
+"""firmware-sim as a process, for the tests that need the real thing on a real port."""
+
+import contextlib
+import subprocess
+import sys
+
+COMMAND = [sys.executable, "-m", "firmware_sim.cli"]
+SIM = "flexinol-lt-0.15mm"
+
+
+@contextlib.contextmanager
+def served(*options, sim=SIM):
+    """The process, its first URL read."""
+    with subprocess.Popen(
+        [*COMMAND, sim, *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.kill()
+
+
+def advance(process, time_s):
+    """Let the time of a simulator in driven time reach `time_s`."""
+    process.stdin.write(f"{time_s}\n")
+    process.stdin.flush()
+    assert float(process.stdout.readline()) == time_s
