@@ -41,7 +41,8 @@ def logged_excitation(log: Log) -> Excitation:
 def logged_reference(log: Log) -> Reference:
     """The reference that was tracked, approach included. DataError when none was."""
     told = log.json("reference")
-    return Reference(np.array(told["times_s"]), np.array(told["displacement_mm"]), told["scored_from_s"])
+    times_s, displacement_mm = np.array(told["times_s"]), np.array(told["displacement_mm"])
+    return Reference(times_s, displacement_mm, told["scored_from_s"], told["endless"])
 
 
 def logged_wire(log: Log) -> tuple[HysteresisModel, HeatBalance]:

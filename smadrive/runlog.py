@@ -10,6 +10,7 @@ import platform
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
+from math import isfinite
 from operator import attrgetter
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from smadrive.control.reference import Reference
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation
 from smadrive.rig import Rig
+from smadrive.telemetry.logfile import GROWTH_ROWS
 from smadrive.telemetry.recorder import Recorder
 from smadrive.thermal import HeatBalance
 from smadrive.wirefile import wire_text
@@ -97,6 +99,7 @@ def record_tracking(
                 "times_s": reference.times_s.tolist(),
                 "displacement_mm": reference.displacement_mm.tolist(),
                 "scored_from_s": reference.scored_from_s,
+                "endless": reference.endless,
             }
         ),
         "wire": wire_text(model, balance),
@@ -114,4 +117,5 @@ def _open(path: Path, rig: Rig, about: Mapping[str, str], duration_s: float) -> 
         "versions": json.dumps({"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}),
         "machine": platform.platform(),
     }
-    return TickRecorder(path, {**everywhere, **about}, rows=int(duration_s / rig.period_s) + 1)
+    rows = int(duration_s / rig.period_s) + 1 if isfinite(duration_s) else GROWTH_ROWS
+    return TickRecorder(path, {**everywhere, **about}, rows)

@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import Progress
 
 from smadrive.cli.demo_report import write_demo_report
 from smadrive.cli.identify import certificate, rules
+from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output, make_folder
 from smadrive.cli.run import APPROACH_S, HEADER, table_row
 from smadrive.control.feedforward import DisplacementInverse, HysteresisInverse, StaticMap
@@ -64,9 +65,10 @@ def main(
     with ServedSimulator(SIM, real_time=real_time, seed=seed, log=folder / "firmware.log") as simulator:
         config = load_rig(RIG).at(simulator.url)
         output.say(f"firmware-sim serves the simulated wire at {simulator.url}")
-        with Rig(config, simulator.clock) as bench, output.progress() as progress:
-            excitation = _excite(bench, progress, folder / "excitation.h5", seed)
-            wire = _identify(bench, progress, excitation)
+        with Rig(config, simulator.clock) as bench:
+            session = _Session(bench, folder, seed, output)
+            excitation = session.excite()
+            wire = session.identify(excitation)
             save_wire(
                 folder / "model.json",
                 wire.hysteresis.model,
@@ -78,7 +80,7 @@ def main(
                 WITH: HysteresisInverse(wire.hysteresis.model),
                 WITHOUT: StaticMap(wire.thermal.wire_temperature_c, excitation.column("displacement_mm")),
             }
-            arms = [_track(bench, progress, folder, name, inverse, wire, seed) for name, inverse in inverses.items()]
+            arms = [session.track(name, inverse, wire) for name, inverse in inverses.items()]
     report = folder / "report.html"
     write_demo_report(report, wire, excitation, [(arm.name, arm.log, arm.figures) for arm in arms])
     output.table(HEADER, [table_row(arm.name, arm.figures) for arm in arms])
@@ -101,46 +103,52 @@ def main(
     )
 
 
-def _excite(bench: Rig, progress: Progress, path: Path, seed: int) -> Log:
-    excitation = bench.excitation(bench.heater.exchange(0.0).temperature_c)
-    with record_excitation(path, bench, excitation, seed=str(seed)) as recorder:
-        record = _shown(recorder, progress, "exciting", excitation.duration_s)
-        bench.excite(excitation, record)
-    return read_log(path)
+@dataclass(frozen=True)
+class _Session:
+    """The demo's experiments on its rig, each with its log in `folder`."""
 
+    bench: Rig
+    folder: Path
+    seed: int
+    output: Output
 
-def _identify(bench: Rig, progress: Progress, log: Log) -> WireFit:
-    task = progress.add_task("identifying", total=None)
-    wire = identify_wire(excitation_record(log), bench.nominal_balance)
-    progress.update(task, total=1, completed=1)
-    return wire
+    def excite(self) -> Log:
+        path, excitation = self.folder / "excitation.h5", self.bench.excitation(self._temperature_c())
+        with (
+            record_excitation(path, self.bench, excitation, seed=str(self.seed)) as recorder,
+            self._watched(recorder, "exciting", excitation.duration_s) as record,
+        ):
+            self.bench.excite(excitation, record)
+        return read_log(path)
 
+    def identify(self, log: Log) -> WireFit:
+        with self.output.progress() as progress:
+            progress.add_task("identifying", total=None)
+            return identify_wire(excitation_record(log), self.bench.nominal_balance)
 
-def _track(
-    bench: Rig, progress: Progress, folder: Path, name: str, inverse: DisplacementInverse, wire: WireFit, seed: int
-) -> Arm:
-    model, balance = wire.hysteresis.model, wire.thermal.balance
-    bench.rest(REST_S)
-    experiment = _reference(*travel_mm(model)), model, balance, inverse
-    path = folder / f"{name.replace(' ', '-')}.h5"
-    with record_tracking(path, bench, *experiment, seed=str(seed)) as recorder:
-        record = _shown(recorder, progress, f"tracking, {name}", experiment[0].duration_s)
-        loop = bench.track(*experiment, record)
-    log = read_log(path)
-    return Arm(name, log, tracking_figures(log, loop))
+    def track(self, name: str, inverse: DisplacementInverse, wire: WireFit) -> Arm:
+        model, balance = wire.hysteresis.model, wire.thermal.balance
+        self.bench.rest(REST_S)
+        experiment = _reference(*travel_mm(model)), model, balance, inverse
+        path = self.folder / f"{name.replace(' ', '-')}.h5"
+        with (
+            record_tracking(path, self.bench, *experiment, seed=str(self.seed)) as recorder,
+            self._watched(recorder, f"tracking, {name}", experiment[0].duration_s) as record,
+        ):
+            loop = self.bench.track(*experiment, record)
+        log = read_log(path)
+        return Arm(name, log, tracking_figures(log, loop))
+
+    def _temperature_c(self) -> float:
+        return self.bench.heater.exchange(0.0).temperature_c
+
+    def _watched(
+        self, recorder: TickRecorder, title: str, duration_s: float
+    ) -> AbstractContextManager[Callable[[Tick], None]]:
+        limit_a = self.bench.config.limits.current_max_a
+        return watched(recorder, title, duration_s, limit_a, quiet=self.output.quiet)
 
 
 def _reference(cold_mm: float, hot_mm: float) -> Reference:
     low_mm, high_mm = (cold_mm + part * (hot_mm - cold_mm) for part in (LOW, HIGH))
     return sine(low_mm=low_mm, high_mm=high_mm, period_s=PERIOD_S, cycles=2.0).with_approach(cold_mm, APPROACH_S)
-
-
-def _shown(recorder: TickRecorder, progress: Progress, title: str, duration_s: float) -> Callable[[Tick], None]:
-    """Takes ticks to the log and to the progress bar."""
-    task = progress.add_task(title, total=duration_s)
-
-    def record(tick: Tick) -> None:
-        recorder.tick(tick)
-        progress.update(task, completed=tick.time_s)
-
-    return record

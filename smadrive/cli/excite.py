@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 
+from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile
-from smadrive.control.loop import Tick
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 from smadrive.runlog import record_excitation
@@ -24,13 +24,11 @@ def main(
     output = Output(as_json)
     with Rig(load_rig(rig)) as bench:
         excitation = bench.excitation(bench.heater.exchange(0.0).temperature_c)
-        with record_excitation(log_file, bench, excitation) as recorder, output.progress() as progress:
-            task = progress.add_task("exciting", total=excitation.duration_s)
-
-            def record(tick: Tick) -> None:
-                recorder.tick(tick)
-                progress.update(task, completed=tick.time_s)
-
+        limit_a = bench.config.limits.current_max_a
+        with (
+            record_excitation(log_file, bench, excitation) as recorder,
+            watched(recorder, "exciting", excitation.duration_s, limit_a, quiet=output.quiet) as record,
+        ):
             figures = bench.excite(excitation, record)
     output.say(f"{log_file}: {figures.ticks} samples, {figures.missed_deadlines} missed deadlines; the heater is off")
     output.result(

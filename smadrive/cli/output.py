@@ -19,20 +19,20 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and 
 
 
 class Output:
-    """Where a command's results go. Progress goes to stderr, and only to a terminal."""
+    """Where a command's results go; `quiet`: as JSON alone. Progress goes to stderr, and only to a terminal."""
 
     def __init__(self, as_json: bool) -> None:
-        self._as_json = as_json
+        self.quiet = as_json
         self._console = Console(highlight=False, soft_wrap=True)
 
     def say(self, text: str) -> None:
         """One line for a person."""
-        if not self._as_json:
+        if not self.quiet:
             self._console.print(text, markup=False)
 
     def table(self, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
         """A table for a person: the first column names, the others are numbers."""
-        if self._as_json:
+        if self.quiet:
             return
         table = Table(header_style="bold")
         for n, name in enumerate(header):
@@ -43,7 +43,7 @@ class Output:
 
     def result(self, values: Mapping[str, Any]) -> None:
         """The JSON object for a program."""
-        if self._as_json:
+        if self.quiet:
             json.dump(values, sys.stdout, indent=2)
             print()
 
@@ -57,7 +57,7 @@ class Output:
             TaskProgressColumn(),
             TimeRemainingColumn(),
             console=console,
-            disable=self._as_json or not console.is_terminal,
+            disable=self.quiet or not console.is_terminal,
         )
 
 

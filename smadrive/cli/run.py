@@ -9,10 +9,10 @@ from typing import Annotated
 
 import typer
 
+from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile
 from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.loop import Tick
 from smadrive.control.reference import Reference, parse_reference
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
@@ -52,13 +52,10 @@ def main(
         start_mm = start_displacement_mm(hysteresis, measured)
         path = wanted.with_approach(start_mm, APPROACH_S)
         experiment = path, hysteresis, balance or bench.nominal_balance, HysteresisInverse(hysteresis)
-        with record_tracking(log_file, bench, *experiment) as recorder, output.progress() as progress:
-            task = progress.add_task("tracking", total=path.duration_s)
-
-            def record(tick: Tick) -> None:
-                recorder.tick(tick)
-                progress.update(task, completed=tick.time_s)
-
+        with (
+            record_tracking(log_file, bench, *experiment) as recorder,
+            watched(recorder, "tracking", path.duration_s, config.limits.current_max_a, quiet=output.quiet) as record,
+        ):
             loop = bench.track(*experiment, record)
     figures = tracking_figures(read_log(log_file), loop)
     output.table(HEADER, [table_row("tracking", figures)])

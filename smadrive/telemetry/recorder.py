@@ -6,6 +6,7 @@ the file (see logfile.py for what is there at every moment). So a killed process
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -13,17 +14,21 @@ from typing import Self
 
 import numpy as np
 
-from smadrive.telemetry.log import ENDED_BY
+from smadrive.telemetry.log import ENDED_BY, Event
 from smadrive.telemetry.logfile import GROWTH_ROWS, LogFile
 
 BUFFER_S = 1.0
 BUFFER_ROWS = 1000
 
+LATEST_EVENTS = 3
+"""Events that are kept for those who watch the run."""
+
 
 class Recorder:
     """Writes a log of `columns`, the first of which is `time_s`; `about` are texts that tell what was recorded.
 
-    `rows` is how many are to come, where that is known. DataError when the file cannot be made, or takes no more.
+    `rows` is how many are to come, where that is known; `latest` are the last events. DataError when the file cannot be
+    made, or takes no more.
     """
 
     def __init__(
@@ -31,6 +36,7 @@ class Recorder:
     ) -> None:
         self._buffer: list[tuple[float, ...]] = []
         self._now_s = self._flushed_s = 0.0
+        self.latest: deque[Event] = deque(maxlen=LATEST_EVENTS)
         self._file = LogFile(path, columns, about or {}, rows)
 
     def __enter__(self) -> Self:
@@ -59,6 +65,7 @@ class Recorder:
         """Note an event at the time of the last row, in the file at once."""
         self.flush()
         self._file.add_event(self._now_s, message)
+        self.latest.append(Event(self._now_s, message))
 
     def flush(self) -> None:
         """Put every row so far into the file."""
