@@ -22,6 +22,9 @@ POINTS = 28
 HORIZON = 0.6
 """How far ahead a turn is considered, in time constants of the wire."""
 
+MISSED = 0.01
+"""By no more than this fraction of the stroke is the peak missed, however late the wire comes then (steps)."""
+
 BEYOND = 0.01
 """A wire beyond the meeting point by this fraction of the stroke did not need the way that the model gave it."""
 
@@ -63,13 +66,13 @@ class TurnPreview:
         for way_mm in self._way_mm(estimate, limit_w if direction < 0 else 0.0, step_s):
             meets_s += step_s
             short = ahead * (reference.value_mm(meets_s) - way_mm)
-            if short < 0.0:
-                late = max(late, -short)
-            elif late > 0.0:
-                break
-            else:
+            if meets_s <= turns_s or (short > 0.0 and late == 0.0):
                 early = max(early, short)
-        if late < early or late == 0.0:
+            elif short < 0.0:
+                late = max(late, -short)
+            else:
+                break
+        if late < early or late == 0.0 or early > MISSED:
             return None
         meets_s = max(meets_s, turns_s)
         meets_mm = reference.value_mm(meets_s)

@@ -191,10 +191,40 @@ def staircase(
     return Reference.from_samples(times, np.repeat(levels, 2))
 
 
+def steps(*, low_mm: float, high_mm: float, dwell_s: float = 10.0, cycles: float = 2.0) -> Reference:
+    """Jumps up and down between `low_mm` and `high_mm`, each held `dwell_s`: for a wire, to be smoothed before."""
+    levels = np.where(np.arange(int(2 * _positive("cycles", cycles)) + 1) % 2 == 0, low_mm, high_mm)
+    starts = np.arange(levels.size) * _positive("dwell_s", dwell_s)
+    times = np.column_stack((starts, starts + dwell_s - TABLE_STEP_S)).ravel()
+    return Reference.from_samples(times, np.repeat(levels, 2))
+
+
+def trapezoid(
+    *, low_mm: float, high_mm: float, rise_s: float = 10.0, dwell_s: float = 5.0, cycles: float = 2.0
+) -> Reference:
+    """Straight up within `rise_s`, held `dwell_s`, straight down, held as long."""
+    levels = np.where(np.arange(int(2 * _positive("cycles", cycles)) + 1) % 2 == 0, low_mm, high_mm)
+    starts = np.arange(levels.size) * (_positive("dwell_s", dwell_s) + _positive("rise_s", rise_s))
+    times = np.column_stack((starts, starts + dwell_s)).ravel()
+    return Reference.from_samples(times, np.repeat(levels, 2))
+
+
+def chirp(*, low_mm: float, high_mm: float, start_hz: float, end_hz: float, duration_s: float = 120.0) -> Reference:
+    """A swing between `low_mm` and `high_mm` whose frequency rises evenly from `start_hz` to `end_hz`."""
+    rate_hz_per_s = (_positive("end_hz", end_hz) - _positive("start_hz", start_hz)) / _positive(
+        "duration_s", duration_s
+    )
+    times = np.linspace(0.0, duration_s, max(3, int(duration_s / TABLE_STEP_S)))
+    turns = (start_hz + 0.5 * rate_hz_per_s * times) * times
+    return Reference.from_samples(times, low_mm + (high_mm - low_mm) * 0.5 * (1.0 - np.cos(2.0 * np.pi * turns)))
+
+
 def _positive(name: str, value: float) -> float:
     if value > 0:
         return value
     raise ConfigError(f"reference: {name} must be positive, it is {value:g}")
 
 
-SHAPES: dict[str, Callable[..., Reference]] = {"sine": sine, "triangle": triangle, "staircase": staircase}
+SHAPES: dict[str, Callable[..., Reference]] = {
+    make.__name__: make for make in (sine, triangle, trapezoid, steps, staircase, chirp)
+}

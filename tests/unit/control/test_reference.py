@@ -27,6 +27,27 @@ def test_a_triangle_is_straight_and_a_staircase_dwells():
     assert stairs.displacement_mm[-1] == 0.0
 
 
+def test_steps_jump_and_a_trapezoid_does_not():
+    jumps = parse_reference("steps:low_mm=1,high_mm=4,dwell_s=10,cycles=1")
+    assert [jumps.value_mm(t) for t in (5.0, 9.97, 10.01, 19.9, 20.1)] == pytest.approx([1, 1, 4, 4, 1])
+    ramps = parse_reference("trapezoid:low_mm=1,high_mm=4,rise_s=6,dwell_s=3,cycles=1")
+    assert [ramps.value_mm(t) for t in (0.0, 3.0, 6.0, 9.0, 12.0, 15.0, 18.0)] == pytest.approx(
+        [1, 1, 2.5, 4, 4, 2.5, 1]
+    )
+
+
+def test_a_chirp_swings_ever_faster():
+    reference = parse_reference("chirp:low_mm=2,high_mm=8,start_hz=0.02,end_hz=0.1,duration_s=100")
+    assert reference.displacement_mm.min() == pytest.approx(2.0, abs=1e-3)
+    assert reference.displacement_mm.max() == pytest.approx(8.0, abs=1e-3)
+    turns, time_s, direction = [], 0.0, 1
+    while (time_s := reference.next_turn_s(time_s, direction)) < 100.0:
+        turns.append(time_s)
+        direction = -direction
+    assert len(turns) == 11  # 6 periods: the frequency is 0.06 Hz in the mean
+    assert np.all(np.diff(turns, 2) < 0)
+
+
 def test_the_approach_is_smooth_and_not_scored():
     reference = parse_reference("sine:low_mm=2,high_mm=9,period_s=20,cycles=1").with_approach(0.5, 10.0)
     assert reference.value_mm(0.0) == pytest.approx(0.5)
@@ -39,7 +60,7 @@ def test_the_approach_is_smooth_and_not_scored():
 @pytest.mark.parametrize(
     ("spec", "told"),
     [
-        ("sinus:low_mm=1", "no shape 'sinus'; there are: sine, triangle, staircase"),
+        ("sinus:low_mm=1", "no shape 'sinus'; there are: sine, triangle, trapezoid, steps, staircase, chirp"),
         ("sine:low=1,high=2,period_s=3", "keys of 'sine' are low_mm=, high_mm=, period_s=, cycles="),
         ("sine:low_mm=1,high_mm=2", "keys of 'sine'"),
         ("sine:low_mm=one,high_mm=2,period_s=3", "could not convert"),
@@ -48,6 +69,10 @@ def test_the_approach_is_smooth_and_not_scored():
         ("sine:low_mm=1,high_mm=nan,period_s=5", "must be finite"),
         ("triangle:low_mm=1,high_mm=2,period_s=0", "period_s must be positive"),
         ("staircase:low_mm=1,high_mm=2,steps=0", "steps must be positive"),
+        ("steps:low_mm=1,high_mm=2,dwell_s=0", "dwell_s must be positive"),
+        ("trapezoid:low_mm=1,high_mm=2,rise_s=-1", "rise_s must be positive"),
+        ("chirp:low_mm=1,high_mm=2,start_hz=0,end_hz=1", "start_hz must be positive"),
+        ("chirp:low_mm=1,high_mm=2", "keys of 'chirp' are low_mm=, high_mm=, start_hz=, end_hz=, duration_s="),
     ],
 )
 def test_a_wrong_line_is_refused_with_what_exists(spec, told):
