@@ -37,7 +37,9 @@ class Target(NamedTuple):
 
 
 class DisplacementInverse(Protocol):
-    """Anything that tells the temperature for a wanted displacement."""
+    """Anything that tells the temperature for a wanted displacement; `hysteretic` if it knows of two branches."""
+
+    hysteretic: bool
 
     def target(self, state: HysteresisState, wanted_mm: float, direction: int) -> Target:
         """Where the wire stands at `wanted_mm`, coming from `state` in `direction` (+1: the phase rises)."""
@@ -46,6 +48,8 @@ class DisplacementInverse(Protocol):
 
 class HysteresisInverse:
     """The exact inverse of a hysteresis model, with the direction rule above."""
+
+    hysteretic = True
 
     def __init__(self, model: HysteresisModel) -> None:
         self._model = model
@@ -75,6 +79,8 @@ class StaticMap:
     Fitted to the same record by isotonic regression and tabulated at `MAP_LEVELS` displacements, it runs midway between
     the branches: what a calibration table would do, and the baseline that the inverse feedforward is compared with.
     """
+
+    hysteretic = False
 
     def __init__(self, temperature_c: ArrayLike, displacement_mm: ArrayLike) -> None:
         temperature = np.asarray(temperature_c, dtype=np.float64)

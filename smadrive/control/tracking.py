@@ -76,7 +76,7 @@ class TrackingController:
         noise_mm = DISPLACEMENT_NOISE * abs(wire.model.scale)
         self._observer = WireObserver(wire, settings.period_s, settings.noise_c, noise_mm)
         self._feedforward = DisplacementFeedforward(inverse, wire)
-        self._preview = TurnPreview(wire)
+        self._preview = TurnPreview(wire) if inverse.hysteretic else None
         self._feedback = TemperatureFeedback(
             PIGains.for_balance(wire.balance, settings.closed_loop_s, settings.integral_s)
         )
@@ -154,5 +154,7 @@ class TrackingController:
         direction = before.direction
         if rate_mm_per_s:
             direction = 1 if rate_mm_per_s / self._wire.model.scale > 0 else -1
+        if self._preview is None:
+            return direction, None
         turn = self._preview.update(ahead, self._reference, time_s, direction, limit_w)
         return (direction, None) if turn is None else (-direction, turn)

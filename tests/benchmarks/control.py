@@ -1,0 +1,236 @@
+"""How well wires are tracked that the controller does not know: python tests/benchmarks/control.py --plants 50
+
+Every plant is drawn at random, excited and identified like a wire on a bench, then tracked on the in-process rig in
+virtual time, without and with a displacement sensor in the run. The error is reference - true displacement in % of the
+true stroke, after the approach; the table gives median and worst over the plants. The sine is scored as it was asked
+for, the others after they were smoothed to what cooling allows (one reference for all controllers of a plant).
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+from collections import defaultdict
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import SimConfig, load_sim
+from smadrive.clock import VirtualClock
+from smadrive.control.controller import Command
+from smadrive.control.feedforward import HysteresisInverse, StaticMap
+from smadrive.control.plausibility import IDENTIFIED
+from smadrive.control.reference import Reference, chirp, sine, steps, trapezoid
+from smadrive.control.rehearsal import rehearse
+from smadrive.control.tracking import TrackingController
+from smadrive.control.wire import WireModel, WireState
+from smadrive.controllers import tracking_settings
+from smadrive.errors import ModelError, SmadriveError
+from smadrive.hysteresis import DuhemModel
+from smadrive.identification.excitation import ExcitationRecord
+from smadrive.identification.wire_fit import identify_hysteresis, identify_wire
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig
+
+APPROACH_S = 10.0
+RIG = load_rig("in-process")
+CONTROLLERS = ("T-S inverse", "Duhem inverse", "no hysteresis compensation", "PID only")
+
+
+def draw(seed: int) -> SimConfig:
+    """A wire within the tolerances of wires: centres ±5 K, widths ±25 %, stroke ±10 %, heat ±25 %, R ±5 %, any lag."""
+    random = np.random.default_rng(seed)
+    nominal = load_sim("flexinol-lt-0.15mm")
+    wire, loop = nominal.wire, nominal.transformation
+
+    def within(share: float) -> float:
+        return float(1.0 + random.uniform(-share, share))
+
+    while True:
+        drawn = {
+            "mu_heating_c": loop.mu_heating_c + random.uniform(-5.0, 5.0),
+            "mu_cooling_c": loop.mu_cooling_c + random.uniform(-5.0, 5.0),
+            "sigma_heating_c": loop.sigma_heating_c * within(0.25),
+            "sigma_cooling_c": loop.sigma_cooling_c * within(0.25),
+            "range_c": (20.0, 150.0),
+        }
+        try:
+            DuhemModel.gaussian(
+                **{key.removesuffix("_c"): value for key, value in drawn.items() if key != "range_c"},
+                input_range=drawn["range_c"],
+            )
+            break
+        except ModelError:
+            continue
+    wires = {
+        "heat_capacity_j_per_k": wire.heat_capacity_j_per_k * within(0.25),
+        "loss_w_per_k": wire.loss_w_per_k * within(0.25),
+        "latent_heat_j_per_kg": wire.latent_heat_j_per_kg * within(0.25),
+        "resistance_cold_ohm": wire.resistance_cold_ohm * within(0.05),
+        "stroke_mm": wire.stroke_mm * within(0.10),
+    }
+    return nominal.model_copy(
+        update={
+            "wire": wire.model_copy(update=wires),
+            "transformation": loop.model_copy(update=drawn),
+            "thermocouple": nominal.thermocouple.model_copy(update={"lag_s": float(random.uniform(0.05, 0.25))}),
+        }
+    )
+
+
+class Bench:
+    """The in-process rig with a drawn wire, with or without a displacement sensor."""
+
+    def __init__(self, sim: SimConfig, seed: int, *, sensor: bool) -> None:
+        device = simulated_device(sim if sensor else sim.model_copy(update={"displacement": None}), seed=seed)
+        clock = VirtualClock()
+        clock.follow(device.bench.advance_to)
+        self.plant = device.bench.plant
+        self.rig = Rig(RIG, transports={"board": device.transport(clock)})
+
+
+class Wire(NamedTuple):
+    """A drawn wire and what its identification made of it."""
+
+    sim: SimConfig
+    known: dict[str, WireModel]
+    plain: StaticMap
+
+
+def identified(sim: SimConfig, seed: int) -> Wire:
+    """Excite, then fit heat balance, T-S model, Duhem model and plain map to the record."""
+    bench, rows = Bench(sim, seed, sensor=True), []
+    with bench.rig as rig:
+        excitation = rig.excitation(rig.heater.exchange(0.0).temperature_c)
+        rig.excite(excitation, lambda tick: rows.append((tick.time_s, tick.measurement)))
+        nominal = rig.nominal_balance
+    record = ExcitationRecord(
+        *np.array([(t, m.current_a, m.voltage_v, m.temperature_c, m.displacement_mm) for t, m in rows]).T
+    )
+    fit = identify_wire(record, nominal)
+    temperature_c, balance = fit.thermal.wire_temperature_c, fit.thermal.balance
+    duhem = identify_hysteresis(temperature_c, record.displacement_mm, "duhem", 0)
+    known = {
+        "T-S inverse": WireModel(fit.hysteresis.model, balance),
+        "Duhem inverse": WireModel(duhem.model, balance),
+    }
+    return Wire(sim, known, StaticMap(temperature_c, record.displacement_mm))
+
+
+def references(wire: WireModel) -> dict[str, Reference]:
+    """The references between 20 and 80 % of the identified stroke."""
+    cold_mm, hot_mm = (wire.model.initial_state(v).y for v in wire.model.input_range)
+    low_mm, high_mm = cold_mm + 0.2 * (hot_mm - cold_mm), cold_mm + 0.8 * (hot_mm - cold_mm)
+    ends = {"low_mm": low_mm, "high_mm": high_mm}
+    corners = np.array([0.0, 1.0, 0.3, 0.7, 0.45, 0.9, 0.1, 0.6, 0.25, 0.8, 0.0])
+    times = np.concatenate(([0.0], np.cumsum(8.0 * np.abs(np.diff(corners)) + 1.0)))
+    asked = {
+        "sine 0.0178 Hz": sine(period_s=1.0 / 0.0178, cycles=1.5, **ends),
+        "trapezoid": trapezoid(rise_s=8.0, dwell_s=5.0, cycles=2.0, **ends),
+        "steps": steps(dwell_s=12.0, cycles=2.0, **ends),
+        "chirp 0.01-0.1 Hz": chirp(start_hz=0.01, end_hz=0.1, duration_s=70.0, **ends),
+        "minor loops": Reference.from_samples(times, low_mm + (high_mm - low_mm) * corners),
+    }
+    start = WireState(22.0, wire.model.initial_state(22.0))
+    found = {}
+    for name, reference in asked.items():
+        path = reference.with_approach(cold_mm, APPROACH_S)
+        rehearsed = rehearse(path, wire, HysteresisInverse(wire.model), tracking_settings(RIG), start)
+        found[name] = path if name.startswith("sine") else rehearsed.nearest
+    return found
+
+
+class DisplacementPid:
+    """Displacement → power by a PI alone, gain by lambda tuning at the mean slope of the loop.
+
+    Closed-loop and integral time are the best that a sweep found: faster ones oscillate, slower ones lag.
+    """
+
+    CLOSED_LOOP_S = 0.05
+    DELAY_S = 0.1
+    INTEGRAL_S = 0.8
+
+    def __init__(self, reference: Reference, wire: WireModel, limit_a: float) -> None:
+        balance, model = wire.balance, wire.model
+        heating = model.engine.heating
+        slope_per_k = float(np.sum(heating.target_slope * np.gradient(heating.target)))
+        self.duration_s = reference.duration_s
+        self._reference, self._balance, self._limit_a = reference, balance, limit_a
+        capacity = balance.heat_capacity_j_per_k + balance.latent_heat_j * slope_per_k
+        self._gain = capacity / (model.scale * slope_per_k * (self.CLOSED_LOOP_S + self.DELAY_S))
+        self._integral_w = 0.0
+
+    def update(self, time_s: float, measurement, dt_s: float) -> Command:
+        wanted_mm = self._reference.value_mm(time_s)
+        error_mm = wanted_mm - measurement.displacement_mm
+        limit_w = self._limit_a**2 * self._balance.resistance_cold_ohm
+        unclamped_w = self._gain * error_mm + self._integral_w
+        power_w = min(max(unclamped_w, 0.0), limit_w)
+        if power_w == unclamped_w or (unclamped_w < 0.0) == (error_mm > 0.0):
+            self._integral_w += self._gain * error_mm * dt_s / self.INTEGRAL_S
+        return Command(self._balance.current_a(power_w, 0.0), wanted_mm=wanted_mm, power_w=power_w)
+
+
+def controller(name: str, wire: Wire, reference: Reference, *, sensor: bool):
+    settings, known = tracking_settings(RIG), wire.known.get(name, wire.known["T-S inverse"])
+    if name == "PID only":
+        if sensor:
+            return DisplacementPid(reference, known, settings.current_limit_a)
+        settings = replace(settings, feedforward_share=0.0)
+    inverse = HysteresisInverse(known.model) if name in wire.known else wire.plain
+    return TrackingController(reference, known, inverse, settings)
+
+
+def track(name: str, wire: Wire, reference: Reference, seed: int, *, sensor: bool) -> tuple[float, float]:
+    """RMS and largest error of one run, %; infinite when it tripped."""
+    bench, rows = Bench(wire.sim, seed, sensor=sensor), []
+    try:
+        with bench.rig as rig:
+            runs = controller(name, wire, reference, sensor=sensor)
+            plausible = rig._plausible(wire.known["T-S inverse"].balance, IDENTIFIED)
+            rig._run(runs, plausible, lambda tick: rows.append((tick.time_s, bench.plant.displacement_mm)))
+    except SmadriveError as error:
+        print(f"    {name}, {'with' if sensor else 'without'} sensor: {error}")
+        return np.inf, np.inf
+    time_s, reached_mm = np.array(rows).T
+    wanted_mm = np.array([reference.value_mm(t) for t in time_s])
+    percent = 100.0 * (wanted_mm - reached_mm)[time_s >= reference.scored_from_s] / wire.sim.wire.stroke_mm
+    return float(np.sqrt(np.mean(percent**2))), float(np.max(np.abs(percent)))
+
+
+def study(plants: int, baselines: int, seed: int):
+    """All runs: {(reference, controller, sensor): [(rms, max) per plant]}."""
+    results = defaultdict(list)
+    for number in range(seed, seed + plants):
+        wire = identified(draw(number), number)
+        for title, reference in references(wire.known["T-S inverse"]).items():
+            for name in CONTROLLERS if number < seed + baselines else CONTROLLERS[:1]:
+                for sensor in (False, True):
+                    results[title, name, sensor].append(track(name, wire, reference, number + 1000, sensor=sensor))
+        rms = [results["sine 0.0178 Hz", CONTROLLERS[0], sensor][-1][0] for sensor in (False, True)]
+        print(f"plant {number}: sine {rms[0]:.2f} % RMS without, {rms[1]:.2f} % with displacement", flush=True)
+    return results
+
+
+def table(results) -> None:
+    print("\n% of stroke                                                  without displacement       with displacement")
+    print("                                                             RMS         max            RMS         max")
+    print("reference           controller                  plants  med. worst  med. worst     med. worst  med. worst")
+    for title, name in dict.fromkeys((title, name) for title, name, _ in results):
+        cells = []
+        for sensor in (False, True):
+            figures = np.array(results[title, name, sensor])
+            cells.append("  ".join(f"{np.median(c):5.2f} {c.max():5.2f}" for c in figures.T))
+        print(f"{title:20}{name:28}{len(figures):5}  {cells[0]}    {cells[1]}")
+
+
+if __name__ == "__main__":
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--plants", type=int, default=6)
+    parser.add_argument("--baselines", type=int, default=3, help="plants on which the other controllers run too")
+    parser.add_argument("--seed", type=int, default=0)
+    asked = parser.parse_args()
+    os.nice(10)
+    table(study(asked.plants, asked.baselines, asked.seed))
