@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import contextlib
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import ExitStack
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated, TextIO
@@ -14,14 +15,13 @@ import typer
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
 from firmware_sim.device import SimulatedDevice
-from firmware_sim.doors import Door, Terminal
-from firmware_sim.linespeed import SlowLine
-from firmware_sim.ports import Port
 from firmware_sim.serve import Server, stop_on_signal
-from firmware_sim.tcpdoor import TcpDoor
 from firmware_sim.timeline import load_script
+from firmware_sim.ways import Entrance, Kind, WayIn, open_entrances
 from smadrive.device.profile import load_profile
 from smadrive.errors import ConfigError, SmadriveError
+
+REFERENCE = "sma-reference"
 
 main = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -47,7 +47,9 @@ def serve(
     line_speed: Annotated[
         bool, typer.Option("--line-speed", help="Characters take the time of the baud rate.")
     ] = False,
-    profile: Annotated[str, typer.Option(help="The register map: a shipped name or a path.")] = "sma-reference",
+    profile: Annotated[
+        str | None, typer.Option(help=f"The register map: a shipped name or a path; without one, {REFERENCE}.")
+    ] = None,
     time: Annotated[Time, typer.Option(help="real: the machine's; driven: told on standard input.")] = Time.REAL,
     faults: Annotated[
         Path | None, typer.Option(help="What goes wrong and when (docs/simulator.md).", metavar="FAULTS.toml")
@@ -55,55 +57,56 @@ def serve(
     seed: Annotated[int, typer.Option(help="Of the sensors' noise and of random faults.")] = 0,
     log: Annotated[Path | None, typer.Option(help="Write the event lines there instead of standard error.")] = None,
 ) -> None:
-    """Serve a simulated device on a serial port, or a TCP port, and print its URL as the first line."""
+    """Serve simulated devices on serial or TCP ports, and print their URLs, one a line."""
     try:
-        with _event_log(log) as events:
+        with _event_log(log) as events, ExitStack() as stack:
             bench = SimulatedBench(load_sim(sim), seed, _line_writer(events))
-            device = bench.attach(load_profile(profile))
+            placed = _placed(bench, _way_in(pty, tcp, rtu_tcp), profile)
             if faults is not None:
                 bench.follow_script(load_script(faults))
-            _serve(bench, device, _door(device, pty, tcp, rtu_tcp, line_speed=line_speed), time)
+            _serve(bench, open_entrances(placed, stack, line_speed=line_speed), time)
     except SmadriveError as error:
         typer.echo(f"firmware-sim: {error}", err=True)
         raise typer.Exit(error.exit_code) from None
 
 
-def _door(device: SimulatedDevice, pty: Path | None, tcp: str | None, rtu_tcp: str | None, *, line_speed: bool) -> Door:
-    if sum(option is not None for option in (pty, tcp, rtu_tcp)) > 1:
+def _way_in(pty: Path | None, tcp: str | None, rtu_tcp: str | None) -> WayIn | None:
+    options: tuple[tuple[Kind, Path | str | None], ...] = (("pty", pty), ("tcp", tcp), ("rtu_tcp", rtu_tcp))
+    given = [WayIn(kind, str(address)) for kind, address in options if address is not None]
+    if len(given) > 1:
         raise ConfigError("--pty, --tcp and --rtu-tcp exclude each other: start one simulator for each")
-    line = device.profile.serial_settings()
-    if line_speed and (line is None or tcp is not None):
-        raise ConfigError(
-            "--line-speed: Modbus TCP has no serial line; serve a device that has one with --pty or --rtu-tcp"
-        )
-    if tcp is not None:
-        return TcpDoor(tcp, "tcp", lambda: device.line.new_port(numbered=True))
-
-    def rtu_port() -> Port:
-        port = device.line.new_port(numbered=False)
-        return SlowLine(port, line) if line_speed and line is not None else port
-
-    if rtu_tcp is not None:
-        return TcpDoor(rtu_tcp, "rtu+tcp", rtu_port)
-    if line is None:
-        raise ConfigError(f"'{device.profile.profile.id}' has no serial line: serve it with --tcp HOST:PORT")
-    return Terminal(pty, rtu_port())
+    return given[0] if given else None
 
 
-def _serve(bench: SimulatedBench, device: SimulatedDevice, door: Door, time: Time) -> None:
+def _placed(bench: SimulatedBench, way_in: WayIn | None, profile: str | None) -> list[tuple[SimulatedDevice, WayIn]]:
+    """Every device of the sim file with its way in; without any there, the one that the options tell."""
+    devices = bench.config.devices
+    if not devices:
+        return [(bench.attach(load_profile(profile or REFERENCE)), way_in or WayIn("pty"))]
+    if way_in is not None or profile is not None:
+        raise ConfigError("the sim file names its [[devices]]: leave --profile, --pty, --tcp and --rtu-tcp out")
+    return [
+        (bench.attach(load_profile(device.profile), device.unit_id, device.name), WayIn.of(device))
+        for device in devices
+    ]
+
+
+def _serve(bench: SimulatedBench, entrances: Sequence[Entrance], time: Time) -> None:
+    server = Server(bench, [entrance.door for entrance in entrances])
+    for entrance in entrances:
+        for device in entrance.devices:
+            device.faults.ears.append(server.ear(entrance.door))
     try:
         with stop_on_signal(), contextlib.suppress(KeyboardInterrupt):
-            typer.echo(door.url)
+            for entrance in entrances:
+                typer.echo(str(entrance))
             sys.stdout.flush()
-            server = Server(bench, (door,))
-            device.faults.ears.append(server.ear(door))
             if time is Time.REAL:
                 server.run_real()
             else:
                 server.run_driven()
     finally:
         bench.switch_off()
-        door.close()
 
 
 def _line_writer(events: TextIO) -> Callable[[str], None]:

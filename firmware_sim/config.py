@@ -72,8 +72,25 @@ class Board(Section):
     serial_number: int = Field(default=1, ge=0, le=0xFFFFFFFF)
 
 
+class Placed(Section):
+    """A device on the bench, and its way in. Devices that name the same way in share a line."""
+
+    name: str = Field(min_length=1)
+    profile: str
+    unit_id: int | None = Field(default=None, ge=0, le=255)
+    pty: str | None = None
+    tcp: str | None = None
+    rtu_tcp: str | None = None
+
+    @model_validator(mode="after")
+    def _one_way_in(self) -> Placed:
+        if sum(address is not None for address in (self.pty, self.tcp, self.rtu_tcp)) != 1:
+            raise ValueError(f"device '{self.name}' needs one way in: pty = PATH, tcp = ADDRESS or rtu_tcp = ADDRESS")
+        return self
+
+
 class SimConfig(Section):
-    """A whole simulated rig."""
+    """A whole simulated rig; without `devices`, whoever serves it says which one stands there."""
 
     wire: Wire
     transformation: Transformation
@@ -81,6 +98,15 @@ class SimConfig(Section):
     sense: Sense
     board: Board
     displacement: Displacement | None = None
+    devices: tuple[Placed, ...] = ()
+
+    @model_validator(mode="after")
+    def _names_differ(self) -> SimConfig:
+        names = [device.name for device in self.devices]
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two devices are called '{name}': give them different names")
+        return self
 
 
 def load_sim(name_or_path: str | Path) -> SimConfig:

@@ -108,7 +108,9 @@ class Profile(Section):
         )
 
     def chosen(self, choice: str) -> Profile:
-        """The variant of this `choice`; ConfigError names those there are."""
+        """The variant of this `choice`, or the model with these raw values (`model_id=60120`); ConfigError if none."""
+        if "=" in choice:
+            return self._pinned(choice)
         known = {variant.choice: variant for variant in self.variants if variant.choice}
         if choice not in known:
             raise ConfigError(f"profile '{self.profile.id}' has no choice '{choice}'{nearest(choice, map(str, known))}")
@@ -129,6 +131,22 @@ class Profile(Section):
         """The serial line as a transport wants it; None for a device without one."""
         line = self.serial
         return None if line is None else SerialSettings(line.baudrate, line.parity, line.stopbits)
+
+    def _pinned(self, choice: str) -> Profile:
+        """The model whose registers hold `NAME=RAW,...`, which it must then prove."""
+        raws = dict(_raw_of(pair, choice) for pair in choice.split(","))
+        for name, raw in raws.items():
+            self.register(name)
+            allowed = [span for proof in self.identify if proof.register_ == name for span in proof.ranges]
+            if allowed and not any(first <= raw <= last for first, last in allowed):
+                raise ConfigError(f"profile '{self.profile.id}': there is no model of it with {name} = {raw}")
+        near = [one for one in self.variants if all(one.holds(name, raw) for name, raw in raws.items())]
+        for name in (name for variant in near for name in variant.match if name not in raws):
+            raise ConfigError(f"profile '{self.profile.id}': which model is it? Add ,{name}=RAW to '{choice}'")
+        model = self.as_variant(near[0]) if near else self.model_copy(update={"variants": ()})
+        others = tuple(proof for proof in model.identify if proof.register_ not in raws)
+        proofs = tuple(Identify(register=name, ranges=[(raw, raw)]) for name, raw in raws.items())
+        return model.model_copy(update={"identify": others + proofs})
 
     def _check_names(self) -> None:
         for proof in self.identify:
@@ -155,9 +173,18 @@ class Profile(Section):
 def load_profile(name_or_path: str | Path) -> Profile:
     """The profile at a path (`*.toml`), or the shipped one of that name; ConfigError names file, key and cure.
 
-    `NAME:CHOICE` is a variant that no register tells, such as the thermocouple type of `adam-6018:J`.
+    `NAME:CHOICE` is a variant that no register tells, such as the thermocouple type of `adam-6018:J`;
+    `NAME:REGISTER=RAW` is the model of a family that holds these raw values, as in `riden-rd60xx:model_id=60120`.
     """
     name, _, choice = str(name_or_path).partition(":")
     path = Path(name)
     profile = load_config(path if path.suffix == ".toml" else shipped_file("devices", name), Profile)
     return profile.chosen(choice) if choice else profile
+
+
+def _raw_of(pair: str, choice: str) -> tuple[str, int]:
+    name, _, raw = pair.partition("=")
+    try:
+        return name.strip(), int(raw, 0)
+    except ValueError:
+        raise ConfigError(f"'{choice}': write REGISTER=RAW, several with commas, raw values as whole numbers") from None

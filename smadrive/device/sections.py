@@ -124,6 +124,10 @@ class Variant(Section):
             raise ValueError("a variant has either match = { register = [first, last] } or choice = 'name'")
         return self
 
+    def holds(self, name: str, raw: float) -> bool:
+        """Whether a register of this model may hold `raw`, and tells the models apart."""
+        return name in self.match and self.match[name][0] <= raw <= self.match[name][1]
+
 
 class Forbidden(Section):
     """Addresses that are never written, and why."""

@@ -219,3 +219,45 @@ def test_bits_are_answered_by_the_book(config):
         ("02 00 10 00 08", "02 01 0B"),
     ]:
         assert answer(bytes.fromhex(request)) == bytes.fromhex(reply), request
+
+
+@pytest.mark.parametrize(
+    ("name", "current_max_a", "scale"),
+    [
+        ("riden-rd60xx:model_id=60062", 6.0, 0.001),
+        ("riden-rd60xx:model_id=60121", 12.0, 0.01),
+        ("riden-rd60xx:model_id=60125,current_range=0", 6.0, 0.0001),
+        ("xy-sk-family:model_id=0x6500", 25.0, 0.01),
+    ],
+)
+def test_the_simulator_is_any_model_of_a_family_and_the_driver_finds_out_which(connect, name, current_max_a, scale):
+    model = load_profile(name)
+    _, device = connect(model)
+    family = Device(load_profile(name.partition(":")[0]), device.master)
+    family.check_identity()
+    for one in (device, family):
+        one.check_identity()
+        register = one.profile.register("i_set")
+        assert (register.max, register.scale) == (current_max_a, scale)
+        pinned = {proof.register_: proof.ranges for proof in model.identify}["model_id"][0][0]
+        assert one.read(("model_id",))["model_id"].raw == pinned
+
+
+def test_another_model_than_the_one_named_is_refused(connect):
+    _, device = connect(load_profile("riden-rd60xx:model_id=60121"))
+    with pytest.raises(IdentityError, match="model_id is 60121, expected 60122"):
+        Device(load_profile("riden-rd60xx:model_id=60122"), device.master).check_identity()
+
+
+@pytest.mark.parametrize(
+    ("name", "says"),
+    [
+        ("riden-rd60xx:model_id=1", "there is no model of it with model_id = 1"),
+        ("riden-rd60xx:model_id=60125", "which model is it\\? Add ,current_range=RAW"),
+        ("riden-rd60xx:modelid=60121", "no register 'modelid'; did you mean 'model_id'"),
+        ("riden-rd60xx:model_id=RD6012", "write REGISTER=RAW"),
+    ],
+)
+def test_a_model_that_cannot_be_is_refused(name, says):
+    with pytest.raises(ConfigError, match=says):
+        load_profile(name)

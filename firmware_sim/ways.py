@@ -1,0 +1,102 @@
+"""From devices to doors: devices that name the same way in share a line, and each way in is one door."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Literal, NamedTuple
+
+from firmware_sim.config import Placed
+from firmware_sim.device import Line, SimulatedDevice
+from firmware_sim.doors import Door, Terminal
+from firmware_sim.linespeed import SlowLine
+from firmware_sim.ports import Port
+from firmware_sim.tcpdoor import TcpDoor
+from smadrive.errors import ConfigError
+from smadrive.modbus.transport import SerialSettings
+
+Kind = Literal["pty", "tcp", "rtu_tcp"]
+
+
+class WayIn(NamedTuple):
+    """Where a client finds a device: a pseudo-terminal (perhaps under a path), or a TCP address."""
+
+    kind: Kind
+    address: str | None = None
+
+    @classmethod
+    def of(cls, placed: Placed) -> WayIn:
+        """That of a device of a sim file."""
+        if placed.pty is not None:
+            return cls("pty", placed.pty)
+        return cls("rtu_tcp", placed.rtu_tcp) if placed.tcp is None else cls("tcp", placed.tcp)
+
+    def __str__(self) -> str:
+        return f"--{self.kind.replace('_', '-')} {self.address or ''}".rstrip()
+
+
+class Entrance(NamedTuple):
+    """A door and the devices behind it."""
+
+    door: Door
+    devices: tuple[SimulatedDevice, ...]
+
+    def __str__(self) -> str:
+        """The URL; behind it the names of the devices, where they have any."""
+        return " ".join((self.door.url, *(device.name for device in self.devices if device.name)))
+
+
+def open_entrances(
+    placed: Sequence[tuple[SimulatedDevice, WayIn]], stack: ExitStack, *, line_speed: bool
+) -> list[Entrance]:
+    """A door for every way in, closed by `stack`; ConfigError when devices cannot share it, or it cannot be opened."""
+    behind: dict[WayIn, list[SimulatedDevice]] = {}
+    for device, way_in in placed:
+        behind.setdefault(way_in, []).append(device)
+    entrances = []
+    for way_in, devices in behind.items():
+        _check_units(way_in, devices)
+        door = _door(way_in, devices, line_speed=line_speed)
+        stack.callback(door.close)
+        entrances.append(Entrance(door, tuple(devices)))
+    return entrances
+
+
+def _check_units(way_in: WayIn, devices: Sequence[SimulatedDevice]) -> None:
+    for at, device in enumerate(devices):
+        for other in devices[:at]:
+            if other.unit_id == device.unit_id:
+                raise ConfigError(
+                    f"{way_in}: '{other.name}' and '{device.name}' both have unit_id {device.unit_id}: give them "
+                    "different ones, or ways in of their own"
+                )
+
+
+def _door(way_in: WayIn, devices: Sequence[SimulatedDevice], *, line_speed: bool) -> Door:
+    line = Line(devices)
+    if way_in.kind == "tcp":
+        if line_speed:
+            raise ConfigError(
+                "--line-speed: Modbus TCP has no serial line; serve a device that has one with --pty or --rtu-tcp"
+            )
+        return TcpDoor(way_in.address or "0", "tcp", lambda: line.new_port(numbered=True))
+    settings = _settings(devices)
+
+    def rtu_port() -> Port:
+        port = line.new_port(numbered=False)
+        return SlowLine(port, settings) if line_speed else port
+
+    if way_in.kind == "rtu_tcp":
+        return TcpDoor(way_in.address or "0", "rtu+tcp", rtu_port)
+    return Terminal(None if way_in.address is None else Path(way_in.address), rtu_port())
+
+
+def _settings(devices: Sequence[SimulatedDevice]) -> SerialSettings:
+    """How the line is set; of devices that leave the factory with different settings, as the first one."""
+    for device in devices:
+        if device.profile.serial_settings() is None:
+            raise ConfigError(f"'{device.profile.profile.id}' has no serial line: serve it with --tcp HOST:PORT")
+    settings = devices[0].profile.serial_settings()
+    assert settings is not None  # just looked
+    return settings
