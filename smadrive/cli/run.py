@@ -14,6 +14,9 @@ from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.reference import Reference, parse_reference
+from smadrive.control.rehearsal import rehearse
+from smadrive.control.wire import WireModel, WireState
+from smadrive.controllers import tracking_settings
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.loggedrun import travel_mm
@@ -39,9 +42,16 @@ def main(
     ],
     log_file: Annotated[Path, typer.Option("--log-file", "-o", help="Log (.h5) to write.")],
     model: Annotated[Path | None, typer.Option(help="Model file; that of the rig file by default.")] = None,
+    smooth: Annotated[
+        bool,
+        typer.Option("--smooth", help="Run the nearest reference that the wire can follow, if it cannot this one."),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
-    """Make the wire of RIG follow a displacement reference, with the inverse of its identified model."""
+    """Make the wire of RIG follow a displacement reference, with the inverse of its identified model.
+
+    The reference is rehearsed on the model before anything is heated; what the wire cannot do is refused.
+    """
     output = Output(as_json)
     config = load_rig(rig)
     hysteresis, balance = load_wire_file(_model_file(config, model))
@@ -51,10 +61,22 @@ def main(
         measured = bench.heater.exchange(0.0)
         start_mm = start_displacement_mm(hysteresis, measured)
         path = wanted.with_approach(start_mm, APPROACH_S)
-        experiment = path, hysteresis, balance or bench.nominal_balance, HysteresisInverse(hysteresis)
+        wire = WireModel(hysteresis, balance or bench.nominal_balance)
+        start = WireState(measured.temperature_c, hysteresis.initial_state(measured.temperature_c, start_mm))
+        rehearsed = rehearse(path, wire, HysteresisInverse(hysteresis), tracking_settings(config), start)
+        rehearsed.check(config.limits.temperature_max_c, smooth=smooth)
+        if not rehearsed.feasible:
+            output.say(f"smoothed: {rehearsed}")
+        experiment = rehearsed.nearest, hysteresis, wire.balance, HysteresisInverse(hysteresis)
         with (
             record_tracking(log_file, bench, *experiment) as recorder,
-            watched(recorder, "tracking", path.duration_s, config.limits.current_max_a, quiet=output.quiet) as record,
+            watched(
+                recorder,
+                "tracking",
+                rehearsed.nearest.duration_s,
+                config.limits.current_max_a,
+                quiet=output.quiet,
+            ) as record,
         ):
             loop = bench.track(*experiment, record)
     figures = tracking_figures(read_log(log_file), loop)

@@ -86,12 +86,15 @@ class Feasibility:
             f"{REASONS[self.limit]}"
         )
 
-    def check(self, temperature_max_c: float) -> None:
-        """ConfigError with the cure when the reference is not feasible, or would take too hot a wire."""
-        if not self.feasible:
+    def check(self, temperature_max_c: float, *, smooth: bool = False) -> None:
+        """ConfigError with the cure when the reference is not feasible, or would take too hot a wire.
+
+        With `smooth` the nearest feasible one is run instead, and only its temperature is judged.
+        """
+        if not (self.feasible or smooth):
             raise ConfigError(
-                f"reference: {self}: slow it down about {self.slower:.1f} times, or let it be smoothed to what the "
-                "wire can do"
+                f"reference: {self}: slow it down about {self.slower:.1f} times, or run the nearest that the wire can "
+                "follow (--smooth)"
             )
         if self.hottest_c > temperature_max_c:
             raise ConfigError(

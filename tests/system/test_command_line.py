@@ -98,6 +98,7 @@ def rig_text(old, new, rig="simulated"):
 
 ANY_SINE = "sine:low_mm=2,high_mm=9,period_s=56"
 FAR = "sine:low_mm=2,high_mm=30,period_s=56"
+FAST = "trapezoid:low_mm=0.01,high_mm=0.03,rise_s=0.5"
 RUN = ("run", "in-process", "-o", "l.h5")
 STRAIN = ("--output", "strain", "-o", "m.json")
 WRONG = [
@@ -118,6 +119,7 @@ WRONG = [
     ("no device there", ("probe", "port.toml"), 3, "/dev/ttyNONE: no such port"),
     ("another device", ("probe", "other.toml"), 3, "is no 'sma-reference': device_id is 21325"),
     ("beyond the stroke", (*RUN, "--model", "loop.json", "--reference", FAR), 2, "reaches from 0 to 0.04 mm"),
+    ("beyond cooling", (*RUN, "--model", "loop.json", "--reference", FAST), 2, "cools no faster: slow it down"),
     ("model is a folder", ("identify", "wire.csv", *STRAIN[:-1], "folder"), 2, "folder: cannot be written"),
     ("log in no folder", ("excite", "in-process", "-o", "no/l.h5"), 2, "no/l.h5: cannot be written"),
     ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),

@@ -41,9 +41,12 @@ def test_a_fall_faster_than_cooling_is_refused_with_the_rates_and_the_cure():
     assert found.limit == "cooling"
     assert found.wanted_mm_per_s < found.reached_mm_per_s < 0.0
     with pytest.raises(
-        ConfigError, match=r"wanted are -.* mm/s.*no current.*slow it down about [\d.]+ times.*smoothed"
+        ConfigError, match=r"wanted are -.* mm/s.*no current.*slow it down about [\d.]+ times.*--smooth"
     ):
         found.check(temperature_max_c=135.0)
+    found.check(temperature_max_c=135.0, smooth=True)
+    with pytest.raises(ConfigError, match="temperature_max_c = 90"):
+        found.check(temperature_max_c=90.0, smooth=True)
 
 
 def test_slowed_down_as_told_it_passes_or_nearly():
