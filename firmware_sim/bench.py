@@ -39,7 +39,7 @@ class SimulatedBench:
         self.seed = seed
         self.time_s = 0.0
         self.events: list[str] = []
-        self.plant = Plant(config.wire, config.transformation)
+        self.plant = Plant(config)
         self.sensors = Sensors(config, self.plant, seed)
         self.devices: list[SimulatedDevice] = []
         self._heating: SimulatedDevice | None = None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Literal
 
 from pydantic import Field, model_validator
 
@@ -23,20 +24,55 @@ class Wire(Section):
     stroke_mm: float = Field(gt=0)
 
 
-class Transformation(Section):
-    """Centre and width of the two branches of the hysteresis, in °C."""
+class Branches(Section):
+    """Centre and width of the two branches of the hysteresis, in °C, at the stress of the wire (see Bias)."""
 
     mu_heating_c: float
     mu_cooling_c: float
     sigma_heating_c: float = Field(gt=0)
     sigma_cooling_c: float = Field(gt=0)
+
+
+class Component(Branches):
+    """Another transformation in the same wire, such as that of the R-phase: its part of the whole, and its branches."""
+
+    share: float = Field(gt=0, lt=1)
+
+
+class Transformation(Branches):
+    """How the phase follows the temperature: by a Duhem model of one or two Gaussians a branch, or by a Preisach plane.
+
+    `correlation` is that of the temperatures at which a grain turns to austenite and back, in a Preisach plane: 1 means
+    that all grains have the same width of hysteresis.
+    """
+
+    kind: Literal["duhem", "two-component", "preisach"] = "duhem"
     range_c: tuple[float, float]
+    second: Component | None = None
+    correlation: float | None = Field(default=None, gt=-1, lt=1)
 
     @model_validator(mode="after")
-    def _ordered(self) -> Transformation:
+    def _consistent(self) -> Transformation:
         if self.range_c[0] >= self.range_c[1]:
             raise ValueError(f"range_c {self.range_c} must rise")
+        for key, kind in (("second", "two-component"), ("correlation", "preisach")):
+            if (getattr(self, key) is not None) != (self.kind == kind):
+                raise ValueError(f"kind '{kind}' and {key} belong together: give both, or neither")
         return self
+
+
+class Bias(Section):
+    """What pulls the wire out again: a dead weight, or a spring that the wire stretches when it contracts.
+
+    Stress = (preload + stiffness · displacement) / cross section; it raises the temperatures of `[transformation]`,
+    which are then those of the unloaded wire, by one kelvin for every so many megapascal (Clausius-Clapeyron).
+    """
+
+    preload_n: float = Field(ge=0)
+    stiffness_n_per_mm: float = Field(default=0.0, ge=0)
+    diameter_mm: float = Field(gt=0)
+    heating_mpa_per_k: float = Field(gt=0)
+    cooling_mpa_per_k: float = Field(gt=0)
 
 
 class Thermocouple(Section):
@@ -98,6 +134,7 @@ class SimConfig(Section):
     sense: Sense
     board: Board
     displacement: Displacement | None = None
+    bias: Bias | None = None
     devices: tuple[Placed, ...] = ()
 
     @model_validator(mode="after")

@@ -27,7 +27,10 @@ def test_every_shipped_sim_loads_by_name_and_by_path(path):
 )
 def test_what_is_wrong_is_named(tmp_path, old, new, says):
     path = tmp_path / "bad.toml"
-    path.write_text(SIMS[0].read_text(encoding="utf-8").replace(old, new, 1), encoding="utf-8")
+    path.write_text(
+        (configs_dir() / "sims" / "flexinol-lt-0.15mm.toml").read_text(encoding="utf-8").replace(old, new, 1),
+        encoding="utf-8",
+    )
     with pytest.raises(ConfigError, match=says) as error:
         load_sim(path)
     assert str(error.value).startswith(f"{path}: ")

@@ -13,7 +13,7 @@ CONFIG = load_sim("flexinol-lt-0.15mm")
 
 @pytest.fixture
 def plant():
-    return Plant(CONFIG.wire, CONFIG.transformation)
+    return Plant(CONFIG)
 
 
 def until(plant, current_a, done, limit_s=60.0):
@@ -58,8 +58,27 @@ def test_heat_is_conserved_through_the_transformation(plant):
     assert stored_j + lost_j == pytest.approx(put_in_j, rel=0.01)
 
 
+@pytest.mark.parametrize("name", ["flexinol-lt-0.15mm", "flexinol-ht-0.10mm", "flexinol-lt-0.38mm"])
+def test_cooling_returns_the_heat_of_the_transformation(name):
+    """Over a whole cycle every joule of the current has left through the surface."""
+    config = load_sim(name)
+    plant, wire = Plant(config), config.wire
+    put_in_j = lost_j = stored_j = 0.0
+    for step in range(10_000):
+        current_a = 0.75 * config.board.supply_limit_a if plant.temperature_c < 140.0 and step < 2000 else 0.0
+        before_c, before_ohm = plant.temperature_c, plant.resistance_ohm
+        plant.advance(current_a, 0.01)
+        put_in_j += current_a**2 * (before_ohm + plant.resistance_ohm) / 2 * 0.01
+        lost_j += wire.loss_w_per_k * ((before_c + plant.temperature_c) / 2 - wire.ambient_c) * 0.01
+        stored_j = max(stored_j, wire.mass_kg * wire.latent_heat_j_per_kg * plant.phase)
+    left_j = wire.heat_capacity_j_per_k * (plant.temperature_c - wire.ambient_c)
+    assert stored_j > 0.99 * wire.mass_kg * wire.latent_heat_j_per_kg
+    assert plant.phase < 0.01
+    assert lost_j + left_j == pytest.approx(put_in_j, rel=2e-3)
+
+
 def test_larger_steps_of_the_caller_change_nothing_much(plant):
-    other = Plant(CONFIG.wire, CONFIG.transformation)
+    other = Plant(CONFIG)
     for _ in range(100):
         plant.advance(0.4, 0.01)
     other.advance(0.4, 1.0)
