@@ -10,6 +10,7 @@ import typer
 from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile
+from smadrive.identification.excitation import check_may_excite
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 from smadrive.runlog import record_excitation
@@ -23,8 +24,10 @@ def main(
     """Drive the wire of RIG through the temperature path of its rig file, within its limits, and record it."""
     output = Output(as_json)
     with Rig(load_rig(rig)) as bench:
-        excitation = bench.excitation(bench.heater.exchange(0.0).temperature_c)
+        found = bench.heater.exchange(0.0)
         limit_a = bench.config.limits.current_max_a
+        excitation = bench.excitation(found.temperature_c)
+        check_may_excite(excitation, bench.nominal_balance, limit_a, found)
         with (
             record_excitation(log_file, bench, excitation) as recorder,
             watched(recorder, "exciting", excitation.duration_s, limit_a, quiet=output.quiet) as record,

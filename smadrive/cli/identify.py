@@ -10,11 +10,11 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.output import AsJson, Output
-from smadrive.identification.wire_fit import AnyFit, identify_hysteresis, identify_wire
+from smadrive.identification.thermal_fit import ThermalFit
+from smadrive.identification.wire_fit import AnyFit, WireFit, identify_hysteresis, identify_wire
 from smadrive.loggedrun import excitation_record, nominal_balance
 from smadrive.telemetry.log import is_log, read_log
 from smadrive.telemetry.table import read_table
-from smadrive.thermal import HeatBalance
 from smadrive.wirefile import save_wire
 
 
@@ -36,17 +36,18 @@ def main(
 ) -> None:
     """Fit a hysteresis model to DATA. From a log the heat balance is fitted too, and the thermocouple's lag removed."""
     output = Output(as_json)
-    balance = None
+    thermal = balance = None
     with output.progress() as progress:
         progress.add_task(f"fitting {data.name}", total=None)
         if is_log(data):
-            fit, balance = _from_log(data, kind, sets)
+            wire = _from_log(data, kind, sets)
+            fit, thermal, balance = wire.hysteresis, wire.thermal, wire.thermal.balance
         else:
             table = read_table(data)
             fit = identify_hysteresis(table.column(input_column), table.column(output_column), kind.value, sets)
     figures = {"rms_percent": fit.rms_percent, "max_percent": fit.max_percent}
     save_wire(model_file, fit.model, balance, figures, source=str(data))
-    _tell(output, fit, model_file, balance)
+    _tell(output, fit, model_file, thermal)
     output.result(
         {
             "kind": kind.value,
@@ -55,7 +56,7 @@ def main(
             "max_percent": fit.max_percent,
             "model_file": str(model_file),
             "certificate": certificate(fit),
-            **({} if balance is None else {"heat_balance": asdict(balance)}),
+            **({} if thermal is None else {"heat_balance": asdict(thermal.balance), "within": thermal.within}),
         }
     )
 
@@ -70,13 +71,12 @@ def certificate(fit: AnyFit) -> dict[str, float | bool]:
     return {**asdict(fit.certificate), "holds": fit.certificate.holds}
 
 
-def _from_log(path: Path, kind: Kind, sets: int) -> tuple[AnyFit, HeatBalance]:
+def _from_log(path: Path, kind: Kind, sets: int) -> WireFit:
     log = read_log(path)
-    wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets)
-    return wire.hysteresis, wire.thermal.balance
+    return identify_wire(excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets)
 
 
-def _tell(output: Output, fit: AnyFit, model_file: Path, balance: HeatBalance | None) -> None:
+def _tell(output: Output, fit: AnyFit, model_file: Path, thermal: ThermalFit | None) -> None:
     rows = [
         ("RMS error", f"{fit.rms_percent:.3f} %", "of the output span"),
         ("max error", f"{fit.max_percent:.3f} %", "of the output span"),
@@ -84,17 +84,21 @@ def _tell(output: Output, fit: AnyFit, model_file: Path, balance: HeatBalance | 
         ("contraction", f"{fit.certificate.contraction_rate:.3g}", "per unit of input"),
         ("certified", "yes" if fit.certificate.holds else "no", "contracting and bounded"),
     ]
-    if balance is not None:
-        rows += [
-            ("heat capacity", f"{1e3 * balance.heat_capacity_j_per_k:.2f} mJ/K", ""),
-            ("loss", f"{1e3 * balance.loss_w_per_k:.2f} mW/K", f"time constant {balance.time_constant_s:.2f} s"),
-            ("latent heat", f"{balance.latent_heat_j:.3f} J", ""),
-            (
-                "resistance",
-                f"{balance.resistance_cold_ohm:.2f} Ω",
-                f"{100 * balance.resistance_change:+.1f} % when hot",
-            ),
-            ("thermocouple lag", f"{1e3 * balance.thermocouple_lag_s:.0f} ms", ""),
-        ]
+    if thermal is not None:
+        rows += _heat_rows(thermal)
     output.table(("", "value", ""), rows)
     output.say(f"model: {model_file}")
+
+
+def _heat_rows(thermal: ThermalFit) -> list[tuple[str, str, str]]:
+    """The heat balance, each parameter with half of its 95 % interval."""
+    balance, within = thermal.balance, {name: f"±{100 * value:.1f} %" for name, value in thermal.within.items()}
+    return [
+        ("heat capacity", f"{1e3 * balance.heat_capacity_j_per_k:.2f} mJ/K", within["heat_capacity_j_per_k"]),
+        ("loss", f"{1e3 * balance.loss_w_per_k:.2f} mW/K", within["loss_w_per_k"]),
+        ("time constant", f"{balance.time_constant_s:.2f} s", ""),
+        ("latent heat", f"{balance.latent_heat_j:.3f} J", within["latent_heat_j"]),
+        ("resistance", f"{balance.resistance_cold_ohm:.2f} Ω", within["resistance_cold_ohm"]),
+        ("resistance when hot", f"{100 * balance.resistance_change:+.1f} %", within["resistance_change"]),
+        ("thermocouple lag", f"{1e3 * balance.thermocouple_lag_s:.0f} ms", within["thermocouple_lag_s"]),
+    ]

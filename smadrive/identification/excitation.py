@@ -9,11 +9,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import isfinite
 
 import numpy as np
 from numpy.typing import NDArray
 
 from smadrive.errors import ConfigError
+from smadrive.measurement import Measurement
+from smadrive.thermal import HeatBalance
+
+SPARE = 1.15
+"""Heating and cooling of the nominal wire must exceed what the path asks for by this factor."""
 
 
 @dataclass(frozen=True)
@@ -34,8 +40,7 @@ class ExcitationRecord:
 class Excitation:
     """A piecewise linear temperature path through `turning_points_c` at constant rate.
 
-    `rate_c_per_s` must be within what the wire can cool at its lowest turning point, or the path is not followed
-    (harmless for identification, but the record gets longer loops than asked).
+    `rate_c_per_s` should be within what the wire can cool at its lowest turning point: else the path waits there.
     """
 
     turning_points_c: tuple[float, ...]
@@ -60,6 +65,35 @@ class Excitation:
     def temperature_c(self, time_s: float) -> float:
         """The wanted temperature at `time_s` after the start; the last turning point afterwards."""
         return float(np.interp(time_s, self.times_s, self.turning_points_c))
+
+
+def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a: float, found: Measurement) -> None:
+    """Preconditions of the experiment, for the nominal wire as it is `found`. ConfigError names the cure.
+
+    The displacement must be measured; the largest current must reach the highest temperature at the wanted rate, and
+    the wire must cool at that rate where it is slowest, at the lowest, both with `SPARE` to spare.
+    """
+    if not isfinite(found.displacement_mm):
+        raise ConfigError(
+            "excitation: no displacement is measured, without which no hysteresis can be identified: "
+            "connect a sensor, and give its device in the rig file"
+        )
+    inner = excitation.turning_points_c[1:]
+    low_c, high_c, rate = min(inner), max(inner), excitation.rate_c_per_s
+    needed_w = SPARE * balance.power_w(high_c, rate, 0.0)
+    needed_a = balance.current_a(needed_w, 1.0)
+    if needed_a > current_max_a:
+        raise ConfigError(
+            f"excitation: {high_c:g} °C at {rate:g} K/s take about {needed_a:.2f} A, "
+            f"current_max_a = {current_max_a:g}: raise the limit if the wire bears it, or lower high_c or rate_c_per_s"
+        )
+    cools_c_per_s = (low_c - balance.ambient_c) / balance.time_constant_s / SPARE
+    if cools_c_per_s < rate:
+        reached_c = balance.ambient_c + SPARE * rate * balance.time_constant_s
+        raise ConfigError(
+            f"excitation: at low_c = {low_c:g} °C the wire cools no faster than {cools_c_per_s:.2g} K/s, the path "
+            f"falls at {rate:g} K/s: raise low_c to {reached_c:.0f}, or lower rate_c_per_s"
+        )
 
 
 def nested_reversals(

@@ -30,18 +30,35 @@ CORRECTION_BAND_HZ = 0.05
 MIN_CURRENT_FRACTION = 0.2
 """Resistance is read only where the current is above this fraction of its maximum: below, U/I is mostly noise."""
 
+NAMES = {
+    "heat_capacity_j_per_k": "heat capacity m c",
+    "loss_w_per_k": "loss h A",
+    "latent_heat_j": "latent heat Q",
+    "ambient_c": "ambient temperature",
+    "thermocouple_lag_s": "thermocouple lag",
+}
+"""What the fit looks for, in its order."""
+
+SYSTEMATIC = 0.005
+"""What a lumped wire, sampled with a period, leaves besides noise, relative: seen on simulated wires."""
+
+UNCERTAIN = {"heat_capacity_j_per_k": 0.1, "loss_w_per_k": 0.1, "latent_heat_j": 0.3}
+"""A record that tells these parameters no better is no identification; the feedforward rests on them."""
+
 
 @dataclass(frozen=True)
 class ThermalFit:
     """A fitted heat balance.
 
     `wire_temperature_c`: the wire's own temperature at the samples, free of lag and nearly free of noise: heat
-    balance above 0.05 Hz, thermocouple below. `rms_c`: output error of the reading, K.
+    balance above 0.05 Hz, thermocouple below. `rms_c`: output error of the reading, K. `within`: half the 95 % interval
+    of each parameter by its name in HeatBalance, relative to it (ambient_c: in K; resistance_change: as it is).
     """
 
     balance: HeatBalance
     wire_temperature_c: Array
     rms_c: float
+    within: dict[str, float]
 
 
 @dataclass(frozen=True)
@@ -63,11 +80,13 @@ def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit
     _check_excited(record)
     phase = _phase(record.displacement_mm, record.temperature_c)
     grid, samples = _uniform(record, phase)
-    balance, residual = _fit_balance(samples, start)
-    resistance_cold, change = _fit_resistance(record, phase)
-    balance = replace(balance, resistance_cold_ohm=resistance_cold, resistance_change=change)
+    balance, residual, within = _fit_balance(samples, start)
+    resistance, within_resistance = _fit_resistance(record, phase)
+    balance = replace(balance, **resistance)
+    within |= within_resistance
+    _check_told(within)
     wire = _wire_temperature(samples, balance)
-    return ThermalFit(balance, np.interp(record.time_s, grid, wire), float(np.sqrt(np.mean(residual**2))))
+    return ThermalFit(balance, np.interp(record.time_s, grid, wire), float(np.sqrt(np.mean(residual**2))), within)
 
 
 def _check_excited(record: ExcitationRecord) -> None:
@@ -141,10 +160,27 @@ def _lagged(wire: Array, lag_s: float, dt_s: float, start: float) -> Array:
     return np.concatenate(([start], tail))
 
 
-def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, Array]:
+def _check_told(within: dict[str, float]) -> None:
+    """Refuse a record from which a parameter that the control needs is only guessed."""
+    for name, plain in NAMES.items():
+        if within[name] > UNCERTAIN.get(name, np.inf):
+            raise IdentificationError(
+                f"thermal fit: the record tells the {plain} only to within ±{100.0 * within[name]:.0f} %, "
+                f"±{100.0 * UNCERTAIN[name]:.0f} % are needed: excite for longer, over the whole transformation, and "
+                "with a quieter thermocouple"
+            )
+
+
+def _intervals(jacobian: Array, residual: Array) -> Array:
+    """Half of the 95 % interval of each unknown; residuals that hang together count as fewer."""
+    together = float(np.clip(np.corrcoef(residual[:-1], residual[1:])[0, 1], 0.0, 0.99))
+    variance = float(np.mean(residual**2)) * (1.0 + together) / (1.0 - together)
+    return np.asarray(1.96 * np.sqrt(variance * np.diag(np.linalg.pinv(jacobian.T @ jacobian))), dtype=np.float64)
+
+
+def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, Array, dict[str, float]]:
     nominal = _thermal_parameters(start)
     nominal[[2, 4]] = np.maximum(nominal[[2, 4]], [1e-3 * start.heat_capacity_j_per_k, samples.dt_s])
-    names = ("heat capacity m c", "loss h A", "latent heat Q", "ambient temperature", "thermocouple lag")
     positive = np.array([True, True, True, False, True])
 
     def parameters(x: Array) -> Array:
@@ -155,7 +191,7 @@ def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, Ar
 
     bound = np.log(5.0)
     fit = least_squares(residual, np.zeros(5), bounds=(-bound, bound), x_scale="jac", loss="soft_l1", f_scale=1.0)
-    for name, value in zip(names, fit.x, strict=True):
+    for name, value in zip(NAMES.values(), fit.x, strict=True):
         if abs(value) > 0.99 * bound:
             raise IdentificationError(
                 f"thermal fit: the {name} runs to the end of its range around the nominal wire: "
@@ -163,17 +199,25 @@ def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, Ar
             )
     capacity, loss, latent, ambient, lag = parameters(fit.x).tolist()
     found = HeatBalance(capacity, loss, latent, ambient, start.resistance_cold_ohm, start.resistance_change, lag)
-    return found, residual(fit.x)
+    left = residual(fit.x)
+    half = np.hypot(_intervals(np.asarray(fit.jac), left), SYSTEMATIC) * np.where(positive, 1.0, 10.0)
+    return found, left, dict(zip(NAMES, half.tolist(), strict=True))
 
 
-def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[float, float]:
-    """R_cold and r of R = R_cold (1 + r w), weighted by the current."""
+def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[dict[str, float], dict[str, float]]:
+    """R_cold and r of R = R_cold (1 + r w), weighted by the current, and half of their 95 % intervals."""
     current = record.current_a
     heated = current > MIN_CURRENT_FRACTION * current.max()
     if np.count_nonzero(heated) < 20:
         raise IdentificationError("thermal fit: fewer than 20 samples with enough current to read the resistance")
-    slope, cold = np.polyfit(phase[heated], record.voltage_v[heated] / current[heated], 1, w=current[heated])
-    return float(cold), float(slope / cold)
+    ohm = record.voltage_v[heated] / current[heated]
+    (slope, cold), covariance = np.polyfit(phase[heated], ohm, 1, w=current[heated], cov=True)
+    slope_ohm, cold_ohm = (1.96 * np.sqrt(np.diag(covariance))).tolist()
+    found = {"resistance_cold_ohm": float(cold), "resistance_change": float(slope / cold)}
+    return found, {
+        "resistance_cold_ohm": float(np.hypot(cold_ohm / cold, SYSTEMATIC)),
+        "resistance_change": float(np.hypot(slope_ohm / cold, SYSTEMATIC)),
+    }
 
 
 def _wire_temperature(samples: _Samples, balance: HeatBalance) -> Array:

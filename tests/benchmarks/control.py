@@ -36,6 +36,7 @@ from smadrive.rigconfig import load_rig
 
 APPROACH_S = 10.0
 RIG = load_rig("in-process")
+SINE = "sine 0.0178 Hz"
 CONTROLLERS = ("T-S inverse", "Duhem inverse", "no hysteresis compensation", "PID only")
 
 
@@ -99,8 +100,8 @@ class Wire(NamedTuple):
     plain: StaticMap
 
 
-def identified(sim: SimConfig, seed: int) -> Wire:
-    """Excite, then fit heat balance, T-S model, Duhem model and plain map to the record."""
+def identified(sim: SimConfig, seed: int, *, baselines: bool) -> Wire:
+    """Excite, then fit heat balance and T-S model to the record, for the baselines also Duhem model and plain map."""
     bench, rows = Bench(sim, seed, sensor=True), []
     with bench.rig as rig:
         excitation = rig.excitation(rig.heater.exchange(0.0).temperature_c)
@@ -111,34 +112,33 @@ def identified(sim: SimConfig, seed: int) -> Wire:
     )
     fit = identify_wire(record, nominal)
     temperature_c, balance = fit.thermal.wire_temperature_c, fit.thermal.balance
-    duhem = identify_hysteresis(temperature_c, record.displacement_mm, "duhem", 0)
-    known = {
-        "T-S inverse": WireModel(fit.hysteresis.model, balance),
-        "Duhem inverse": WireModel(duhem.model, balance),
-    }
+    known = {CONTROLLERS[0]: WireModel(fit.hysteresis.model, balance)}
+    if baselines:
+        duhem = identify_hysteresis(temperature_c, record.displacement_mm, "duhem", 0)
+        known[CONTROLLERS[1]] = WireModel(duhem.model, balance)
     return Wire(sim, known, StaticMap(temperature_c, record.displacement_mm))
 
 
-def references(wire: WireModel) -> dict[str, Reference]:
-    """The references between 20 and 80 % of the identified stroke."""
+def references(wire: WireModel, *, others: bool) -> dict[str, Reference]:
+    """The sine between 20 and 80 % of the identified stroke, and if wanted the others."""
     cold_mm, hot_mm = (wire.model.initial_state(v).y for v in wire.model.input_range)
     low_mm, high_mm = cold_mm + 0.2 * (hot_mm - cold_mm), cold_mm + 0.8 * (hot_mm - cold_mm)
     ends = {"low_mm": low_mm, "high_mm": high_mm}
     corners = np.array([0.0, 1.0, 0.3, 0.7, 0.45, 0.9, 0.1, 0.6, 0.25, 0.8, 0.0])
     times = np.concatenate(([0.0], np.cumsum(8.0 * np.abs(np.diff(corners)) + 1.0)))
+    found = {SINE: sine(period_s=1.0 / 0.0178, cycles=1.5, **ends).with_approach(cold_mm, APPROACH_S)}
+    if not others:
+        return found
     asked = {
-        "sine 0.0178 Hz": sine(period_s=1.0 / 0.0178, cycles=1.5, **ends),
         "trapezoid": trapezoid(rise_s=8.0, dwell_s=5.0, cycles=2.0, **ends),
         "steps": steps(dwell_s=12.0, cycles=2.0, **ends),
         "chirp 0.01-0.1 Hz": chirp(start_hz=0.01, end_hz=0.1, duration_s=70.0, **ends),
         "minor loops": Reference.from_samples(times, low_mm + (high_mm - low_mm) * corners),
     }
     start = WireState(22.0, wire.model.initial_state(22.0))
-    found = {}
     for name, reference in asked.items():
         path = reference.with_approach(cold_mm, APPROACH_S)
-        rehearsed = rehearse(path, wire, HysteresisInverse(wire.model), tracking_settings(RIG), start)
-        found[name] = path if name.startswith("sine") else rehearsed.nearest
+        found[name] = rehearse(path, wire, HysteresisInverse(wire.model), tracking_settings(RIG), start).nearest
     return found
 
 
@@ -174,7 +174,7 @@ class DisplacementPid:
 
 
 def controller(name: str, wire: Wire, reference: Reference, *, sensor: bool):
-    settings, known = tracking_settings(RIG), wire.known.get(name, wire.known["T-S inverse"])
+    settings, known = tracking_settings(RIG), wire.known.get(name, wire.known[CONTROLLERS[0]])
     if name == "PID only":
         if sensor:
             return DisplacementPid(reference, known, settings.current_limit_a)
@@ -189,7 +189,7 @@ def track(name: str, wire: Wire, reference: Reference, seed: int, *, sensor: boo
     try:
         with bench.rig as rig:
             runs = controller(name, wire, reference, sensor=sensor)
-            plausible = rig._plausible(wire.known["T-S inverse"].balance, IDENTIFIED)
+            plausible = rig._plausible(wire.known[CONTROLLERS[0]].balance, IDENTIFIED)
             rig._run(runs, plausible, lambda tick: rows.append((tick.time_s, bench.plant.displacement_mm)))
     except SmadriveError as error:
         print(f"    {name}, {'with' if sensor else 'without'} sensor: {error}")
@@ -200,16 +200,17 @@ def track(name: str, wire: Wire, reference: Reference, seed: int, *, sensor: boo
     return float(np.sqrt(np.mean(percent**2))), float(np.max(np.abs(percent)))
 
 
-def study(plants: int, baselines: int, seed: int):
+def study(plants: int, others: int, baselines: int, seed: int):
     """All runs: {(reference, controller, sensor): [(rms, max) per plant]}."""
     results = defaultdict(list)
     for number in range(seed, seed + plants):
-        wire = identified(draw(number), number)
-        for title, reference in references(wire.known["T-S inverse"]).items():
-            for name in CONTROLLERS if number < seed + baselines else CONTROLLERS[:1]:
+        compared = number < seed + baselines
+        wire = identified(draw(number), number, baselines=compared)
+        for title, reference in references(wire.known[CONTROLLERS[0]], others=number < seed + others).items():
+            for name in CONTROLLERS if compared else CONTROLLERS[:1]:
                 for sensor in (False, True):
                     results[title, name, sensor].append(track(name, wire, reference, number + 1000, sensor=sensor))
-        rms = [results["sine 0.0178 Hz", CONTROLLERS[0], sensor][-1][0] for sensor in (False, True)]
+        rms = [results[SINE, CONTROLLERS[0], sensor][-1][0] for sensor in (False, True)]
         print(f"plant {number}: sine {rms[0]:.2f} % RMS without, {rms[1]:.2f} % with displacement", flush=True)
     return results
 
@@ -229,8 +230,9 @@ def table(results) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plants", type=int, default=6)
-    parser.add_argument("--baselines", type=int, default=3, help="plants on which the other controllers run too")
+    parser.add_argument("--others", type=int, default=3, help="plants that track the other references too")
+    parser.add_argument("--baselines", type=int, default=1, help="plants on which the other controllers run too")
     parser.add_argument("--seed", type=int, default=0)
     asked = parser.parse_args()
     os.nice(10)
-    table(study(asked.plants, asked.baselines, asked.seed))
+    table(study(asked.plants, asked.others, asked.baselines, asked.seed))

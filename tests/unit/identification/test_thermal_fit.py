@@ -7,8 +7,9 @@ import pytest
 
 from smadrive.errors import ConfigError, IdentificationError
 from smadrive.hysteresis import DuhemModel
-from smadrive.identification.excitation import ExcitationRecord, nested_reversals
+from smadrive.identification.excitation import ExcitationRecord, check_may_excite, nested_reversals
 from smadrive.identification.thermal_fit import identify_thermal
+from smadrive.measurement import Measurement
 from smadrive.thermal import HeatBalance
 
 TRUE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
@@ -60,6 +61,24 @@ def test_the_parameters_of_a_known_wire_come_back(record):
     ):
         assert getattr(found, name) == pytest.approx(getattr(TRUE, name), rel=tolerance), name
     assert found.ambient_c == pytest.approx(TRUE.ambient_c, abs=0.3)
+
+
+def test_the_truth_lies_near_the_stated_intervals(record):
+    measured, _ = record
+    fit = identify_thermal(measured, NOMINAL)
+    for name, half in fit.within.items():
+        scale = 1.0 if name in {"ambient_c", "resistance_change"} else getattr(TRUE, name)
+        assert abs(getattr(fit.balance, name) - getattr(TRUE, name)) < 3.0 * half * scale, name
+    assert fit.within["heat_capacity_j_per_k"] < 0.02
+    assert fit.within["latent_heat_j"] < 0.05
+
+
+def test_a_record_that_only_hints_at_a_parameter_is_refused_with_the_figures(record):
+    measured, _ = record
+    noise = np.random.default_rng(4).normal(0, 25.0, measured.time_s.size)
+    hinting = dataclasses.replace(measured, temperature_c=measured.temperature_c + noise)
+    with pytest.raises(IdentificationError, match=r"only to within ±\d+ %, ±\d+ % are needed: excite for longer"):
+        identify_thermal(hinting, NOMINAL)
 
 
 def test_the_wire_temperature_is_free_of_lag_and_noise(record):
@@ -134,3 +153,25 @@ def test_an_excitation_without_span_is_refused():
         nested_reversals(90.0, 60.0, 4.0, start_c=22.0)
     with pytest.raises(ConfigError, match="rate_c_per_s must be positive"):
         nested_reversals(60.0, 90.0, 0.0, start_c=22.0)
+
+
+EXCITATION = nested_reversals(40.0, 120.0, 6.0, start_c=22.0)
+FOUND = Measurement(0.0, 22.0, 0.0, 0.0, displacement_mm=0.0)
+
+
+def test_a_bench_that_can_do_the_experiment_passes():
+    check_may_excite(EXCITATION, TRUE, 0.6, FOUND)
+
+
+@pytest.mark.parametrize(
+    ("excitation", "current_max_a", "found", "told"),
+    [
+        (EXCITATION, 0.6, dataclasses.replace(FOUND, displacement_mm=float("nan")), "no displacement is measured"),
+        (EXCITATION, 0.3, FOUND, r"take about 0.3\d A, current_max_a = 0.3: raise the limit"),
+        (nested_reversals(30.0, 120.0, 6.0, start_c=22.0), 0.6, FOUND, r"cools no faster than 2.* raise low_c to 39"),
+        (nested_reversals(20.0, 120.0, 6.0, start_c=22.0), 0.6, FOUND, "raise low_c to 39"),
+    ],
+)
+def test_an_experiment_that_cannot_succeed_is_refused_with_the_cure(excitation, current_max_a, found, told):
+    with pytest.raises(ConfigError, match=told):
+        check_may_excite(excitation, TRUE, current_max_a, found)

@@ -1,0 +1,54 @@
+"""The controller of the excitation: every turning point of an unknown wire is reached, or it says why not."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from smadrive.control.controller import LAGS_C, STALLS_S, TemperatureController
+from smadrive.control.feedback import PIGains
+from smadrive.errors import IdentificationError
+from smadrive.identification.excitation import nested_reversals
+from smadrive.measurement import Measurement
+from smadrive.thermal import HeatBalance
+
+NOMINAL = HeatBalance(0.0286, 0.014, 0.83, 22.0, 16.5, -0.1, 0.1)
+EXCITATION = nested_reversals(40.0, 120.0, 6.0, start_c=22.0)
+DT_S = 0.05
+
+
+def excite(wire, current_limit_a=0.6):
+    """Temperatures along the whole experiment, and how long it took."""
+    gains = PIGains.for_balance(NOMINAL, 0.5, 2.0)
+    controller = TemperatureController(EXCITATION.temperature_c, EXCITATION.duration_s, NOMINAL, gains, current_limit_a)
+    wire_c, time_s, temperatures = 22.0, 0.0, []
+    while time_s <= controller.duration_s:
+        current_a = controller.update(time_s, Measurement(time_s, wire_c, 0.0, 0.0), DT_S).current_a
+        wire_c = wire.step(wire_c, min(current_a, current_limit_a) ** 2 * wire.resistance_cold_ohm, 0.0, DT_S)
+        temperatures.append(wire_c)
+        time_s += DT_S
+    return np.array(temperatures), time_s
+
+
+def test_a_nominal_wire_is_not_waited_for():
+    temperatures, took_s = excite(NOMINAL)
+    assert took_s == pytest.approx(EXCITATION.duration_s, abs=1.0)
+    assert temperatures.max() > 118.0
+
+
+def test_a_wire_that_cools_slowly_is_waited_for_at_the_bottom():
+    slow = dataclasses.replace(NOMINAL, loss_w_per_k=0.005, heat_capacity_j_per_k=0.036)
+    temperatures, took_s = excite(slow)
+    assert took_s > EXCITATION.duration_s + 5.0
+    after_first_top = temperatures[int(np.argmax(temperatures > 115.0)) :]
+    assert after_first_top.min() < 40.0 + LAGS_C
+
+
+def test_a_wire_that_cannot_get_hot_is_given_up_with_the_cure():
+    with pytest.raises(IdentificationError, match=rf"within {STALLS_S:g} s: raise current_max_a or lower high_c"):
+        excite(NOMINAL, current_limit_a=0.22)
+
+
+def test_a_wire_in_a_warm_place_is_given_up_with_the_cure():
+    with pytest.raises(IdentificationError, match="raise low_c or cool the surroundings"):
+        excite(dataclasses.replace(NOMINAL, ambient_c=55.0))
