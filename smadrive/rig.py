@@ -20,9 +20,10 @@ from smadrive.control.plausibility import IDENTIFIED, NOMINAL, PlausibleTemperat
 from smadrive.control.reference import Reference
 from smadrive.control.supervisor import SafetyLimits, Supervisor
 from smadrive.controllers import excitation_controller, tracking_controller
-from smadrive.errors import ConfigError
+from smadrive.errors import ConfigError, SafetyError, TripError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, nested_reversals
+from smadrive.measurement import Measurement
 from smadrive.modbus.transport import Transport
 from smadrive.rigconfig import RigConfig, load_wire
 from smadrive.rigdevices import open_devices
@@ -32,6 +33,9 @@ Record = Callable[[Tick], None]
 
 LAG_FACTOR = 3.0
 """How much later than nominal the thermocouple may follow before its reading counts as implausible."""
+
+STALE_PERIODS = 3.0
+"""Measurements may be this many periods apart, however short `stale_after_s`."""
 
 RATE_EXCHANGES = 4
 """How many exchanges are timed before the loop starts, to know whether the devices keep up with it."""
@@ -49,6 +53,7 @@ class Rig:
     ) -> None:
         self.config = config
         self.nominal_balance = load_wire(config.wire).heat_balance()
+        self.tripped: TripError | None = None
         self._clock = clock
         self._transports = transports or {}
 
@@ -108,6 +113,12 @@ class Rig:
         known = NOMINAL if balance is self.nominal_balance else IDENTIFIED
         return self._run(controller, self._plausible(balance, known), record)
 
+    def clear_faults(self) -> Measurement:
+        """Clear what is latched, on the devices and here; SafetyError names what persists."""
+        measurement = self.heater.clear_faults()
+        self.tripped = None
+        return measurement
+
     def rest(self, duration_s: float) -> None:
         """Let the wire cool with the heater off."""
         self.heater.enter_safe_state()
@@ -118,12 +129,14 @@ class Rig:
         return PlausibleTemperature(balance, uncertainty, lag_s)
 
     def _run(self, controller: Controller, plausible: PlausibleTemperature, record: Record) -> LoopFigures:
+        if self.tripped is not None:
+            raise SafetyError(f"refused to arm: {self.tripped}; then clear the faults")
         self._check_rate()
         limits = self.config.limits
         guarded = SafetyLimits(
             limits.temperature_max_c,
             limits.temperature_min_c,
-            stale_after_s=limits.stale_after_s,
+            stale_after_s=max(limits.stale_after_s, STALE_PERIODS * self.period_s),
             settle_s=self.heater.source.settle_s,
             displacement_min_mm=-inf if limits.displacement_min_mm is None else limits.displacement_min_mm,
             displacement_max_mm=inf if limits.displacement_max_mm is None else limits.displacement_max_mm,
@@ -132,7 +145,11 @@ class Rig:
         )
         supervisor = Supervisor(guarded, plausible)
         loop = ControlLoop(self.heater, controller, supervisor, self.clock, self.period_s, record)
-        return loop.run(limits.watchdog_s)
+        try:
+            return loop.run(limits.watchdog_s)
+        except TripError as trip:
+            self.tripped = trip
+            raise
 
     def _check_rate(self) -> None:
         """ConfigError when the devices cannot keep up with the rig's rate."""

@@ -59,7 +59,7 @@ def open_devices(
         profile = profiles[device.name]
         master = connections.given(transports[device.name]) if device.name in transports else None
         master = master or connections.master(device, profile)
-        devices[device.name] = Device(profile, master, device.unit_id)
+        devices[device.name] = Device(profile, master, device.unit_id, None if device == roles.heater else 0)
     clock = clock or next(iter(devices.values())).master.clock
     sensors = {
         quantity: _sensor(device, devices[device.name], quantity, config.limits, 1.0 / config.rate_hz, clock)

@@ -47,6 +47,18 @@ class Fault(Enum):
     DEADLINES_MISSED = (13, "the loop ran late again and again", "lower rate_hz, or free the machine of other work")
     GUARDIAN = (14, "the guardian took the heater over", "the driver stood still: free the machine, then start again")
 
+    COMMAND_REFUSED = (
+        15,
+        "the device refused or did not keep a command",
+        "look at its panel: is it locked, or in another mode?",
+    )
+
+    SENSOR_FROZEN = (
+        16,
+        "the thermocouple's reading stands still although the heat has changed",
+        "restart the converter; check the bead and the plug",
+    )
+
     def __init__(self, number: int, cause: str, remedy: str) -> None:
         self.number = number
         self.cause = cause

@@ -10,18 +10,28 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from itertools import count
 from typing import Protocol
 
 from smadrive.clock import Clock
 from smadrive.control.controller import Command, Controller
 from smadrive.control.faults import Fault, Trip
 from smadrive.control.supervisor import Supervisor
-from smadrive.errors import ProtocolError, SmadriveError, TakenOverError, TransportError, TripError
+from smadrive.errors import (
+    DeviceError,
+    ExceptionReply,
+    ProtocolError,
+    SmadriveError,
+    TakenOverError,
+    TransportError,
+    TripError,
+)
 from smadrive.measurement import Measurement
 
 LATE_FRACTION = 0.5
 """A tick that starts later than this fraction of the period after its deadline counts as missed."""
+
+BUSY = (5, 6, 11)
+"""Exception codes of a device, or of the gateway before it, that could not answer in time."""
 
 UNCONFIRMED = "the heater could NOT be confirmed off"
 
@@ -92,13 +102,19 @@ class ControlLoop:
             self._heater.arm(watchdog_s)
             self._start_s = self._clock.now_s()
             self._last_s = -self._period_s
-            for number in count():
-                if number * self._period_s > self._controller.duration_s:
-                    break
+            number = 0
+            while number * self._period_s <= self._controller.duration_s:
                 due_s = self._start_s + number * self._period_s
                 self._clock.sleep_until(due_s)
                 self.tick(late_s=self._clock.now_s() - due_s)
+                number += 1 + self._skipped(due_s)
         return self.figures
+
+    def _skipped(self, due_s: float) -> int:
+        """How many deadlines passed during the tick that was due at `due_s`: a late loop does not run to catch up."""
+        skipped = max(int((self._clock.now_s() - due_s) / self._period_s - LATE_FRACTION), 0)
+        self.figures.missed_deadlines += skipped
+        return skipped
 
     def tick(self, late_s: float) -> None:
         """One turn, begun `late_s` after its deadline. Raises TripError once the supervisor has tripped.
@@ -121,20 +137,27 @@ class ControlLoop:
         self._record(Tick(time_s, late_s, measurement, self._command))
 
     def _exchange(self) -> Measurement | None:
-        """One exchange; None when it was lost on the way (a device that says no is not lost, it raises)."""
+        """One exchange; None when it was lost on the way. A device that is busy will answer; one that says no trips."""
         try:
             return self._heater.exchange(self._command.current_a)
         except (TransportError, ProtocolError):
             self.figures.lost_exchanges += 1
             return None
+        except DeviceError as refusal:
+            if isinstance(refusal, ExceptionReply) and refusal.code in BUSY:
+                self.figures.lost_exchanges += 1
+                return None
+            raise self._tripped(Trip(Fault.COMMAND_REFUSED, self._clock.now_s(), str(refusal))) from refusal
         except TakenOverError as taken:
-            self._stop_if(Trip(Fault.GUARDIAN, self._clock.now_s(), str(taken)))
-            raise
+            raise self._tripped(Trip(Fault.GUARDIAN, self._clock.now_s(), str(taken))) from taken
 
     def _stop_if(self, trip: Trip | None) -> None:
         if trip is not None:
-            self.figures.trips += 1
-            raise TripError(str(trip), trip.fault.number)
+            raise self._tripped(trip)
+
+    def _tripped(self, trip: Trip) -> TripError:
+        self.figures.trips += 1
+        return TripError(str(trip), trip.fault.number)
 
 
 @contextmanager

@@ -8,9 +8,13 @@ opposite:
     hottest: C = m c / u_c while it warms, u_c (m c + Q / span) while it cools;  h A / u_h;  warmer surroundings
 
 The reading must lie between them, each seen through a thermocouple that follows late when that widens the band. A bead
-that fell off, a reversed thermocouple, a heater that is not measured: all leave the band. A frozen reading is found out
-sooner by a second pair that starts anew at every change of the reading: it stands still while even the coldest wire
-has moved on (or even the hottest has cooled).
+that fell off, a reversed thermocouple, a heater that is not measured: all leave the band.
+
+A reading that stands still to the last digit is found out sooner, by what the power has changed since then:
+
+    C dΔ/dt = P - P₀ - h A Δ,     C and h A of the coldest wire, P₀ the power when the reading last changed
+
+Whatever the balance did not know then, it does not know now; a wire that has been driven Δ away must show it.
 """
 
 from __future__ import annotations
@@ -27,8 +31,8 @@ SURROUNDINGS_C = 10.0
 """By how much the surroundings may differ from the ambient temperature of the heat balance, K."""
 MARGIN_C = 6.0
 """What is added on both sides of the band for noise and quantisation, K."""
-FROZEN_MARGIN_C = 3.0
-"""The same for a reading that stands still, K."""
+FROZEN_C = 3.0
+"""By how much the wire must have moved under a reading that stands still, K."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,64 +50,63 @@ IDENTIFIED = Uncertainty(capacity=1.5, loss=1.4)
 
 
 class Band(NamedTuple):
-    """The least and the greatest reading that the heat allows, and the least temperature of the wire itself."""
+    """What the heat allows."""
 
     low_c: float
+    """The least reading."""
     high_c: float
+    """The greatest reading."""
     coldest_c: float
+    """The least temperature of the wire itself."""
+    unseen_c: float
+    """By how much the wire has at least moved under a reading that stands still."""
 
 
 class PlausibleTemperature:
     """The checks above, for a wire whose balance is known within `uncertainty` and whose reading lags by `lag_s`."""
 
     def __init__(self, balance: HeatBalance, uncertainty: Uncertainty, lag_s: float) -> None:
-        self._since_start = _Pair(balance, uncertainty, lag_s)
-        self._since_change = _Pair(balance, uncertainty, lag_s)
+        slow = uncertainty.capacity * (balance.heat_capacity_j_per_k + balance.latent_heat_j / TRANSFORMATION_C)
+        quick = balance.heat_capacity_j_per_k / uncertainty.capacity
+        most_w_per_k, least_w_per_k = balance.loss_w_per_k * uncertainty.loss, balance.loss_w_per_k / uncertainty.loss
+        self._ambient_c = balance.ambient_c
+        self._coldest = _Wire(most_w_per_k, warming_j_per_k=slow, cooling_j_per_k=quick)
+        self._hottest = _Wire(least_w_per_k, warming_j_per_k=quick, cooling_j_per_k=slow)
+        self._unseen = _Wire(most_w_per_k, warming_j_per_k=slow, cooling_j_per_k=slow)
+        self._lag_s = lag_s
         self.start(balance.ambient_c)
 
     def start(self, reading_c: float) -> None:
         """Begin at a wire at rest that reads `reading_c`; it may be warmer or colder than its surroundings."""
-        self._since_start.start(reading_c)
-        self._since_change.start(reading_c)
-        self._reading_c = reading_c
-
-    def update(self, reading_c: float, power_w: float, dt_s: float) -> Band:
-        """The band after `dt_s` at `power_w`: that of the reading, or the narrower one if the reading stands still."""
-        coldest_c, low_c, high_c = self._since_start.step(power_w, dt_s)
-        low_c, high_c = low_c - MARGIN_C, high_c + MARGIN_C
-        if reading_c == self._reading_c:
-            _, still_low_c, still_high_c = self._since_change.step(power_w, dt_s)
-            low_c, high_c = max(low_c, still_low_c - FROZEN_MARGIN_C), min(high_c, still_high_c + FROZEN_MARGIN_C)
-        else:
-            self._since_change.start(reading_c)
-            self._reading_c = reading_c
-        return Band(low_c, high_c, coldest_c)
-
-
-class _Pair:
-    """The coldest and the hottest wire, and what a late thermocouple makes of them."""
-
-    def __init__(self, balance: HeatBalance, uncertainty: Uncertainty, lag_s: float) -> None:
-        slow = uncertainty.capacity * (balance.heat_capacity_j_per_k + balance.latent_heat_j / TRANSFORMATION_C)
-        quick = balance.heat_capacity_j_per_k / uncertainty.capacity
-        self._ambient_c = balance.ambient_c
-        self._coldest = _Wire(balance.loss_w_per_k * uncertainty.loss, warming_j_per_k=slow, cooling_j_per_k=quick)
-        self._hottest = _Wire(balance.loss_w_per_k / uncertainty.loss, warming_j_per_k=quick, cooling_j_per_k=slow)
-        self._lag_s = lag_s
-
-    def start(self, reading_c: float) -> None:
         self._coldest.start(reading_c, min(self._ambient_c, reading_c) - SURROUNDINGS_C)
         self._hottest.start(reading_c, max(self._ambient_c, reading_c) + SURROUNDINGS_C)
         self._low_c = self._high_c = reading_c
+        self._changed(reading_c, 0.0)
 
-    def step(self, power_w: float, dt_s: float) -> tuple[float, float, float]:
-        """The temperature of the coldest wire, and the least and the greatest reading."""
+    def update(self, reading_c: float, power_w: float, dt_s: float) -> Band:
+        """What is possible after `dt_s` at `power_w`, now that `reading_c` is read."""
         coldest_c = self._coldest.step(power_w, dt_s)
         hottest_c = self._hottest.step(power_w, dt_s)
         follow = 1.0 - exp(-dt_s / self._lag_s) if self._lag_s > 0 else 1.0
         self._low_c = min(self._low_c + follow * (coldest_c - self._low_c), coldest_c)
         self._high_c = max(self._high_c + follow * (hottest_c - self._high_c), hottest_c)
-        return coldest_c, self._low_c, self._high_c
+        return Band(
+            self._low_c - MARGIN_C, self._high_c + MARGIN_C, coldest_c, self._unseen_c(reading_c, power_w, dt_s)
+        )
+
+    def _unseen_c(self, reading_c: float, power_w: float, dt_s: float) -> float:
+        if reading_c != self._reading_c:
+            self._changed(reading_c, power_w)
+            return 0.0
+        self._still_s += dt_s
+        moved_c = abs(self._unseen.step(power_w - self._power_then_w, dt_s))
+        return moved_c if self._still_s > self._lag_s else 0.0
+
+    def _changed(self, reading_c: float, power_w: float) -> None:
+        self._reading_c = reading_c
+        self._power_then_w = power_w
+        self._still_s = 0.0
+        self._unseen.start(0.0, 0.0)
 
 
 class _Wire:

@@ -11,7 +11,7 @@ from dataclasses import dataclass, field
 from math import inf, isfinite
 
 from smadrive.control.faults import Fault, Trip
-from smadrive.control.plausibility import PlausibleTemperature
+from smadrive.control.plausibility import FROZEN_C, PlausibleTemperature
 from smadrive.errors import SafetyError
 from smadrive.measurement import Measurement
 
@@ -72,6 +72,7 @@ class Supervisor:
         self._disarmed = _Debounce(2, 2)
         self._mismatch = _Debounce(4, 5)
         self._implausible = _Debounce(4, 5)
+        self._frozen = _Debounce(2, 3)
         self._strayed = _Debounce(3, 5)
         self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
@@ -80,8 +81,9 @@ class Supervisor:
 
     def update(self, measurement: Measurement, wanted_mm: float) -> Trip | None:
         """Judge one measurement, at which `wanted_mm` was the reference (NaN: none); the latched trip, if any."""
-        dt_s = 0.0 if self._fresh_s is None else measurement.time_s - self._fresh_s
-        self._fresh_s = measurement.time_s
+        self.check_fresh(measurement.time_s)
+        before_s, self._fresh_s = self._fresh_s, measurement.time_s
+        dt_s = 0.0 if before_s is None else measurement.time_s - before_s
         self._check_device(measurement)
         self._check_temperature(measurement)
         self._check_current(measurement)
@@ -185,6 +187,9 @@ class Supervisor:
                 f"at least {band.coldest_c:.0f} °C by the heat that went in, the thermocouple reads {reading_c:.1f} °C"
             )
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail)
+        if self._frozen.update(band.unseen_c > FROZEN_C):
+            detail = f"{reading_c:.2f} °C, while the wire moved by at least {band.unseen_c:.0f} K"
+            self._raise(Fault.SENSOR_FROZEN, measurement.time_s, detail)
         if self._implausible.update(not band.low_c <= reading_c <= band.high_c):
             fault = Fault.READS_TOO_COLD if reading_c < band.low_c else Fault.READS_TOO_HOT
             detail = f"{reading_c:.1f} °C read, {band.low_c:.0f} to {band.high_c:.0f} °C are possible"

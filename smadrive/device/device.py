@@ -8,6 +8,7 @@ range switch), it is looked at again before every write.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from itertools import chain
 from typing import NamedTuple
 
@@ -51,10 +52,14 @@ class _Write(NamedTuple):
 class Device:
     """One device of type `profile` at `unit_id` (the profile's own if None) behind `master`.
 
+    `read_retries` takes the place of the profile's: 0 for who reads again soon and cannot wait.
+
     `profile` becomes that of the model once the identity is proved.
     """
 
-    def __init__(self, profile: Profile, master: Master, unit_id: int | None = None) -> None:
+    def __init__(
+        self, profile: Profile, master: Master, unit_id: int | None = None, read_retries: int | None = None
+    ) -> None:
         """Nothing is sent yet. ConfigError when no single device can have `unit_id`."""
         lowest, highest = (1, 247) if profile.profile.protocol == "modbus-rtu" else (0, 255)
         if unit_id is not None and not lowest <= unit_id <= highest:
@@ -65,7 +70,8 @@ class Device:
         self._family = profile
         self._telling = tuple({name: None for variant in profile.variants for name in variant.match})
         self._switched = False
-        self._timing = profile.bus_timing()
+        timing = profile.bus_timing()
+        self._timing = timing if read_retries is None else replace(timing, read_retries=read_retries)
         self._interval_s = profile.timing.poll_interval_ms / 1e3
         self._next_s = 0.0
         self._settled_s = 0.0

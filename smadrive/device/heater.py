@@ -14,10 +14,15 @@ from smadrive.clock import Clock
 from smadrive.device.guard import Guard
 from smadrive.device.heatsource import HeaterLimits, HeatSource, Sample, Supplied
 from smadrive.device.sensor import PolledSensor
-from smadrive.errors import ConfigError, ProtocolError, SafetyError
+from smadrive.errors import ConfigError, ProtocolError, SafetyError, TransportError
 from smadrive.measurement import Measurement
 
 DERATE_C = 5.0
+CURRENT_ZERO_A = 0.05
+"""Less than this is the noise of a current sense."""
+CURRENT_GONE_S = 0.2
+"""How long after switching off, beside the time in which the source settles, current may still be seen."""
+LOOK_AGAIN_S = 0.05
 _NOTHING = Sample(nan, 0.0)
 
 
@@ -117,11 +122,15 @@ class Heater:
         return measurement
 
     def enter_safe_state(self) -> None:
-        """Zero current and heater off, confirmed by read-back; tried several times, raises when unconfirmed."""
+        """Zero current and heater off, confirmed by read-back; tried several times, raises when unconfirmed.
+
+        SafetyError when current flows all the same.
+        """
         self._sent_a = 0.0
         self.source.enter_safe_state()
         if self._guard is not None:
             self._guard.rest()
+        self._see_current_gone()
 
     def clear_faults(self) -> Measurement:
         """Clear the latched faults; SafetyError names those that persist. Nothing is armed afterwards."""
@@ -131,6 +140,21 @@ class Heater:
         if measurement.device_faults:
             raise SafetyError(f"not cleared, the cause persists: {', '.join(measurement.device_faults)}")
         return measurement
+
+    def _see_current_gone(self) -> None:
+        give_up_s = self._clock.now_s() + self.source.settle_s + CURRENT_GONE_S
+        while True:
+            try:
+                current_a = self.source.exchange(0.0).current_a
+            except (TransportError, ProtocolError):
+                if self._clock.now_s() >= give_up_s:
+                    raise
+                continue
+            if not current_a > CURRENT_ZERO_A:
+                return
+            if self._clock.now_s() >= give_up_s:
+                raise SafetyError(f"{current_a:.3f} A still flow although the heater is off: cut its supply")
+            self._clock.sleep_until(self._clock.now_s() + LOOK_AGAIN_S)
 
     def _allowed(self, current_a: float) -> tuple[float, tuple[str, ...]]:
         """The current that may flow, and what limits it."""

@@ -7,7 +7,7 @@ from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
 from smadrive.control.faults import Fault
 from smadrive.device.profile import load_profile
-from smadrive.errors import ConfigError, ReadBackError, TripError
+from smadrive.errors import ConfigError, TripError
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
 
@@ -19,7 +19,7 @@ def rig_of(devices, rate_hz=4.0, **limits):
     base = load_rig("in-process").model_dump(exclude_none=True)
     base["devices"] = devices
     base["rate_hz"] = rate_hz
-    base["limits"] |= {"voltage_max_v": 15.0, "watchdog_s": 1.0} | limits
+    base["limits"] |= {"voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0} | limits
     return RigConfig.model_validate(base)
 
 
@@ -86,8 +86,9 @@ def test_a_knob_that_somebody_turned_is_an_error(bench):
         if tick.time_s > 5.0:
             bench.devices["supply"].firmware.write({"heater_current": 2.0})
 
-    with pytest.raises(ReadBackError, match=r"i_set.*did somebody turn its knob"), bench.rig as rig:
+    with pytest.raises(TripError, match=r"i_set.*did somebody turn its knob") as caught, bench.rig as rig:
         rig.excite(rig.excitation(22.0), record)
+    assert caught.value.number == Fault.COMMAND_REFUSED.number
     assert bench.devices["supply"].firmware.current_a == 0.0
 
 

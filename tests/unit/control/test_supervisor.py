@@ -66,6 +66,10 @@ def test_silence_is_a_fault_after_its_limit():
     assert trip.fault is Fault.STALE_DATA
 
 
+def test_silence_is_a_fault_even_when_it_was_broken_before_anyone_looked():
+    assert trips_after([sample(0), sample(5), sample(12)]) == (3, Fault.STALE_DATA)
+
+
 def test_silence_from_the_beginning_counts_too():
     supervisor = Supervisor(LIMITS)
     assert supervisor.check_fresh(10.0) is None
