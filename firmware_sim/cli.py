@@ -15,9 +15,10 @@ import typer
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
 from firmware_sim.device import SimulatedDevice
+from firmware_sim.replay import Replay
 from firmware_sim.serve import Server, stop_on_signal
 from firmware_sim.timeline import load_script
-from firmware_sim.ways import Entrance, Kind, WayIn, open_entrances
+from firmware_sim.ways import Entrance, Kind, WayIn, open_door, open_entrances
 from smadrive.device.profile import load_profile
 from smadrive.errors import ConfigError, SmadriveError
 
@@ -36,7 +37,12 @@ class Time(StrEnum):
 @main.command()
 def serve(
     *,
-    sim: Annotated[str, typer.Argument(help="A SIM.toml, or the name of a shipped one.", metavar="SIM.toml")],
+    sim: Annotated[
+        str | None, typer.Argument(help="A SIM.toml, or the name of a shipped one.", metavar="SIM.toml")
+    ] = None,
+    replay: Annotated[
+        Path | None, typer.Option(help="Serve a recorded bus instead of a SIM.toml.", metavar="TRACE")
+    ] = None,
     pty: Annotated[Path | None, typer.Option(help="Also reachable under this path (a symbolic link).")] = None,
     tcp: Annotated[
         str | None, typer.Option(help="Serve Modbus TCP there instead; PORT alone: this machine.", metavar="HOST:PORT")
@@ -60,11 +66,18 @@ def serve(
     """Serve simulated devices on serial or TCP ports, and print their URLs, one a line."""
     try:
         with _event_log(log) as events, ExitStack() as stack:
-            bench = SimulatedBench(load_sim(sim), seed, _line_writer(events))
-            placed = _placed(bench, _way_in(pty, tcp, rtu_tcp), profile)
-            if faults is not None:
-                bench.follow_script(load_script(faults))
-            _serve(bench, open_entrances(placed, stack, line_speed=line_speed), time)
+            tell = _line_writer(events)
+            way_in = _way_in(pty, tcp, rtu_tcp)
+            if replay is not None:
+                if sim or profile or faults or line_speed:
+                    raise ConfigError("--replay takes the place of SIM.toml, --profile, --faults and --line-speed")
+                _serve_replay(Replay(replay, tell), way_in, stack, time)
+            else:
+                bench = SimulatedBench(load_sim(_named(sim)), seed, tell)
+                placed = _placed(bench, way_in, profile)
+                if faults is not None:
+                    bench.follow_script(load_script(faults))
+                _serve_bench(bench, open_entrances(placed, stack, line_speed=line_speed), time)
     except SmadriveError as error:
         typer.echo(f"firmware-sim: {error}", err=True)
         raise typer.Exit(error.exit_code) from None
@@ -91,22 +104,39 @@ def _placed(bench: SimulatedBench, way_in: WayIn | None, profile: str | None) ->
     ]
 
 
-def _serve(bench: SimulatedBench, entrances: Sequence[Entrance], time: Time) -> None:
+def _named(sim: str | None) -> str:
+    if sim is None:
+        raise ConfigError("names no SIM.toml: give a path, the name of a shipped one, or --replay TRACE")
+    return sim
+
+
+def _serve_bench(bench: SimulatedBench, entrances: Sequence[Entrance], time: Time) -> None:
     server = Server(bench, [entrance.door for entrance in entrances])
     for entrance in entrances:
         for device in entrance.devices:
             device.faults.ears.append(server.ear(entrance.door))
     try:
-        with stop_on_signal(), contextlib.suppress(KeyboardInterrupt):
-            for entrance in entrances:
-                typer.echo(str(entrance))
-            sys.stdout.flush()
-            if time is Time.REAL:
-                server.run_real()
-            else:
-                server.run_driven()
+        _run(server, [str(entrance) for entrance in entrances], time)
     finally:
         bench.switch_off()
+
+
+def _serve_replay(replay: Replay, way_in: WayIn | None, stack: ExitStack, time: Time) -> None:
+    way_in = way_in or WayIn("tcp" if replay.numbered else "pty")
+    door = open_door(way_in, lambda numbered: replay.new_port(numbered=numbered), None, line_speed=False)
+    stack.callback(door.close)
+    _run(Server(replay, (door,)), [door.url], time)
+
+
+def _run(server: Server, addresses: Sequence[str], time: Time) -> None:
+    with stop_on_signal(), contextlib.suppress(KeyboardInterrupt):
+        for address in addresses:
+            typer.echo(address)
+        sys.stdout.flush()
+        if time is Time.REAL:
+            server.run_real()
+        else:
+            server.run_driven()
 
 
 def _line_writer(events: TextIO) -> Callable[[str], None]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import ExitStack
 from pathlib import Path
 from typing import Literal, NamedTuple
@@ -57,7 +57,8 @@ def open_entrances(
     entrances = []
     for way_in, devices in behind.items():
         _check_units(way_in, devices)
-        door = _door(way_in, devices, line_speed=line_speed)
+        ports = _ports_of(Line(devices))
+        door = open_door(way_in, ports, _settings(way_in, devices), line_speed=line_speed)
         stack.callback(door.close)
         entrances.append(Entrance(door, tuple(devices)))
     return entrances
@@ -73,30 +74,35 @@ def _check_units(way_in: WayIn, devices: Sequence[SimulatedDevice]) -> None:
                 )
 
 
-def _door(way_in: WayIn, devices: Sequence[SimulatedDevice], *, line_speed: bool) -> Door:
-    line = Line(devices)
+def open_door(
+    way_in: WayIn, new_port: Callable[[bool], Port], settings: SerialSettings | None, *, line_speed: bool
+) -> Door:
+    """The door to ports that `new_port(numbered)` makes, on a line set like `settings`, as slow as it or not."""
     if way_in.kind == "tcp":
         if line_speed:
             raise ConfigError(
                 "--line-speed: Modbus TCP has no serial line; serve a device that has one with --pty or --rtu-tcp"
             )
-        return TcpDoor(way_in.address or "0", "tcp", lambda: line.new_port(numbered=True))
-    settings = _settings(devices)
+        return TcpDoor(way_in.address or "0", "tcp", lambda: new_port(True))
 
     def rtu_port() -> Port:
-        port = line.new_port(numbered=False)
-        return SlowLine(port, settings) if line_speed else port
+        port = new_port(False)
+        return SlowLine(port, settings) if line_speed and settings is not None else port
 
     if way_in.kind == "rtu_tcp":
         return TcpDoor(way_in.address or "0", "rtu+tcp", rtu_port)
     return Terminal(None if way_in.address is None else Path(way_in.address), rtu_port())
 
 
-def _settings(devices: Sequence[SimulatedDevice]) -> SerialSettings:
+def _ports_of(line: Line) -> Callable[[bool], Port]:
+    return lambda numbered: line.new_port(numbered=numbered)
+
+
+def _settings(way_in: WayIn, devices: Sequence[SimulatedDevice]) -> SerialSettings | None:
     """How the line is set; of devices that leave the factory with different settings, as the first one."""
+    if way_in.kind == "tcp":
+        return None
     for device in devices:
         if device.profile.serial_settings() is None:
             raise ConfigError(f"'{device.profile.profile.id}' has no serial line: serve it with --tcp HOST:PORT")
-    settings = devices[0].profile.serial_settings()
-    assert settings is not None  # just looked
-    return settings
+    return devices[0].profile.serial_settings()

@@ -12,7 +12,11 @@ SIM = "flexinol-lt-0.15mm"
 def served(*options, sim=SIM):
     """The process, its first URL read."""
     with subprocess.Popen(
-        [*COMMAND, sim, *options], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*COMMAND, *([] if sim is None else [sim]), *options],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
     ) as process:
         try:
             yield process, process.stdout.readline().strip()

@@ -1,11 +1,12 @@
 """A bench of several devices in one process: a board, two thermometers on one line, a module on TCP, one wire."""
 
-import subprocess
 from pathlib import Path
 
 import pytest
-from served import COMMAND, SIM, advance, served
+from served import SIM, advance, served
+from typer.testing import CliRunner
 
+from firmware_sim.cli import main
 from smadrive.clock import MonotonicClock
 from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
@@ -111,9 +112,7 @@ def test_every_door_is_told_and_all_devices_see_the_same_wire(tmp_path):
     ],
 )
 def test_a_bench_that_cannot_be_is_one_clear_line(tmp_path, devices, options, says):
-    run = subprocess.run(
-        [*COMMAND, sim_file(tmp_path, devices), *options], capture_output=True, text=True, check=False, timeout=30
-    )
-    assert run.returncode == 2
+    run = CliRunner().invoke(main, [sim_file(tmp_path, devices), *options])
+    assert run.exit_code == 2
     assert says in run.stderr
     assert run.stderr.count("\n") == 1

@@ -1,0 +1,103 @@
+"""A recorded bus served as devices: every unit of the trace answers as it did then, after the same time.
+
+A request is answered by what came to the same request in the recording: the first time by the first answer, and so on;
+when the recording has no more of them, by the last. What was not answered then is not answered now, and a spoilt reply
+comes spoilt. A request that the recording does not know is met with silence, and told as an event.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict, deque
+from collections.abc import Callable
+from pathlib import Path
+from typing import NamedTuple
+
+from firmware_sim.faults import Delivery
+from firmware_sim.message import Message
+from firmware_sim.ports import Port, RtuPort, TcpPort
+from smadrive.clock import Clock
+from smadrive.modbus import frames, meaning
+from smadrive.modbus.inprocess import InProcessTransport
+from smadrive.modbus.trace import Line, content_of, read_trace
+
+
+class Answer(NamedTuple):
+    """What came, and how long after the request: nothing (`data` is empty), or a frame; `pdu` is None if not intact."""
+
+    after_s: float
+    data: bytes
+    pdu: bytes | None
+
+
+class Replay:
+    """The devices of the trace at `path`. `tell` gets a line per event, with the time."""
+
+    def __init__(self, path: Path, tell: Callable[[str], None] = lambda _line: None) -> None:
+        """ConfigError when `path` is no trace."""
+        numbered, lines = read_trace(path)
+        self.time_s = 0.0
+        self.numbered = numbered
+        self._tell = tell
+        answers: dict[int, dict[bytes, deque[Answer]]] = defaultdict(lambda: defaultdict(deque))
+        traffic = [line for line in lines if line.direction != "discarded"]
+        for line, after in zip(traffic, [*traffic[1:], None], strict=True):
+            request = content_of(line.data, numbered=numbered) if line.direction == "sent" else None
+            if request is not None and request[0] != frames.BROADCAST:
+                unit_id, pdu = request
+                answers[unit_id][pdu].append(_answer(line, after, numbered=numbered))
+        self.units = tuple(ReplayedUnit(unit_id, known, self._unknown) for unit_id, known in sorted(answers.items()))
+        self.port = self.new_port(numbered=numbered)
+
+    def advance_to(self, time_s: float) -> None:
+        """Let the time reach `time_s`."""
+        self.time_s = max(self.time_s, time_s)
+
+    def new_port(self, *, numbered: bool) -> Port:
+        """A way in."""
+        return TcpPort(self.units) if numbered else RtuPort(self.units)
+
+    def receive(self, data: bytes, time_s: float) -> list[Delivery]:
+        """Bytes that arrive at `time_s`: what is answered, and when it arrives."""
+        self.advance_to(time_s)
+        return self.port.receive(data, time_s)
+
+    def transport(self, clock: Clock) -> InProcessTransport:
+        """A connection in this process, in time with `clock`."""
+        return InProcessTransport(self, clock, None if self.numbered else 115200)
+
+    def _unknown(self, request: Message) -> None:
+        said = meaning.of_request(request.pdu)
+        self._tell(f"t={self.time_s:.3f} s not in the recording: unit {request.unit_id}, {said}")
+
+
+class ReplayedUnit:
+    """One unit of a recorded bus."""
+
+    def __init__(
+        self, unit_id: int, known: dict[bytes, deque[Answer]], tell_unknown: Callable[[Message], None]
+    ) -> None:
+        self.unit_id = unit_id
+        self._known = known
+        self._tell_unknown = tell_unknown
+
+    def answer(self, request: Message, time_s: float) -> list[Delivery]:
+        """What came then, as long after."""
+        answers = self._known.get(request.pdu)
+        if not answers:
+            self._tell_unknown(request)
+            return []
+        answer = answers.popleft() if len(answers) > 1 else answers[0]
+        data = answer.data if answer.pdu is None else request.answered(answer.pdu).frame
+        return [(time_s + answer.after_s, data)] if data else []
+
+    def overhear(self) -> None:
+        """A request for another passes by."""
+
+
+def _answer(request: Line, after: Line | None, *, numbered: bool) -> Answer:
+    if after is None or after.direction != "received":
+        return Answer(0.0, b"", None)
+    content = content_of(after.data, numbered=numbered)
+    asked = content_of(request.data, numbered=numbered)
+    right = content is not None and asked is not None and content[0] == asked[0]
+    return Answer(after.time_s - request.time_s, after.data, content[1] if right and content else None)

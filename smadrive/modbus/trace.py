@@ -1,0 +1,104 @@
+"""A bus trace that a person can read, and a program can serve again as a device (`firmware-sim --replay`).
+
+    # smadrive bus trace 1: rtu
+    # seconds, > sent or < received or x discarded, the bytes, what they say
+        0.200431 > 01 03 00 00 00 02 C4 0B | unit 1: read 2 holding registers from 0
+        0.203120 < 01 03 04 53 4D 00 01 ... | unit 1: 21325 1
+
+One line a frame; a reply that came in pieces is one line, at the time of its last piece. What does not come has no
+line: a request without an answer below it was not answered.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Literal, NamedTuple, Self
+
+from smadrive.errors import ConfigError
+from smadrive.modbus import frames, mbap, meaning
+from smadrive.modbus.transport import Transport
+
+Direction = Literal["sent", "received", "discarded"]
+HEADER = "# smadrive bus trace 1:"
+
+_MARKS: dict[Direction, str] = {"sent": ">", "received": "<", "discarded": "x"}
+_DIRECTIONS = {mark: direction for direction, mark in _MARKS.items()}
+
+
+class Line(NamedTuple):
+    """One line of a trace."""
+
+    time_s: float
+    direction: Direction
+    data: bytes
+
+
+class TraceFile:
+    """Writes what passes on the bus of `transport`: `Master(transport, trace=TraceFile(path, transport))`.
+
+    A context manager. Times are seconds since the trace began; every line is on disk when the next frame goes out.
+    """
+
+    def __init__(self, path: Path, transport: Transport) -> None:
+        """ConfigError when `path` cannot be written."""
+        self._clock_start_s = transport.clock.now_s()
+        self._numbered = transport.framing.numbered
+        self._asked = b"\0"
+        try:
+            self._file = path.open("w", encoding="ascii", buffering=1)
+        except OSError as error:
+            raise ConfigError(f"{path}: the trace cannot be written ({error.strerror})") from None
+        self._file.write(f"{HEADER} {'tcp' if self._numbered else 'rtu'}, {transport.name}\n")
+        self._file.write("# seconds, > sent or < received or x discarded, the bytes, what they say\n")
+
+    def __call__(self, time_s: float, direction: Direction, data: bytes) -> None:
+        """One frame."""
+        told = self._meaning(direction, data)
+        line = f"{time_s - self._clock_start_s:12.6f} {_MARKS[direction]} {data.hex(' ').upper()}"
+        self._file.write(f"{line} | {told}\n" if told else f"{line}\n")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self._file.close()
+
+    def _meaning(self, direction: Direction, data: bytes) -> str:
+        if direction == "discarded":
+            return "nobody asked for it"
+        content = content_of(data, numbered=self._numbered)
+        if content is None:
+            return "no intact frame"
+        unit_id, pdu = content
+        if direction == "sent":
+            self._asked = pdu
+        said = meaning.of_request(pdu) if direction == "sent" else meaning.of_reply(pdu, self._asked)
+        return f"unit {unit_id}: {said}"
+
+
+def read_trace(path: Path) -> tuple[bool, list[Line]]:
+    """Whether the frames are numbered (Modbus TCP), and the lines; ConfigError tells which line is none."""
+    try:
+        head, *rows = path.read_text(encoding="ascii").splitlines() or [""]
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"{path}: cannot be read ({error})") from None
+    if not head.startswith(HEADER):
+        raise ConfigError(f"{path}: is no bus trace: the first line must begin with '{HEADER}'")
+    numbered = head.removeprefix(HEADER).strip().startswith("tcp")
+    return numbered, [_line(path, number, row) for number, row in enumerate(rows, 2) if row and row[0] != "#"]
+
+
+def content_of(frame: bytes, *, numbered: bool) -> tuple[int, bytes] | None:
+    """Unit id and PDU of an intact frame."""
+    if not numbered:
+        return (frame[0], frame[1:-2]) if frames.crc_holds(frame) else None
+    whole = len(frame) > mbap.HEADER_SIZE and mbap.frame_size(frame) == len(frame)
+    return (mbap.Header.of(frame).unit_id, frame[mbap.HEADER_SIZE :]) if whole else None
+
+
+def _line(path: Path, number: int, row: str) -> Line:
+    try:
+        time_s, mark, data = row.partition("|")[0].split(maxsplit=2)
+        return Line(float(time_s), _DIRECTIONS[mark], bytes.fromhex(data))
+    except (ValueError, KeyError):
+        raise ConfigError(f"{path}, line {number}: '{row}' is none of a trace: time, one of > < x, bytes") from None

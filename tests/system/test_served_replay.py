@@ -1,0 +1,60 @@
+"""Record the bus of a served simulator, then serve the record."""
+
+import subprocess
+
+import pytest
+from served import COMMAND, SIM, served
+
+from smadrive.device.device import Device
+from smadrive.device.profile import load_profile
+from smadrive.errors import DeadlineError
+from smadrive.modbus import requests
+from smadrive.modbus.bus import BusTiming
+from smadrive.modbus.connect import open_transport
+from smadrive.modbus.master import Master
+from smadrive.modbus.trace import TraceFile
+
+PROFILE = load_profile("sma-reference")
+NAMES = ("serial_number", "temperature", "sample_counter", "watchdog_s", "uptime")
+
+
+def read(url, trace_path=None):
+    with open_transport(url, PROFILE.serial_settings()) as transport:
+        if trace_path is None:
+            return readings(Master(transport))
+        with TraceFile(trace_path, transport) as trace:
+            return readings(Master(transport, trace))
+
+
+def readings(master):
+    device = Device(PROFILE, master)
+    device.check_identity()
+    return [device.read(NAMES) for _ in range(3)]
+
+
+@pytest.mark.parametrize("way_in", ["--pty", "--tcp"])
+def test_a_record_is_served_as_the_device_that_it_was(way_in, tmp_path):
+    path = tmp_path / "bus.trace"
+    with served() as (_, url):
+        recorded = read(url, path)
+    where = str(tmp_path / "port") if way_in == "--pty" else "0"
+    with served("--replay", str(path), way_in, where, sim=None) as (process, url):
+        assert read(url) == recorded
+        with open_transport(url, PROFILE.serial_settings()) as transport, pytest.raises(DeadlineError):
+            Master(transport).execute(1, requests.read_holding(32, 1), BusTiming(0.1, read_retries=0))
+        assert "not in the recording: unit 1, read 1 holding registers from 32" in process.stderr.readline()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--replay", "/nowhere/bus.trace"], "/nowhere/bus.trace: cannot be read"),
+        ([SIM, "--replay", "/nowhere/bus.trace"], "--replay takes the place of SIM.toml"),
+        ([], "names no SIM.toml"),
+    ],
+)
+def test_bad_input_is_one_clear_line(options, says):
+    run = subprocess.run([*COMMAND, *options], capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert says in run.stderr
+    assert run.stderr.count("\n") == 1

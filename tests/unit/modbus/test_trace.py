@@ -1,0 +1,122 @@
+"""A trace is read by people and by programs."""
+
+import pytest
+
+from smadrive.clock import VirtualClock
+from smadrive.errors import ConfigError, SmadriveError
+from smadrive.modbus import frames, mbap, meaning, requests
+from smadrive.modbus.inprocess import InProcessTransport
+from smadrive.modbus.master import Master
+from smadrive.modbus.trace import TraceFile, content_of, read_trace
+
+READ = requests.read_holding(10, 2)
+RIGHT = frames.seal(1, bytes.fromhex("03 04 000A 000B"))
+
+
+def traced(path, far, baudrate, timing, runs):
+    transport = InProcessTransport(far, VirtualClock(), baudrate)
+    transport.clock.sleep_until(5.0)
+    with TraceFile(path, transport) as trace:
+        master = Master(transport, trace)
+        transport.clock.sleep_until(6.0)
+        for request in runs:
+            try:
+                master.execute(1, request, timing)
+            except SmadriveError:
+                continue
+    return path.read_text(encoding="ascii").splitlines()
+
+
+def test_a_person_reads_what_passed_and_what_it_means(tmp_path, script, timing):
+    write = requests.write_register(32, 7)
+    far = script(
+        [(0.01, RIGHT[:4]), (0.02, RIGHT[4:])],
+        [(0.0, RIGHT[:-1] + b"\0")],
+        [(0.0, frames.seal(1, b"\x86\x06")), (0.05, b"\x55\x55")],
+    )
+    lines = traced(tmp_path / "bus.trace", far, 115200, timing, [READ, READ, write, write])
+    assert lines == [
+        "# smadrive bus trace 1: rtu, in process",
+        "# seconds, > sent or < received or x discarded, the bytes, what they say",
+        "    1.000000 > 01 03 00 0A 00 02 E4 09 | unit 1: read 2 holding registers from 10",
+        "    1.020000 < 01 03 04 00 0A 00 0B 9B F6 | unit 1: 10 11",
+        "    1.021750 > 01 03 00 0A 00 02 E4 09 | unit 1: read 2 holding registers from 10",
+        "    1.021750 < 01 03 04 00 0A 00 0B 9B 00 | no intact frame",
+        "    1.121750 > 01 06 00 20 00 07 C9 C2 | unit 1: write register 32: 7",
+        "    1.121750 < 01 86 06 C2 62 | unit 1: exception 6, device busy",
+        "    1.123500 > 01 06 00 20 00 07 C9 C2 | unit 1: write register 32: 7",
+        "    1.171750 < 55 55 | no intact frame",
+    ]
+
+
+def test_what_nobody_asked_for_is_told(tmp_path, script, timing):
+    far = script([(0.0, RIGHT), (0.001, b"\x55")], [(0.0, RIGHT)])
+    lines = traced(tmp_path / "bus.trace", far, 115200, timing, [READ, READ])
+    assert [line[13:] for line in lines[4:6]] == ["x 55 | nobody asked for it", lines[2][13:]]
+
+
+def test_modbus_tcp_is_traced_with_its_header(tmp_path, script, timing):
+    lines = traced(tmp_path / "t", script([(0.0, mbap.seal(1, 1, RIGHT[1:-2]))]), None, timing, [READ])
+    assert lines[0] == "# smadrive bus trace 1: tcp, in process"
+    assert lines[3].endswith("< 00 01 00 00 00 07 01 03 04 00 0A 00 0B | unit 1: 10 11")
+
+
+def test_a_program_reads_the_same(tmp_path, script, timing):
+    path = tmp_path / "bus.trace"
+    traced(path, script([(0.02, RIGHT)]), 115200, timing, [READ, READ])
+    numbered, lines = read_trace(path)
+    assert not numbered
+    assert [(line.direction, line.data) for line in lines] == [
+        ("sent", frames.seal(1, READ.pdu)),
+        ("received", RIGHT),
+        ("sent", frames.seal(1, READ.pdu)),
+    ]
+    assert lines[1].time_s - lines[0].time_s == pytest.approx(0.02)
+    assert content_of(RIGHT, numbered=False) == (1, RIGHT[1:-2])
+
+
+@pytest.mark.parametrize(
+    ("request_", "said"),
+    [
+        (requests.read_coils(0, 10), "read 10 coils from 0"),
+        (requests.read_discrete(1, 2), "read 2 discrete inputs from 1"),
+        (requests.read_input(1, 2), "read 2 input registers from 1"),
+        (requests.write_coil(4, True), "write coil 4: on"),
+        (requests.write_coils(4, [True, False, True]), "write coils from 4: 101"),
+        (requests.write_registers(4, [1, 65535]), "write registers from 4: 1 65535"),
+        (requests.mask_write(4, 0xFFFE, 1), "mask register 4: and 0xfffe, or 0x0001"),
+        (requests.exchange(32, [1, 2], 16, 3), "write registers from 32: 1 2, read 3 from 16"),
+    ],
+)
+def test_every_request_has_words(request_, said):
+    assert meaning.of_request(request_.pdu) == said
+
+
+def test_replies_have_words_and_what_is_none_does_no_harm():
+    read = requests.read_coils(0, 3).pdu
+    assert meaning.of_reply(bytes.fromhex("01 01 05"), read) == "101"
+    assert meaning.of_reply(bytes.fromhex("81 02"), read) == "exception 2, illegal data address"
+    assert meaning.of_reply(bytes.fromhex("04 02 0001"), read) == "a reply to function 4"
+    assert meaning.of_reply(requests.write_register(1, 2).pdu, requests.write_register(1, 2).pdu) == "done"
+    assert meaning.of_request(b"\x03\x00") == "a request that is none"
+    assert meaning.of_request(b"\x63\x00\x00\x00\x00") == "function 99"
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("", "is no bus trace"),
+        ("# smadrive bus trace 1: rtu\n0.1 > 01 0g", "line 2: .* is none of a trace"),
+        ("# smadrive bus trace 1: rtu\n# x\n0.1 ? 01", "line 3: "),
+    ],
+)
+def test_what_is_no_trace_is_refused(tmp_path, text, says):
+    path = tmp_path / "t"
+    path.write_text(text, encoding="ascii")
+    with pytest.raises(ConfigError, match=says):
+        read_trace(path)
+
+
+def test_a_trace_that_cannot_be_kept_is_refused(tmp_path, script):
+    with pytest.raises(ConfigError, match="the trace cannot be written"):
+        TraceFile(tmp_path / "no" / "t", InProcessTransport(script(), VirtualClock()))
