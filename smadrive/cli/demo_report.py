@@ -37,8 +37,8 @@ def write_demo_report(path: Path, wire: WireFit, excitation: Log, arms: Sequence
     write_report(
         path,
         "smadrive demo: a simulated SMA wire moves where it is told",
-        "Errors are reference minus displacement, in percent of the stroke, without displacement feedback: "
-        "the sensor only judges.",
+        "Errors are reference minus displacement, in percent of the stroke. Both runs have the displacement sensor to "
+        "correct their estimate of the wire.",
         [
             Grid(("run", "RMS error", "max error", "trips", "missed deadlines"), rows),
             _loop_plot(wire, excitation),
@@ -105,7 +105,8 @@ def _error_plot(arms: Sequence[ArmView]) -> Plot:
         error = log.columns["reference_mm"] - log.columns["displacement_mm"]
         line(ax, log.column("time_s"), error, color=colour, lw=0.8)
         ax.axhline(0.0, color=WANTED, lw=0.5)
-        ax.set(ylabel="error / mm", title=f"{name}: {figures.rms_percent:.2f} % RMS")
+        ax.set_ylabel("error / mm")
+        ax.set_title(f"{name}: {figures.rms_percent:.2f} % RMS", loc="left", fontsize=10)
     axes[-1].set_xlabel("time / s")
     return Plot("Error", figure, "Mind the scales: each run has its own.")
 

@@ -27,8 +27,6 @@ STYLE: Any = {
     "axes.spines.right": False,
     "axes.edgecolor": "#7b8794",
     "axes.labelcolor": "#323f4b",
-    "axes.titlesize": 10,
-    "axes.titlelocation": "left",
     "axes.grid": True,
     "grid.color": "#e4e7eb",
     "xtick.color": "#52606d",
