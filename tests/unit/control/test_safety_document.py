@@ -1,0 +1,21 @@
+"""docs/safety.md says of every fault what the driver says."""
+
+import re
+from pathlib import Path
+
+from smadrive.control.faults import Fault
+from smadrive.rigconfig import LimitsConfig
+
+DOCUMENT = (Path(__file__).parents[3] / "docs" / "safety.md").read_text()
+
+
+def test_every_fault_is_in_the_table_as_the_driver_tells_it():
+    rows = re.findall(r"^\| (\d+) \| (.*?) \| (.*?) \| (.*?) \|$", DOCUMENT, re.MULTILINE)
+    assert rows == [
+        (str(fault.number), fault.name.lower().replace("_", " "), fault.cause, fault.remedy) for fault in Fault
+    ]
+
+
+def test_every_limit_is_in_the_table():
+    table = DOCUMENT.partition("## Limits")[2].partition("## Faults")[0]
+    assert set(re.findall(r"`(\w+_\w+)`", table)) == set(LimitsConfig.model_fields)
