@@ -8,7 +8,7 @@
 
 The bench lives on the time it is told: `advance_to` moves everything on in ticks of 10 ms. The same config, seed and
 calls give the same bench, to the last bit, at any speed. What goes wrong is a method: of a device's `faults` (its bus),
-of `sensors` and of `plant`.
+of `sensors.faults` and of `plant.faults`.
 """
 
 from __future__ import annotations
@@ -89,17 +89,11 @@ class SimulatedBench:
 
     def known_faults(self) -> dict[str, Callable[..., None]]:
         """Everything that a script can do; the faults of a named device begin with its name and a point."""
-        sensors, plant = self.sensors, self.plant
-        physical = (
-            *(sensors.open_thermocouple, sensors.short_thermocouple, sensors.freeze_thermocouple),
-            *(sensors.stop_conversions, sensors.mend_thermocouple, plant.break_wire, plant.short_switch),
-        )
-        known = {fault.__name__: fault for fault in physical}
-        known["mend_heater"] = plant.mend
+        known = self.sensors.faults.by_name() | self.plant.faults.by_name()
         for device in self.devices:
             prefix = f"{device.name}." if device.name else ""
             known |= {prefix + name: fault for name, fault in device.faults.by_name().items()}
-            known[prefix + "reboot"] = device.power_cycle
+            known |= {prefix + "reboot": device.power_cycle, prefix + "brown_out": device.brown_out}
         return known
 
     def switch_off(self) -> None:

@@ -7,7 +7,7 @@ from typing import Protocol
 
 from firmware_sim.behaviour import Behaviour
 from firmware_sim.config import SimConfig
-from firmware_sim.faults import BusFaults, Delivery
+from firmware_sim.faults import BusFaults, Delivery, Later
 from firmware_sim.message import Message
 from firmware_sim.ports import Port, RtuPort, TcpPort
 from firmware_sim.registers import RegisterBank
@@ -79,9 +79,13 @@ class SimulatedDevice:
 
     def power_cycle(self) -> None:
         """The supply fails and returns: the firmware starts anew, the wire goes on cooling."""
-        self._tell("power-up")
+        self.brown_out(0.0)
+
+    def brown_out(self, for_s: Later) -> None:
+        """The mains fail for a while: nothing drives current, nothing answers, until the device has started anew."""
+        self._tell(f"no power for {for_s:g} s" if for_s else "power-up")
         self.firmware.restart()
-        self._deaf_until_s = self.bench.time_s + self.profile.timing.boot_ms / 1e3
+        self._deaf_until_s = self.bench.time_s + for_s + self.profile.timing.boot_ms / 1e3
 
     def _tell(self, text: str) -> None:
         self.bench.tell(f"{self.name}: {text}" if self.name else text)

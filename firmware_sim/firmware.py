@@ -115,9 +115,8 @@ class Firmware:
     def quantities(self) -> dict[str, float | None]:
         """What the registers show, by role; None: no reading."""
         sensors = self._sensors
-        unreadable = sensors.failure in ("open", "short")
         return {
-            "temperature": None if unreadable else sensors.temperature_c,
+            "temperature": None if sensors.unreadable else sensors.temperature_c,
             "cold_junction": sensors.cold_junction_c,
             "heater_current": self.commanded_a,
             "heater_enable": 1 if self.state is State.ARMED else 0,
@@ -145,10 +144,8 @@ class Firmware:
 
     def _sensor_faults(self) -> list[Fault]:
         sensors = self._sensors
-        if sensors.failure == "open":
-            return [Fault.THERMOCOUPLE_OPEN]
-        if sensors.failure == "short":
-            return [Fault.THERMOCOUPLE_SHORT]
+        if sensors.unreadable:
+            return [Fault.THERMOCOUPLE_OPEN if sensors.unreadable == "open" else Fault.THERMOCOUPLE_SHORT]
         faults = []
         if sensors.temperature_c >= self.temperature_max_c:
             faults.append(Fault.OVER_TEMPERATURE)

@@ -41,8 +41,7 @@ class Instrument:
         return self._shown
 
     def _converted(self) -> Mapping[str, Quantity]:
-        unreadable = self._sensors.failure in ("open", "short")
         return {
-            "temperature": None if unreadable else self._sensors.temperature_c,
+            "temperature": None if self._sensors.unreadable else self._sensors.temperature_c,
             "displacement": self._sensors.displacement_mm(),
         }

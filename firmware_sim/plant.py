@@ -12,6 +12,7 @@ from __future__ import annotations
 from math import expm1, inf
 
 from firmware_sim.config import SimConfig
+from firmware_sim.physicalfaults import HeaterFaults
 from firmware_sim.transformation import LoadedTransformation
 
 SUBSTEP_S = 0.01
@@ -19,17 +20,17 @@ SUBSTEP_K = 1.0
 
 
 class Plant:
-    """A wire that starts at ambient temperature, all martensite. `advance` moves it on; its failures are methods."""
+    """A wire that starts at ambient temperature, all martensite. `faults` are those of its heater."""
 
     def __init__(self, config: SimConfig) -> None:
         wire = config.wire
         self.wire = wire
         self.temperature_c = wire.ambient_c
         self.current_a = 0.0
+        self.voltage_v = 0.0
+        self.faults = HeaterFaults()
         self._transformation = LoadedTransformation(config.transformation, config.bias, wire.stroke_mm, wire.ambient_c)
         self._latent_j = wire.mass_kg * wire.latent_heat_j_per_kg
-        self._broken = False
-        self._leak_a = 0.0
 
     @property
     def phase(self) -> float:
@@ -43,32 +44,30 @@ class Plant:
 
     @property
     def resistance_ohm(self) -> float:
-        """R(ξ); infinite when the wire is broken."""
-        return inf if self._broken else self._intact_ohm()
-
-    def break_wire(self) -> None:
-        """No current flows any more."""
-        self._broken = True
-
-    def short_switch(self, leak_a: float) -> None:
-        """The board's switch fails: `leak_a` flows whatever the firmware wants."""
-        self._leak_a = leak_a
-
-    def mend(self) -> None:
-        """Undo the failures."""
-        self._broken = False
-        self._leak_a = 0.0
+        """R(ξ) of the wire alone."""
+        return self.wire.resistance_cold_ohm * (1.0 + self.wire.resistance_change * self._transformation.phase)
 
     def advance(self, current_a: float, dt_s: float, voltage_max_v: float = inf) -> None:
         """Let `current_a` flow for `dt_s`, or as much of it as `voltage_max_v` drives."""
-        driven_a = min(current_a, voltage_max_v / self._intact_ohm())
-        self.current_a = 0.0 if self._broken else max(driven_a, self._leak_a)
+        self.faults.pass_time(dt_s)
+        self._drive(current_a, voltage_max_v)
         while dt_s > 1e-12:
             dt_s -= self._substep(dt_s)
 
+    def _drive(self, wanted_a: float, voltage_max_v: float) -> None:
+        """Current, and voltage at the source: on an open circuit, its limit if it has one."""
+        circuit = self.faults.circuit
+        if circuit.broken:
+            self.current_a, self.voltage_v = 0.0, voltage_max_v if wanted_a > 0.0 and voltage_max_v < inf else 0.0
+            return
+        loop_ohm = self.resistance_ohm + circuit.contact_ohm
+        driven_a = min(wanted_a * circuit.passed, voltage_max_v / loop_ohm, circuit.voltage_max_v / loop_ohm)
+        self.current_a = max(driven_a, circuit.leak_a)
+        self.voltage_v = self.current_a * loop_ohm
+
     def _substep(self, remaining_s: float) -> float:
         wire = self.wire
-        settled_c = wire.ambient_c + self.current_a**2 * self._intact_ohm() / wire.loss_w_per_k
+        settled_c = wire.ambient_c + self.current_a**2 * self.resistance_ohm / wire.loss_w_per_k
         offset_c = settled_c - self.temperature_c
         slope_per_k = self._transformation.slope(rising=offset_c > 0)
         rate_per_s = wire.loss_w_per_k / (wire.heat_capacity_j_per_k + self._latent_j * slope_per_k)
@@ -76,6 +75,3 @@ class Plant:
         self.temperature_c -= offset_c * expm1(-dt_s * rate_per_s)
         self._transformation.move_to(self.temperature_c)
         return dt_s
-
-    def _intact_ohm(self) -> float:
-        return self.wire.resistance_cold_ohm * (1.0 + self.wire.resistance_change * self._transformation.phase)

@@ -113,7 +113,7 @@ def excite_and_break(bench, break_it):
 
 
 def test_an_open_thermocouple_trips_and_ends_with_zero_current(bench):
-    trip = excite_and_break(bench, bench.device.bench.sensors.open_thermocouple)
+    trip = excite_and_break(bench, bench.device.bench.sensors.faults.open_thermocouple)
     assert trip.number == Fault.DEVICE_FAULT.number
     assert bench.device.firmware.current_a == 0.0
     assert not hasattr(trip, "__notes__")
@@ -139,11 +139,11 @@ def test_an_exception_in_the_loop_ends_with_zero_current(bench):
 
 
 def test_a_latched_fault_refuses_to_heat_until_it_is_cleared(bench):
-    bench.device.bench.sensors.open_thermocouple()
+    bench.device.bench.sensors.faults.open_thermocouple()
     with bench.rig as rig:
         with pytest.raises(SafetyError, match="thermocouple_open"):
             rig.excite(rig.excitation(22.0), lambda tick: None)
-        bench.device.bench.sensors.mend_thermocouple()
+        bench.device.bench.sensors.faults.mend_thermocouple()
         with pytest.raises(SafetyError, match="refused to arm"):
             rig.excite(rig.excitation(22.0), lambda tick: None)
         rig.heater.clear_faults()

@@ -48,7 +48,7 @@ def trip(path):
     def record(tick):
         recorder.tick(tick)
         if tick.time_s > 3.0:
-            device.bench.sensors.open_thermocouple()
+            device.bench.sensors.faults.open_thermocouple()
 
     with Rig(load_rig("in-process"), transports={"board": device.transport(clock)}) as rig:
         excitation = rig.excitation(22.0)

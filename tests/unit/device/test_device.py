@@ -32,7 +32,7 @@ def test_an_unknown_register_names_the_nearest(device):
 
 
 def test_a_sentinel_is_no_number(device, rig):
-    rig.bench.sensors.open_thermocouple()
+    rig.bench.sensors.faults.open_thermocouple()
     reading = device.read(("temperature",))["temperature"]
     assert math.isnan(reading.value)
     assert reading.invalid == "no reading"

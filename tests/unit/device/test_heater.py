@@ -122,7 +122,7 @@ def test_a_fault_needs_an_explicit_clear_and_a_new_arming(heater, run, rig, cloc
 
 def test_a_cause_that_persists_cannot_be_cleared(heater, rig):
     heater.connect()
-    rig.bench.sensors.short_thermocouple()
+    rig.bench.sensors.faults.short_thermocouple()
     rig.bench.advance_to(rig.bench.time_s + 0.1)
     with pytest.raises(SafetyError, match=r"not cleared, the cause persists: thermocouple_short"):
         heater.clear_faults()
@@ -135,7 +135,7 @@ def test_a_dead_thermocouple_has_no_temperature_and_no_heat(heater, run, rig, fa
     heater.connect()
     heater.arm(0.5)
     run(0.3, 0.5)
-    getattr(rig.bench.sensors, fail)()
+    getattr(rig.bench.sensors.faults, fail)()
     last = run(0.3, 0.1)[-1]
     assert math.isnan(last.temperature_c)
     assert last.temperature_fault == name
@@ -157,7 +157,7 @@ def test_a_converter_that_stands_still_is_not_believed(heater, run, rig):
     heater.connect()
     heater.arm(0.5)
     run(0.2, 0.5)
-    rig.bench.sensors.stop_conversions()
+    rig.bench.sensors.faults.stop_conversions()
     last = run(0.2, 0.7)[-1]
     assert math.isnan(last.temperature_c)
     assert "no new conversion for 0.7" in last.temperature_fault

@@ -90,7 +90,7 @@ def test_a_thermometer_shows_the_wire_and_its_own_sentinel(connect, profile):
     name = profile.role("temperature")
     assert 60.0 < device.read((name,))[name].value < 81.0  # the wire cools on
     if profile.register(name).invalid:
-        rig.bench.sensors.open_thermocouple()
+        rig.bench.sensors.faults.open_thermocouple()
         device.master.clock.sleep_until(rig.bench.time_s + 0.5)
         assert "open" in device.read((name,))[name].invalid
 

@@ -74,11 +74,11 @@ def test_a_fault_latches_until_the_key_and_refuses_to_arm(heat, rig, ask):
 @pytest.mark.parametrize(
     ("fail", "fault"),
     [
-        (lambda rig: rig.bench.sensors.open_thermocouple(), Fault.THERMOCOUPLE_OPEN),
-        (lambda rig: rig.bench.sensors.short_thermocouple(), Fault.THERMOCOUPLE_SHORT),
+        (lambda rig: rig.bench.sensors.faults.open_thermocouple(), Fault.THERMOCOUPLE_OPEN),
+        (lambda rig: rig.bench.sensors.faults.short_thermocouple(), Fault.THERMOCOUPLE_SHORT),
         (lambda rig: setattr(rig.bench.sensors, "cold_junction_c", 90.0), Fault.COLD_JUNCTION_RANGE),
-        (lambda rig: rig.bench.plant.break_wire(), Fault.HEATER_OPEN),
-        (lambda rig: rig.bench.plant.short_switch(0.9), Fault.OVER_CURRENT),
+        (lambda rig: rig.bench.plant.faults.break_wire(), Fault.HEATER_OPEN),
+        (lambda rig: rig.bench.plant.faults.short_switch(0.9), Fault.OVER_CURRENT),
     ],
 )
 def test_every_failure_turns_the_heater_off_and_is_named(heat, rig, fail, fault):
@@ -92,12 +92,12 @@ def test_every_failure_turns_the_heater_off_and_is_named(heat, rig, fail, fault)
 
 
 def test_a_persisting_cause_cannot_be_cleared(rig, ask):
-    rig.bench.sensors.open_thermocouple()
+    rig.bench.sensors.faults.open_thermocouple()
     rig.bench.advance_to(0.02)
     ask("06 00 29 43 4C")
     assert rig.firmware.faults == Fault.THERMOCOUPLE_OPEN
     assert ask("03 00 14 00 01") == "03 02 80 00"
-    rig.bench.sensors.mend_thermocouple()
+    rig.bench.sensors.faults.mend_thermocouple()
     ask("06 00 29 43 4C")
     assert rig.firmware.state is State.IDLE
 

@@ -100,11 +100,11 @@ def test_resistance_falls_with_the_phase(plant):
 
 
 def test_a_broken_wire_carries_nothing_and_a_shorted_switch_its_leak(plant):
-    plant.break_wire()
+    plant.faults.break_wire()
     plant.advance(0.5, 0.1)
     assert plant.current_a == 0.0
-    plant.mend()
-    plant.short_switch(0.2)
+    plant.faults.mend_heater()
+    plant.faults.short_switch(0.2)
     plant.advance(0.0, 0.1)
     assert plant.current_a == 0.2
 
@@ -121,12 +121,12 @@ def test_the_thermocouple_lags_and_freezes_while_counting(plant):
     run(0.2, 200)
     ramp_c_per_s = -(plant.temperature_c - (run(0.2, 1), plant.temperature_c)[1]) / 0.01
     assert plant.temperature_c - sensors.temperature_c == pytest.approx(0.15 * ramp_c_per_s, abs=0.7)
-    sensors.freeze_thermocouple()
+    sensors.faults.freeze_thermocouple()
     frozen_c, count = sensors.temperature_c, sensors.conversions
     run(0.4, 100)
     assert sensors.temperature_c == frozen_c
     assert sensors.conversions == count + 50
-    sensors.mend_thermocouple()
+    sensors.faults.mend_thermocouple()
     run(0.4, 2)
     assert sensors.temperature_c != frozen_c
 

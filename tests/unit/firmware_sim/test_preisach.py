@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.special import ndtr
 
@@ -39,6 +39,7 @@ def test_its_major_loop_is_that_of_its_gaussians():
     assert phases[len(up) :] == pytest.approx(ndtr((down - 69.0) / 4.0), abs=3e-3)
 
 
+@settings(deadline=None)
 @given(PATHS)
 def test_the_phase_is_a_phase_and_follows_the_input(path):
     phases, v, before = walk(PLANE, path), 22.0, 0.0
@@ -48,11 +49,13 @@ def test_the_phase_is_a_phase_and_follows_the_input(path):
         v, before = target, phase
 
 
+@settings(deadline=None)
 @given(PATHS)
 def test_small_steps_end_where_one_large_one_does(path):
     assert walk(PLANE, path, steps=7) == pytest.approx(walk(PLANE, path), abs=1e-9)
 
 
+@settings(deadline=None)
 @given(PATHS, st.floats(40.0, 90.0), st.floats(60.0, 120.0))
 def test_a_minor_loop_closes_and_is_wiped_out(path, inner_low, inner_high):
     """Back at its highest point the wire has forgotten what lay below: it goes on as if there had been no excursion."""
@@ -82,6 +85,7 @@ def test_a_duhem_model_of_the_same_branches_does_otherwise():
     assert max(turned) > 0.03
 
 
+@settings(deadline=None)
 @given(PATHS, st.floats(30.0, 130.0))
 def test_its_slope_is_that_of_its_steps(path, v):
     state = PLANE.start(22.0)

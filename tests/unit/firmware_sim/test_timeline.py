@@ -49,9 +49,9 @@ def test_faults_happen_at_their_times_and_are_told(rig, script):
         except SmadriveError as error:
             outcomes.append(type(error))
     assert outcomes == [4, DeadlineError, 4, ExceptionReply, ExceptionReply, 4]
-    healthy = rig.bench.sensors.failure
+    healthy = rig.bench.sensors.faults.thermocouple.name
     rig.bench.advance_to(4.1)
-    assert (healthy, rig.bench.sensors.failure) == ("none", "open")
+    assert (healthy, rig.bench.sensors.faults.thermocouple.name) == ("none", "open")
     assert [event for event in rig.bench.events if "fault:" in event] == [
         "t=1.000 s fault: drop for_s = 0.5",
         "t=3.000 s fault: refuse code = 6, replies = 2",

@@ -64,7 +64,7 @@ def test_a_spring_shifts_them_by_the_stress_that_it_has_there(tables):
 
 
 @pytest.mark.parametrize("tables", KINDS, ids=lambda tables: tables.get("kind", "duhem"))
-@settings(max_examples=20)
+@settings(max_examples=20, deadline=None)
 @given(path=st.lists(st.floats(20.0, 160.0), min_size=1, max_size=8))
 def test_against_a_spring_the_phase_follows_the_temperature(tables, path):
     wire = loaded(tables, SPRING)
