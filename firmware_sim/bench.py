@@ -69,7 +69,7 @@ class SimulatedBench:
             case "heater":
                 return Firmware(self.config.board, self.sensors, tell)
             case "supply":
-                return Supply(self.sensors, has_voltage=profile.roles.heater_voltage is not None, log=tell)
+                return Supply(self.sensors, profile, tell)
             case _:
                 return Instrument(self.sensors, profile.timing.update_ms / 1e3)
 

@@ -16,6 +16,9 @@ from smadrive.device.readings import ALONE, Context
 from smadrive.device.registers import Register
 from smadrive.errors import ConfigError
 
+PROTECTIONS = ("ovp", "ocp")
+"""Registers of supplies that a simulated one obeys although they play no role for the driver."""
+
 Quantity = float | str | None  # a number, the name of a state, or no reading
 
 
@@ -38,6 +41,7 @@ class RegisterBank:
         self._roles: dict[str, list[tuple[int, str, Register]]] = {}
         self._published: dict[str, Quantity] = {}
         self._role_of = {name: role for role, name in profile.roles.model_dump(exclude_none=True).items()}
+        self._role_of |= {name: name for name in PROTECTIONS if name in profile.registers}
         for name, register in profile.registers.items():
             self._words.setdefault(register.table, {}).update(dict.fromkeys(register.addresses, 0))
             if register.writable:
@@ -133,12 +137,13 @@ class RegisterBank:
         self._store(register, self._shown(register, value))
 
     def _shown(self, register: Register, value: Quantity) -> tuple[int, ...]:
-        """No reading as the sentinel that says "open" (or the first), a state by its number."""
+        """No reading as the sentinel that says "open" (or the first), a state by its number or its bit."""
         if value is None:
             opens = (bits for bits, reason in register.invalid.items() if "open" in reason)
             return register.pattern(next(opens, next(iter(register.invalid), 0)))
         if isinstance(value, str):
-            return register.pack(next((number for number, word in register.enum.items() if word == value), 0))
+            flags = {1 << bit: word for bit, word in register.bits.items()}
+            return register.pack(next((raw for raw, word in (register.enum | flags).items() if word == value), 0))
         return register.saturated(value, self._context(register))
 
     def _context(self, register: Register) -> Context:
