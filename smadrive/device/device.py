@@ -7,14 +7,15 @@ range switch), it is looked at again before every write.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from itertools import chain
 from typing import NamedTuple
 
 from smadrive.device.companions import context_of
 from smadrive.device.functions import write_request
-from smadrive.device.plan import Span, decode, plan
+from smadrive.device.plan import Span, decode
+from smadrive.device.plans import Plans, words_of_register
 from smadrive.device.profile import Profile
 from smadrive.device.readings import ALONE, Context, Reading
 from smadrive.device.registers import Register
@@ -74,12 +75,10 @@ class Device:
         self._timing = timing if read_retries is None else replace(timing, read_retries=read_retries)
         self._interval_s = profile.timing.poll_interval_ms / 1e3
         self._next_s = 0.0
-        self._settled_s = 0.0
         self._identified = False
         self._written: set[str] = set()
         self._commanded: dict[str, tuple[int, ...]] = {}
-        self._spans: dict[tuple[str, ...], tuple[Span, ...]] = {}
-        self._exchanges: dict[tuple[tuple[str, ...], tuple[str, ...]], tuple[Span, Span]] = {}
+        self._plans = Plans(profile)
 
     def check_identity(self) -> None:
         """Prove that the device is the one that the profile describes, and find its model; IdentityError if not.
@@ -125,7 +124,7 @@ class Device:
     def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, Reading]:
         """Write adjacent registers, then read adjacent registers, in one FC23 transaction; never retried."""
         self._know_the_scales()
-        target, source = self._exchange_spans(tuple(writes), tuple(reads))
+        target, source = self._plans.exchange(tuple(writes), tuple(reads))
         words = chain.from_iterable(register.encode(writes[name], name) for name, register, _ in target.parts)
         request = requests.exchange(target.address, tuple(words), source.address, source.count)
         self._prove_identity()
@@ -142,15 +141,11 @@ class Device:
         if self._commanded.pop(name, None) != write.words:
             self._keep_order(name)
             self._send(write)
-        spans = self._spans_of(tuple(reads))
+        spans = self._plans.read(tuple(reads))
         words = [self._span_words(span) for span in spans]
-        self._confirm(write, _part(spans, words, name, write.register.size))
+        self._confirm(write, words_of_register(spans, words, name))
         self._commanded[name] = write.words
         return decode(spans, words, reads)
-
-    def wait_until_settled(self) -> None:
-        """Return when the measurements show the last write: `settle_ms` after it."""
-        self.master.clock.sleep_until(self._settled_s)
 
     def enter_safe_state(self) -> None:
         """Write the profile's safe state, confirmed by read-back; tried again on a bad bus, then raises the error."""
@@ -172,12 +167,10 @@ class Device:
             payload = self.master.execute(self.unit_id, request, self._timing)
         finally:
             self._next_s = clock.now_s() + self._interval_s
-        if request.writes:
-            self._settled_s = clock.now_s() + self.profile.timing.settle_ms / 1e3
         return payload
 
     def _read(self, names: tuple[str, ...]) -> dict[str, Reading]:
-        spans = self._spans_of(names)
+        spans = self._plans.read(names)
         return decode(spans, [self._span_words(span) for span in spans], names)
 
     def _read_patiently(self, names: tuple[str, ...]) -> dict[str, Reading]:
@@ -193,8 +186,8 @@ class Device:
         return span.words(self._execute(span.read_request(self.profile.timing.function_codes)))
 
     def _words(self, name: str) -> tuple[int, ...]:
-        spans = [span for span in self._spans_of((name,)) if any(part == name for part, _, _ in span.parts)]
-        return _part(spans, [self._span_words(span) for span in spans], name, self.profile.register(name).size)
+        spans = [span for span in self._plans.read((name,)) if any(part == name for part, _, _ in span.parts)]
+        return words_of_register(spans, [self._span_words(span) for span in spans], name)
 
     def _writable(self, name: str) -> Register:
         register = self.profile.register(name)
@@ -259,45 +252,4 @@ class Device:
     def _become(self, profile: Profile) -> None:
         if profile.registers is not self.profile.registers:
             self.profile = profile
-            self._spans.clear()
-            self._exchanges.clear()
-
-    def _exchange_spans(self, writes: tuple[str, ...], reads: tuple[str, ...]) -> tuple[Span, Span]:
-        """What one FC23 writes and reads."""
-        spans = self._exchanges.get((writes, reads))
-        if spans is None:
-            for name in writes:
-                if not self._writable(name).exchangeable:
-                    raise ConfigError(f"register '{name}' takes part in no exchange: write it by itself")
-            spans = self._one_span(writes, "written"), self._one_span(reads, "read")
-            self._exchanges[writes, reads] = spans
-        return spans
-
-    def _one_span(self, names: tuple[str, ...], verb: str) -> Span:
-        spans = self._spans_of(names)
-        torn = len(spans) != 1 or (
-            verb == "written" and spans[0].count > sum(part.size for _, part, _ in spans[0].parts)
-        )
-        if torn or spans[0].table != "holding":
-            raise ConfigError(
-                f"'{self.profile.profile.id}': {', '.join(names)} cannot be {verb} in one request: they must be "
-                "adjacent holding registers"
-            )
-        return spans[0]
-
-    def _spans_of(self, names: tuple[str, ...]) -> tuple[Span, ...]:
-        spans = self._spans.get(names)
-        if spans is None:
-            spans = self._spans[names] = plan(self.profile, names)
-        return spans
-
-
-def _part(spans: Iterable[Span], words: Iterable[tuple[int, ...]], name: str, size: int) -> tuple[int, ...]:
-    """The words of one register out of the words of the spans."""
-    ((at, found),) = (
-        (at, span_words)
-        for span, span_words in zip(spans, words, strict=True)
-        for part, _, at in span.parts
-        if part == name
-    )
-    return found[at : at + size]
+            self._plans = Plans(profile)

@@ -55,8 +55,7 @@ def test_a_supply_of_any_model_heats_the_wire_as_told(connect, model):
     assert rig.firmware.current_a == 0.0
     device.write(role("heater_enable"), 1)
     assert rig.firmware.current_a == pytest.approx(0.3)
-    device.wait_until_settled()
-    rig.bench.advance_to(rig.bench.time_s + 2.0)
+    rig.bench.advance_to(rig.bench.time_s + model.timing.settle_ms / 1e3 + 2.0)
     device.master.clock.sleep_until(rig.bench.time_s)
     shown = device.read((role("measured_current"), role("measured_voltage")))
     current, voltage = shown[role("measured_current")], shown[role("measured_voltage")]
