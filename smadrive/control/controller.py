@@ -11,6 +11,7 @@ from math import isfinite, nan
 from typing import Protocol
 
 from smadrive.control.feedback import PIGains, TemperatureFeedback
+from smadrive.control.plausibility import TRANSFORMATION_C
 from smadrive.errors import IdentificationError
 from smadrive.measurement import Measurement
 from smadrive.thermal import HeatBalance
@@ -20,6 +21,10 @@ LAGS_C = 6.0
 
 STALLS_S = 30.0
 """But no longer than this."""
+
+ENVELOPE = 2.0
+"""How much more power an excitation may take than the data sheet says that its path needs: while the wire is unknown a
+failing thermometer is noticed later, so the wire must overheat more slowly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,8 +90,14 @@ class TemperatureController:
         rate_c_per_s = (wanted_c - self._path_c(on_path_s)) / dt_s
         feedforward_w = self._balance.power_w(wanted_c, rate_c_per_s, 0.0)
         limit_w = self._current_limit_a**2 * self._balance.resistance_cold_ohm
+        limit_w = min(limit_w, self._envelope_w(wanted_c, abs(rate_c_per_s)))
         power_w = self._feedback.update(wanted_c - reading_c, feedforward_w, limit_w, dt_s)
         return Command(self._balance.current_a(power_w, 0.0), wanted_c=wanted_c, estimated_c=reading_c, power_w=power_w)
+
+    def _envelope_w(self, wanted_c: float, rate_c_per_s: float) -> float:
+        balance = self._balance
+        transforming = balance.latent_heat_j / TRANSFORMATION_C * rate_c_per_s
+        return ENVELOPE * (balance.power_w(wanted_c + LAGS_C, rate_c_per_s, 0.0) + transforming)
 
     def _wait(self, time_s: float, reading_c: float, dt_s: float) -> None:
         """Hold the path while the wire is far from it."""

@@ -26,7 +26,7 @@ class Fault(Enum):
     READS_TOO_COLD = (
         8,
         "the thermocouple reads colder than the heat that went in allows",
-        "is the bead tight on the wire, its polarity right, the wire whole?",
+        "is the bead tight, its polarity right, the wire whole? does the wire file say too little convection?",
     )
     READS_TOO_HOT = (
         9,

@@ -43,8 +43,8 @@ class Uncertainty:
     loss: float
 
 
-NOMINAL = Uncertainty(capacity=3.0, loss=2.0)
-"""A data sheet: published specific heats differ by 2.6, convection by draught and clamps."""
+NOMINAL = Uncertainty(capacity=3.0, loss=1.6)
+"""A data sheet: published specific heats differ by 2.6; convection must be that of the room, not of a fan."""
 IDENTIFIED = Uncertainty(capacity=1.5, loss=1.4)
 """A balance identified on this rig, some draught later."""
 

@@ -71,7 +71,7 @@ class Supervisor:
         self._invalid = _Debounce(3, 5)
         self._disarmed = _Debounce(2, 2)
         self._mismatch = _Debounce(4, 5)
-        self._implausible = _Debounce(4, 5)
+        self._implausible = _Debounce(3, 4)
         self._frozen = _Debounce(2, 3)
         self._strayed = _Debounce(3, 5)
         self._commands: deque[tuple[float, float]] = deque()

@@ -24,6 +24,8 @@ from smadrive.runlog import record_excitation
 from smadrive.telemetry.log import read_log
 
 SIM = "flexinol-lt-0.15mm"
+TOO_HOT_C = 160.0
+"""The vendor's limit for a wire of this alloy in air, and that of the simulated board."""
 FAULT_AT_S = 12.0
 PATHS_C = {
     "heating": (22.0, 40.0, 40.1, 40.0, 40.1, 110.0, 40.0, 22.0),
@@ -35,12 +37,20 @@ FOREVER = {"for_s": 1e4}
 
 @dataclass(frozen=True)
 class Case:
-    """A fault: its name at the bench, the numbers it may end with (none: it must not trip), and its deadline."""
+    """A fault: its name at the bench, the numbers it may end with (none: it must not trip), and its deadline.
+
+    `hottest_c` bounds the wire; only a reading that drifts down on a wire that is not known yet, and so looks like a
+    draught, may get it farther than the limit. `harmless`: it need not be noticed as long as the wire does not get too
+    hot. `unstoppable`: nobody but the user can end it, and must be told so.
+    """
 
     name: str
     numbers: tuple[Fault, ...] = ()
     within_s: float = 0.0
     parameters: dict[str, object] = field(default_factory=dict)
+    hottest_c: float = TOO_HOT_C
+    harmless: bool = False
+    unstoppable: bool = False
 
 
 def boards():
@@ -70,6 +80,38 @@ def boards():
         Case("board.corrupt", parameters={"replies": 2}),
         Case("board.refuse", parameters={"replies": 1, "code": 6}),
         Case("board.split", parameters=FOREVER | {"pause_s": 0.004}),
+        Case("board.brown_out", (Fault.DISARMED, *lost), 0.6, {"for_s": 0.5}),
+        Case("board.noise", lost, 30.0, FOREVER, harmless=True),
+        Case("board.junk_before", lost, 0.6, FOREVER),
+        Case("board.junk_after", lost, 0.6, FOREVER),
+        Case("board.duplicate", lost, 30.0, FOREVER, harmless=True),
+        Case(
+            "short_switch",
+            (*latched, Fault.UNEXPECTED_HEATING, Fault.CURRENT_MISMATCH),
+            0.0,
+            {"leak_a": 0.2},
+            unstoppable=True,
+        ),
+        Case("open_switch", latched, 12.0),
+        Case("weaken_current", (*latched, Fault.CURRENT_MISMATCH), 12.0, {"passed": 0.4}),
+        *unsteady(),
+    ]
+
+
+def unsteady():
+    """What a thermocouple or a contact may do that no bit tells."""
+    lies = (Fault.READS_TOO_COLD, Fault.READS_TOO_HOT, Fault.OVER_TEMPERATURE, Fault.UNDER_TEMPERATURE)
+    latched = (Fault.DEVICE_FAULT,)
+    return [
+        Case("bridge_thermocouple", (*lies, *latched, Fault.SENSOR_FROZEN), 30.0, harmless=True),
+        Case("reverse_thermocouple", (*lies, *latched, Fault.SENSOR_FROZEN), 30.0, harmless=True),
+        Case("drift_thermocouple", (*lies, *latched), 30.0, {"rate_c_per_s": 5.0}, harmless=True),
+        Case("drift_thermocouple", (*lies, *latched), 30.0, {"rate_c_per_s": -5.0}, hottest_c=200.0),
+        Case("spike_thermocouple", (*lies, *latched), 30.0, {"height_c": 60.0}, harmless=True),
+        Case("corrode_contact", (*latched, Fault.CURRENT_MISMATCH), 30.0, {"contact_ohm": 3.0}, harmless=True),
+        Case("limit_voltage", (*latched, Fault.CURRENT_MISMATCH), 30.0, {"voltage_v": 2.5}, harmless=True),
+        Case("stick_displacement", (), harmless=True),
+        Case("spike_displacement", (), parameters={"height_mm": 5.0}, harmless=True),
     ]
 
 
@@ -91,6 +133,13 @@ def supplies():
         Case("reader.vanish", (Fault.SENSOR_INVALID, Fault.STALE_DATA), 4.0, FOREVER),
         Case("supply.drop", parameters={"replies": 1}),
         Case("reader.drop", parameters={"replies": 1}),
+        Case("supply.brown_out", (Fault.DISARMED, Fault.COMMAND_REFUSED, *lost), 4.0, {"for_s": 2.5}),
+        Case(
+            "short_switch", (Fault.UNEXPECTED_HEATING, Fault.CURRENT_MISMATCH), 0.0, {"leak_a": 0.2}, unstoppable=True
+        ),
+        Case("open_switch", (Fault.CURRENT_MISMATCH,), 12.0),
+        Case("weaken_current", (Fault.CURRENT_MISMATCH,), 12.0, {"passed": 0.4}),
+        *unsteady(),
     ]
 
 
@@ -115,6 +164,7 @@ class Scene:
     def __init__(self, config):
         self.bench = SimulatedBench(load_sim(SIM), seed=5)
         self.current_a = []
+        self.hottest_c = 0.0
         clock = VirtualClock()
         clock.follow(self._advance_to)
         transports = {
@@ -127,6 +177,7 @@ class Scene:
     def _advance_to(self, time_s):
         self.bench.advance_to(time_s)
         self.current_a.append((time_s, self.bench.plant.current_a))
+        self.hottest_c = max(self.hottest_c, self.bench.plant.temperature_c)
 
     def last_heated_s(self):
         """How long after the fault current flowed for the last time."""
@@ -165,11 +216,15 @@ def test_it_ends_without_current_in_time_and_with_its_number(tmp_path, config, c
 
     with suppress(SmadriveError), scene.rig as rig, record_excitation(log, rig, excitation) as recorder:
         run(rig, recorder)  # leaving the rig raises what a dead bus makes of it
-    assert scene.bench.plant.current_a == 0.0
-    if not case.numbers:
+    assert scene.hottest_c <= case.hottest_c
+    if case.unstoppable:
+        assert any("still flow although the heater is off: cut its supply" in note for note in trips[0].__notes__)
+    else:
+        assert scene.bench.plant.current_a == 0.0
+    if not case.numbers or (case.harmless and not trips):
         assert not trips
         return
     (trip,) = trips
     assert trip.number in [fault.number for fault in case.numbers], str(trip)
-    assert scene.last_heated_s() <= case.within_s, str(trip)
+    assert case.unstoppable or scene.last_heated_s() <= case.within_s, str(trip)
     assert len(read_log(log).column("time_s")) > 40
