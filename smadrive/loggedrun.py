@@ -49,9 +49,3 @@ def logged_wire(log: Log) -> tuple[HysteresisModel, HeatBalance]:
     """Model and heat balance that tracked. DataError when none did."""
     log.json("wire")
     return parse_wire(log.about["wire"], f"{log.path}: wire")
-
-
-def travel_mm(model: HysteresisModel) -> tuple[float, float]:
-    """Displacement of the cold and of the fully heated wire: the ends of the model's major loop."""
-    cold_c, hot_c = model.input_range
-    return model.initial_state(cold_c).y, model.initial_state(hot_c).y

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from smadrive.control.controller import Controller
 from smadrive.control.feedforward import HysteresisInverse
+from smadrive.control.wire import travel_mm
 from smadrive.controllers import excitation_controller, tracking_controller
 from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisModel
@@ -25,7 +26,6 @@ from smadrive.loggedrun import (
     logged_rig,
     logged_wire,
     nominal_balance,
-    travel_mm,
 )
 from smadrive.measurement import Measurement
 from smadrive.runlog import COLUMNS

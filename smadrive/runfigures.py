@@ -9,8 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smadrive.control.loop import LATE_FRACTION, LoopFigures
+from smadrive.control.wire import travel_mm
 from smadrive.errors import DataError
-from smadrive.loggedrun import logged_reference, logged_rig, logged_wire, travel_mm
+from smadrive.loggedrun import logged_reference, logged_rig, logged_wire
 from smadrive.telemetry.log import Log
 
 Array = NDArray[np.float64]

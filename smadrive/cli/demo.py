@@ -18,8 +18,9 @@ from smadrive.cli.run import APPROACH_S, HEADER, table_row
 from smadrive.control.feedforward import DisplacementInverse, HysteresisInverse, StaticMap
 from smadrive.control.loop import Tick
 from smadrive.control.reference import Reference, sine
+from smadrive.control.wire import travel_mm
 from smadrive.identification.wire_fit import WireFit, identify_wire
-from smadrive.loggedrun import excitation_record, travel_mm
+from smadrive.loggedrun import excitation_record
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 from smadrive.runfigures import TrackingFigures, tracking_figures

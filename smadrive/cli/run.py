@@ -15,11 +15,10 @@ from smadrive.cli.probe import RigFile
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.reference import Reference, parse_reference
 from smadrive.control.rehearsal import rehearse
-from smadrive.control.wire import WireModel, WireState
+from smadrive.control.wire import WireModel, WireState, travel_mm
 from smadrive.controllers import tracking_settings
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
-from smadrive.loggedrun import travel_mm
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig

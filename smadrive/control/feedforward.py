@@ -2,7 +2,8 @@
 
 The inverse starts from where the observer believes the wire to be, not from where it was meant to be. Its direction is
 that of the reference: an estimate a hair ahead of the reference must make the wire wait, not turn back, because after
-a turning point a hysteretic wire answers only many kelvin later. Only an error beyond `REVERSAL_TOLERANCE` turns it.
+a turning point a hysteretic wire answers only many kelvin later. Only a lead turns it that exceeds `REVERSAL_TOLERANCE`
+by more than the reference makes up for within `TURN_S`: to go and come back would take longer.
 """
 
 from __future__ import annotations
@@ -15,12 +16,15 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.optimize import isotonic_regression
 
 from smadrive.control.observer import WireEstimate
-from smadrive.control.wire import WireModel
+from smadrive.control.wire import WireModel, travel_mm
 from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisModel, HysteresisState, InverseFeedforward
 
 REVERSAL_TOLERANCE = 0.01
 """Fraction of the stroke by which the estimate may lead the reference before the wire is driven back."""
+
+TURN_S = 1.0
+"""About what it takes a wire to cross its hysteresis and come back."""
 
 WAITING_RANGE_C = 0.5
 """How far below (above) its present temperature a wire that leads the reference is held while it waits, K."""
@@ -41,8 +45,11 @@ class DisplacementInverse(Protocol):
 
     hysteretic: bool
 
-    def target(self, state: HysteresisState, wanted_mm: float, direction: int) -> Target:
-        """Where the wire stands at `wanted_mm`, coming from `state` in `direction` (+1: the phase rises)."""
+    def target(self, state: HysteresisState, wanted_mm: float, direction: int, rate_mm_per_s: float = 0.0) -> Target:
+        """Where the wire stands at `wanted_mm`, coming from `state` in `direction` (+1: the phase rises).
+
+        `rate_mm_per_s` is how fast the wanted displacement moves on.
+        """
         ...
 
 
@@ -54,11 +61,14 @@ class HysteresisInverse:
     def __init__(self, model: HysteresisModel) -> None:
         self._model = model
         self._inverse = InverseFeedforward(model)
+        cold_mm, hot_mm = travel_mm(model)
+        self._travel_mm = hot_mm - cold_mm
 
-    def target(self, state: HysteresisState, wanted_mm: float, direction: int) -> Target:
+    def target(self, state: HysteresisState, wanted_mm: float, direction: int, rate_mm_per_s: float = 0.0) -> Target:
         """See DisplacementInverse; what is out of reach gives the end of the model's range, held."""
-        lead = direction * (state.y - wanted_mm) / self._model.scale
-        if 0.0 <= lead <= REVERSAL_TOLERANCE:
+        lead = direction * (state.y - wanted_mm) / self._travel_mm
+        made_up = max(direction * rate_mm_per_s / self._travel_mm * TURN_S, 0.0)
+        if 0.0 <= lead <= REVERSAL_TOLERANCE + made_up:
             return self._wait(state, lead, direction)
         inversion = self._inverse.update(state, wanted_mm)
         reached = self._model.step(state, inversion.v)
@@ -67,10 +77,10 @@ class HysteresisInverse:
 
     def _wait(self, state: HysteresisState, lead: float, direction: int) -> Target:
         """A little behind the state, along its own branch, until the reference has caught up."""
-        per_k = self._model.slope(state, direction) / self._model.scale
+        per_k = self._model.slope(state, direction) / self._travel_mm
         if lead >= per_k * WAITING_RANGE_C:
             return Target(state.v - direction * WAITING_RANGE_C, 0.0)
-        return Target(state.v - direction * lead / per_k, 1.0 / (per_k * self._model.scale))
+        return Target(state.v - direction * lead / per_k, 1.0 / (per_k * self._travel_mm))
 
 
 class StaticMap:
@@ -94,7 +104,13 @@ class StaticMap:
         self._displacement_mm = np.linspace(level[0], level[-1], MAP_LEVELS)
         self._temperature_c: NDArray[np.float64] = np.interp(self._displacement_mm, level, temperature[order][first])
 
-    def target(self, state: HysteresisState, wanted_mm: float, direction: int) -> Target:  # noqa: ARG002
+    def target(
+        self,
+        state: HysteresisState,  # noqa: ARG002
+        wanted_mm: float,
+        direction: int,  # noqa: ARG002
+        rate_mm_per_s: float = 0.0,  # noqa: ARG002
+    ) -> Target:
         """The map's temperature, whatever the wire's history."""
         at = int(np.searchsorted(self._displacement_mm, wanted_mm))
         if not 0 < at < MAP_LEVELS:
@@ -117,7 +133,7 @@ class DisplacementFeedforward:
 
     def __init__(self, inverse: DisplacementInverse, wire: WireModel) -> None:
         self._inverse = inverse
-        self._scale_mm = wire.model.scale
+        self._travel_mm = wire.travel_mm
         self._balance = wire.balance
 
     def update(self, estimate: WireEstimate, wanted_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
@@ -125,9 +141,9 @@ class DisplacementFeedforward:
 
         `direction` is that in which the phase is to go (+1: it rises).
         """
-        target = self._inverse.target(estimate.hysteresis, wanted_mm, direction)
+        target = self._inverse.target(estimate.hysteresis, wanted_mm, direction, rate_mm_per_s)
         rate_c_per_s = target.k_per_mm * rate_mm_per_s
-        power_w = self._balance.power_w(target.temperature_c, rate_c_per_s, rate_mm_per_s / self._scale_mm)
+        power_w = self._balance.power_w(target.temperature_c, rate_c_per_s, rate_mm_per_s / self._travel_mm)
         return Feedforward(target.temperature_c, power_w - estimate.disturbance_w)
 
     def hold(self, estimate: WireEstimate, temperature_c: float) -> Feedforward:

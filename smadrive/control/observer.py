@@ -1,13 +1,13 @@
 """Where the wire is: temperature and phase, from heater power, a lagging thermocouple and, where there is one, the
 displacement.
 
-State x = (T, T_tc, d, w): wire temperature, thermocouple temperature, a slowly drifting power d that the heat balance
-does not explain (draught, wrong h A), and the phase w of the hysteresis model. The prediction is the heat balance with
+State x = (T, T_tc, d, ξ): wire temperature, thermocouple temperature, a slowly drifting power d that the heat balance
+does not explain (draught, wrong h A), and the phase, seen in the displacement. The prediction is the heat balance with
 the transformation's latent heat, and the hysteresis model itself; the correction is a Kalman gain.
 
 The model is linear only locally. Its rules, at their present firing strengths, say how the phase moves with the
-temperature, dw/dT = Σ μ_i (a_i w + b_i), and that slope is all in which one place of the loop differs from another: so
-the gain is solved for a row of slopes and taken from there (see observer_gain). Without a displacement w is not
+temperature, dξ/dT ∝ Σ μ_i (a_i w + b_i), and that slope is all in which one place of the loop differs from another: so
+the gain is solved for a row of slopes and taken from there (see observer_gain). Without a displacement ξ is not
 corrected by itself: it moves with the correction of the temperature along the slope. Only the predicted temperature
 makes the model step, and through a dead band, for noise that turns back and forth would ratchet it.
 
@@ -88,23 +88,21 @@ class WireObserver:
         read_c = reading_c - expected.thermocouple_c if isfinite(reading_c) else 0.0
         if not isfinite(displacement_mm):
             return self._corrected(expected, self._gains.reading(slope) * read_c)
-        seen = (displacement_mm - expected.hysteresis.y) / self._model.scale
+        seen = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
         return self._corrected(expected, self._gains.both(slope) @ (read_c, seen))
 
     def _corrected(self, expected: WireEstimate, correction: Array) -> WireEstimate:
-        """The estimate moved by (T, T_tc, d, w) at once.
+        """The estimate moved by (T, T_tc, d, ξ) at once.
 
         The hysteresis input moves with the temperature but makes no step: what the correction of the temperature means
         for the phase is part of the correction of the phase.
         """
         wire_c, thermocouple_c, power_w, phase = correction.tolist()
-        v, _, w = expected.hysteresis
-        low, high = self._model.admissible(v + wire_c)
-        phase = min(max(w + phase, low), high)
+        v, y, _ = expected.hysteresis
         return WireEstimate(
             expected.temperature_c + wire_c,
             expected.thermocouple_c + thermocouple_c,
-            HysteresisState(v + wire_c, self._model.offset + self._model.scale * phase, phase),
+            self._model.initial_state(v + wire_c, y + self._wire.travel_mm * phase),
             expected.disturbance_w + power_w,
             expected.play_c + wire_c,
             expected.play_direction,

@@ -1,10 +1,10 @@
 """Kalman gains of the observer, from the heat balance and the slope of the hysteresis model.
 
-Linearised at a slope s = dw/dT, with κ = exp(-Δt h A/(m c + Q s)) and λ = exp(-Δt/lag), over one period
+Linearised at a slope s = dξ/dT of the phase, with κ = exp(-Δt h A/(m c + Q s)) and λ = exp(-Δt/lag), over one period
 
-    T'  = κ T + (1-κ) d/(h A)        T_tc' = λ T_tc + (1-λ) T        d' = d        w' = w + s (T' - T)
+    T'  = κ T + (1-κ) d/(h A)        T_tc' = λ T_tc + (1-λ) T        d' = d        ξ' = ξ + s (T' - T)
 
-T_tc and w are measured. Only s varies along the loop. The gain is the stationary solution of the discrete Riccati
+T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete Riccati
 equation: once for the thermocouple alone, and for a row of slopes with the displacement, applied after it.
 """
 
@@ -17,7 +17,6 @@ from numpy.typing import NDArray
 from scipy.linalg import solve_discrete_are
 
 from smadrive.control.wire import WireModel
-from smadrive.hysteresis import HysteresisModel
 from smadrive.thermal import HeatBalance
 
 Array = NDArray[np.float64]
@@ -36,12 +35,12 @@ SLOPES = 9
 
 
 class GainSchedule:
-    """Gains of (T, T_tc, d, w) by the slope dw/dT of the model at its present state."""
+    """Gains of (T, T_tc, d, ξ) by the slope dξ/dT of the model at its present state."""
 
     def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise_mm: float) -> None:
         balance = wire.balance
-        self._slopes = np.linspace(0.0, _steepest(wire.model), SLOPES)
-        noise = np.diag([noise_c**2, (noise_mm / wire.model.scale) ** 2])
+        self._slopes = np.linspace(0.0, _steepest(wire), SLOPES)
+        noise = np.diag([noise_c**2, (noise_mm / wire.travel_mm) ** 2])
         self._both = np.array([_joint_gain(balance, slope, period_s, noise) for slope in self._slopes.tolist()])
         self._reading = _reading_gain(balance, period_s, noise_c)
 
@@ -92,7 +91,8 @@ def _gain(transition: Array, reads: Array, process: Array, noise: Array) -> Arra
     return gain
 
 
-def _steepest(model: HysteresisModel) -> float:
-    """The largest dw/dv on the branches of the major loop."""
-    engine = model.engine
-    return float(max(engine.heating.target_slope.max(), engine.cooling.target_slope.max()))
+def _steepest(wire: WireModel) -> float:
+    """The largest slope of the phase on the branches of the major loop."""
+    engine = wire.model.engine
+    steepest = float(max(engine.heating.target_slope.max(), engine.cooling.target_slope.max()))
+    return steepest * abs(wire.model.scale / wire.travel_mm)

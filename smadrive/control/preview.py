@@ -38,9 +38,9 @@ class Turn:
     meets_c: float
     direction: int
 
-    def is_over(self, time_s: float, hysteresis: HysteresisState, scale_mm: float) -> bool:
+    def is_over(self, time_s: float, hysteresis: HysteresisState, travel_mm: float) -> bool:
         """Whether the reference has come to the meeting point, or the wire is beyond it already."""
-        beyond = self.direction * (hysteresis.y - self.meets_mm) / scale_mm
+        beyond = self.direction * (hysteresis.y - self.meets_mm) / travel_mm
         return time_s >= self.meets_s or beyond > BEYOND
 
 
@@ -56,7 +56,7 @@ class TurnPreview:
         self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, limit_w: float
     ) -> Turn | None:
         """The turn to begin now, at `time_s`; None while the wire should go on in `direction` (of its phase)."""
-        ahead = direction / self._wire.model.scale
+        ahead = direction / self._wire.travel_mm
         turns_s = reference.next_turn_s(time_s, 1 if ahead > 0 else -1)
         if turns_s > time_s + 0.5 * self._horizon_s:
             return None

@@ -111,7 +111,7 @@ def rehearse(
     slow_wire = WireModel(wire.model, balance)
     weak = replace(settings, current_limit_a=(1.0 - MARGIN) * settings.current_limit_a)
     ticks = np.array(list(_ticks(reference, slow_wire, inverse, weak, start)))
-    return _judge(reference, ticks, abs(wire.model.scale))
+    return _judge(reference, ticks, abs(wire.travel_mm))
 
 
 def _ticks(
@@ -122,7 +122,7 @@ def _ticks(
     dt_s = settings.period_s
     reading_c, in_force_a, sent_a = state.temperature_c, 0.0, 0.0
     for number in range(int(reference.times_s[-1] / dt_s) + 1):
-        ohm = wire.balance.resistance_ohm(state.hysteresis.w)
+        ohm = wire.resistance_ohm(state.hysteresis)
         sample = Measurement(number * dt_s, reading_c, in_force_a, in_force_a * ohm, state.hysteresis.y)
         command = controller.update(sample.time_s, sample, dt_s)
         yield RehearsedTick(
@@ -136,7 +136,7 @@ def _ticks(
         in_force_a, sent_a = sent_a, command.current_a
         for _ in range(SUBSTEPS):
             before_c = state.temperature_c
-            state = wire.step(state, in_force_a**2 * wire.balance.resistance_ohm(state.hysteresis.w), dt_s / SUBSTEPS)
+            state = wire.step(state, in_force_a**2 * wire.resistance_ohm(state.hysteresis), dt_s / SUBSTEPS)
             reading_c = wire.balance.step_thermocouple(reading_c, before_c, state.temperature_c, dt_s / SUBSTEPS)
 
 

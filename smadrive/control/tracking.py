@@ -73,7 +73,7 @@ class TrackingController:
         self._reference = reference
         self._wire = wire
         self._limit_a = settings.current_limit_a
-        noise_mm = DISPLACEMENT_NOISE * abs(wire.model.scale)
+        noise_mm = DISPLACEMENT_NOISE * abs(wire.travel_mm)
         self._observer = WireObserver(wire, settings.period_s, settings.noise_c, noise_mm)
         self._feedforward = DisplacementFeedforward(inverse, wire)
         self._preview = TurnPreview(wire) if inverse.hysteretic else None
@@ -100,7 +100,7 @@ class TrackingController:
         before = self._state or self._started(measurement)
         estimate = self._observed(measurement, dt_s)
         ahead = self._observer.predict(estimate, before.power_w, dt_s)
-        limit_w = self._limit_a**2 * self._wire.balance.resistance_ohm(ahead.hysteresis.w)
+        limit_w = self._limit_a**2 * self._wire.resistance_ohm(ahead.hysteresis)
         wanted_mm, rate_mm_per_s = self._wanted(time_s + dt_s, dt_s)
         direction, turn = self._course(before, ahead, time_s + dt_s, rate_mm_per_s, limit_w)
         if turn is None:
@@ -115,7 +115,7 @@ class TrackingController:
             trim_mm = self._trim.update(before.trim_mm, wanted_mm - ahead.hysteresis.y, error_c if free else inf, dt_s)
         self._state = TrackingState(estimate, power_w, trim_mm, direction, turn)
         return Command(
-            self._wire.balance.current_a(power_w, ahead.hysteresis.w),
+            self._wire.balance.current_a(power_w, self._wire.phase(ahead.hysteresis)),
             target.temperature_c,
             self._reference.value_mm(time_s),
             estimate.temperature_c,
@@ -149,11 +149,11 @@ class TrackingController:
         self, before: TrackingState, ahead: WireEstimate, time_s: float, rate_mm_per_s: float, limit_w: float
     ) -> tuple[int, Turn | None]:
         """The direction of the phase, and the turn that the wire is in or begins."""
-        if before.turn is not None and not before.turn.is_over(time_s, ahead.hysteresis, self._wire.model.scale):
+        if before.turn is not None and not before.turn.is_over(time_s, ahead.hysteresis, self._wire.travel_mm):
             return before.direction, before.turn
         direction = before.direction
         if rate_mm_per_s:
-            direction = 1 if rate_mm_per_s / self._wire.model.scale > 0 else -1
+            direction = 1 if rate_mm_per_s / self._wire.travel_mm > 0 else -1
         if self._preview is None:
             return direction, None
         turn = self._preview.update(ahead, self._reference, time_s, direction, limit_w)

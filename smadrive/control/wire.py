@@ -27,12 +27,24 @@ class WireState(NamedTuple):
     hysteresis: HysteresisState
 
 
+def travel_mm(model: HysteresisModel) -> tuple[float, float]:
+    """Displacement of the cold and of the fully heated wire: the ends of the model's major loop."""
+    cold_c, hot_c = model.input_range
+    return model.initial_state(cold_c).y, model.initial_state(hot_c).y
+
+
 class WireModel:
-    """The identified wire. Its `step` is that of every model: state in, state out."""
+    """The identified wire. Its `step` is that of every model: state in, state out.
+
+    The phase of the heat balance is the displacement over the travel, as it was when the balance was identified. The
+    state w of the hysteresis model is another quantity: a model may use only a part of [0, 1].
+    """
 
     def __init__(self, model: HysteresisModel, balance: HeatBalance) -> None:
         self.model = model
         self.balance = balance
+        self.cold_mm, hot_mm = travel_mm(model)
+        self.travel_mm = hot_mm - self.cold_mm
 
     def step(self, state: WireState, power_w: float, dt_s: float) -> WireState:
         """The wire after `dt_s` at constant power."""
@@ -47,7 +59,8 @@ class WireModel:
         after_c = self._heated_c(state, power_w, dt_s)
         way_c = after_c - wire_c
         if abs(way_c) > SHORT_WAY_C:
-            per_k = (self.model.step(hysteresis, hysteresis.v + way_c).w - hysteresis.w) / way_c
+            moved_mm = self.model.step(hysteresis, hysteresis.v + way_c).y - hysteresis.y
+            per_k = moved_mm / self.travel_mm / way_c
             after_c = self.balance.step(wire_c, power_w, per_k, dt_s)
         return WireState(after_c, self.model.step(hysteresis, hysteresis.v + after_c - wire_c))
 
@@ -58,5 +71,13 @@ class WireModel:
         return self.balance.step(state.temperature_c, power_w, per_k, dt_s)
 
     def phase_per_k(self, hysteresis: HysteresisState, direction: int) -> float:
-        """dw/dT at a state, heating (+1) or cooling (-1)."""
-        return self.model.slope(hysteresis, direction) / self.model.scale
+        """Slope of the phase at a state, heating (+1) or cooling (-1), 1/K."""
+        return self.model.slope(hysteresis, direction) / self.travel_mm
+
+    def resistance_ohm(self, hysteresis: HysteresisState) -> float:
+        """R at a state."""
+        return self.balance.resistance_ohm(self.phase(hysteresis))
+
+    def phase(self, hysteresis: HysteresisState) -> float:
+        """Share of the travel."""
+        return (hysteresis.y - self.cold_mm) / self.travel_mm

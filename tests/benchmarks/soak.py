@@ -22,9 +22,10 @@ from firmware_sim.lottery import draw
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.reference import Reference
+from smadrive.control.wire import travel_mm
 from smadrive.device.profile import load_profile
 from smadrive.identification.wire_fit import identify_wire
-from smadrive.loggedrun import excitation_record, travel_mm
+from smadrive.loggedrun import excitation_record
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 from smadrive.runlog import record_excitation, record_tracking

@@ -9,9 +9,10 @@ from smadrive.clock import VirtualClock
 from smadrive.control.faults import Fault
 from smadrive.control.feedforward import HysteresisInverse, StaticMap
 from smadrive.control.reference import sine
+from smadrive.control.wire import travel_mm
 from smadrive.errors import SafetyError, TripError
 from smadrive.identification.wire_fit import identify_wire
-from smadrive.loggedrun import excitation_record, nominal_balance, travel_mm
+from smadrive.loggedrun import excitation_record, nominal_balance
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 from smadrive.runfigures import tracking_figures

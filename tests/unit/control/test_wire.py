@@ -1,9 +1,10 @@
 """The identified wire: heat and transformation together, whatever the step."""
 
+import numpy as np
 import pytest
 
 from smadrive.control.wire import WireModel, WireState
-from smadrive.hysteresis import DuhemModel
+from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
 from smadrive.thermal import HeatBalance
 
 WIRE = WireModel(
@@ -45,3 +46,28 @@ def test_the_slope_is_that_of_the_phase_also_where_displacement_falls_on_heating
     wire = WireModel(falling, WIRE.balance)
     state = falling.initial_state(88.0)
     assert wire.phase_per_k(state, 1) == pytest.approx(WIRE.phase_per_k(WIRE.model.initial_state(88.0), 1))
+
+
+def test_a_model_that_uses_a_part_of_its_state_takes_the_same_heat():
+    """An identified model may have a scale beyond the stroke, its state then staying below 1."""
+    sets = TriangularSets(tuple(np.linspace(40.0, 120.0, 41)))
+    whole = TSFuzzyDuhem.from_duhem(WIRE.model, sets)
+    (a_up, b_up), (a_down, b_down) = whole.heating_law, whole.cooling_law
+    part = TSFuzzyDuhem(
+        sets,
+        a_heating=a_up,
+        b_heating=b_up / 1.6,
+        a_cooling=a_down,
+        b_cooling=b_down / 1.6,
+        scale=1.6 * whole.scale,
+        input_range=whole.input_range,
+    )
+    states = []
+    for model in (whole, part):
+        wire = WireModel(model, WIRE.balance)
+        state = WireState(60.0, model.initial_state(60.0))
+        for _ in range(40):
+            state = wire.step(state, 1.4, 0.05)
+        states.append((state.temperature_c, wire.phase(state.hysteresis), wire.resistance_ohm(state.hysteresis)))
+    assert 0.2 < states[0][1] < 0.9
+    assert states[1] == pytest.approx(states[0], rel=1e-6)
