@@ -16,9 +16,6 @@ from smadrive.device.readings import ALONE, Context
 from smadrive.device.registers import Register
 from smadrive.errors import ConfigError
 
-PROTECTIONS = ("ovp", "ocp")
-"""Registers of supplies that a simulated one obeys although they play no role for the driver."""
-
 Quantity = float | str | None  # a number, the name of a state, or no reading
 
 
@@ -41,7 +38,6 @@ class RegisterBank:
         self._roles: dict[str, list[tuple[int, str, Register]]] = {}
         self._published: dict[str, Quantity] = {}
         self._role_of = {name: role for role, name in profile.roles.model_dump(exclude_none=True).items()}
-        self._role_of |= {name: name for name in PROTECTIONS if name in profile.registers}
         for name, register in profile.registers.items():
             self._words.setdefault(register.table, {}).update(dict.fromkeys(register.addresses, 0))
             if register.writable:

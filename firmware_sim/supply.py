@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from math import inf
 
-from firmware_sim.registers import PROTECTIONS, Quantity
+from firmware_sim.registers import Quantity
 from firmware_sim.sensors import Sensors
 from smadrive.device.profile import Profile
 
@@ -28,9 +28,9 @@ class Supply:
         self._has_voltage = profile.roles.heater_voltage is not None
         self._log = log
         self.protections = {
-            name: inf if (highest := profile.registers[name].max) is None else highest
-            for name in PROTECTIONS
-            if name in profile.registers
+            role: inf if (highest := profile.register(profile.role(role)).max) is None else highest
+            for role in ("ovp", "ocp")
+            if getattr(profile.roles, role) is not None
         }
         self.restart()
 

@@ -83,6 +83,8 @@ class Roles(Section):
     measured_current: str | None = None
     measured_voltage: str | None = None
     regulation: str | None = None
+    ovp: str | None = None
+    ocp: str | None = None
     displacement: str | None = None
     status: str | None = None
     faults: str | None = None

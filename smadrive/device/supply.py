@@ -21,6 +21,9 @@ _OPTIONAL = ("regulation", "faults")
 AT_LIMIT = 0.98
 """Part of the voltage limit from which a supply without a CC/CV flag is taken to hold the voltage."""
 
+PROTECTION = 1.1
+"""How far above the limits of the rig the supply's own protections are set."""
+
 
 class BenchSupply:
     """A Device whose profile binds the roles of a supply; see HeatSource. ConfigError when it lacks one."""
@@ -52,7 +55,8 @@ class BenchSupply:
         self.enter_safe_state()
 
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:  # noqa: ARG002  (a supply has no watchdog)
-        """Set the voltage limit and zero current, confirmed by read-back."""
+        """Set the protections, the voltage limit and zero current, confirmed by read-back."""
+        self._protect("ocp", limits.current_max_a)
         voltage = self.device.profile.roles.heater_voltage
         if voltage is not None:
             if not isfinite(limits.voltage_max_v):
@@ -60,6 +64,7 @@ class BenchSupply:
                     f"'{self.device.profile.profile.id}' needs a voltage limit: set voltage_max_v in [limits], some "
                     "1.25 times what current_max_a needs across the wire"
                 )
+            self._protect("ovp", limits.voltage_max_v)
             self.device.write(voltage, limits.voltage_max_v)
             self._voltage_max_v = limits.voltage_max_v
         self.device.write(self._names["heater_current"], 0.0)
@@ -95,6 +100,13 @@ class BenchSupply:
         name = self._names.get("faults")
         if name is not None and self.device.profile.register(name).writable:
             self.device.write(name, 0)
+
+    def _protect(self, role: str, limit: float) -> None:
+        """Let the supply itself switch off above the limit, where it can."""
+        name = getattr(self.device.profile.roles, role)
+        if name is not None:
+            highest = self.device.profile.register(name).max
+            self.device.write(name, min(PROTECTION * limit, inf if highest is None else highest))
 
     def _on(self, readings: dict[str, Reading]) -> bool:
         return readings[self._names["heater_enable"]].raw == 1

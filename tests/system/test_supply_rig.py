@@ -84,7 +84,7 @@ def test_a_supply_is_told_only_what_changes_and_read_back_every_time(bench):
 def test_a_knob_that_somebody_turned_is_an_error(bench):
     def record(tick):
         if tick.time_s > 5.0:
-            bench.devices["supply"].firmware.write({"heater_current": 2.0})
+            bench.devices["supply"].firmware.write({"heater_current": 0.55})
 
     with pytest.raises(TripError, match=r"i_set.*did somebody turn its knob") as caught, bench.rig as rig:
         rig.excite(rig.excitation(22.0), record)
@@ -149,3 +149,20 @@ def test_a_supply_without_a_voltage_limit_does_not_heat():
     config = config.model_copy(update={"limits": config.limits.model_copy(update={"voltage_max_v": None})})
     with pytest.raises(ConfigError, match="needs a voltage limit: set voltage_max_v"), Rig(config) as rig:
         rig.heater.arm(1.0)
+
+
+@pytest.mark.parametrize("profile", ["riden-rd60xx", "xy-sk-family", "hanmatek-hm30x", "juntek-dpm86xx"])
+def test_any_supply_heats_the_wire_under_its_own_protections(profile):
+    config = rig_of(devices(supply={"profile": profile}), rate_hz=2.0)
+    with Rig(config) as rig:
+        rig.heater.arm(1.0)
+        for _ in range(40):
+            rig.clock.sleep_until(rig.clock.now_s() + 0.5)
+            last = rig.heater.exchange(0.25)
+        assert last.armed
+        assert last.current_a == pytest.approx(0.25, abs=0.011)
+        assert last.temperature_c > 60.0
+        supply = rig.devices["supply"]
+        for role, limit in (("ovp", 15.0), ("ocp", 0.6)):
+            if (name := getattr(supply.profile.roles, role)) is not None:
+                assert supply.read((name,))[name].value == pytest.approx(1.1 * limit, rel=0.02)
