@@ -1,0 +1,168 @@
+"""What joins the control process and the page process, so that neither can hold the other up.
+
+    control → page   samples    a ring of rows in shared memory; the page copies what is new, the oldest is overwritten
+    control → page   status     one JSON document in shared memory, replaced as a whole
+    page → control   off        a counter in shared memory: switching off needs no queue, no room, no answer
+    both ways        messages   datagrams on a socket pair, each whole or not there; a full queue refuses, never waits
+
+The memory has no name: both processes hold its file descriptor, so nothing is left behind whoever dies, when and how.
+A reader that is interrupted by the writer sees that by the number of the row, or the version of the status, and takes
+what is whole.
+"""
+
+from __future__ import annotations
+
+import json
+import mmap
+import os
+import socket
+import tempfile
+from collections.abc import Iterator
+from contextlib import suppress
+from types import TracebackType
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+COLUMNS = (
+    "time_s",
+    "late_s",
+    "temperature_c",
+    "displacement_mm",
+    "current_a",
+    "voltage_v",
+    "wanted_c",
+    "wanted_mm",
+    "estimated_c",
+    "estimated_mm",
+    "power_w",
+    "commanded_a",
+)
+"""One row: what a tick measured, believed and commanded; `time_s` since the session began."""
+
+CAPACITY = 1 << 15
+"""Rows kept: 27 minutes at 20 Hz."""
+
+STATUS_BYTES = 1 << 17
+MESSAGE_BYTES = 1 << 16
+MESSAGES_PER_TICK = 4
+
+_WRITTEN, _OFF, _VERSION, _LENGTH, _HEADER = 0, 1, 2, 3, 8
+_SIZE = 8 * _HEADER + STATUS_BYTES + 8 * CAPACITY * (1 + len(COLUMNS))
+
+Rows = NDArray[np.float64]
+
+
+class Channel:
+    """Both ends' view of the memory and one end of the socket."""
+
+    def __init__(self, memory_fd: int, messages: socket.socket) -> None:
+        self.memory_fd = memory_fd
+        self.messages = messages
+        messages.setblocking(False)
+        memory = mmap.mmap(memory_fd, _SIZE)
+        self._header = np.frombuffer(memory, np.int64, _HEADER)
+        self._status = np.frombuffer(memory, np.uint8, STATUS_BYTES, 8 * _HEADER)
+        rows = np.frombuffer(memory, np.float64, offset=8 * _HEADER + STATUS_BYTES)
+        self._rows = rows.reshape(CAPACITY, 1 + len(COLUMNS))  # the first column is the row's number
+
+    def send(self, message: dict[str, Any]) -> bool:
+        """Whether the message could be sent: not when the other end is gone, or does not read what it has."""
+        with suppress(OSError):
+            return self.messages.send(json.dumps(message).encode()) > 0
+        return False
+
+    def received(self, most: int) -> Iterator[bytes]:
+        """The messages that have arrived, `most` of them at once."""
+        for _ in range(most):
+            try:
+                yield self.messages.recv(MESSAGE_BYTES)
+            except OSError:
+                return
+
+
+class ControlEnd(Channel):
+    """The end of the control process. Nothing here waits, and nothing here fails because of the page."""
+
+    def __init__(self) -> None:
+        self.page_socket, own = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        super().__init__(_anonymous_memory(_SIZE), own)
+        self._off_seen = 0
+
+    def __enter__(self) -> Self:
+        """Use as a context: the sockets and the memory are closed at its end; what is still mapped stays usable."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close."""
+        self.messages.close()
+        self.page_socket.close()
+        os.close(self.memory_fd)
+
+    def append(self, row: tuple[float, ...]) -> None:
+        """One row of `COLUMNS`."""
+        number = int(self._header[_WRITTEN])
+        place = self._rows[number % CAPACITY]
+        place[0] = -1.0
+        place[1:] = row
+        place[0] = number
+        self._header[_WRITTEN] = number + 1
+
+    def publish(self, status: dict[str, Any]) -> None:
+        """Replace the status; one that is too long is a defect and raises ValueError."""
+        text = np.frombuffer(json.dumps(status).encode(), np.uint8)
+        self._header[_VERSION] += 1  # odd while it is being written
+        self._status[: text.size] = text
+        self._header[_LENGTH] = text.size
+        self._header[_VERSION] += 1
+
+    def off_requested(self) -> bool:
+        """Whether the page has asked to switch off since this was last asked."""
+        count = int(self._header[_OFF])
+        asked, self._off_seen = count != self._off_seen, count
+        return asked
+
+
+class PageEnd(Channel):
+    """The end of the page process."""
+
+    def request_off(self) -> None:
+        """Ask to switch off; the loop sees it at its next tick."""
+        self._header[_OFF] += 1
+
+    @property
+    def written(self) -> int:
+        """How many rows there have ever been."""
+        return int(self._header[_WRITTEN])
+
+    def since(self, number: int, most: int = CAPACITY) -> Rows:
+        """The rows from `number` on, at most the latest `most` that are still there: (rows, columns)."""
+        written = self.written
+        numbers = np.arange(max(number, written - min(most, CAPACITY - 1), 0), written)
+        places = numbers % CAPACITY
+        rows = self._rows[places]
+        whole = (rows[:, 0] == numbers) & (self._rows[places, 0] == numbers)
+        return rows[whole, 1:]
+
+    def status(self, seen: int) -> tuple[int, dict[str, Any]] | None:
+        """Version and content of the status; None when it is that of version `seen`, or is just being written."""
+        version = int(self._header[_VERSION])
+        if version == seen or version % 2:
+            return None
+        text = self._status[: int(self._header[_LENGTH])].tobytes()
+        if int(self._header[_VERSION]) != version:
+            return None
+        return version, json.loads(text)
+
+
+def _anonymous_memory(size: int) -> int:
+    if hasattr(os, "memfd_create"):
+        memory_fd = os.memfd_create("smadrive-tuning")
+    else:
+        with tempfile.TemporaryFile() as file:
+            memory_fd = os.dup(file.fileno())
+    os.truncate(memory_fd, size)
+    return memory_fd

@@ -1,0 +1,53 @@
+"""Undo and redo: a line of tunings and a place on it.
+
+A slider that is dragged makes many changes; those of one name that follow each other within `DRAG_S` are one step.
+"""
+
+from __future__ import annotations
+
+from smadrive.tuning.tuning import Tuning
+
+DRAG_S = 1.5
+MOST = 200
+
+
+class History:
+    """The tunings that were in force, and which one is."""
+
+    def __init__(self, first: Tuning) -> None:
+        self._line = [first]
+        self._at = 0
+        self._changed_s = float("-inf")
+
+    @property
+    def now(self) -> Tuning:
+        """What is in force."""
+        return self._line[self._at]
+
+    @property
+    def undo_name(self) -> str | None:
+        """The change that undo would take back; None when there is none."""
+        return self._line[self._at].change if self._at else None
+
+    @property
+    def redo_name(self) -> str | None:
+        """The change that redo would make again; None when there is none."""
+        return self._line[self._at + 1].change if self._at + 1 < len(self._line) else None
+
+    def push(self, tuning: Tuning, time_s: float) -> None:
+        """A new change, after which nothing can be redone."""
+        goes_on = self._at > 0 and tuning.change == self.now.change and time_s - self._changed_s < DRAG_S
+        keep = self._at if goes_on else self._at + 1
+        self._line = [*self._line[:keep], tuning][-MOST:]
+        self._at = len(self._line) - 1
+        self._changed_s = time_s
+
+    def peek(self, step: int) -> Tuning | None:
+        """The tuning `step` places on (-1: undo, +1: redo); None beyond the ends."""
+        at = self._at + step
+        return self._line[at] if 0 <= at < len(self._line) else None
+
+    def move(self, step: int) -> None:
+        """Go there."""
+        self._at += step
+        self._changed_s = float("-inf")

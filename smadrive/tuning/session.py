@@ -1,0 +1,237 @@
+"""The control side of the tuning page: a rig that is idle or heats, and at every tick a look at what the page asks.
+
+Idle, the wire is measured and the heater is off. Armed, one run of the control loop lasts until somebody switches off
+or the supervisor trips; its controller is exchanged between two ticks. What takes longer than a tick allows, building
+and checking models, is done in a workshop beside the loop. The page is never waited for: see channel.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from math import isfinite
+
+from smadrive.control.controller import Command, TrackingController
+from smadrive.control.feedforward import HysteresisInverse
+from smadrive.control.loop import Tick, ends_safe
+from smadrive.control.reference import Reference, parse_reference
+from smadrive.controllers import tracking_controller
+from smadrive.errors import ConfigError, SmadriveError
+from smadrive.loggedrun import travel_mm
+from smadrive.measurement import Measurement
+from smadrive.rig import Rig
+from smadrive.thermal import HeatBalance
+from smadrive.tuning.channel import MESSAGES_PER_TICK, ControlEnd
+from smadrive.tuning.live import LiveController
+from smadrive.tuning.messages import AnyRequest, Arm, ClearFaults, Off, parse_request
+from smadrive.tuning.status import STATUS_S, Status
+from smadrive.tuning.tuning import Tuning
+from smadrive.tuning.workbench import Workbench
+
+APPROACH_S = 10.0
+"""How long the wire takes to come to the beginning of a reference, and back to it where its ends differ."""
+
+RETRY_S = 1.0
+"""How often an unconfirmed safe state is tried again."""
+
+
+class TuningSession:
+    """One rig, one wire, one page. `references` are offered by name; every tick goes to `record`."""
+
+    def __init__(
+        self,
+        rig: Rig,
+        tuning: Tuning,
+        balance: HeatBalance,
+        references: Mapping[str, Reference],
+        channel: ControlEnd,
+        workshop: Executor,
+        record: Callable[[Tick], None],
+    ) -> None:
+        self._rig = rig
+        self._balance = balance
+        self._references = references
+        self._channel = channel
+        self._record = record
+        self._bench = Workbench(self._controller, self._path, rig.config.limits, tuning, workshop)
+        self._live: LiveController | None = None
+        self._status = Status(rig, list(references), balance, self._bench)
+        self._began_s = rig.clock.now_s()
+        self._published_s = -STATUS_S
+        self._arming: Arm | None = None
+        self._is_safe = True
+        self._tried_s = 0.0
+
+    def run(self) -> None:
+        """Until interrupted: nothing that the page does ends this."""
+        while True:
+            self._idle()
+            self._heat()
+
+    @property
+    def _now_s(self) -> float:
+        return self._rig.clock.now_s() - self._began_s
+
+    def _idle(self) -> None:
+        """Measure with the heater off, until armed."""
+        clock, period_s = self._rig.clock, self._rig.period_s
+        due_s = clock.now_s()
+        while self._arming is None:
+            clock.sleep_until(due_s)
+            late_s = clock.now_s() - due_s
+            measurement = self._measure_idle()
+            if measurement is not None:
+                self._take(Tick(measurement.time_s - self._began_s, late_s, measurement, Command(0.0)))
+            self._serve()
+            due_s = max(due_s + period_s, clock.now_s())
+
+    def _measure_idle(self) -> Measurement | None:
+        """One sample at zero current; None while the devices do not answer. An unconfirmed safe state is tried on."""
+        heater = self._rig.heater
+        try:
+            if not self._is_safe and self._now_s - self._tried_s > RETRY_S:
+                self._tried_s = self._now_s
+                heater.enter_safe_state()
+                self._is_safe = True
+                self._status.tell(self._now_s, "heater off, confirmed")
+            measurement = heater.exchange(0.0)
+        except SmadriveError as error:
+            self._status.lost = str(error)
+            return None
+        self._status.lost = None
+        return measurement
+
+    def _heat(self) -> None:
+        """One run of the control loop, holding the wire where it is to begin with."""
+        arming, self._arming = self._arming, None
+        self._status.fault = None
+        try:
+            with ends_safe(self._rig.heater):
+                measured = self._rig.heater.exchange(0.0)
+                hold = self._path(None, self._bench.in_force, self._displacement_mm(measured))
+                controller = self._controller(self._bench.in_force, hold)
+                self._live = LiveController(controller, hold, self._serve)
+                self._status.tell(self._now_s, "armed, holding")
+                self._answer(arming, None)
+                arming = None
+                self._rig.drive(self._live, self._balance, self._take)
+            self._status.tell(self._now_s, "heater off, confirmed")
+        except SmadriveError as error:
+            self._failed(error, arming)
+        finally:
+            self._live = None
+            self._bench.forget()
+
+    def _failed(self, error: SmadriveError, arming: AnyRequest | None) -> None:
+        """Tell the fault; the rig stays connected, so that its remedy can be seen to work."""
+        notes = getattr(error, "__notes__", [])
+        self._is_safe = not notes
+        self._status.fault = " — ".join([str(error), *notes])
+        self._status.tell(self._now_s, self._status.fault)
+        self._answer(arming, self._status.fault)
+
+    def _take(self, tick: Tick) -> None:
+        """Where every tick goes: to the page, and to the log."""
+        measurement, command = tick.measurement, tick.command
+        self._channel.append(
+            (
+                measurement.time_s - self._began_s,
+                tick.late_s,
+                measurement.temperature_c,
+                measurement.displacement_mm,
+                measurement.current_a,
+                measurement.voltage_v,
+                command.wanted_c,
+                command.wanted_mm,
+                command.estimated_c,
+                command.estimated_mm,
+                command.power_w,
+                command.current_a,
+            )
+        )
+        self._status.measured = measurement
+        self._bench.score(command.wanted_mm - _known(measurement.displacement_mm, command.estimated_mm))
+        self._record(tick)
+
+    def _serve(self) -> None:
+        """What the page has asked since the last tick, what the workshop has finished, and the status for the page."""
+        if self._channel.off_requested():
+            self._off()
+        for message in self._channel.received(MESSAGES_PER_TICK):
+            self._receive(message)
+        for event in self._bench.turn(self._live, self._now_s):
+            self._status.tell(self._now_s, event)
+        for request, refused in self._bench.answers():
+            self._answer(request, refused)
+        if self._now_s - self._published_s >= STATUS_S:
+            self._published_s = self._now_s
+            self._channel.publish(self._status.document(self._live, is_safe=self._is_safe))
+
+    def _receive(self, message: bytes) -> None:
+        try:
+            request = parse_request(message)
+        except ConfigError as error:
+            self._status.tell(self._now_s, f"refused: {error}")
+            return
+        try:
+            self._do(request)
+        except SmadriveError as error:
+            self._answer(request, str(error))
+
+    def _do(self, request: AnyRequest) -> None:
+        """Do at once what can be done at once; the rest goes to the workbench."""
+        match request:
+            case Off():
+                self._off()
+            case Arm():
+                if self._live is not None:
+                    raise ConfigError("it is armed already")
+                self._arming = request  # answered when the wire holds
+                return
+            case ClearFaults():
+                self._clear()
+            case _:
+                self._bench.add(request, self._live)
+                return
+        self._answer(request, None)
+
+    def _off(self) -> None:
+        self._arming = None
+        self._status.tell(self._now_s, "OFF")
+        if self._live is None:
+            self._is_safe, self._tried_s = False, -RETRY_S
+        else:
+            self._live.end()
+
+    def _clear(self) -> None:
+        if self._live is not None:
+            raise ConfigError("switch off before clearing faults")
+        self._rig.heater.clear_faults()
+        self._status.fault = None
+        self._status.tell(self._now_s, "faults cleared")
+
+    def _path(self, name: str | None, tuning: Tuning, from_mm: float) -> Reference:
+        """A reference by its name or its one-line form, from where the wire is wanted now; None: to stay there."""
+        if name is None:
+            return Reference.from_samples([0.0, 1.0], [from_mm, from_mm])
+        wanted = self._references.get(name) or parse_reference(name)
+        wanted.check_within(travel_mm(tuning.model))
+        return wanted.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)
+
+    def _controller(self, tuning: Tuning, reference: Reference) -> TrackingController:
+        config = self._rig.config.model_copy(update={"feedback": tuning.feedback})
+        return tracking_controller(config, reference, tuning.model, self._balance, HysteresisInverse(tuning.model))
+
+    def _displacement_mm(self, measured: Measurement) -> float:
+        cold = self._bench.in_force.model.initial_state(measured.temperature_c).y
+        return _known(measured.displacement_mm, cold)
+
+    def _answer(self, request: AnyRequest | None, refused: str | None) -> None:
+        if request is not None:
+            self._channel.send({"number": request.number, "refused": refused})
+            if refused:
+                self._status.tell(self._now_s, f"refused: {refused}")
+
+
+def _known(first: float, second: float) -> float:
+    return first if isfinite(first) else second

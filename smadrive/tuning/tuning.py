@@ -1,0 +1,117 @@
+"""Everything that can be tuned, as one value: changes make a new one, so going back is taking an old one."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from smadrive.configfile import validate
+from smadrive.control.reference import Reference
+from smadrive.errors import CertificateError, ConfigError, ModelError
+from smadrive.hysteresis import DuhemModel, InverseFeedforward, TSFuzzyDuhem
+from smadrive.hysteresis.modelfile import parse_model
+from smadrive.identification.reshape import BranchShape, Model, reshaped, shape_of
+from smadrive.loggedrun import travel_mm
+from smadrive.rigconfig import FeedbackConfig, LimitsConfig
+from smadrive.tuning.messages import SetFeedback, SetModel, SetRule, SetShape
+
+Change = SetShape | SetFeedback | SetRule | SetModel
+CHANGES = (SetShape, SetFeedback, SetRule, SetModel)
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """A model and the settings of the feedback; `model` is `unmoved` with its branches moved to `shape`.
+
+    `change` names what made it of the one before.
+    """
+
+    model: Model
+    unmoved: Model
+    shape: BranchShape
+    feedback: FeedbackConfig
+    change: str
+
+    @classmethod
+    def of(cls, model: Model, feedback: FeedbackConfig, change: str) -> Tuning:
+        """With the branches where the model has them."""
+        return cls(model, model, shape_of(model), feedback, change)
+
+    def changed(self, change: Change) -> Tuning:
+        """The tuning after a change. ConfigError, ModelError, CertificateError when it cannot be."""
+        match change:
+            case SetShape(key=key, value=value):
+                shape = self.shape._replace(**{key: value})
+                return replace(self, model=reshaped(self.unmoved, shape), shape=shape, change=key)
+            case SetFeedback(key=key, value=value):
+                settings = {**self.feedback.model_dump(), key: value}
+                return replace(self, feedback=validate(settings, FeedbackConfig, where="feedback"), change=key)
+            case SetRule():
+                return Tuning.of(_with_rule(self.model, change), self.feedback, _rule_name(change))
+            case SetModel(text=text, source=source):
+                return Tuning.of(parse_model(text, place=source), self.feedback, source)
+
+    def check(self, limits: LimitsConfig, reference: Reference | None) -> None:
+        """Refuse what may not drive the wire: no certificate, or a reference that it takes beyond the rig's limits."""
+        certificate = self.model.certificate()
+        if not certificate.holds:
+            raise CertificateError(
+                f"the changed model is not certified (contraction_rate {certificate.contraction_rate:.3g}, "
+                f"bounded {certificate.bounded}): it may not drive a wire"
+            )
+        for name in ("mu_heating", "mu_cooling"):
+            value = getattr(self.shape, name)
+            if not value < limits.temperature_max_c:
+                raise ConfigError(
+                    f"{name} = {value:g} °C is not below temperature_max_c = {limits.temperature_max_c:g} °C: "
+                    "the wire could never follow"
+                )
+        if reference is not None:
+            reference.check_within(travel_mm(self.model))
+            self._check_temperature(limits, reference)
+
+    def _check_temperature(self, limits: LimitsConfig, reference: Reference) -> None:
+        cold = self.model.initial_state(self.model.input_range[0])
+        hot_mm = max(reference.displacement_mm.tolist(), key=lambda mm: abs(mm - cold.y))
+        needed_c = InverseFeedforward(self.model).update(cold, hot_mm).v
+        if needed_c > limits.temperature_max_c:
+            raise ConfigError(
+                f"the reference's {hot_mm:.3g} mm would need {needed_c:.1f} °C, above temperature_max_c = "
+                f"{limits.temperature_max_c:g} °C: choose a smaller reference or another value"
+            )
+
+
+def _with_rule(model: Model, change: SetRule) -> TSFuzzyDuhem:
+    if isinstance(model, DuhemModel):
+        raise ModelError("a Duhem model has no rules: move its branches, or identify with --kind tsfuzzy")
+    sets = len(model.sets.centres)
+    if change.index >= sets:
+        raise ModelError(f"rule {change.index}: there are {sets} sets, 0 to {sets - 1}")
+    laws = {
+        "a_heating": model.heating_law[0],
+        "b_heating": model.heating_law[1],
+        "a_cooling": model.cooling_law[0],
+        "b_cooling": model.cooling_law[1],
+    }
+    branch = "heating" if change.direction > 0 else "cooling"
+    for symbol, value in (("a", change.a), ("b", change.b)):
+        law = np.array(laws[f"{symbol}_{branch}"])
+        law[change.index] = value
+        laws[f"{symbol}_{branch}"] = law
+    _check_rule(change, branch)
+    return TSFuzzyDuhem(model.sets, **laws, scale=model.scale, offset=model.offset, input_range=model.input_range)
+
+
+def _check_rule(change: SetRule, branch: str) -> None:
+    """The certificate rule by rule, so that the refusal can name the number: heating a < 0, 0 ≤ b ≤ -a; cooling -."""
+    sign = -1.0 if branch == "heating" else 1.0
+    if not sign * change.a > 0:
+        raise ModelError(f"a = {change.a:g}: a {branch} rule must contract, a {'<' if sign < 0 else '>'} 0")
+    low, high = sorted((0.0, -change.a))
+    if not low <= change.b <= high:
+        raise ModelError(f"b = {change.b:g}: it must lie between {low:g} and {high:g}, or the state leaves [0, 1]")
+
+
+def _rule_name(change: SetRule) -> str:
+    return f"rule {change.index + 1} {'heating' if change.direction > 0 else 'cooling'}"

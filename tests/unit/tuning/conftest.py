@@ -1,0 +1,121 @@
+"""A tuning session on the simulated wire in virtual time, its workshop in line, and a page that writes its own script."""
+
+import json
+from concurrent.futures import Executor, Future
+
+import pytest
+
+from firmware_sim.config import load_sim
+from firmware_sim.device import SimulatedDevice
+from smadrive.clock import VirtualClock
+from smadrive.control.reference import sine
+from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
+from smadrive.hysteresis.fuzzy import TriangularSets
+from smadrive.rig import Rig
+from smadrive.rigconfig import FeedbackConfig, load_rig
+from smadrive.thermal import HeatBalance
+from smadrive.tuning.channel import ControlEnd, PageEnd
+from smadrive.tuning.session import TuningSession
+from smadrive.tuning.tuning import Tuning
+
+BALANCE = HeatBalance(0.029, 0.012, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
+REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=40.0, cycles=1)
+PERIOD_S = 0.05
+
+
+class InLine(Executor):
+    """Does the work at once."""
+
+    def submit(self, function, /, *args, **kwargs):
+        done = Future()
+        try:
+            done.set_result(function(*args, **kwargs))
+        except Exception as error:  # noqa: BLE001
+            done.set_exception(error)
+        return done
+
+
+class Ended(BaseException):
+    """Ends a session as Ctrl-C does."""
+
+
+class Bench:
+    """The session, the page's end of its channel, the simulated device, and the ticks that were recorded."""
+
+    def __init__(self, model, control):
+        self.device = SimulatedDevice.from_config(load_sim("flexinol-lt-0.15mm"), seed=3)
+        self.clock = VirtualClock()
+        self.clock.follow(self.device.advance_to)
+        self.control = control
+        self.page = PageEnd(self.control.memory_fd, self.control.page_socket)
+        self.model = model
+        self.ticks = []
+        self.answers = {}
+        self._script = []
+        self._number = 0
+
+    def at(self, time_s, act, **values):
+        """Have the page ask for something at `time_s`; the number by which its answer is known."""
+        self._number += 1
+        message = {"number": self._number, "act": act, **values}
+        self.do(time_s, lambda: self.page.send(message))
+        return self._number
+
+    def do(self, time_s, action):
+        """Have anything happen at `time_s`."""
+        self._script.append((time_s, action))
+
+    def run(self, until_s):
+        """The session's life."""
+        script = sorted(self._script, key=lambda entry: entry[0])
+
+        def record(tick):
+            self.ticks.append(tick)
+            while script and script[0][0] <= tick.measurement.time_s:
+                script.pop(0)[1]()
+            self._read()
+            if tick.measurement.time_s >= until_s:
+                raise Ended
+
+        with (
+            pytest.raises(Ended),
+            Rig(load_rig("in-process"), transports={"board": self.device.transport(self.clock)}) as rig,
+        ):
+            tuning = Tuning.of(self.model, FeedbackConfig(), "as identified")
+            self.session = TuningSession(rig, tuning, BALANCE, {"sine": REFERENCE}, self.control, InLine(), record)
+            self.session.run()
+
+    def _read(self):
+        for message in self.page.received(100):
+            answer = json.loads(message)
+            self.answers[answer["number"]] = answer["refused"]
+
+    @property
+    def status(self):
+        return self.page.status(seen=-1)[1]
+
+    def between(self, from_s, to_s):
+        return [tick for tick in self.ticks if from_s <= tick.measurement.time_s < to_s]
+
+
+def true_wire():
+    return DuhemModel.gaussian(
+        mu_heating=89.9, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(0.0, 200.0)
+    )
+
+
+@pytest.fixture
+def control():
+    with ControlEnd() as control:
+        yield control
+
+
+@pytest.fixture
+def bench(control):
+    return Bench(true_wire(), control)
+
+
+@pytest.fixture
+def ruled_bench(control):
+    sets = TriangularSets((40.0, 60.0, 65.0, 70.0, 75.0, 80.0, 85.0, 90.0, 95.0, 100.0, 120.0))
+    return Bench(TSFuzzyDuhem.from_duhem(true_wire(), sets), control)

@@ -1,0 +1,175 @@
+"""The control side of the tuning page on the simulated wire: what a page may do, and what it cannot."""
+
+import numpy as np
+import pytest
+
+NONE_A = 0.002
+"""The noise of the simulated current measurement."""
+
+
+def currents(ticks):
+    return np.array([tick.measurement.current_a for tick in ticks])
+
+
+def error_mm(ticks):
+    return np.array([tick.command.wanted_mm - tick.measurement.displacement_mm for tick in ticks])
+
+
+def test_idle_it_measures_and_does_not_heat(bench):
+    bench.run(until_s=3.0)
+    assert len(bench.ticks) == pytest.approx(60, abs=2)
+    assert currents(bench.ticks).max() < NONE_A
+    assert bench.status["mode"] == "off"
+    assert bench.page.since(0).shape[0] == bench.page.written >= 58
+
+
+def test_armed_it_holds_then_follows_a_reference_again_and_again(bench):
+    arm, start = bench.at(1.0, "arm"), bench.at(2.0, "track", reference="sine")
+    bench.run(until_s=140.0)
+    assert bench.answers == {arm: None, start: None}
+    assert bench.status["mode"] == "tracking"
+    assert np.abs(error_mm(bench.between(60.0, 139.0))).max() < 0.03 * 12.0
+    assert np.ptp([tick.command.wanted_mm for tick in bench.between(100.0, 139.0)]) == pytest.approx(7.0, abs=0.1)
+
+
+@pytest.mark.parametrize("way", ["counter", "message"])
+def test_off_ends_with_zero_current_within_two_periods(bench, way):
+    bench.at(1.0, "arm")
+    bench.at(2.0, "track", reference="sine")
+    if way == "counter":
+        bench.do(20.0, bench.page.request_off)
+    else:
+        bench.at(20.0, "off")
+    bench.run(until_s=22.0)
+    assert currents(bench.between(15.0, 20.0)).min() > 0.1
+    assert currents(bench.between(20.11, 22.0)).max() < NONE_A
+    assert bench.status["mode"] == "off"
+
+
+def test_off_can_be_followed_by_arming_again(bench):
+    bench.at(1.0, "arm")
+    bench.at(2.0, "track", reference="sine")
+    bench.do(20.0, bench.page.request_off)
+    again = bench.at(21.0, "arm")
+    bench.run(until_s=23.0)
+    assert bench.answers[again] is None
+    assert bench.status["mode"] == "holding"
+
+
+def test_a_change_is_in_force_at_once_and_makes_no_jump(bench):
+    bench.at(1.0, "arm")
+    bench.at(2.0, "track", reference="sine")
+    change = bench.at(30.0, "shape", key="mu_heating", value=92.0)
+    bench.run(until_s=32.0)
+    assert bench.answers[change] is None
+    assert bench.status["tuning"]["shape"]["mu_heating"] == 92.0
+    power = np.array([tick.command.power_w for tick in bench.between(29.5, 30.5)])
+    wanted = np.array([tick.command.wanted_c for tick in bench.between(29.5, 30.5)])
+    assert np.abs(np.diff(wanted)).max() > 0.5
+    assert np.abs(np.diff(power)).max() < 0.1
+
+
+@pytest.mark.parametrize(
+    ("act", "values", "reason"),
+    [
+        ("shape", {"key": "mu_heating", "value": 60.0}, "must exceed mu_cooling"),
+        ("shape", {"key": "mu_heating", "value": 134.9}, "would need"),
+        ("shape", {"key": "mu_heating", "value": 140.0}, "temperature_max_c"),
+        ("shape", {"key": "scale", "value": 5.0}, "reaches from"),
+        ("feedback", {"key": "closed_loop_s", "value": 0.0}, "greater than 0"),
+        ("rule", {"index": 0, "direction": 1, "a": -1.0, "b": 0.5}, "no rules"),
+        ("track", {"reference": "sine:low_mm=0,high_mm=20,period_s=10"}, "reaches from"),
+        ("track", {"reference": "square"}, "no shape"),
+        ("undo", {}, "nothing to undo"),
+        ("recall", {"slot": "A"}, "slot A is empty"),
+        ("compare", {"on": True}, "slot A is empty"),
+        ("model", {"text": "{}", "source": "elsewhere"}, "elsewhere"),
+    ],
+)
+def test_what_may_not_be_is_refused_with_its_reason_and_nothing_changes(bench, act, values, reason):
+    bench.at(1.0, "arm")
+    bench.at(2.0, "track", reference="sine")
+    asked = bench.at(15.0, act, **values)
+    bench.run(until_s=17.0)
+    assert reason in bench.answers[asked]
+    assert bench.status["tuning"]["change"] == "as identified"
+    assert bench.status["mode"] == "tracking"
+
+
+def test_what_is_no_request_is_told_and_ignored(bench):
+    bench.do(1.0, lambda: bench.page.messages.send(b"\xff no json"))
+    bench.at(1.1, "explode")
+    bench.at(1.2, "shape", key="mu_heating", value="nan")
+    bench.at(1.3, "shape", key="mu_heating", value=90.0, extra=1)
+    bench.run(until_s=2.0)
+    assert len([event for _, event in bench.status["events"] if event.startswith("refused")]) == 4
+    assert bench.status["tuning"]["change"] == "as identified"
+
+
+def test_undo_and_redo(bench):
+    bench.at(1.0, "arm")
+    bench.at(2.0, "shape", key="mu_heating", value=92.0)
+    bench.at(3.0, "feedback", key="closed_loop_s", value=0.5)
+    bench.at(4.0, "undo")
+    bench.at(5.0, "undo")
+    seen = []
+    for time_s in (3.5, 4.5, 5.5):
+        bench.do(time_s, lambda: seen.append(bench.status["tuning"]))
+    bench.at(6.0, "redo")
+    bench.run(until_s=7.0)
+    assert [round(one["shape"]["mu_heating"], 1) for one in seen] == [92.0, 92.0, 89.9]
+    assert [one["feedback"]["closed_loop_s"] for one in seen] == [0.5, 0.25, 0.25]
+    assert bench.status["undo"] == "mu_heating"
+    assert bench.status["redo"] == "closed_loop_s"
+
+
+def test_a_dragged_slider_is_one_step(bench):
+    for n in range(10):
+        bench.at(1.0 + 0.1 * n, "shape", key="mu_heating", value=90.0 + 0.1 * n)
+    bench.at(2.5, "undo")
+    bench.run(until_s=3.0)
+    assert bench.status["undo"] is None
+    assert bench.status["tuning"]["change"] == "as identified"
+
+
+def test_a_rule_is_changed_within_what_certifies(ruled_bench):
+    good = ruled_bench.at(1.0, "rule", index=7, direction=1, a=-0.2, b=0.19)
+    expanding = ruled_bench.at(1.5, "rule", index=7, direction=1, a=0.2, b=0.1)
+    unbounded = ruled_bench.at(2.0, "rule", index=7, direction=-1, a=0.2, b=-0.3)
+    nowhere = ruled_bench.at(2.5, "rule", index=11, direction=-1, a=0.2, b=-0.1)
+    ruled_bench.run(until_s=3.0)
+    assert ruled_bench.answers[good] is None
+    assert "must contract" in ruled_bench.answers[expanding]
+    assert "leaves [0, 1]" in ruled_bench.answers[unbounded]
+    assert "11 sets" in ruled_bench.answers[nowhere]
+    assert ruled_bench.status["undo"] == "rule 8 heating"
+
+
+def test_a_and_b_take_turns_and_the_better_one_scores_better(bench):
+    bench.at(1.0, "arm")
+    bench.at(1.1, "keep", slot="A")
+    bench.at(1.2, "shape", key="mu_heating", value=93.0)
+    bench.at(3.0, "keep", slot="B")
+    bench.at(3.1, "recall", slot="A")
+    bench.at(5.0, "track", reference="sine")
+    bench.at(10.0, "compare", on=True)
+    meanwhile = bench.at(20.0, "shape", key="mu_heating", value=91.0)
+    bench.at(260.0, "compare", on=False)
+    bench.run(until_s=262.0)
+    comparison = bench.status["comparison"]
+    (a_percent, a_cycles), (b_percent, b_cycles) = comparison["scores"]["A"], comparison["scores"]["B"]
+    assert "stop the comparison" in bench.answers[meanwhile]
+    assert a_cycles >= 2
+    assert b_cycles >= 2
+    assert a_percent < 0.5 * b_percent
+    assert bench.status["tuning"]["shape"]["mu_heating"] == pytest.approx(89.9, abs=0.1)
+
+
+def test_a_trip_is_told_with_its_remedy_and_must_be_cleared_by_arming_again(bench):
+    bench.at(1.0, "arm")
+    bench.at(2.0, "track", reference="sine")
+    bench.do(20.0, bench.device.sensors.open_thermocouple)
+    bench.run(until_s=22.0)
+    assert "fault" in bench.status["fault"]
+    assert bench.status["mode"] == "off"
+    assert currents(bench.between(21.0, 22.0)).max() < NONE_A
