@@ -143,7 +143,12 @@ class RigConfig(Section):
 
 def load_rig(name: str) -> RigConfig:
     """The rig file at the path `name`, or the shipped rig of that name."""
-    return load_config(_file("rigs", name), RigConfig)
+    return load_config(rig_file(name), RigConfig)
+
+
+def rig_file(name: str) -> Path:
+    """Where that rig file is."""
+    return _file("rigs", name)
 
 
 def load_wire(name: str) -> WireConfig:

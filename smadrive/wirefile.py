@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis import HysteresisModel, load_model, save_model
+from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem, load_model, save_model
 from smadrive.hysteresis.modelfile import model_text, parse_model
 from smadrive.thermal import HeatBalance
 
@@ -29,7 +29,7 @@ def save_wire(
     save_model(model, path, provenance=provenance)
 
 
-def load_wire_file(path: Path) -> tuple[HysteresisModel, HeatBalance | None]:
+def load_wire_file(path: Path) -> tuple[DuhemModel | TSFuzzyDuhem, HeatBalance | None]:
     """The certified model of the file, and its heat balance if it has one. ModelError, CertificateError."""
     model = load_model(path)
     return model, _balance(path.read_text(encoding="utf-8"), str(path))

@@ -27,6 +27,7 @@ COMMANDS = {
     "simulate": "Run a model along the input path in a file.",
     "invert": "Find the input path for the outputs in a file.",
     "run": "Track a displacement reference on a rig.",
+    "tune": "Open the live tuning page of a rig.",
     "report": "Show a log as one page: plots, figures, faults, provenance; or as CSV.",
     "replay": "Run model and controller once more on what was recorded.",
     "paper": "Redo the simulation of the published T-S fuzzy Duhem model, with its figures.",

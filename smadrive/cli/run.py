@@ -53,7 +53,7 @@ def main(
     """
     output = Output(as_json)
     config = load_rig(rig)
-    hysteresis, balance = load_wire_file(_model_file(config, model))
+    hysteresis, balance = load_wire_file(model_file(config, model))
     wanted = read_reference(reference)
     wanted.check_within(travel_mm(hysteresis))
     with Rig(config) as bench:
@@ -110,7 +110,8 @@ def table_row(name: str, figures: TrackingFigures) -> tuple[str, ...]:
     )
 
 
-def _model_file(config: RigConfig, option: Path | None) -> Path:
+def model_file(config: RigConfig, option: Path | None) -> Path:
+    """The model file of the option, or else of the rig file; ConfigError when neither names one."""
     if option is not None:
         return option
     if config.model is None:

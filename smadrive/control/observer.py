@@ -63,9 +63,9 @@ class WireObserver:
         hysteresis = self._model.initial_state(reading_c, measured_mm)
         return WireEstimate(reading_c, reading_c, hysteresis, 0.0, reading_c, 0)
 
-    def adopt(self, before: WireObserver, estimate: WireEstimate) -> WireEstimate:
-        """The estimate of another observer of the same wire in the terms of this one's model."""
-        return replace(estimate, hysteresis=same_place(estimate.hysteresis, before._model, self._model))
+    def adopt(self, estimate: WireEstimate) -> WireEstimate:
+        """Another observer's estimate for this one's model: the same temperatures, the same displacement."""
+        return replace(estimate, hysteresis=self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y))
 
     def predict(self, before: WireEstimate, power_w: float, dt_s: float) -> WireEstimate:
         """The estimate `dt_s` later, with `power_w` applied and nothing measured."""
@@ -107,13 +107,3 @@ class WireObserver:
             expected.play_c + wire_c,
             expected.play_direction,
         )
-
-
-def same_place(state: HysteresisState, before: HysteresisModel, after: HysteresisModel) -> HysteresisState:
-    """The state of another model of the same wire that lies as far between its branches as `state` does."""
-    if after is before:
-        return state
-    low, high = (before.engine.target(state.v, rising=rising) for rising in (True, False))
-    share = min(max((state.w - low) / (high - low), 0.0), 1.0) if high > low else 0.0
-    low, high = (after.engine.target(state.v, rising=rising) for rising in (True, False))
-    return after.initial_state(state.v, after.offset + after.scale * (low + share * (high - low)))

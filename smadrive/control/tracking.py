@@ -92,7 +92,8 @@ class TrackingController:
     def take_over(self, before: TrackingController) -> None:
         """Go on where `before` stands: the same wire, in the terms of this model, and a command that does not jump."""
         if before.state is not None:
-            self._state = replace(before.state, estimate=self._observer.adopt(before.state.estimate))
+            turn = before.state.turn if before._reference is self._reference else None
+            self._state = replace(before.state, estimate=self._observer.adopt(before.state.estimate), turn=turn)
             self._feedback.take_over(before._feedback)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:

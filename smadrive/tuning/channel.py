@@ -138,14 +138,14 @@ class PageEnd(Channel):
         """How many rows there have ever been."""
         return int(self._header[_WRITTEN])
 
-    def since(self, number: int, most: int = CAPACITY) -> Rows:
-        """The rows from `number` on, at most the latest `most` that are still there: (rows, columns)."""
+    def since(self, number: int) -> tuple[int, Rows]:
+        """The rows from `number` on that are still there, (rows, columns), and the number to go on from."""
         written = self.written
-        numbers = np.arange(max(number, written - min(most, CAPACITY - 1), 0), written)
+        numbers = np.arange(max(number, written - CAPACITY + 1), written)
         places = numbers % CAPACITY
         rows = self._rows[places]
         whole = (rows[:, 0] == numbers) & (self._rows[places, 0] == numbers)
-        return rows[whole, 1:]
+        return written, rows[whole, 1:]
 
     def status(self, seen: int) -> tuple[int, dict[str, Any]] | None:
         """Version and content of the status; None when it is that of version `seen`, or is just being written."""

@@ -53,20 +53,30 @@ class TuningSession:
         self._references = references
         self._channel = channel
         self._record = record
-        self._bench = Workbench(self._controller, self._path, rig.config.limits, tuning, workshop)
+        self.bench = Workbench(self._controller, self._path, rig.config.limits, tuning, workshop)
         self._live: LiveController | None = None
-        self._status = Status(rig, list(references), balance, self._bench)
+        self._status = Status(rig, list(references), balance, self.bench)
         self._began_s = rig.clock.now_s()
-        self._published_s = -STATUS_S
         self._arming: Arm | None = None
         self._is_safe = True
         self._tried_s = 0.0
+        self._publish()
 
     def run(self) -> None:
         """Until interrupted: nothing that the page does ends this."""
         while True:
             self._idle()
             self._heat()
+
+    @property
+    def is_heating(self) -> bool:
+        """Whether the control loop runs."""
+        return self._live is not None
+
+    @property
+    def is_tracking(self) -> bool:
+        """Whether it follows a reference."""
+        return self._live is not None and self._live.reference.endless
 
     @property
     def _now_s(self) -> float:
@@ -108,8 +118,8 @@ class TuningSession:
         try:
             with ends_safe(self._rig.heater):
                 measured = self._rig.heater.exchange(0.0)
-                hold = self._path(None, self._bench.in_force, self._displacement_mm(measured))
-                controller = self._controller(self._bench.in_force, hold)
+                hold = self._path(None, self.bench.in_force, self._displacement_mm(measured))
+                controller = self._controller(self.bench.in_force, hold)
                 self._live = LiveController(controller, hold, self._serve)
                 self._status.tell(self._now_s, "armed, holding")
                 self._answer(arming, None)
@@ -120,7 +130,7 @@ class TuningSession:
             self._failed(error, arming)
         finally:
             self._live = None
-            self._bench.forget()
+            self.bench.forget()
 
     def _failed(self, error: SmadriveError, arming: AnyRequest | None) -> None:
         """Tell the fault; the rig stays connected, so that its remedy can be seen to work."""
@@ -150,7 +160,7 @@ class TuningSession:
             )
         )
         self._status.measured = measurement
-        self._bench.score(command.wanted_mm - _known(measurement.displacement_mm, command.estimated_mm))
+        self.bench.score(command.wanted_mm - _known(measurement.displacement_mm, command.estimated_mm))
         self._record(tick)
 
     def _serve(self) -> None:
@@ -159,13 +169,16 @@ class TuningSession:
             self._off()
         for message in self._channel.received(MESSAGES_PER_TICK):
             self._receive(message)
-        for event in self._bench.turn(self._live, self._now_s):
+        for event in self.bench.turn(self._live, self._now_s):
             self._status.tell(self._now_s, event)
-        for request, refused in self._bench.answers():
+        for request, refused in self.bench.answers():
             self._answer(request, refused)
         if self._now_s - self._published_s >= STATUS_S:
-            self._published_s = self._now_s
-            self._channel.publish(self._status.document(self._live, is_safe=self._is_safe))
+            self._publish()
+
+    def _publish(self) -> None:
+        self._published_s = self._now_s
+        self._channel.publish(self._status.document(self._live, is_safe=self._is_safe))
 
     def _receive(self, message: bytes) -> None:
         try:
@@ -191,7 +204,7 @@ class TuningSession:
             case ClearFaults():
                 self._clear()
             case _:
-                self._bench.add(request, self._live)
+                self.bench.add(request, self._live)
                 return
         self._answer(request, None)
 
@@ -223,7 +236,7 @@ class TuningSession:
         return tracking_controller(config, reference, tuning.model, self._balance, HysteresisInverse(tuning.model))
 
     def _displacement_mm(self, measured: Measurement) -> float:
-        cold = self._bench.in_force.model.initial_state(measured.temperature_c).y
+        cold = self.bench.in_force.model.initial_state(measured.temperature_c).y
         return _known(measured.displacement_mm, cold)
 
     def _answer(self, request: AnyRequest | None, refused: str | None) -> None:

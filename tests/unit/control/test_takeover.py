@@ -3,12 +3,7 @@
 import pytest
 
 from smadrive.control.feedback import HANDOVER_S, PIGains, TemperatureFeedback
-<<<<<<< HEAD
 from smadrive.control.feedforward import HysteresisInverse
-=======
-from smadrive.control.feedforward import DisplacementFeedforward, HysteresisInverse
-from smadrive.control.observer import WireObserver, same_place
->>>>>>> ffd6bb3 (wip tuning)
 from smadrive.control.reference import sine
 from smadrive.control.tracking import TrackingController, TrackingSettings
 from smadrive.control.wire import WireModel
@@ -67,19 +62,15 @@ def test_a_command_at_its_limit_leaves_nothing_to_hand_over():
     assert after.update(0.0, 1.5, 6.0, PERIOD_S) == 1.5
 
 
-def test_the_estimate_keeps_its_place_between_the_branches():
-    model, moved = wire(), wire(mu_heating=92.0)
-    for v, y in ((90.0, 6.0), (90.0, 9.0), (75.0, 3.0), (30.0, 0.0), (160.0, 12.0)):
-        state = model.initial_state(v, y)
-        there = same_place(state, model, moved)
-        shares = [
-            (one.w - of.engine.target(v, rising=True))
-            / (of.engine.target(v, rising=False) - of.engine.target(v, rising=True) + 1e-12)
-            for one, of in ((state, model), (there, moved))
-        ]
-        assert shares[1] == pytest.approx(shares[0], abs=1e-3)
-        assert there.v == v
-    assert same_place(state, model, model) is state
+def test_the_estimate_goes_on_in_the_terms_of_the_new_model():
+    before = controller(wire())
+    for tick in range(40):
+        believed = before.update(PERIOD_S * tick, reading(PERIOD_S * tick, 90.0), PERIOD_S)
+    after = controller(wire(mu_heating=90.5))
+    after.take_over(before)
+    goes_on = after.update(2.0, reading(2.0, 90.0), PERIOD_S)
+    assert goes_on.estimated_c == pytest.approx(believed.estimated_c, abs=0.5)
+    assert goes_on.estimated_mm == pytest.approx(believed.estimated_mm, abs=0.5)
 
 
 def test_a_share_of_the_feedforward_leaves_the_rest_to_the_feedback():

@@ -1,0 +1,88 @@
+"""`smadrive tune`: the live tuning page."""
+
+from __future__ import annotations
+
+import importlib.util
+import secrets
+import sys
+import webbrowser
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from smadrive.cli.output import AsJson, Output
+from smadrive.cli.probe import RigFile
+from smadrive.cli.run import model_file, read_reference
+from smadrive.control.loop import Tick
+from smadrive.control.reference import Reference, sine
+from smadrive.errors import ConfigError
+from smadrive.hysteresis import HysteresisModel
+from smadrive.loggedrun import travel_mm
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig, rig_file
+from smadrive.tuning.channel import ControlEnd
+from smadrive.tuning.process import PageProcess
+from smadrive.tuning.session import TuningSession
+from smadrive.tuning.tuning import Tuning
+from smadrive.wirefile import load_wire_file
+
+SWITCH_S = 0.0005
+"""The workshop's thread gives the loop its turn within this time."""
+
+LOW, HIGH, PERIOD_S = 0.2, 0.8, 56.0
+"""The reference that is offered when none is given: a slow sine over the middle of the travel."""
+
+
+def main(
+    rig: RigFile,
+    reference: Annotated[
+        list[str] | None,
+        typer.Option(help="To be offered: CSV (time_s, displacement_mm) or sine:low_mm=…; repeatable."),
+    ] = None,
+    model: Annotated[Path | None, typer.Option(help="Model file; that of the rig file by default.")] = None,
+    folder: Annotated[Path, typer.Option("--output-dir", "-o", help="Where saved models and rigs go.")] = Path(),
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page on 127.0.0.1; 0: any free one.")] = 5006,
+    browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
+    as_json: AsJson = False,
+) -> None:
+    """Open the live tuning page of RIG. Ctrl-C switches the heater off and ends it."""
+    if importlib.util.find_spec("bokeh") is None:
+        raise ConfigError("the tuning page needs bokeh: install it with .venv/bin/pip install 'smadrive[tune]'")
+    output = Output(as_json)
+    config = load_rig(rig)
+    wire, balance = load_wire_file(model_file(config, model))
+    tuning = Tuning.of(wire, config.feedback, "as loaded")
+    references = _references(reference or [], wire)
+    sys.setswitchinterval(SWITCH_S)
+    with (
+        ThreadPoolExecutor(1, "workshop") as workshop,
+        ControlEnd() as channel,
+        Rig(config) as bench,
+    ):
+        session = TuningSession(bench, tuning, balance or bench.nominal_balance, references, channel, workshop, _forget)
+        page = PageProcess(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
+        with page:
+            output.say(f"{config.name}: {page.url}\nheater off; Ctrl-C ends")
+            output.result({"url": page.url, "pid": page.pid})
+            if browser and not as_json:
+                webbrowser.open(page.url)
+            session.run()
+
+
+def _forget(tick: Tick) -> None:
+    """What a tick is recorded to without a log."""
+
+
+def _references(given: list[str], wire: HysteresisModel) -> dict[str, Reference]:
+    ends_mm = travel_mm(wire)
+    references = {text: read_reference(text) for text in given}
+    for wanted in references.values():
+        wanted.check_within(ends_mm)
+    if references:
+        return references
+    cold_mm, hot_mm = ends_mm
+    low_mm, high_mm = (cold_mm + part * (hot_mm - cold_mm) for part in (LOW, HIGH))
+    name = f"sine {low_mm:.1f} to {high_mm:.1f} mm, {PERIOD_S:g} s"
+    return {name: sine(low_mm=low_mm, high_mm=high_mm, period_s=PERIOD_S, cycles=1)}

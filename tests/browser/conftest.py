@@ -1,0 +1,142 @@
+"""A tuning session on a served simulator in real time, its page in a process of its own, and Debian's chromium."""
+
+import secrets
+import shutil
+import threading
+import time
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import ExitStack, suppress
+
+import pytest
+
+from smadrive.control.reference import sine
+from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig, rig_file
+from smadrive.testing.simulator import ServedSimulator
+from smadrive.thermal import HeatBalance
+from smadrive.tuning.channel import ControlEnd, PageEnd
+from smadrive.tuning.process import PageProcess
+from smadrive.tuning.session import TuningSession
+from smadrive.tuning.tuning import Tuning
+
+CHROMIUM = shutil.which("chromium")
+BALANCE = HeatBalance(0.029, 0.012, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
+PATIENCE_S = 60.0
+"""How long a test waits for what must happen; on a quiet machine everything happens within a fraction of a second."""
+
+
+class Ended(BaseException):
+    """Ends a session as Ctrl-C does."""
+
+
+class Session:
+    """The control side in a thread of the test: `ticks` is what the loop did, `session` the session itself."""
+
+    def __init__(self, folder):
+        self.ticks = []
+        self._is_ending = False
+        self.folder = folder
+
+    def __enter__(self):
+        self._stack = ExitStack()
+        simulator = self._stack.enter_context(ServedSimulator("flexinol-lt-0.15mm", real_time=True))
+        self.rig = self._stack.enter_context(Rig(load_rig("simulated").at(simulator.url)))
+        self.channel = channel = self._stack.enter_context(ControlEnd())
+        workshop = self._stack.enter_context(ThreadPoolExecutor(1))
+        tuning = Tuning.of(rules(), self.rig.config.feedback, "as loaded")
+        references = {"sine": sine(low_mm=2.0, high_mm=9.0, period_s=30.0, cycles=1)}
+        self.session = TuningSession(self.rig, tuning, BALANCE, references, channel, workshop, self._record)
+        self.page = PageProcess(
+            channel, port=0, token=secrets.token_urlsafe(8), rig_file=rig_file("simulated"), folder=self.folder
+        )
+        self._stack.enter_context(self.page)
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *error):
+        self._is_ending = True
+        self._thread.join(PATIENCE_S)
+        self._stack.close()
+
+    def _run(self):
+        with suppress(Ended):
+            self.session.run()
+
+    def _record(self, tick):
+        self.ticks.append((time.monotonic(), tick))
+        if self._is_ending:
+            raise Ended
+
+    def switch_off(self):
+        PageEnd(self.channel.memory_fd, self.channel.page_socket).request_off()
+        self.wait(lambda: self.ticks and not self.session.is_heating and self.current_a < 0.002)
+
+    @property
+    def in_force(self):
+        return self.session.bench.in_force
+
+    @property
+    def current_a(self):
+        return self.ticks[-1][1].measurement.current_a
+
+    def wait(self, condition):
+        """Until `condition()` holds; fails when it does not come to hold."""
+        give_up_s = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < give_up_s, "it did not come about"
+            time.sleep(0.01)
+
+
+def rules():
+    true = DuhemModel.gaussian(
+        mu_heating=89.9, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(0.0, 200.0)
+    )
+    sets = TriangularSets((40.0, 60.0, 65.0, 70.0, 75.0, 80.0, 85.0, 90.0, 95.0, 100.0, 120.0))
+    return TSFuzzyDuhem.from_duhem(true, sets)
+
+
+@pytest.fixture(scope="module")
+def lasting_session(tmp_path_factory):
+    with Session(tmp_path_factory.mktemp("saved")) as session:
+        yield session
+
+
+@pytest.fixture
+def live(lasting_session):
+    """The session, off to begin with."""
+    lasting_session.switch_off()
+    return lasting_session
+
+
+@pytest.fixture(scope="session")
+def browser():
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright (PyPI)")
+    if CHROMIUM is None:
+        pytest.skip("needs chromium (Debian package chromium)")
+    with playwright.sync_playwright() as driver:
+        browser = driver.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def client(browser, live):
+    """Opens pages of the session: `client()` one that may control, `client(token=False)` one that may not."""
+    contexts = []
+
+    def opened(*, token=True, says=None):
+        context = browser.new_context(viewport={"width": 1280, "height": 800})
+        contexts.append(context)
+        page = context.new_page()
+        page.set_default_timeout(1000 * PATIENCE_S)
+        page.requests = []
+        page.on("request", lambda request: page.requests.append(request.url))
+        page.goto(live.page.url if token else live.page.url.split("?")[0])
+        page.get_by_text(says or ("controls" if token else "watches"), exact=True).wait_for()
+        return page
+
+    yield opened
+    for context in contexts:
+        context.close()

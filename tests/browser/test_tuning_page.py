@@ -1,0 +1,219 @@
+"""The tuning page in a real browser: it shows, it acts, and OFF works whatever else does not."""
+
+import http.client
+import os
+import re
+import signal
+import time
+import urllib.parse
+
+import pytest
+
+from smadrive.hysteresis import load_model
+from smadrive.rigconfig import load_rig
+
+NONE_A = 0.002
+
+pytestmark = pytest.mark.timeout(400)
+
+
+def press(page, name):
+    """Click a button once it can be; a busy machine draws too seldom to wait for it to stand still."""
+    page.locator("button:enabled", has_text=re.compile(f"^{name}$")).dispatch_event("click")
+
+
+def field(page, name):
+    """The field of a knob, by the title of its slider."""
+    row = page.locator(".bk-Row", has=page.get_by_text(name))
+    return row.locator("input.bk-input").last
+
+
+def turn(page, name, value):
+    field(page, name).fill(str(value))
+    field(page, name).press("Enter")
+
+
+def name(page, text):
+    page.get_by_placeholder("name of the new files").fill(text)
+    page.get_by_placeholder("name of the new files").press("Tab")
+
+
+def heat(page, live):
+    press(page, "Arm")
+    live.wait(lambda: live.session.is_heating)
+    press(page, "Start")
+    live.wait(lambda: live.current_a > 0.1)
+
+
+def newest(page, column):
+    """The last value of a column of the plots' data, as the browser has it."""
+    script = """column => { for (const model of Bokeh.documents[0]._all_models.values())
+        if (model.type === "ColumnDataSource" && model.data[column]) return Array.from(model.data[column]).at(-1) }"""
+    return page.evaluate(script, column)
+
+
+def test_everything_the_page_needs_comes_from_this_machine_and_the_plots_move(client, live):
+    page = client()
+    assert page.requests
+    assert not [url for url in page.requests if not url.startswith(live.page.url.split("?")[0])]
+    first = newest(page, "time_s")
+    live.wait(lambda: newest(page, "time_s") > first + 1.0)
+
+
+def test_arm_start_hold_and_disarm(client, live):
+    page = client()
+    heat(page, live)
+    press(page, "Hold")
+    live.wait(lambda: not live.session.is_tracking)
+    assert live.session.is_heating
+    press(page, "Disarm")
+    live.wait(lambda: live.current_a < NONE_A and not live.session.is_heating)
+
+
+@pytest.mark.parametrize("way", ["button", "key", "curl"])
+def test_off_switches_the_heater_off(client, live, way):
+    page = client()
+    heat(page, live)
+    if way == "button":
+        page.locator("#off").dispatch_event("click")
+    elif way == "key":
+        page.keyboard.press("Escape")
+    else:
+        assert post_off(live) == 200
+    live.wait(lambda: live.current_a < NONE_A and not live.session.is_heating)
+
+
+def post_off(live, **headers):
+    """POST /off as curl would; the status of the reply."""
+    connection = http.client.HTTPConnection("127.0.0.1", urllib.parse.urlsplit(live.page.url).port, timeout=10.0)
+    connection.request("POST", "/off", headers=headers)
+    status = connection.getresponse().status
+    connection.close()
+    return status
+
+
+def test_off_works_for_a_watcher_and_without_the_socket(client, live):
+    heat(client(), live)
+    watcher = client(token=False)
+    watcher.evaluate("() => { WebSocket.prototype.send = () => {} }")
+    watcher.locator("#off").dispatch_event("click")
+    live.wait(lambda: live.current_a < NONE_A and not live.session.is_heating)
+
+
+@pytest.mark.parametrize("headers", [{"Origin": "http://elsewhere.example"}, {"Host": "elsewhere.example:80"}])
+def test_pages_of_other_sites_may_not_even_switch_off(client, live, headers):
+    heat(client(), live)
+    assert post_off(live, **headers) == 403
+    assert live.session.is_heating
+
+
+def test_a_knob_changes_the_model_in_the_loop_and_undo_restores_it(client, live):
+    page = client()
+    turn(page, "μ heating", 90.5)
+    live.wait(lambda: live.in_force.shape.mu_heating == 90.5)
+    time.sleep(1.6)  # longer than a drag: another change of the same thing is another step
+    before = live.in_force.shape.mu_heating
+    turn(page, "μ heating", 91.0)
+    live.wait(lambda: live.in_force.shape.mu_heating == 91.0)
+    press(page, "Undo mu_heating")
+    live.wait(lambda: live.in_force.shape.mu_heating == before)
+    live.wait(lambda: abs(float(field(page, "μ heating").input_value()) - before) < 0.001)
+    press(page, "Redo mu_heating")
+    live.wait(lambda: live.in_force.shape.mu_heating == 91.0)
+
+
+def test_a_slider_is_dragged_by_its_keys(client, live):
+    page = client()
+    before = live.in_force.feedback.feedforward_share
+    handle = page.locator(".bk-Row", has=page.get_by_text("feedforward share")).locator(".noUi-handle")
+    handle.focus()
+    for _ in range(10):
+        handle.press("ArrowLeft")
+    live.wait(lambda: live.in_force.feedback.feedforward_share < before - 0.02)
+
+
+def test_a_bad_value_is_refused_with_its_reason_and_the_value_in_force_comes_back(client, live):
+    page = client()
+    before = live.in_force
+    turn(page, "μ heating", 60.0)
+    page.get_by_text("must exceed mu_cooling").first.wait_for()
+    assert live.in_force is before
+    live.wait(lambda: abs(float(field(page, "μ heating").input_value()) - live.in_force.shape.mu_heating) < 0.001)
+
+
+def test_a_rule_is_edited_in_the_table(client, live):
+    page = client()
+    cell = page.locator(".slick-row").nth(2).locator(".slick-cell").nth(1)
+    cell.dblclick(force=True)
+    page.keyboard.press("Control+A")
+    page.keyboard.type("-0.05")
+    page.keyboard.press("Enter")
+    live.wait(lambda: live.in_force.change == "rule 3 heating")
+    assert live.in_force.model.heating_law[0][2] == -0.05
+
+
+def test_saving_writes_files_that_load_and_none_is_written_over(client, live):
+    page = client()
+    turn(page, "closed loop", 0.4)
+    live.wait(lambda: live.in_force.feedback.closed_loop_s == 0.4)
+    name(page, "wire-2")
+    page.get_by_text("closed_loop_s").first.wait_for()
+    press(page, "Save")
+    page.get_by_text("saved:").wait_for()
+    rig = load_rig(str(live.folder / "wire-2.toml"))
+    assert rig.feedback.closed_loop_s == 0.4
+    assert load_model(rig.model).rules == live.in_force.model.rules
+    press(page, "Save")
+    page.get_by_text("choose another name").wait_for()
+    name(page, "../elsewhere")
+    press(page, "Save")
+    page.get_by_text("is no name for a file").wait_for()
+
+
+def test_a_second_client_watches_until_the_first_leaves(client, live):
+    before = live.in_force
+    first, second, outsider = client(), client(says="watches"), client(token=False)
+    for watcher in (second, outsider):
+        assert watcher.get_by_role("button", name="Arm", exact=True).is_disabled()
+        assert field(watcher, "μ heating").is_disabled()
+    second.evaluate(
+        """() => { for (const model of Bokeh.documents[0]._all_models.values())
+            if (model.type === "Spinner" && model.format === "0.[000]") { model.value = 95; break } }"""
+    )
+    second.get_by_text("another client controls").wait_for()
+    assert live.in_force is before
+    first.close()
+    live.wait(lambda: second.get_by_role("button", name="Arm", exact=True).is_enabled())
+    assert outsider.get_by_role("button", name="Arm", exact=True).is_disabled()
+
+
+def test_a_killed_page_comes_back_and_the_loop_has_not_noticed(client, live):
+    page = client()
+    heat(page, live)
+    killed_s, restarts = time.monotonic(), live.page.restarts
+    os.kill(live.page.pid, signal.SIGKILL)
+    page.get_by_text("The page has lost its server").wait_for()
+    live.wait(lambda: live.page.restarts > restarts)
+    page.get_by_text("tracking").first.wait_for()
+    assert live.session.is_tracking
+    assert len([stamp for stamp, _ in live.ticks if stamp > killed_s]) > 10
+    page.locator("#off").dispatch_event("click")
+    live.wait(lambda: not live.session.is_heating)
+
+
+def test_a_frozen_page_holds_nothing_up(client, live):
+    page = client()
+    heat(page, live)
+    os.kill(live.page.pid, signal.SIGSTOP)
+    try:
+        ticks = len(live.ticks)
+        live.wait(lambda: len(live.ticks) > ticks + 40)
+        assert live.session.is_tracking
+    finally:
+        os.kill(live.page.pid, signal.SIGCONT)
+
+
+def test_what_cannot_be_fitted_is_told(client, live):
+    page = client()
+    press(page, "Fit")
+    page.get_by_text(re.compile("nothing to fit|one full loop")).wait_for()

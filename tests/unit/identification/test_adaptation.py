@@ -1,0 +1,102 @@
+"""Online adaptation of the rules: it follows a wire that changes, stays certified, and sees through a lying sensor."""
+
+from math import nan
+
+import numpy as np
+import pytest
+
+from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
+from smadrive.hysteresis.model import HysteresisState
+from smadrive.identification.adaptation import Adaptation
+
+MINUTES, PERIOD_S, SAMPLE_S = 20.0, 56.0, 0.25
+NOISE_C, NOISE_MM, STROKE_MM = 0.02, 0.012, 12.0
+TIMES_S = np.arange(0.0, 60.0 * MINUTES, SAMPLE_S)
+
+
+def wire(drift_c=0.0, drift=0.0):
+    return DuhemModel.gaussian(
+        mu_heating=89.9 + drift_c,
+        mu_cooling=69.0 + drift_c,
+        sigma_heating=5.0,
+        sigma_cooling=5.0,
+        scale=STROKE_MM * (1.0 + drift),
+        input_range=(0.0, 200.0),
+    )
+
+
+@pytest.fixture(scope="module")
+def rules():
+    sets = TriangularSets((30.0, 55.0, 62.0, 66.0, 70.0, 74.0, 79.0, 84.0, 88.0, 92.0, 96.0, 101.0, 110.0))
+    return TSFuzzyDuhem.from_duhem(wire(), sets)
+
+
+def follow(rules, *, drift_c=0.0, drift=0.0, shown=lambda share, reached_mm: reached_mm, adaptation=None):
+    """Errors of the rules as they were and as they are, in percent of the stroke, and the adaptation."""
+    rng = np.random.default_rng(1)
+    path_c = 80.0 + (16.0 + 6.0 * np.sin(TIMES_S / 53.0)) * np.sin(2 * np.pi * TIMES_S / PERIOD_S - 1.5)
+    adaptation = adaptation or Adaptation(rules, 0.1)
+    fixed, state = rules.initial_state(path_c[0]), wire().initial_state(path_c[0])
+    errors = []
+    for n, v in enumerate(path_c.tolist()):
+        share = n / len(path_c)
+        if n % 100 == 0:
+            true = wire(share * drift_c, share * drift)
+            assert adaptation.model.certificate().holds
+        state = true.step(HysteresisState(state.v, 0.0, state.w), v)
+        fixed = rules.step(fixed, v)
+        read_mm = shown(share, state.y) + NOISE_MM * rng.normal()
+        adaptation.update(v + NOISE_C * rng.normal(), read_mm)
+        errors.append((fixed.y - state.y, adaptation.predicted_mm - state.y))
+    fixed_percent, adapted_percent = 100.0 * np.array(errors).T / STROKE_MM
+    return fixed_percent, adapted_percent, adaptation
+
+
+def rms(errors):
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def test_a_drift_is_followed_with_a_third_of_the_error_at_most_and_certificates_all_the_way(rules):
+    fixed, adapted, adaptation = follow(rules, drift_c=3.0, drift=-0.05)
+    assert rms(fixed) > 5.0
+    assert rms(adapted) < rms(fixed) / 3.0
+    assert adaptation.lying is None
+
+
+def test_a_wire_that_does_not_change_is_left_alone(rules):
+    fixed, adapted, _ = follow(rules)
+    assert rms(adapted) < max(1.1 * rms(fixed), 0.5)
+
+
+def test_a_stuck_sensor_ends_it_and_nothing_is_learnt_from_it(rules):
+    held = []
+
+    def stuck(share, reached_mm):
+        held[:] = held if share > 0.5 else [reached_mm]
+        return held[0]
+
+    fixed, adapted, adaptation = follow(rules, shown=stuck)
+    assert "stands while the wire travels" in adaptation.lying
+    assert rms(adapted[-1200:]) < rms(fixed[-1200:]) + 1.0
+
+
+def test_spikes_are_not_believed(rules):
+    rng = np.random.default_rng(2)
+    fixed, adapted, adaptation = follow(
+        rules, shown=lambda share, reached_mm: reached_mm + (6.0 * rng.normal() if rng.random() < 0.03 else 0.0)
+    )
+    assert adaptation.lying is None
+    assert rms(adapted) < rms(fixed) + 1.0
+
+
+def test_a_sensor_that_slipped_ends_it(rules):
+    fixed, adapted, adaptation = follow(rules, shown=lambda share, reached_mm: reached_mm + 4.0 * (share > 0.5))
+    assert "further off" in adaptation.lying
+    assert rms(adapted[-1200:]) < rms(fixed[-1200:]) + 1.0
+
+
+def test_without_a_sensor_nothing_happens(rules):
+    adaptation = Adaptation(rules, 0.1)
+    for v in (20.0, 80.0, 100.0, nan, 60.0):
+        adaptation.update(v, nan)
+    assert adaptation.model.rules == pytest.approx(np.array(rules.rules))
