@@ -21,6 +21,7 @@ And no parameter may go further from where it began than `limit` standard deviat
 
 from __future__ import annotations
 
+from collections import deque
 from dataclasses import dataclass
 from math import exp, isfinite
 
@@ -54,14 +55,18 @@ class AdaptationSettings:
     drift_c: float = 3.0
     drift: float = 0.05
     free: float = 0.03
-    forgetting_c: float = 400.0
+    forgetting_c: float = 1500.0
     limit: float = 5.0
 
 
 GATE = 5.0
 """Standard deviations beyond which a sample is not believed."""
-MOST_DISBELIEVED = 40
+JUMP_PER_C, JUMP = 0.05, 0.15
+"""Nor is one whose error has changed by more than the gate, and this share of the stroke per travelled K, at most."""
+MOST_DISBELIEVED = 15
 """So many of them in a row, and the sensor is taken for lying."""
+TRUSTED_MARKS = 30
+"""What was learnt so many checks of the sensor ago is trusted when it turns out to lie."""
 STUCK_TRAVEL, STUCK_RANGE = 0.04, 0.1
 """A sensor that shows less than this share of a predicted travel (share of the stroke) is stuck."""
 
@@ -89,10 +94,10 @@ class Adaptation:
         self._v: float | None = None
         self._w = 0.0
         self._z = np.zeros(4 * self._sets)
-        self._disbelieved = 0
+        self._disbelieved, self._believed_error, self._since_believed_c = 0, 0.0, 0.0
         self._predicted = self._measured = (0.0, 0.0)
         self.lying: str | None = None
-        self._trusted = self._marked = self._theta
+        self._marked = deque([self._theta], TRUSTED_MARKS)
 
     @property
     def model(self) -> TSFuzzyDuhem:
@@ -126,6 +131,7 @@ class Adaptation:
         travel = abs(v - self._v)
         self._move(v)
         if self.lying is None and isfinite(displacement_mm) and travel:
+            self._since_believed_c += travel
             self._covariance += (travel / self._settings.forgetting_c) * self._prior
             self._learn(displacement_mm)
             self._watch(displacement_mm)
@@ -164,10 +170,11 @@ class Adaptation:
         slope = np.append(self._scale * self._z, self._scale * self._w) / stroke
         direction = self._covariance @ slope
         variance = float(slope @ direction) + settings.noise**2
-        if abs(error) > GATE * variance**0.5:
+        jump = abs(error - self._believed_error) - min(JUMP_PER_C * self._since_believed_c, JUMP)
+        if abs(error) > GATE * variance**0.5 or jump > GATE * settings.noise:
             self._disbelieved += 1
             return
-        self._disbelieved = 0
+        self._disbelieved, self._believed_error, self._since_believed_c = 0, error, 0.0
         if abs(error) < settings.dead_zone:
             return
         gain = direction / variance
@@ -203,13 +210,13 @@ class Adaptation:
                 self._mark(predicted_mm, displacement_mm)
 
     def _mark(self, predicted_mm: float, measured_mm: float) -> None:
-        """The sensor was right until here; what was learnt before the last such mark is trusted."""
+        """So far the sensor has moved with the wire."""
         self._predicted, self._measured = (predicted_mm, predicted_mm), (measured_mm, measured_mm)
-        self._trusted, self._marked = self._marked, self._theta
+        self._marked.append(self._theta)
 
     def _end(self, why: str) -> None:
         self.lying = why
-        self._theta = self._trusted
+        self._theta = self._marked[0]
 
 
 def _theta(model: TSFuzzyDuhem) -> FloatArray:

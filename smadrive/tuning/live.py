@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable
 from math import inf
 
-from smadrive.control.controller import Command, TrackingController
+from smadrive.control.controller import Command
 from smadrive.control.reference import Reference
+from smadrive.control.tracking import TrackingController
 from smadrive.measurement import Measurement
 
 

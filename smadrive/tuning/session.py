@@ -11,10 +11,11 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
 from math import isfinite
 
-from smadrive.control.controller import Command, TrackingController
+from smadrive.control.controller import Command
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.loop import Tick, ends_safe
 from smadrive.control.reference import Reference, parse_reference
+from smadrive.control.tracking import TrackingController
 from smadrive.controllers import tracking_controller
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.loggedrun import travel_mm

@@ -12,8 +12,8 @@ from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from smadrive.control.controller import TrackingController
 from smadrive.control.reference import Reference
+from smadrive.control.tracking import TrackingController
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.loggedrun import travel_mm
 from smadrive.rigconfig import LimitsConfig

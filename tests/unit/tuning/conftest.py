@@ -6,8 +6,8 @@ from contextlib import suppress
 
 import pytest
 
+from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
-from firmware_sim.device import SimulatedDevice
 from smadrive.clock import VirtualClock
 from smadrive.control.reference import sine
 from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
@@ -44,9 +44,9 @@ class Bench:
     """The session, the page's end of its channel, the simulated device, and the ticks that were recorded."""
 
     def __init__(self, model, control):
-        self.device = SimulatedDevice.from_config(load_sim("flexinol-lt-0.15mm"), seed=3)
+        self.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=3)
         self.clock = VirtualClock()
-        self.clock.follow(self.device.advance_to)
+        self.clock.follow(self.device.bench.advance_to)
         self.control = control
         self.page = PageEnd(self.control.memory_fd, self.control.page_socket)
         self.model = model
