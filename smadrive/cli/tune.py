@@ -17,9 +17,9 @@ from smadrive.cli.probe import RigFile
 from smadrive.cli.run import model_file, read_reference
 from smadrive.control.loop import Tick
 from smadrive.control.reference import Reference, sine
+from smadrive.control.wire import travel_mm
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
-from smadrive.loggedrun import travel_mm
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig, rig_file
 from smadrive.tuning.channel import ControlEnd

@@ -16,9 +16,9 @@ from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.loop import Tick, ends_safe
 from smadrive.control.reference import Reference, parse_reference
 from smadrive.control.tracking import TrackingController
+from smadrive.control.wire import travel_mm
 from smadrive.controllers import tracking_controller
 from smadrive.errors import ConfigError, SmadriveError
-from smadrive.loggedrun import travel_mm
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
 from smadrive.thermal import HeatBalance

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
-from smadrive.loggedrun import travel_mm
+from smadrive.control.wire import travel_mm
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
 from smadrive.thermal import HeatBalance

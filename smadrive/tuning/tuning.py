@@ -8,11 +8,11 @@ import numpy as np
 
 from smadrive.configfile import validate
 from smadrive.control.reference import Reference
+from smadrive.control.wire import travel_mm
 from smadrive.errors import CertificateError, ConfigError, ModelError
 from smadrive.hysteresis import DuhemModel, InverseFeedforward, TSFuzzyDuhem
 from smadrive.hysteresis.modelfile import parse_model
 from smadrive.identification.reshape import BranchShape, Model, reshaped, shape_of
-from smadrive.loggedrun import travel_mm
 from smadrive.rigconfig import FeedbackConfig, LimitsConfig
 from smadrive.tuning.messages import SetFeedback, SetModel, SetRule, SetShape
 

@@ -14,8 +14,8 @@ from typing import NamedTuple
 
 from smadrive.control.reference import Reference
 from smadrive.control.tracking import TrackingController
+from smadrive.control.wire import travel_mm
 from smadrive.errors import ConfigError, SmadriveError
-from smadrive.loggedrun import travel_mm
 from smadrive.rigconfig import LimitsConfig
 from smadrive.tuning.comparison import Comparison
 from smadrive.tuning.history import History
