@@ -20,6 +20,7 @@ from smadrive.control.plausibility import IDENTIFIED, NOMINAL, PlausibleTemperat
 from smadrive.control.reference import Reference
 from smadrive.control.supervisor import SafetyLimits, Supervisor
 from smadrive.controllers import excitation_controller, tracking_controller
+from smadrive.device.heater import ZERO_SHARE
 from smadrive.errors import ConfigError, SafetyError, TripError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, nested_reversals
@@ -36,6 +37,12 @@ LAG_FACTOR = 3.0
 
 STALE_PERIODS = 3.0
 """Measurements may be this many periods apart, however short `stale_after_s`."""
+
+SAMPLED = 0.5
+"""Longest time between two readings of the temperature, in time constants of the wire."""
+
+CURRENT_TOLERANCE_A = 0.05
+"""By how much the measured current may differ from the commanded one, and never more than a tenth of current_max_a."""
 
 RATE_EXCHANGES = 4
 """How many exchanges are timed before the loop starts, to know whether the devices keep up with it."""
@@ -124,7 +131,17 @@ class Rig:
         self.heater.enter_safe_state()
         self.clock.sleep_until(self.clock.now_s() + duration_s)
 
+    def _check_thermometer(self, balance: HeatBalance) -> None:
+        """ConfigError when the wire can overheat between two readings."""
+        period_s, most_s = self.heater.temperature_period_s, SAMPLED * balance.time_constant_s
+        if period_s > most_s:
+            raise ConfigError(
+                f"rig '{self.config.name}': the wire is read every {period_s:g} s, its time constant is "
+                f"{balance.time_constant_s:.2g} s: read it at least every {most_s:.2g} s, or take a faster thermometer"
+            )
+
     def _plausible(self, balance: HeatBalance, uncertainty: Uncertainty) -> PlausibleTemperature:
+        self._check_thermometer(balance)
         lag_s = LAG_FACTOR * balance.thermocouple_lag_s + self.heater.temperature_period_s
         return PlausibleTemperature(balance, uncertainty, lag_s)
 
@@ -137,6 +154,7 @@ class Rig:
             limits.temperature_max_c,
             limits.temperature_min_c,
             stale_after_s=max(limits.stale_after_s, STALE_PERIODS * self.period_s),
+            current_tolerance_a=min(CURRENT_TOLERANCE_A, ZERO_SHARE * limits.current_max_a),
             settle_s=self.heater.source.settle_s,
             displacement_min_mm=-inf if limits.displacement_min_mm is None else limits.displacement_min_mm,
             displacement_max_mm=inf if limits.displacement_max_mm is None else limits.displacement_max_mm,

@@ -65,8 +65,8 @@ class LimitsConfig(Section):
     temperature_max_c: float
     voltage_max_v: float | None = Field(default=None, gt=0)
     temperature_min_c: float = -20.0
-    watchdog_s: float = Field(gt=0)
-    stale_after_s: float = Field(default=0.3, gt=0)
+    watchdog_s: float = Field(gt=0, le=10)
+    stale_after_s: float = Field(default=0.3, gt=0, le=10)
     displacement_min_mm: float | None = None
     displacement_max_mm: float | None = None
     tracking_max_mm: float | None = Field(default=None, gt=0)

@@ -44,6 +44,15 @@ def main() -> None:
     except SmadriveError as error:
         print(f"smadrive: {error}", *getattr(error, "__notes__", ()), sep="\nsmadrive: ", file=sys.stderr)
         sys.exit(error.exit_code)
+    except SystemExit as ended:
+        if ended.code == INTERRUPTED:
+            print(
+                "smadrive: interrupted, the heater is off",
+                *getattr(ended, "__notes__", ()),
+                sep="\nsmadrive: ",
+                file=sys.stderr,
+            )
+        raise
 
 
 def _app(wanted: str) -> typer.Typer:
@@ -70,5 +79,4 @@ def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
     """Unwind once; what comes after that must not interrupt the way to zero current."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGTERM, signal.SIG_IGN)
-    print("smadrive: interrupted, switching the heater off", file=sys.stderr)
-    raise SystemExit(INTERRUPTED)
+    raise SystemExit(INTERRUPTED)  # nothing is printed here: a stalled terminal must not keep the heater on

@@ -20,7 +20,6 @@ from smadrive.errors import (
     DeviceError,
     ExceptionReply,
     ProtocolError,
-    SmadriveError,
     TakenOverError,
     TransportError,
     TripError,
@@ -93,6 +92,7 @@ class ControlLoop:
         self._command = Command(0.0)
         self._start_s = 0.0
         self._last_s = 0.0
+        self._overran = False
         self.figures = LoopFigures()
 
     def run(self, watchdog_s: float) -> LoopFigures:
@@ -114,6 +114,7 @@ class ControlLoop:
         """How many deadlines passed during the tick that was due at `due_s`: a late loop does not run to catch up."""
         skipped = max(int((self._clock.now_s() - due_s) / self._period_s - LATE_FRACTION), 0)
         self.figures.missed_deadlines += skipped
+        self._overran = skipped > 0
         return skipped
 
     def tick(self, late_s: float) -> None:
@@ -125,7 +126,7 @@ class ControlLoop:
         self.figures.ticks += 1
         missed = late_s > LATE_FRACTION * self._period_s
         self.figures.missed_deadlines += missed
-        self._stop_if(self._supervisor.check_deadline(missed, self._clock.now_s()))
+        self._stop_if(self._supervisor.check_deadline(missed or self._overran, self._clock.now_s()))
         measurement = self._exchange()
         if measurement is None:
             self._stop_if(self._supervisor.check_fresh(self._clock.now_s()))
@@ -171,7 +172,7 @@ def ends_safe(heater: Heater) -> Iterator[None]:
     except BaseException as error:
         try:
             heater.enter_safe_state()
-        except SmadriveError as failure:
+        except Exception as failure:  # noqa: BLE001  (whatever it is, the first error must be told, and this one)
             if not any(note.startswith(UNCONFIRMED) for note in getattr(error, "__notes__", ())):
                 error.add_note(f"{UNCONFIRMED} ({failure}): cut its supply")
         raise

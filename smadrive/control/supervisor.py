@@ -134,7 +134,7 @@ class Supervisor:
                 f"refused to arm: the wire reads {temperature_c:.1f} °C, "
                 f"below temperature_min_c = {limits.temperature_min_c:g}; {Fault.UNDER_TEMPERATURE.remedy}"
             )
-        if measurement.current_a > limits.current_tolerance_a:
+        if not measurement.current_a <= limits.current_tolerance_a:
             raise SafetyError(
                 f"refused to arm: {measurement.current_a:.3f} A flow although none was commanded; "
                 f"{Fault.UNEXPECTED_HEATING.remedy}"
@@ -170,7 +170,7 @@ class Supervisor:
         least_a = min(command for _, command in self._commands)
         most_a = max(command for _, command in self._commands)
         lacking = measured_a < least_a - tolerance_a and not _is_excused(measurement, least_a)
-        if self._mismatch.update(measured_a > most_a + tolerance_a or lacking):
+        if self._mismatch.update(not isfinite(measured_a) or measured_a > most_a + tolerance_a or lacking):
             fault = Fault.CURRENT_MISMATCH if most_a > 0 else Fault.UNEXPECTED_HEATING
             self._raise(
                 fault, measurement.time_s, f"{measured_a:.3f} A measured, {least_a:.3f} to {most_a:.3f} A commanded"

@@ -28,6 +28,7 @@ from smadrive.errors import (
     IdentityError,
     ProtocolError,
     ReadBackError,
+    SmadriveError,
     TransportError,
 )
 from smadrive.modbus import requests
@@ -148,16 +149,22 @@ class Device:
         return decode(spans, words, reads)
 
     def enter_safe_state(self) -> None:
-        """Write the profile's safe state, confirmed by read-back; tried again on a bad bus, then raises the error."""
+        """Write the profile's safe state, confirmed by read-back; on a bad bus again and again.
+
+        A step that fails does not keep the others from being tried: any of them may end the heat. Raises the first
+        error of the last round.
+        """
         for attempt in range(1, SAFE_STATE_ATTEMPTS + 1):
-            try:
-                for step in self.profile.safe_state:
+            failed: SmadriveError | None = None
+            for step in self.profile.safe_state:
+                try:
                     self.write(step.register_, step.value)
-            except (TransportError, ProtocolError, ExceptionReply, ReadBackError):
-                if attempt == SAFE_STATE_ATTEMPTS:
-                    raise
-            else:
+                except (TransportError, ProtocolError, ExceptionReply, ReadBackError) as error:
+                    failed = failed or error
+            if failed is None:
                 return
+            if attempt == SAFE_STATE_ATTEMPTS:
+                raise failed
 
     def _execute(self, request: Request) -> bytes:
         """One transaction, no sooner after the last than the device stands."""

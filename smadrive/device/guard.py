@@ -6,6 +6,7 @@ import os
 import select
 import subprocess
 import sys
+import time
 from types import TracebackType
 from typing import IO, Self
 
@@ -14,6 +15,10 @@ from smadrive.errors import SafetyError, TakenOverError
 
 STARTS_WITHIN_S = 20.0
 ENDS_WITHIN_S = 5.0
+PATIENCE = 2.0
+"""So many times its own patience with the driver is the driver's with it."""
+MANY = 4096
+GONE = "the guardian is gone or stands still: heating without it is refused"
 
 
 class Guard:
@@ -22,6 +27,7 @@ class Guard:
     def __init__(self, task: Task) -> None:
         self._task = task
         self._watching = False
+        self._heard_s = 0.0
 
     def __enter__(self) -> Self:
         """Start the guardian and wait until it is ready; SafetyError when it does not come up."""
@@ -53,17 +59,27 @@ class Guard:
 
     def watch(self) -> None:
         """Heating begins."""
+        self._heard_s = time.monotonic()
         self._tell(WATCH)
         self._watching = True
 
     def beat(self) -> None:
-        """The driver lives, and is about to command. TakenOverError when the guardian holds the source."""
+        """The driver lives, and is about to command.
+
+        TakenOverError when the guardian holds the source; SafetyError when it does not answer any more.
+        """
         if self._watching:
-            if self._from.read(1) == TAKEN:
+            heard = self._from.read(MANY) or b""
+            now_s = time.monotonic()
+            if TAKEN in heard:
                 raise TakenOverError(
                     f"the driver stood still for more than {self._task.timeout_s:g} s and the guardian switched the "
                     "heater off"
                 )
+            if heard:
+                self._heard_s = now_s
+            elif now_s - self._heard_s > PATIENCE * self._task.timeout_s:
+                raise SafetyError(GONE)
             self._tell(BEAT)
 
     def rest(self) -> None:
@@ -78,7 +94,7 @@ class Guard:
         except OSError:
             written = None
         if not written:
-            raise SafetyError("the guardian is gone or stands still: heating without it is refused")
+            raise SafetyError(GONE)
 
 
 def _piped(end: IO[bytes] | None) -> IO[bytes]:

@@ -5,10 +5,11 @@ process beside itself and writes it a byte at every tick, through a pipe:
 
     w   watch: heating begins        b   a beat: the driver lives        r   rest: the source is confirmed off
 
-While it watches, no byte for `timeout_s`, or the end of the pipe, means that the driver is gone: the guardian opens the
-ports itself (it needs no lock for that) and writes the safe state until every device has confirmed it. A driver that
-only stood still finds `t` (taken over) in the other pipe when it wakes, before it commands anything; until it says `r`
-or ends, the guardian looks again, in case one last command slipped through.
+Every byte is echoed, so that the driver knows that the guardian lives too. While it watches, no byte for `timeout_s`,
+or the end of the pipe, means that the driver is gone: the guardian opens the ports itself (it needs no lock for that)
+and writes the safe state until every device has confirmed it. A driver that only stood still finds `t` (taken over) in the
+other pipe when it wakes, before it commands anything; until it says `r` or ends, the guardian looks again, in case one
+last command slipped through. From its start it needs no file and no terminal.
 
     python -m smadrive.device.guardian        its task, a JSON object, is the first line of standard input
 """
@@ -20,20 +21,22 @@ import json
 import os
 import select
 import signal
-import sys
+import threading
 import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
 from smadrive.device.device import Device
-from smadrive.device.profile import load_profile
-from smadrive.errors import SmadriveError
+from smadrive.device.profile import Profile, load_profile
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
 
 WATCH, BEAT, REST = b"w", b"b", b"r"
-READY, TAKEN = b"y", b"t"
+READY, ECHO, TAKEN = b"y", b"e", b"t"
+DRIVER_FD, TERMINAL_FD = 1, 2
 
 LOOK_AGAIN_S = 0.5
+TERMINAL_WITHIN_S = 0.2
 GIVE_UP_S = 3600.0
 """A device that cannot be reached for an hour has been taken away."""
 
@@ -92,26 +95,29 @@ class Pipe:
         return data[-1:]
 
 
-def guard(task: Task, driver: Pipe) -> None:
+def guard(task: Task, profiles: Sequence[Profile], driver: Pipe) -> None:
     """Watch until the driver ends; take over when it fails while heating."""
     watching = False
     while not driver.ended:
         said = driver.said(task.timeout_s)
         if watching and not said:
             reason = "ended" if driver.ended else f"stood still for {task.timeout_s:g} s"
-            _take_over(task, driver, reason)
+            _take_over(task, profiles, driver, reason)
             return
-        watching = said in (WATCH, BEAT) if said else watching
+        if said:
+            _tell(ECHO)
+            watching = said in (WATCH, BEAT)
 
 
-def _take_over(task: Task, driver: Pipe, reason: str) -> None:
+def _take_over(task: Task, profiles: Sequence[Profile], driver: Pipe, reason: str) -> None:
     """Safe state, confirmed; then again and again while a driver that stood still may still wake."""
     _tell(TAKEN)
-    _say(f"the driver {reason} while heating: taking over")
     give_up_s = time.monotonic() + GIVE_UP_S
     told = ""
     while time.monotonic() < give_up_s:
-        problem = _switch_off(task)
+        problem = _switch_off(task, profiles)
+        if not told:
+            _say(f"the driver {reason} while heating: taking over")
         news = problem or "heater off, confirmed by read-back"
         if news != told:
             _say(news)
@@ -122,42 +128,48 @@ def _take_over(task: Task, driver: Pipe, reason: str) -> None:
             return
 
 
-def _switch_off(task: Task) -> str | None:
-    """Bring every device to its safe state; None, or what went wrong."""
+def _switch_off(task: Task, profiles: Sequence[Profile]) -> str | None:
+    """Bring every device to its safe state; None, or what went wrong, whatever it was: nothing may end the guardian."""
     problem = None
-    for guarded in task.devices:
+    for guarded, profile in zip(task.devices, profiles, strict=True):
         try:
-            profile = load_profile(guarded.profile)
             with open_transport(guarded.url, profile.serial_settings(), exclusive=False) as transport:
                 device = Device(profile, Master(transport), guarded.unit_id)
                 device.check_identity()
                 device.enter_safe_state()
-        except SmadriveError as error:
+        except Exception as error:  # noqa: BLE001
             problem = f"the heater is NOT confirmed off yet ({error}): cut its supply"
     return problem
 
 
 def _tell(what: bytes) -> None:
-    with contextlib.suppress(OSError):  # the driver is gone
-        os.write(sys.stdout.fileno(), what)
+    with contextlib.suppress(OSError):  # the driver is gone, or does not listen
+        os.write(DRIVER_FD, what)
 
 
 def _say(text: str) -> None:
-    with contextlib.suppress(OSError, ValueError):  # so is its terminal
-        sys.stderr.write(f"smadrive guardian: {text}\n")
-        sys.stderr.flush()
+    """To the terminal, which may be gone, or stalled: nobody waits for it for long."""
+    line = f"smadrive guardian: {text}\n".encode()
+
+    def write() -> None:
+        with contextlib.suppress(OSError):
+            os.write(TERMINAL_FD, line)
+
+    writer = threading.Thread(target=write, daemon=True)
+    writer.start()
+    writer.join(TERMINAL_WITHIN_S)
 
 
 def main() -> None:
-    """Read the task, say that it is ready, watch."""
+    """Read the task and all that it needs, say that it is ready, watch."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)  # it ends when the driver does
-    driver = Pipe(sys.stdin.fileno())
+    os.set_blocking(DRIVER_FD, False)
+    driver = Pipe(0)
     task = Task.from_json(driver.read_line())
-    for guarded in task.devices:
-        load_profile(guarded.profile)  # a profile that cannot be loaded must fail now
+    profiles = [load_profile(guarded.profile) for guarded in task.devices]
     _tell(READY)
-    guard(task, driver)
+    guard(task, profiles, driver)
 
 
 if __name__ == "__main__":

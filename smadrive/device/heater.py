@@ -20,6 +20,8 @@ from smadrive.measurement import Measurement
 DERATE_C = 5.0
 CURRENT_ZERO_A = 0.05
 """Less than this is the noise of a current sense."""
+ZERO_SHARE = 0.1
+"""And no more than this part of current_max_a, for thin wires."""
 CURRENT_GONE_S = 0.2
 """How long after switching off, beside the time in which the source settles, current may still be seen."""
 LOOK_AGAIN_S = 0.05
@@ -150,7 +152,7 @@ class Heater:
                 if self._clock.now_s() >= give_up_s:
                     raise
                 continue
-            if not current_a > CURRENT_ZERO_A:
+            if current_a <= min(CURRENT_ZERO_A, ZERO_SHARE * self.limits.current_max_a):
                 return
             if self._clock.now_s() >= give_up_s:
                 raise SafetyError(f"{current_a:.3f} A still flow although the heater is off: cut its supply")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import errno
+import termios
 from contextlib import suppress
 
 import serial
@@ -37,7 +38,12 @@ class SerialTransport(DescriptorTransport):
                 timeout=0,
                 exclusive=True if self._exclusive else None,
             )
-        except (serial.SerialException, OSError, ValueError) as error:
+        except (
+            serial.SerialException,
+            termios.error,
+            OSError,
+            ValueError,
+        ) as error:  # a port that vanishes while it opens
             raise TransportError(_cure(self.name, error)) from None
         with suppress(ValueError, OSError, AttributeError):  # USB adapters then deliver after 1 ms, not after 16
             port.set_low_latency_mode(True)
