@@ -7,9 +7,9 @@ process beside itself and writes it a byte at every tick, through a pipe:
 
 Every byte is echoed, so that the driver knows that the guardian lives too. While it watches, no byte for `timeout_s`,
 or the end of the pipe, means that the driver is gone: the guardian opens the ports itself (it needs no lock for that)
-and writes the safe state until every device has confirmed it. A driver that only stood still finds `t` (taken over) in the
-other pipe when it wakes, before it commands anything; until it says `r` or ends, the guardian looks again, in case one
-last command slipped through. From its start it needs no file and no terminal.
+and writes the safe state until every device has confirmed it. A driver that only stood still finds `t` (taken over) in
+the other pipe when it wakes, before it commands anything; until it says `r` or ends, the guardian looks again, in case
+one last command slipped through. From its start it needs no file and no terminal.
 
     python -m smadrive.device.guardian        its task, a JSON object, is the first line of standard input
 """
