@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from math import exp, inf
 
 import numpy as np
@@ -79,38 +80,50 @@ class BranchEngine:
         return target, exponent
 
     def _evaluate_chunk(self, v: FloatArray, rising: np.ndarray, target: FloatArray, exponent: FloatArray) -> None:
-        cell = ((v - self.lower) * self._bins_per_unit).astype(np.intp)
+        t = v - self.lower
+        t *= self._bins_per_unit
+        cell = t.astype(np.intp)
         np.minimum(cell, self._last_bin, out=cell)
         if self._has_splits:
             beyond = v >= self._split.take(cell)
             cell = self._first.take(cell)
             cell += beyond
-        t = v - self.nodes.take(cell)
+        np.subtract(v, self.nodes.take(cell, out=t, mode="clip"), out=t)
         cell += self._cells * rising
+        coefficient = np.empty_like(t)
         for first, value in ((0, target), (4, exponent)):
             self._coefficients[first + 3].take(cell, out=value, mode="clip")
             for row in (first + 2, first + 1, first):
-                np.multiply(value, t, out=value)
-                np.add(value, self._coefficients[row].take(cell), out=value)
+                value *= t
+                value += self._coefficients[row].take(cell, out=coefficient, mode="clip")
 
-    def trajectory(self, v: FloatArray, w_start: float) -> FloatArray:
-        """States w at every sample of the input path `v` (1-D), from w_start at v[0]."""
-        path = np.clip(v, self.lower, self.upper)
-        states = np.empty_like(path)
+    def trajectory(self, v: FloatArray, w_start: float, out: FloatArray | None = None) -> FloatArray:
+        """States w at every sample of the input path `v` (1-D), from w_start at v[0]; in `out` if given."""
+        states = np.empty_like(v) if out is None else out
         states[0] = w_start
-        if len(path) == 1:
+        if len(v) == 1:
             return states
+        path = v if self.lower <= v.min() and v.max() <= self.upper else np.clip(v, self.lower, self.upper)
         rising = path[1:] > path[:-1]
         starts = np.concatenate([[0], np.flatnonzero(rising[1:] != rising[:-1]) + 1])
         ends = np.concatenate([starts[1:], [len(path) - 1]])
-        target, exponent = self.evaluate(path[1:], rising)
         start_target, start_exponent = self.evaluate(path[starts], rising[starts])
-        decay = np.exp(exponent[ends - 1] - start_exponent)
-        excess = _chain(w_start, start_target, target[ends - 1], decay)
-        exponent -= np.repeat(start_exponent, ends - starts)
-        np.exp(exponent, out=exponent)
-        exponent *= np.repeat(excess, ends - starts)
-        np.add(target, exponent, out=states[1:])
+        end_target, end_exponent = self.evaluate(path[ends], rising[starts])
+        excess = _chain(w_start, start_target, end_target, np.exp(end_exponent - start_exponent))
+        lengths, exponent = ends - starts, np.empty(min(_CHUNK, len(rising)))
+        bounds = [*range(0, len(rising), _CHUNK), len(rising)]
+        run = np.searchsorted(ends, bounds).tolist()  # of the move that ends at each bound
+        for (begin, end), (before, last) in zip(pairwise(bounds), pairwise(run), strict=True):
+            runs = slice(before + (begin == ends[before]), last + 1)
+            inside = lengths[runs].copy()
+            inside[0] = ends[runs.start] - begin
+            inside[-1] -= ends[last] - end
+            decay, target = exponent[: end - begin], states[begin + 1 : end + 1]
+            self._evaluate_chunk(path[begin + 1 : end + 1], rising[begin:end], target, decay)
+            decay -= np.repeat(start_exponent[runs], inside)
+            np.exp(decay, out=decay)
+            decay *= np.repeat(excess[runs], inside)
+            target += decay
         return states
 
     @cached_property

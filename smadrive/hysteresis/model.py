@@ -58,9 +58,9 @@ class HysteresisModel:
         path = finite_array("input v", v)
         columns = path.reshape(len(path), -1)
         starts = self._start_states(columns[0], y0)
-        states = np.empty_like(columns)
+        states = np.empty(columns.shape, order="F")
         for wire, w_start in enumerate(starts):
-            states[:, wire] = self.engine.trajectory(np.ascontiguousarray(columns[:, wire]), w_start)
+            self.engine.trajectory(np.ascontiguousarray(columns[:, wire]), w_start, states[:, wire])
         states *= self.scale
         states += self.offset
         return states.reshape(path.shape)
