@@ -28,7 +28,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """Input path without false reversals and outputs, whole (`path`, `y`) and thinned (`v`, `mean_y`, `count`)."""
+    """Input path without false reversals and outputs, whole (`path`, `y`) and thinned (`v`, `mean_y`, `count`).
+
+    `scatter`: sum of squares of y about the means of its cells, in output spans.
+    """
 
     path: FloatArray
     y: FloatArray
@@ -38,6 +41,7 @@ class Record:
     input_range: tuple[float, float]
     output_span: float
     noise: float
+    scatter: float
 
     @property
     def rising(self) -> FloatArray:
@@ -70,8 +74,9 @@ def prepare(v: ArrayLike, y: ArrayLike, dead_band: float | None) -> Record:
     _require_loop(path, span)
     thin_v, thin_y, count = _thin(path, outputs, _corners(path), span / _CELLS)
     noise = noise_deviation(outputs) / output_span
+    scatter = max(float(outputs @ outputs - count @ thin_y**2), 0.0) / output_span**2
     input_range = float(inputs.min()), float(inputs.max())
-    return Record(path, outputs, thin_v, thin_y, count, input_range, output_span, noise)
+    return Record(path, outputs, thin_v, thin_y, count, input_range, output_span, noise, scatter)
 
 
 def _corners(path: FloatArray) -> FloatArray:

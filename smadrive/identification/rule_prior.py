@@ -5,6 +5,9 @@ Each rule may stray from it at about the cost of one sample off by the noise, so
 
 from __future__ import annotations
 
+from copy import copy
+from typing import Self
+
 import numpy as np
 
 from smadrive.hysteresis.arrays import FloatArray
@@ -39,6 +42,12 @@ class Prior:
         self.rates = np.array(rates)
         self._slopes = np.gradient(self.rates, self.grid, axis=1)
         self.weight = max(record.noise, _TIE_MISFIT * fit.rms_percent / 100, _TIE_FLOOR)
+
+    def tied(self, factor: float) -> Self:
+        """The same, tied `factor` times as tightly."""
+        closer = copy(self)
+        closer.weight = factor * self.weight
+        return closer
 
     def at(self, centres: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Rates (4, sets) and their derivatives with respect to v."""

@@ -15,6 +15,7 @@ from smadrive.hysteresis.arrays import FloatArray
 from smadrive.hysteresis.fuzzy import TriangularSets
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 from smadrive.identification.bounded import Minimum, minimise
+from smadrive.identification.confirmation import leave_one_out_ratio
 from smadrive.identification.monotone import least_slope_derivatives, least_slopes
 from smadrive.identification.record import Record
 from smadrive.identification.rule_prior import Prior
@@ -95,6 +96,14 @@ class RuleProblem:
         error = self.residuals(x)[: len(self.record.v)]
         return float(np.sqrt(error @ error / self.record.count.sum()))
 
+    def leave_one_out_ratio(self, x: FloatArray) -> float:
+        """Leave-one-out error over training error at the minimum x; see confirmation."""
+        rates, (low, _) = 4 * len(self.centres), self._bounds()
+        free = np.ones(len(x), dtype=bool)
+        free[:rates] = x[:rates] > low[:rates]
+        record = self.record
+        return leave_one_out_ratio(self.residuals(x), self.jacobian(x)[:, free], len(record.v), record.scatter)
+
     def _wrong_slopes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """How far the least slopes per input span fall below zero at the nodes, and their weights, (2, nodes)."""
         tables, (lower, upper) = self.tables(x), self.record.input_range
@@ -133,13 +142,16 @@ class RuleProblem:
 
     def solve(self, start: FloatArray, iterations: int, tolerance: float) -> Minimum:
         """Descend from `start` within the bounds."""
+        bounds = self._bounds()
+        return minimise(self.residuals, self.jacobian, start, bounds, iterations=iterations, tolerance=tolerance)
+
+    def _bounds(self) -> tuple[FloatArray, FloatArray]:
         sets = len(self.centres)
-        low, high = np.full(len(start), -np.inf), np.full(len(start), np.inf)
+        low, high = np.full(len(self.start), -np.inf), np.full(len(self.start), np.inf)
         low[: 4 * sets], high[: 4 * sets] = 0.0, _LARGEST_RATE
         low[:sets] = low[3 * sets : 4 * sets] = _LEAST_RATE
         low[-1], high[-1] = 0.0, 1.0
-        bounds = (low, high)
-        return minimise(self.residuals, self.jacobian, start, bounds, iterations=iterations, tolerance=tolerance)
+        return low, high
 
     def model(self, x: FloatArray) -> TSFuzzyDuhem:
         """The model of x."""

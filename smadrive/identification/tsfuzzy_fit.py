@@ -3,8 +3,9 @@
 Unknown are the rates p, q ≥ 0 of every rule (see sensitivity), the centres of the sets, scale, offset and first state.
 A major loop alone cannot tell a from b, and free least squares then finds rules that expand; here every trial model
 contracts and is bounded by construction, and where the record is silent the rules stay near those of a Duhem fit: each
-rule is tied to it about as weakly as one measured sample would tie it. The error of the simulated output is minimised,
-from several placements of the centres, with exact derivatives.
+rule is tied to it about as weakly as one measured sample would tie it, and more tightly where samples do not confirm
+one another (see confirmation). The error of the simulated output is minimised, from several placements of the centres,
+with exact derivatives.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 from smadrive.errors import IdentificationError
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 from smadrive.identification.bounded import Minimum
+from smadrive.identification.confirmation import CONFIRMED
 from smadrive.identification.duhem_fit import fit_duhem
 from smadrive.identification.monotone import monotone
 from smadrive.identification.quality import Fit, judge
@@ -34,7 +36,10 @@ if TYPE_CHECKING:
 _TRY, _POLISH = (40, 1e-3), (150, 1e-5)  # iterations and relative gain to stop at: for each start, for the best
 _CLEARLY_BETTER = 0.8  # RMS of the richer Duhem fit over that of the plainer
 _MONOTONIES = (1.0, 0.1, 0.0)  # weights of slopes of the wrong sign, the first that the record bears is taken
-_MATERIAL = 0.005  # RMS in output spans that right slopes may cost
+_MATERIAL = 0.005  # RMS in output spans that right slopes, or a confirmed fit, may cost
+_TIES = (3.0, 10.0, 30.0, 100.0)  # how much more tightly the rules may be tied to the Duhem fit
+_MOST_COMPONENTS = 3  # Gaussians per branch of that fit
+_NOTHING_LEFT = 0.05  # RMS in per cent at which a Duhem fit leaves nothing to explain
 _AS_GOOD = 1.25  # RMS at which one fit counts as good as another
 _ACTIVITY_SHARES = (0.5, 0.8)  # of a start's centres that go where the output changes, the rest evenly
 
@@ -60,7 +65,7 @@ def identify_tsfuzzy(
     problems = [RuleProblem.near(record, prior, centres, fit_centres) for centres in placements]
     tries = [(problem, problem.solve(problem.start, *_TRY)) for problem in problems]
     problem, best = min(tries, key=lambda pair: pair[1].cost)
-    problem, best = _polished(problem, best.x)
+    problem, best = _confirmed(*_polished(problem, best.x))
     return _monotone_if_as_good(
         judge(problem.model(best.x), record.path, record.y, problem.first_output(best.x)), record
     )
@@ -80,6 +85,20 @@ def _polished(problem: RuleProblem, x: FloatArray) -> tuple[RuleProblem, Minimum
     return problem, best
 
 
+def _confirmed(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimum]:
+    """The solution with rules tied so tightly that the samples confirm one another, as far as the record bears it."""
+    loose, bearable = problem.prior, problem.misfit(best.x) + _MATERIAL
+    for tie in _TIES:
+        if problem.leave_one_out_ratio(best.x) <= CONFIRMED:
+            break
+        closer = replace(problem, prior=loose.tied(tie))
+        minimum = closer.solve(best.x, *_POLISH)
+        if closer.misfit(minimum.x) > bearable:
+            break
+        problem, best = closer, minimum
+    return problem, best
+
+
 def _monotone_if_as_good(fit: Fit[TSFuzzyDuhem], record: Record) -> Fit[TSFuzzyDuhem]:
     """The fit without slopes of the wrong sign, unless that costs fit."""
     better = judge(monotone(fit.model), record.path, record.y, fit.y0)
@@ -87,9 +106,16 @@ def _monotone_if_as_good(fit: Fit[TSFuzzyDuhem], record: Record) -> Fit[TSFuzzyD
 
 
 def _plainest_duhem(record: Record) -> Fit[DuhemModel]:
-    """One Gaussian per branch, or two where they fit clearly better: more follow noise where the record is silent."""
-    plain, rich = fit_duhem(record, components=1), fit_duhem(record, components=2)
-    return rich if rich.rms_percent < _CLEARLY_BETTER * plain.rms_percent else plain
+    """As few Gaussians per branch as fit well: more follow noise where the record is silent."""
+    plain = fit_duhem(record, components=1)
+    for components in range(2, _MOST_COMPONENTS + 1):
+        if plain.rms_percent <= _NOTHING_LEFT:
+            break
+        rich = fit_duhem(record, components)
+        if rich.rms_percent > _CLEARLY_BETTER * plain.rms_percent:
+            break
+        plain = rich
+    return plain
 
 
 def _placements(record: Record, sets: int | Sequence[float], *, fit_centres: bool) -> list[FloatArray]:
