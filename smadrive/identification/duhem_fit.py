@@ -8,7 +8,7 @@ measured in standard deviations, a penalty pushes them apart; it is raised until
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -23,6 +23,7 @@ from smadrive.hysteresis.mixture import GaussianMixture
 from smadrive.identification.bounded import Minimum, forward_differences, minimise
 from smadrive.identification.quality import Fit, judge
 from smadrive.identification.record import Record, prepare
+from smadrive.identification.uncertainty import DuhemErrors, MixtureErrors, standard_errors
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -43,9 +44,14 @@ _EXPLAINED = 0.5  # least share of the output's variance that a dependence on th
 _SPLITS = ((0.6, 0.6, 0.9), (0.0, 0.5, 1.5), (0.9, 0.7, 0.7))  # shift and widths, in σ of the single Gaussian
 
 
-def identify_duhem(
-    v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band: float | None = None
-) -> Fit[DuhemModel]:
+@dataclass(frozen=True, slots=True)
+class DuhemFit(Fit[DuhemModel]):
+    """An identified Duhem model, its figures, and the standard errors of its parameters (see uncertainty)."""
+
+    standard_errors: DuhemErrors
+
+
+def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band: float | None = None) -> DuhemFit:
     """The Duhem model with `components` Gaussians per branch that reproduces the record best.
 
     v, y (samples,): input and output. `dead_band`: radius of the reversal filter in the unit of v, None: from the noise
@@ -53,11 +59,17 @@ def identify_duhem(
     """
     if components < 1:
         raise IdentificationError(f"components = {components}; a branch needs at least 1 Gaussian")
-    return fit_duhem(prepare(v, y, dead_band), components)
+    problem, x, fit = _solve(prepare(v, y, dead_band), components)
+    figures = {field.name: getattr(fit, field.name) for field in fields(fit)}
+    return DuhemFit(**figures, standard_errors=problem.standard_errors(x, fit.residual))
 
 
 def fit_duhem(record: Record, components: int) -> Fit[DuhemModel]:
-    """The same for a prepared record."""
+    """The same for a prepared record, without standard errors."""
+    return _solve(record, components)[2]
+
+
+def _solve(record: Record, components: int) -> tuple[_Problem, FloatArray, Fit[DuhemModel]]:
     problem = _Problem(record, _PENALTIES[0])
     x = problem.solve(problem.first_guess(), _POLISH).x
     if components > 1:
@@ -70,7 +82,7 @@ def fit_duhem(record: Record, components: int) -> Fit[DuhemModel]:
             model = problem.model(x)
         except ModelError:
             continue
-        return _accepted(judge(model, record.path, record.y, float(record.mean_y[0])), record)
+        return problem, x, _accepted(judge(model, record.path, record.y, float(record.mean_y[0])), record)
     raise IdentificationError(
         "heating and cooling branch could not be kept apart over the record's range; check the order of the samples "
         "and that the output rises (or falls) later on heating than on cooling"
@@ -82,7 +94,8 @@ def _accepted(fit: Fit[DuhemModel], record: Record) -> Fit[DuhemModel]:
     if explained < _EXPLAINED:
         raise IdentificationError(
             f"the output does not follow the input: a loop explains {100 * explained:.0f} % of its variance, at least "
-            f"{100 * _EXPLAINED:.0f} % are needed; check that both columns belong to one wire"
+            f"{100 * _EXPLAINED:.0f} % are needed; check that both columns belong to one wire; if the wire expands more "
+            "than it transforms, subtract the slope of its hot end times the input from the output"
         )
     return fit
 
@@ -135,6 +148,19 @@ class _Problem:
         low, high = (np.concatenate([np.tile(np.repeat(ends, shape), 2), rest]) for ends, rest in _BOUNDS)
         jacobian = partial(forward_differences, self.residuals)
         return minimise(self.residuals, jacobian, x, (low, high), iterations=iterations, tolerance=_TOLERANCE)
+
+    def parameters(self, x: FloatArray) -> FloatArray:
+        """Weights, means, sigmas of heating and of cooling, scale and offset."""
+        parts = [np.array((m.weights, m.means, m.sigmas)) for m in self.mixtures(x)]
+        return np.concatenate([np.ravel(parts), self.output_map(x)])
+
+    def standard_errors(self, x: FloatArray, residual: FloatArray) -> DuhemErrors:
+        """Of the parameters at the minimum x, whose residual by sample is given in the unit of y."""
+        jacobian = forward_differences(self.residuals, x)[: len(self.record.v)]
+        slopes = forward_differences(self.parameters, x)
+        *branches, scale, offset = standard_errors(jacobian, slopes, residual / self.record.output_span)
+        heating, cooling = (MixtureErrors(*map(tuple, one)) for one in np.reshape(branches, (2, 3, -1)).tolist())
+        return DuhemErrors(heating, cooling, float(scale), float(offset))
 
     def first_guess(self) -> FloatArray:
         """One Gaussian per branch from the quantiles of the monotone curve through each branch's samples."""

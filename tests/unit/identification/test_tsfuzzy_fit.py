@@ -122,12 +122,3 @@ def test_options_that_do_not_fit():
         identify_tsfuzzy(v, y, sets=1)
     with pytest.raises(IdentificationError, match="components = 0"):
         identify_duhem(v, y, components=0)
-
-
-def test_duhem_parameters_are_found():
-    v = path(np.random.default_rng(2), 25, 135, 12, 200)
-    fit = identify_duhem(v, WIRE.simulate(v), components=1)
-    assert fit.rms_percent < 0.01
-    assert fit.model.heating.means[0] == pytest.approx(95, abs=0.05)
-    assert fit.model.cooling.sigmas[0] == pytest.approx(5.2, abs=0.05)
-    assert fit.model.scale == pytest.approx(-4.2, rel=1e-3)
