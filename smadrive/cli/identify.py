@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from smadrive.cli.fit_report import write_fit_report
 from smadrive.cli.output import AsJson, Output
 from smadrive.identification.thermal_fit import ThermalFit
 from smadrive.identification.wire_fit import AnyFit, WireFit, identify_hysteresis, identify_wire
@@ -32,6 +33,7 @@ def main(
     sets: Annotated[int, typer.Option(min=3, max=99, help="Fuzzy sets on the input; two rules for each.")] = 11,
     input_column: Annotated[str, typer.Option("--input", help="Column of the input (CSV).")] = "temperature_c",
     output_column: Annotated[str, typer.Option("--output", help="Column of the output (CSV).")] = "displacement_mm",
+    plot: Annotated[Path | None, typer.Option(help="Page (HTML) to write: loop, residuals, rules.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Fit a hysteresis model to DATA. From a log the heat balance is fitted too, and the thermocouple's lag removed."""
@@ -47,6 +49,9 @@ def main(
             fit = identify_hysteresis(table.column(input_column), table.column(output_column), kind.value, sets)
     figures = {"rms_percent": fit.rms_percent, "max_percent": fit.max_percent}
     save_wire(model_file, fit.model, balance, figures, source=str(data))
+    if plot is not None:
+        axes = ("wire temperature, °C", "displacement, mm") if is_log(data) else (input_column, output_column)
+        write_fit_report(plot, fit, str(data), axes)
     _tell(output, fit, model_file, thermal)
     output.result(
         {
@@ -56,6 +61,7 @@ def main(
             "max_percent": fit.max_percent,
             "model_file": str(model_file),
             "certificate": certificate(fit),
+            **({} if plot is None else {"plot_file": str(plot)}),
             **({} if thermal is None else {"heat_balance": asdict(thermal.balance), "within": thermal.within}),
         }
     )

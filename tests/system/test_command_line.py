@@ -48,6 +48,24 @@ def test_identify_simulate_and_invert_work_on_files(data):
     assert found["rms_percent"] < 1.0
     assert found["certificate"]["holds"] is True
 
+    plotted = succeed(
+        "identify",
+        "wire.csv",
+        "--output",
+        "strain",
+        "--kind",
+        "duhem",
+        "-o",
+        "duhem.json",
+        "--plot",
+        "fit.html",
+        cwd=data,
+    )
+    assert plotted["plot_file"] == "fit.html"
+    page = (data / "fit.html").read_text()
+    assert page.count("<img") == 2
+    assert "with standard errors" in page
+
     succeed("simulate", "model.json", "wire.csv", "--output", "strain", "-o", "simulated.csv", cwd=data)
     header = (data / "simulated.csv").read_text().splitlines()[0]
     assert header == "temperature_c,note,strain"
