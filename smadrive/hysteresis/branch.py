@@ -94,8 +94,8 @@ class BranchEngine:
         for first, value in ((0, target), (4, exponent)):
             self._coefficients[first + 3].take(cell, out=value, mode="clip")
             for row in (first + 2, first + 1, first):
-                value *= t
-                value += self._coefficients[row].take(cell, out=coefficient, mode="clip")
+                np.multiply(value, t, out=value)
+                np.add(value, self._coefficients[row].take(cell, out=coefficient, mode="clip"), out=value)
 
     def trajectory(self, v: FloatArray, w_start: float, out: FloatArray | None = None) -> FloatArray:
         """States w at every sample of the input path `v` (1-D), from w_start at v[0]; in `out` if given."""

@@ -3,5 +3,6 @@
 from smadrive.identification.duhem_fit import identify_duhem
 from smadrive.identification.quality import Fit
 from smadrive.identification.tsfuzzy_fit import identify_tsfuzzy
+from smadrive.identification.validation import HoldOut, hold_out
 
-__all__ = ["Fit", "identify_duhem", "identify_tsfuzzy"]
+__all__ = ["Fit", "HoldOut", "hold_out", "identify_duhem", "identify_tsfuzzy"]

@@ -86,17 +86,21 @@ def _polished(problem: RuleProblem, x: FloatArray) -> tuple[RuleProblem, Minimum
 
 
 def _confirmed(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimum]:
-    """The solution with rules tied so tightly that the samples confirm one another, as far as the record bears it."""
+    """The solution with rules tied so tightly that the samples confirm one another, as far as the record bears it.
+
+    Where no bearable tie does, the one under which they come nearest to it.
+    """
     loose, bearable = problem.prior, problem.misfit(best.x) + _MATERIAL
+    tried = [(problem.leave_one_out_ratio(best.x), problem, best)]
     for tie in _TIES:
-        if problem.leave_one_out_ratio(best.x) <= CONFIRMED:
+        if tried[-1][0] <= CONFIRMED:
             break
-        closer = replace(problem, prior=loose.tied(tie))
-        minimum = closer.solve(best.x, *_POLISH)
-        if closer.misfit(minimum.x) > bearable:
+        problem = replace(problem, prior=loose.tied(tie))
+        best = problem.solve(best.x, *_POLISH)
+        if problem.misfit(best.x) > bearable:
             break
-        problem, best = closer, minimum
-    return problem, best
+        tried.append((problem.leave_one_out_ratio(best.x), problem, best))
+    return min(tried, key=lambda one: one[0])[1:]
 
 
 def _monotone_if_as_good(fit: Fit[TSFuzzyDuhem], record: Record) -> Fit[TSFuzzyDuhem]:

@@ -5,7 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smadrive.identification import identify_duhem, identify_tsfuzzy
+from smadrive.identification import hold_out, identify_duhem, identify_tsfuzzy
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the measured records lie beside the project")
@@ -33,6 +33,11 @@ def test_twenty_two_rules(name, rms_percent, max_percent):
     assert fit.certificate.holds
     if name.startswith("flexinol"):  # the others expand so much that their output does turn the other way
         assert fit.certificate.invertible_share >= 0.99
+
+
+@pytest.mark.parametrize("name", ["flexinol_isobaric/100MPa", "flexinol_isobaric/172MPa", "nitihf_isobaric/300MPa"])
+def test_samples_between_those_fitted_are_met_as_well(name):
+    assert max(half.ratio for half in hold_out(*columns(name), identify_tsfuzzy)) <= 1.2
 
 
 @pytest.mark.parametrize("name", ["flexinol_isobaric/100MPa", "flexinol_isobaric/172MPa"])
