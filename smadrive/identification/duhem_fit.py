@@ -94,8 +94,8 @@ def _accepted(fit: Fit[DuhemModel], record: Record) -> Fit[DuhemModel]:
     if explained < _EXPLAINED:
         raise IdentificationError(
             f"the output does not follow the input: a loop explains {100 * explained:.0f} % of its variance, at least "
-            f"{100 * _EXPLAINED:.0f} % are needed; check that both columns belong to one wire; if the wire expands more "
-            "than it transforms, subtract the slope of its hot end times the input from the output"
+            f"{100 * _EXPLAINED:.0f} % are needed; check that both columns belong to one wire; if the wire expands "
+            "more than it transforms, subtract the slope of its hot end times the input from the output"
         )
     return fit
 
