@@ -85,12 +85,14 @@ class FeedbackConfig(Section):
     """How fast the temperature loop is; the gains follow from the heat balance.
 
     `feedforward_share` of the feedforward's power is used: all of it, or less to see what the feedback does alone.
+    `adapt` lets the tuning page's session adapt the rules to the measured displacement as soon as it is armed.
     """
 
     closed_loop_s: float = Field(default=0.25, gt=0)
     integral_s: float = Field(default=2.0, gt=0)
     noise_c: float = Field(default=0.1, gt=0)
     feedforward_share: float = Field(default=1.0, ge=0, le=1.5)
+    adapt: bool = False
 
 
 class RigConfig(Section):

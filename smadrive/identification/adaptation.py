@@ -14,9 +14,9 @@ What is likely to change is known: branches shift, widen, and the scale drifts. 
 changes, and Q is a share of it: forgetting happens along these directions, only while the wire travels, and P is held
 below where it began. Within the dead zone nothing is learnt: there the error is noise.
 
-A sensor may lie. What is further off than the filter can believe is a spike and not used; a sensor that stands while
-the wire travels, or that stays unbelievable, ends the adaptation, and θ goes back to what it was before that travel.
-And no parameter may go further from where it began than `limit` standard deviations of such changes.
+A sensor may lie. What is further off than any likely change explains, or jumps, is a spike and not used; a sensor that
+stands while the wire travels, or that stays unbelievable, ends the adaptation, and θ goes back to what it was well
+before. And no parameter may go further from where it began than `limit` standard deviations of such changes.
 """
 
 from __future__ import annotations
@@ -101,15 +101,16 @@ class Adaptation:
 
     @property
     def model(self) -> TSFuzzyDuhem:
-        """The rules as they are now; certified, as contraction and bounds are kept."""
-        p_heating, q_heating, p_cooling, q_cooling = self._theta[:-1].reshape(4, -1)
+        """The rules as they are now; certified, as contraction and bounds are kept. May be asked by another thread."""
+        theta = self._theta  # every step makes a new one
+        p_heating, q_heating, p_cooling, q_cooling = theta[:-1].reshape(4, -1)
         return TSFuzzyDuhem(
             self._base.sets,
             a_heating=-(p_heating + q_heating),
             b_heating=p_heating,
             a_cooling=p_cooling + q_cooling,
             b_cooling=-p_cooling,
-            scale=self._scale,
+            scale=self._base.scale * exp(theta[-1]),
             offset=self._base.offset,
             input_range=self._base.input_range,
         )
@@ -171,7 +172,8 @@ class Adaptation:
         direction = self._covariance @ slope
         variance = float(slope @ direction) + settings.noise**2
         jump = abs(error - self._believed_error) - min(JUMP_PER_C * self._since_believed_c, JUMP)
-        if abs(error) > GATE * variance**0.5 or jump > GATE * settings.noise:
+        believable = float(slope @ self._prior @ slope) + settings.noise**2
+        if abs(error) > GATE * believable**0.5 or jump > GATE * settings.noise:
             self._disbelieved += 1
             return
         self._disbelieved, self._believed_error, self._since_believed_c = 0, error, 0.0

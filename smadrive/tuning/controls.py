@@ -113,6 +113,7 @@ class Controls:
             "use_a": self._button("use_a", "Use A", "default", partial(ask, "recall", slot="A")),
             "use_b": self._button("use_b", "Use B", "default", partial(ask, "recall", slot="B")),
             "compare": self._button("compare", "Compare", "default", self._compare),
+            "adapt": self._button("adapt", "Adapt", "default", lambda: ask("adapt", on=not self._is_adapting)),
             "fit": self._button("fit", "Fit", "default", lambda: fit(float(self._fit_s.value))),
             "save": self._button("save", "Save", "default", lambda: save(str(self._name.value))),
         }
@@ -124,7 +125,7 @@ class Controls:
         self._name = TextInput(placeholder="name of the new files", name="save_name", sizing_mode="stretch_width")
         for widget in (self._reference, self._spec, self._fit_s, self._name):
             widget.update(margin=(2, 3, 2, 3), stylesheets=[COMPACT])
-        self._is_comparing = False
+        self._is_comparing = self._is_adapting = False
         self._rules = ColumnDataSource({name: [] for name in ("centre", *LAWS)})
         self._shown_rules: list[list[float]] = []
         self._rules.on_change("data", self._rule_edited)
@@ -158,6 +159,8 @@ class Controls:
         for name, button in self.buttons.items():
             _set(button, disabled=not (on and allowed.get(name, True)))
         _set(self.buttons["compare"], label="Stop comparing" if compares else "Compare A / B")
+        self._is_adapting = status["adapts"]
+        _set(self.buttons["adapt"], label="Stop adapting" if self._is_adapting else "Adapt online")
         _set(self.buttons["undo"], label=f"Undo {status['undo']}" if status["undo"] else "Undo")
         _set(self.buttons["redo"], label=f"Redo {status['redo']}" if status["redo"] else "Redo")
         self.table.editable = on and not compares

@@ -10,6 +10,9 @@ from smadrive.tuning.tuning import Tuning
 DRAG_S = 1.5
 MOST = 200
 
+ADAPTED = "adaptation"
+"""The change that the adaptation makes again and again: one step, so that one undo takes it all back."""
+
 
 class History:
     """The tunings that were in force, and which one is."""
@@ -36,7 +39,11 @@ class History:
 
     def push(self, tuning: Tuning, time_s: float) -> None:
         """A new change, after which nothing can be redone."""
-        goes_on = self._at > 0 and tuning.change == self.now.change and time_s - self._changed_s < DRAG_S
+        goes_on = (
+            self._at > 0
+            and tuning.change == self.now.change
+            and (tuning.change == ADAPTED or time_s - self._changed_s < DRAG_S)
+        )
         keep = self._at if goes_on else self._at + 1
         self._line = [*self._line[:keep], tuning][-MOST:]
         self._at = len(self._line) - 1

@@ -22,9 +22,10 @@ from smadrive.errors import ConfigError, SmadriveError
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
 from smadrive.thermal import HeatBalance
+from smadrive.tuning.adapting import Adapting
 from smadrive.tuning.channel import MESSAGES_PER_TICK, ControlEnd
 from smadrive.tuning.live import LiveController
-from smadrive.tuning.messages import AnyRequest, Arm, ClearFaults, Off, parse_request
+from smadrive.tuning.messages import Adapt, AnyRequest, Arm, ClearFaults, Off, Step, parse_request
 from smadrive.tuning.status import STATUS_S, Status
 from smadrive.tuning.tuning import Tuning
 from smadrive.tuning.workbench import Workbench
@@ -56,6 +57,7 @@ class TuningSession:
         self._record = record
         self.bench = Workbench(self._controller, self._path, rig.config.limits, tuning, workshop)
         self._live: LiveController | None = None
+        self._adapting = Adapting(balance, rig.period_s, rig.config.feedback.noise_c)
         self._status = Status(rig, list(references), balance, self.bench)
         self._began_s = rig.clock.now_s()
         self._arming: Arm | None = None
@@ -123,6 +125,8 @@ class TuningSession:
                 controller = self._controller(self.bench.in_force, hold)
                 self._live = LiveController(controller, hold, self._serve)
                 self._status.tell(self._now_s, "armed, holding")
+                if self.bench.in_force.feedback.adapt and not self._adapting.is_on:
+                    self._adapting.switch(True, self.bench.in_force)
                 self._answer(arming, None)
                 arming = None
                 self._rig.drive(self._live, self._balance, self._take)
@@ -162,7 +166,18 @@ class TuningSession:
         )
         self._status.measured = measurement
         self.bench.score(command.wanted_mm - _known(measurement.displacement_mm, command.estimated_mm))
+        self._adapt(tick)
         self._record(tick)
+
+    def _adapt(self, tick: Tick) -> None:
+        if self._live is None:
+            return
+        ended = self._adapting.update(tick, self.bench.in_force)
+        if ended is not None:
+            self._status.tell(self._now_s, ended)
+        adaptation = self._adapting.due(self._now_s)
+        if adaptation is not None:
+            self.bench.adapt(adaptation, self._live)
 
     def _serve(self) -> None:
         """What the page has asked since the last tick, what the workshop has finished, and the status for the page."""
@@ -179,7 +194,7 @@ class TuningSession:
 
     def _publish(self) -> None:
         self._published_s = self._now_s
-        self._channel.publish(self._status.document(self._live, is_safe=self._is_safe))
+        self._channel.publish(self._status.document(self._live, is_safe=self._is_safe, adapts=self._adapting.is_on))
 
     def _receive(self, message: bytes) -> None:
         try:
@@ -204,7 +219,12 @@ class TuningSession:
                 return
             case ClearFaults():
                 self._clear()
+            case Adapt(on=on):
+                self._adapting.switch(on, self.bench.in_force)
+                self._status.tell(self._now_s, f"adaptation {'on' if on else 'off'}")
             case _:
+                if isinstance(request, Step):
+                    self._adapting.switch(False, self.bench.in_force)
                 self.bench.add(request, self._live)
                 return
         self._answer(request, None)

@@ -48,7 +48,7 @@ class Status:
         """Add an event."""
         self.events.append((round(time_s, 2), event))
 
-    def document(self, live: LiveController | None, *, is_safe: bool) -> dict[str, Any]:
+    def document(self, live: LiveController | None, *, is_safe: bool, adapts: bool) -> dict[str, Any]:
         """Everything as plain values."""
         bench, measured = self._bench, self.measured
         comparison = bench.comparison
@@ -69,6 +69,7 @@ class Status:
                 "slots": {slot: tuning.change for slot, tuning in comparison.slots.items()},
                 "scores": {slot: [score.mean_percent, len(score.cycles)] for slot, score in comparison.scores.items()},
             },
+            "adapts": adapts,
             "events": list(self.events),
         }
 

@@ -16,9 +16,10 @@ from smadrive.control.reference import Reference
 from smadrive.control.tracking import TrackingController
 from smadrive.control.wire import travel_mm
 from smadrive.errors import ConfigError, SmadriveError
+from smadrive.identification.adaptation import Adaptation
 from smadrive.rigconfig import LimitsConfig
 from smadrive.tuning.comparison import Comparison
-from smadrive.tuning.history import History
+from smadrive.tuning.history import ADAPTED, History
 from smadrive.tuning.live import LiveController
 from smadrive.tuning.messages import AnyRequest, Compare, Hold, Keep, Recall, SetFeedback, SetShape, Step, Track
 from smadrive.tuning.tuning import CHANGES, Tuning
@@ -96,6 +97,19 @@ class Workbench:
             self._job = self._waiting.popleft()
             self._building = self._workshop.submit(self._prepare, self._job)
 
+    def adapt(self, adaptation: Adaptation, live: LiveController) -> None:
+        """Put the adapted rules in force, unless something else is on its way."""
+        if self._job is None and not self._waiting and not self.comparison.is_on:
+            feedback, reference = self.in_force.feedback, live.reference
+            self._queue(
+                Job(
+                    None,
+                    lambda: (Tuning.of(adaptation.model, feedback, ADAPTED), reference),
+                    self._put_as_change,
+                    "",
+                )
+            )
+
     def answers(self) -> Iterator[tuple[AnyRequest, str | None]]:
         """The requests that are done, None, or refused, with the reason."""
         answers, self._answers = self._answers, []
@@ -128,7 +142,7 @@ class Workbench:
         except SmadriveError as error:
             if job.request is None:
                 self.comparison.stop()
-                yield f"comparison ended: {error}"
+                yield f"not put in force: {error}"
             else:
                 self._answers.append((job.request, str(error)))
             return

@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from smadrive.wirefile import parse_wire
+
 NONE_A = 0.002
 """The noise of the simulated current measurement."""
 
@@ -162,6 +164,34 @@ def test_a_and_b_take_turns_and_the_better_one_scores_better(bench):
     assert b_cycles >= 2
     assert a_percent < 0.5 * b_percent
     assert bench.status["tuning"]["feedback"]["closed_loop_s"] == 0.25
+
+
+def half_way_c(wire):
+    """Where the heating branch of a wire's file is half way up."""
+    model, _ = parse_wire(wire, place="status")
+    return float(np.interp(0.5, model.engine.heating.target, model.engine.nodes))
+
+
+def test_the_rules_follow_a_wire_that_changed_and_one_undo_takes_it_back(ruled_bench):
+    ruled_bench.at(1.0, "arm")
+    ruled_bench.at(1.5, "shape", key="mu_heating", value=92.5)
+    ruled_bench.at(4.0, "track", reference="sine")
+    ruled_bench.at(20.0, "adapt", on=True)
+    seen = []
+    ruled_bench.do(290.0, lambda: seen.append(ruled_bench.status))
+    ruled_bench.at(291.0, "undo")
+    ruled_bench.run(until_s=293.0)
+    assert seen[0]["adapts"], seen[0]["events"]
+    assert seen[0]["tuning"]["change"] == "adaptation"
+    assert abs(half_way_c(seen[0]["tuning"]["wire"]) - 89.9) < 1.0
+    assert ruled_bench.status["tuning"]["shape"]["mu_heating"] == pytest.approx(92.5)
+    assert not ruled_bench.status["adapts"]
+
+
+def test_a_model_without_rules_cannot_be_adapted(bench):
+    asked = bench.at(1.0, "adapt", on=True)
+    bench.run(until_s=2.0)
+    assert "no rules" in bench.answers[asked]
 
 
 def test_a_trip_is_told_with_its_remedy_and_must_be_cleared_by_arming_again(bench):

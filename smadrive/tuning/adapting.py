@@ -1,0 +1,82 @@
+"""The online adaptation of a session: fed at every tick, its rules put in force every `PUBLISH_S` as any other change.
+
+The temperature it learns from is estimated without the displacement: an observer that sees both would explain a wrong
+model by a wrong temperature. It goes on from whatever model is in force: after a change by hand it starts afresh from
+that. Undo takes all of it back and ends it.
+"""
+
+from __future__ import annotations
+
+from math import nan
+
+from smadrive.control.loop import Tick
+from smadrive.control.observer import WireEstimate, WireObserver
+from smadrive.control.wire import WireModel
+from smadrive.errors import ConfigError
+from smadrive.hysteresis import TSFuzzyDuhem
+from smadrive.identification.adaptation import Adaptation
+from smadrive.measurement import Measurement
+from smadrive.thermal import HeatBalance
+from smadrive.tuning.history import ADAPTED
+from smadrive.tuning.tuning import Tuning
+
+PUBLISH_S = 2.0
+
+
+class Adapting:
+    """The switch and what hangs on it."""
+
+    def __init__(self, balance: HeatBalance, period_s: float, noise_c: float) -> None:
+        self._balance = balance
+        self._period_s = period_s
+        self._noise_c = noise_c
+        self._estimate: WireEstimate | None = None
+        self._time_s = 0.0
+        self._adaptation: Adaptation | None = None
+        self._started_from: Tuning | None = None
+        self._published_s = 0.0
+
+    @property
+    def is_on(self) -> bool:
+        """Whether the rules are adapted."""
+        return self._adaptation is not None
+
+    def switch(self, on: bool, tuning: Tuning) -> None:
+        """On, from the rules in force, or off. ConfigError for a model without rules."""
+        if on and not isinstance(tuning.model, TSFuzzyDuhem):
+            raise ConfigError("a Duhem model has no rules to adapt: identify with --kind tsfuzzy")
+        self._adaptation = self._started_from = None
+        if on and isinstance(tuning.model, TSFuzzyDuhem):
+            self._adaptation, self._started_from = Adaptation(tuning.model, self._noise_c), tuning
+            wire = WireModel(tuning.model, self._balance)
+            self._observer = WireObserver(wire, self._period_s, self._noise_c, abs(tuning.model.scale))
+            self._estimate = None
+
+    def update(self, tick: Tick, tuning: Tuning) -> str | None:
+        """Learn from a tick; why it has ended, None while it goes on or is off."""
+        if self._adaptation is None:
+            return None
+        if tuning.change != ADAPTED and tuning is not self._started_from:
+            self.switch(True, tuning)
+        self._adaptation.update(self._wire_c(tick.measurement), tick.measurement.displacement_mm)
+        if self._adaptation.lying is None:
+            return None
+        why, self._adaptation = self._adaptation.lying, None
+        return f"adaptation ended: {why}"
+
+    def _wire_c(self, measured: Measurement) -> float:
+        """The wire's temperature by heat and thermocouple alone."""
+        dt_s, self._time_s = measured.time_s - self._time_s, measured.time_s
+        if self._estimate is None:
+            self._estimate = self._observer.start(measured.temperature_c, measured.displacement_mm)
+        else:
+            power_w = measured.current_a * measured.voltage_v
+            self._estimate = self._observer.update(self._estimate, measured.temperature_c, nan, power_w, dt_s)
+        return self._estimate.temperature_c
+
+    def due(self, time_s: float) -> Adaptation | None:
+        """The adaptation whose rules are to be put in force now."""
+        if self._adaptation is None or time_s - self._published_s < PUBLISH_S:
+            return None
+        self._published_s = time_s
+        return self._adaptation
