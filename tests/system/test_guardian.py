@@ -1,9 +1,11 @@
 """A supply without a watchdog never heats without its driver: killed, stopped, crashed or interrupted, in real time."""
 
 import contextlib
+import os
 import signal
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
 
@@ -60,16 +62,16 @@ def served(profile):
 
 
 @contextlib.contextmanager
-def driven(tmp_path, fate):
+def driven(tmp_path, fate, stderr=subprocess.PIPE):
     """A driver that heats through a supply; its process, and the supply's."""
     with served("riden-rd60xx") as (supply, supply_url), served("delta-dtb") as (_, reader_url):
         rig = tmp_path / "rig.toml"
         rig.write_text(RIG.format(supply=supply_url, reader=reader_url))
         with subprocess.Popen(
-            [sys.executable, "-c", DRIVER, str(rig), fate], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+            [sys.executable, "-c", DRIVER, str(rig), fate], stdout=subprocess.PIPE, stderr=stderr, text=True
         ) as driver:
             try:
-                assert driver.stdout.readline() == "heating\n", driver.stderr.read()
+                assert driver.stdout.readline() == "heating\n"
                 assert supply.stderr.readline().endswith("output on, no watchdog\n")
                 yield driver, supply
             finally:
@@ -98,3 +100,31 @@ def test_a_driver_that_can_switch_off_does_so_itself(tmp_path, fate):
         assert supply.stderr.readline().endswith("output off\n")
         said = driver.communicate(timeout=30)[1]
         assert ("taking over" in said) == (fate == "terminated")  # to a script like this one SIGTERM is a kill
+
+
+def test_a_terminal_that_takes_nothing_does_not_keep_the_heat_on(tmp_path):
+    """As a stalled ssh session, or a pipe that nobody reads: what is said there is lost, not the wire."""
+    nobody_reads, stalled = os.pipe()
+    os.set_blocking(stalled, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(stalled, bytes(4096))
+    os.set_blocking(stalled, True)
+    try:
+        with driven(tmp_path, "killed", stderr=stalled) as (driver, supply):
+            driver.kill()
+            assert supply.stderr.readline().endswith("output off\n")
+    finally:
+        os.close(nobody_reads)
+        os.close(stalled)
+
+
+def test_a_driver_whose_guardian_stands_still_switches_off(tmp_path):
+    with driven(tmp_path, "unguarded") as (driver, supply):
+        (guardian,) = (int(pid) for pid in Path(f"/proc/{driver.pid}/task/{driver.pid}/children").read_text().split())
+        os.kill(guardian, signal.SIGSTOP)
+        try:
+            assert supply.stderr.readline().endswith("output off\n")
+        finally:
+            os.kill(guardian, signal.SIGCONT)
+        assert "the guardian is gone or stands still" in driver.communicate(timeout=30)[1]
