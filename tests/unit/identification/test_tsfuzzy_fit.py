@@ -74,6 +74,15 @@ def test_a_loop_with_a_gap_is_still_certified(noisy_record):
     assert w.max() <= 1 + 1e-9
 
 
+def test_a_branch_so_narrow_that_its_density_underflows_is_fitted():
+    """Far from such a branch the local law is 0 = 0: it has no equilibrium there."""
+    true = DuhemModel.gaussian(
+        mu_heating=85.0, mu_cooling=60.0, sigma_heating=0.3, sigma_cooling=3.0, scale=1.0, input_range=(20.0, 84.9)
+    )
+    v = np.concatenate([np.linspace(22.0, 84.8, 300), np.linspace(84.8, 22.0, 300)])
+    assert identify_tsfuzzy(v, true.simulate(v)).rms_percent < 5.0
+
+
 def test_centres_can_be_given(noisy_record):
     v, y, _, _ = noisy_record
     centres = [40.0, 60.0, 70.0, 75.0, 80.0, 88.0, 92.0, 96.0, 101.0, 110.0, 130.0]
