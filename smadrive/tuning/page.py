@@ -6,7 +6,7 @@ Everything is drawn from the channel at `FRAME_MS`; nothing is kept that a new p
 from __future__ import annotations
 
 import json
-from concurrent.futures import Future
+from concurrent.futures import BrokenExecutor, Future
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -79,24 +79,28 @@ class Page:
         if rows.size:
             self._plots.show_state(rows)
         if status["tuning"] != self._shown:
-            self._show_tuning(status["tuning"])
+            self._show_model(status["tuning"])
+        self._show_knobs(status["tuning"])
         self._controls.enable(controls, status=status)
         self._text("chips", chips_html(status, self._timing, controls=controls))
         self._text("banner", banner_html(status, self._note))
         self._text("events", events_html(status["events"]))
         self._text("scores", scores_html(status["comparison"]))
 
-    def _show_tuning(self, tuning: dict[str, Any], *, now: bool = False) -> None:
+    def _show_model(self, tuning: dict[str, Any]) -> None:
         if tuning["wire"] != self._shown.get("wire"):
             model = parse_model(tuning["wire"], place="the wire in force")
             self._plots.show_model(model, tuning["travel_mm"])
             document = json.loads(tuning["wire"])
             if "sets" in document:
                 self._controls.show_rules(document["sets"]["centres"], {law: document[law] for law in LAWS})
+        self._shown = tuning
+
+    def _show_knobs(self, tuning: dict[str, Any], *, now: bool = False) -> None:
+        """At every drawing: what a knob did not show under a hand it shows as soon as the hand is off."""
         for name, value in {**tuning["shape"], **tuning["feedback"]}.items():
             if name in self._controls.knobs:
                 self._controls.knobs[name].show(value, now=now)
-        self._shown = tuning
 
     def _bound_knobs(self, tuning: dict[str, Any]) -> None:
         for name, knob in self._controls.knobs.items():
@@ -123,7 +127,8 @@ class Page:
 
     def _show_again(self) -> None:
         self._shown = {}
-        self._show_tuning(self._desk.status["tuning"], now=True)
+        self._show_model(self._desk.status["tuning"])
+        self._show_knobs(self._desk.status["tuning"], now=True)
 
     def _fit(self, seconds: float) -> None:
         """Have a model fitted beside everything else, then ask for it."""
@@ -139,7 +144,7 @@ class Page:
     def _fitted(self, seconds: float, fitting: Future[str]) -> None:
         try:
             self._ask("model", text=fitting.result(), source=f"fit to the last {seconds:g} s")
-        except SmadriveError as error:
+        except (SmadriveError, BrokenExecutor) as error:
             self._note = f"fit: {error}"
 
     def _save(self, name: str) -> None:
