@@ -1,4 +1,8 @@
-"""A tuning session on a served simulator in real time, its page in a process of its own, and Debian's chromium."""
+"""A tuning session on a served simulator, its page in a process of its own, and Debian's chromium.
+
+A person watches a page in real time, but what the loop does must not depend on how busy the machine is: the session
+lives on a paced clock, on which no tick is ever late.
+"""
 
 import secrets
 import shutil
@@ -26,6 +30,18 @@ PATIENCE_S = 60.0
 """How long a test waits for what must happen; on a quiet machine everything happens within a fraction of a second."""
 
 
+class PacedClock:
+    """The virtual time of a simulator, but no faster than real time."""
+
+    def __init__(self, virtual):
+        self._virtual = virtual
+        self.now_s = virtual.now_s
+
+    def sleep_until(self, time_s):
+        time.sleep(max(0.0, time_s - self.now_s()))
+        self._virtual.sleep_until(time_s)
+
+
 class Ended(BaseException):
     """Ends a session as Ctrl-C does."""
 
@@ -40,8 +56,9 @@ class Session:
 
     def __enter__(self):
         self._stack = ExitStack()
-        simulator = self._stack.enter_context(ServedSimulator("flexinol-lt-0.15mm", real_time=True))
-        self.rig = self._stack.enter_context(Rig(load_rig("simulated").at(simulator.url)))
+        simulator = self._stack.enter_context(ServedSimulator("flexinol-lt-0.15mm"))
+        rig = Rig(load_rig("simulated").at(simulator.url), PacedClock(simulator.clock))
+        self.rig = self._stack.enter_context(rig)
         self.channel = channel = self._stack.enter_context(ControlEnd())
         workshop = self._stack.enter_context(ThreadPoolExecutor(1))
         tuning = Tuning.of(rules(), self.rig.config.feedback, "as loaded")
@@ -74,6 +91,12 @@ class Session:
         self.wait(lambda: self.ticks and not self.session.is_heating and self.current_a < 0.002)
 
     @property
+    def told(self):
+        """Mode, faults and events as the page is told them."""
+        _, status = PageEnd(self.channel.memory_fd, self.channel.page_socket).status(-1)
+        return {name: status[name] for name in ("mode", "fault", "lost", "events")}
+
+    @property
     def in_force(self):
         return self.session.bench.in_force
 
@@ -85,7 +108,7 @@ class Session:
         """Until `condition()` holds; fails when it does not come to hold."""
         give_up_s = time.monotonic() + PATIENCE_S
         while not condition():
-            assert time.monotonic() < give_up_s, "it did not come about"
+            assert time.monotonic() < give_up_s, f"it did not come about: {self.told}"
             time.sleep(0.01)
 
 

@@ -38,6 +38,15 @@ def name(page, text):
     page.get_by_placeholder("name of the new files").press("Tab")
 
 
+def opened_editor(page, cell):
+    """The field in which a table's cell is edited: tried again until the table takes the double click."""
+    editor = page.locator(".slick-cell input")
+    while not editor.is_visible():
+        cell.dblclick(force=True)
+        page.wait_for_timeout(500)
+    return editor
+
+
 def heat(page, live):
     press(page, "Arm")
     live.wait(lambda: live.session.is_heating)
@@ -143,11 +152,9 @@ def test_a_bad_value_is_refused_with_its_reason_and_the_value_in_force_comes_bac
 
 def test_a_rule_is_edited_in_the_table(client, live):
     page = client()
-    cell = page.locator(".slick-row").nth(2).locator(".slick-cell").nth(1)
-    cell.dblclick(force=True)
-    page.keyboard.press("Control+A")
-    page.keyboard.type("-0.05")
-    page.keyboard.press("Enter")
+    editor = opened_editor(page, page.locator(".slick-row").nth(2).locator(".slick-cell").nth(1))
+    editor.fill("-0.05")
+    editor.press("Enter")
     live.wait(lambda: live.in_force.change == "rule 3 heating")
     assert live.in_force.model.heating_law[0][2] == -0.05
 
@@ -215,5 +222,10 @@ def test_a_frozen_page_holds_nothing_up(client, live):
 
 def test_what_cannot_be_fitted_is_told(client, live):
     page = client()
+    idle_s = live.ticks[-1][1].measurement.time_s
+    live.wait(lambda: live.ticks[-1][1].measurement.time_s > idle_s + 10.0)
+    fit_s = page.locator(".card", has_text="Fit to the last seconds").locator("input.bk-input").first
+    fit_s.fill("10")
+    fit_s.press("Enter")
     press(page, "Fit")
-    page.get_by_text(re.compile("nothing to fit|one full loop")).wait_for()
+    page.get_by_text("nothing to fit").first.wait_for()
