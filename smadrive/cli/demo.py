@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import AbstractContextManager
 from dataclasses import asdict, dataclass
+from itertools import count
 from pathlib import Path
 from typing import Annotated
 
@@ -13,7 +14,7 @@ import typer
 from smadrive.cli.demo_report import write_demo_report
 from smadrive.cli.identify import certificate, rules
 from smadrive.cli.live import watched
-from smadrive.cli.output import AsJson, Output, make_folder
+from smadrive.cli.output import AsJson, Output, make_empty_folder
 from smadrive.cli.run import APPROACH_S, HEADER, table_row
 from smadrive.control.feedforward import DisplacementInverse, HysteresisInverse, StaticMap
 from smadrive.control.loop import Tick
@@ -29,6 +30,7 @@ from smadrive.telemetry.log import Log, read_log
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.wirefile import save_wire
 
+FOLDER = "smadrive-demo"
 SIM = "flexinol-lt-0.15mm"
 RIG = "simulated"
 PERIOD_S = 56.0
@@ -51,9 +53,14 @@ class Arm:
 
 
 def main(
-    folder: Annotated[Path, typer.Option("--output-dir", "-o", help="Where logs, model and report go.")] = Path(
-        "smadrive-demo"
-    ),
+    folder: Annotated[
+        Path | None,
+        typer.Option(
+            "--output-dir",
+            "-o",
+            help="Where logs, model and report go: an empty folder; smadrive-demo, or the next unused, by default.",
+        ),
+    ] = None,
     real_time: Annotated[
         bool, typer.Option("--real-time", help="Run at 1x (some ten minutes) instead of virtual time.")
     ] = False,
@@ -62,7 +69,7 @@ def main(
 ) -> None:
     """Excite a simulated wire, identify it from the record, track with and without the inverse, write a report."""
     output = Output(as_json)
-    make_folder(folder)
+    folder = make_empty_folder(folder or _unused_folder())
     with ServedSimulator(SIM, real_time=real_time, seed=seed, log=folder / "firmware.log") as simulator:
         config = load_rig(RIG).at(simulator.url)
         output.say(f"firmware-sim serves the simulated wire at {simulator.url}")
@@ -148,6 +155,12 @@ class _Session:
     ) -> AbstractContextManager[Callable[[Tick], None]]:
         limit_a = self.bench.config.limits.current_max_a
         return watched(recorder, title, duration_s, limit_a, quiet=self.output.quiet)
+
+
+def _unused_folder() -> Path:
+    """`smadrive-demo`, or with the next number: what an earlier demo wrote stays."""
+    numbered = (Path(FOLDER if n == 1 else f"{FOLDER}-{n}") for n in count(1))
+    return next(folder for folder in numbered if not folder.exists())
 
 
 def _reference(cold_mm: float, hot_mm: float) -> Reference:

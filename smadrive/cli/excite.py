@@ -11,6 +11,7 @@ from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile
 from smadrive.identification.excitation import check_may_excite
+from smadrive.outfile import LOG, check_output
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 from smadrive.runlog import record_excitation
@@ -23,6 +24,7 @@ def main(
 ) -> None:
     """Drive the wire of RIG through the temperature path of its rig file, within its limits, and record it."""
     output = Output(as_json)
+    check_output(log_file, LOG)
     with Rig(load_rig(rig)) as bench:
         found = bench.heater.exchange(0.0)
         limit_a = bench.config.limits.current_max_a

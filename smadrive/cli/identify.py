@@ -11,10 +11,12 @@ import typer
 
 from smadrive.cli.fit_report import write_fit_report
 from smadrive.cli.output import AsJson, Output
+from smadrive.errors import DataError
 from smadrive.identification.thermal_fit import ThermalFit
 from smadrive.identification.wire_fit import AnyFit, WireFit, identify_hysteresis, identify_wire
 from smadrive.loggedrun import excitation_record, nominal_balance
-from smadrive.telemetry.log import is_log, read_log
+from smadrive.outfile import LOG, MODEL, PAGE, TABLE, check_output
+from smadrive.telemetry.log import read_log
 from smadrive.telemetry.table import read_table
 from smadrive.wirefile import save_wire
 
@@ -38,19 +40,24 @@ def main(
 ) -> None:
     """Fit a hysteresis model to DATA. From a log the heat balance is fitted too, and the thermocouple's lag removed."""
     output = Output(as_json)
+    check_output(model_file, MODEL, data)
+    if plot is not None:
+        check_output(plot, PAGE, data)
     thermal = balance = None
     with output.progress() as progress:
         progress.add_task(f"fitting {data.name}", total=None)
-        if is_log(data):
+        if LOG.names(data):
             wire = _from_log(data, kind, sets)
             fit, thermal, balance = wire.hysteresis, wire.thermal, wire.thermal.balance
+        elif not TABLE.names(data):
+            raise DataError(f"{data}: neither a log nor a CSV: give the log (.h5) of `smadrive excite`, or a .csv")
         else:
             table = read_table(data)
             fit = identify_hysteresis(table.column(input_column), table.column(output_column), kind.value, sets)
     figures = {"rms_percent": fit.rms_percent, "max_percent": fit.max_percent}
     save_wire(model_file, fit.model, balance, figures, source=str(data))
     if plot is not None:
-        axes = ("wire temperature, °C", "displacement, mm") if is_log(data) else (input_column, output_column)
+        axes = ("wire temperature, °C", "displacement, mm") if LOG.names(data) else (input_column, output_column)
         write_fit_report(plot, fit, str(data), axes)
     _tell(output, fit, model_file, thermal)
     output.result(

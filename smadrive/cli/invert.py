@@ -10,6 +10,7 @@ import typer
 
 from smadrive.cli.output import AsJson, Output
 from smadrive.hysteresis import InverseFeedforward, load_model
+from smadrive.outfile import TABLE, check_output
 from smadrive.telemetry.table import read_table, write_table
 
 
@@ -26,6 +27,7 @@ def main(
 ) -> None:
     """Invert MODEL along the wanted output in CSV; samples out of reach are saturated and flagged in `reachable`."""
     output = Output(as_json)
+    check_output(output_file, TABLE, model, csv)
     table = read_table(csv)
     loaded = load_model(model)
     wanted = table.column(output_column)

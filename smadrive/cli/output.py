@@ -61,6 +61,14 @@ class Output:
         )
 
 
+def make_empty_folder(folder: Path) -> Path:
+    """As `make_folder`; DataError when something is in it, which could be a record."""
+    make_folder(folder)
+    if any(folder.iterdir()):
+        raise DataError(f"{folder}: is not empty, and nothing in it is to be written over: choose another --output-dir")
+    return folder
+
+
 def make_folder(folder: Path) -> None:
     """The folder that a command writes to, with its parents; DataError when it cannot be."""
     try:

@@ -20,6 +20,7 @@ from smadrive.controllers import tracking_settings
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import Measurement
+from smadrive.outfile import LOG, check_output
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
 from smadrive.runfigures import TrackingFigures, tracking_figures
@@ -52,6 +53,7 @@ def main(
     The reference is rehearsed on the model before anything is heated; what the wire cannot do is refused.
     """
     output = Output(as_json)
+    check_output(log_file, LOG)
     config = load_rig(rig)
     hysteresis, balance = load_wire_file(model_file(config, model))
     wanted = read_reference(reference)

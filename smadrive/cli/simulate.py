@@ -9,6 +9,7 @@ import typer
 
 from smadrive.cli.output import AsJson, Output
 from smadrive.hysteresis import load_model
+from smadrive.outfile import TABLE, check_output
 from smadrive.telemetry.table import read_table, write_table
 
 
@@ -22,6 +23,7 @@ def main(
 ) -> None:
     """Simulate MODEL along the input path in CSV and write the outputs beside it."""
     output = Output(as_json)
+    check_output(output_file, TABLE, model, csv)
     table = read_table(csv)
     y = load_model(model).simulate(table.column(input_column))
     write_table(output_file, table.cells, {output_column: y})

@@ -69,11 +69,6 @@ class Log:
         return json.loads(self.about[name])
 
 
-def is_log(path: Path) -> bool:
-    """Whether the name is that of a log (rather than of a CSV)."""
-    return path.suffix in {".h5", ".hdf5", ".nxs"}
-
-
 def read_log(path: Path) -> Log:
     """The log at `path`; DataError when it is missing or no log."""
     if not path.is_file():

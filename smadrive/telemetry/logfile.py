@@ -28,7 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smadrive.errors import DataError
-from smadrive.outfile import replacing
+from smadrive.outfile import creating
 
 CHUNK_ROWS = 1024
 """Rows of a column that lie together."""
@@ -87,12 +87,15 @@ class Field:
 
 
 class LogFile:
-    """A log being written. `rows`: how many are to come, if that is known. DataError when the disk has no room."""
+    """A log being written. `rows`: how many are to come, if that is known.
+
+    DataError when something stands at `path` already, or the disk has no room.
+    """
 
     def __init__(self, path: Path, columns: Sequence[str], about: Mapping[str, str], rows: int = GROWTH_ROWS) -> None:
         self._path = path
         self._rows = self._events = 0
-        with replacing(path) as partial, self._told_plainly():
+        with creating(path) as partial, self._told_plainly():
             needed = 8 * len(columns) * (rows + CHUNK_ROWS) + sum(map(len, about.values())) + STRUCTURE_BYTES
             _claim(partial, needed)
             _create(partial, columns, about, rows)
@@ -101,6 +104,11 @@ class LogFile:
             with h5py.File(path, "r", locking=False) as file:
                 self._columns = [Field(file[f"entry/data/{name}"]) for name in columns]
                 self._event_fields = [Field(file[f"entry/events/{name}"]) for name in ("message", "time_s")]
+
+    @property
+    def rows(self) -> int:
+        """How many were written."""
+        return self._rows
 
     def append(self, block: NDArray[np.float64]) -> None:
         """Write rows, one column of `block` for each of the log's. Time comes last: a row that has it is complete."""
@@ -130,6 +138,11 @@ class LogFile:
             for field in self._event_fields:
                 file[field.name].resize(self._events, axis=0)
             file["entry/end_time"][()] = _now()
+
+    def discard(self) -> None:
+        """Close and remove it: nothing was recorded."""
+        os.close(self._handle)
+        self._path.unlink(missing_ok=True)
 
     def _grow(self, fields: Sequence[Field], rows: int) -> None:
         size = os.fstat(self._handle).st_size

@@ -46,7 +46,13 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Write what is buffered, and the error that ended the run as its last event."""
+        """Write what is buffered, and the error that ended the run as its last event.
+
+        A run that failed before its first row has commanded nothing and leaves no log.
+        """
+        if error is not None and not self._buffer and not self._file.rows:
+            self._file.discard()
+            return
         try:
             if error is not None:
                 for message in (ENDED_BY + _cause(error), *getattr(error, "__notes__", ())):

@@ -138,8 +138,18 @@ WRONG = [
     ("another device", ("probe", "other.toml"), 3, "is no 'sma-reference': device_id is 21325"),
     ("beyond the stroke", (*RUN, "--model", "loop.json", "--reference", FAR), 2, "reaches from 0 to 0.04 mm"),
     ("beyond cooling", (*RUN, "--model", "loop.json", "--reference", FAST), 2, "cools no faster: slow it down"),
-    ("model is a folder", ("identify", "wire.csv", *STRAIN[:-1], "folder"), 2, "folder: cannot be written"),
+    ("model is a folder", ("identify", "wire.csv", *STRAIN[:-1], "folder.json"), 2, "folder.json: cannot be written"),
     ("log in no folder", ("excite", "in-process", "-o", "no/l.h5"), 2, "no/l.h5: cannot be written"),
+    ("a log with the name of a table", ("excite", "in-process", "-o", "l.csv"), 2, "its name ends in .h5"),
+    ("a log over a log", ("excite", "in-process", "-o", "kept.h5"), 2, "kept.h5: exists, and a record is never"),
+    ("a run over a log", (*RUN[:-1], "kept.h5", "--reference", ANY_SINE), 2, "kept.h5: exists, and a record is never"),
+    ("a page over its log", ("report", "kept.h5", "-o", "kept.h5"), 2, "its name ends in .html"),
+    ("a page over its log, linked", ("report", "kept.h5", "-o", "link.html"), 2, "link.html: is read by this command"),
+    ("a model over its data", ("identify", "wire.csv", *STRAIN[:-1], "wire.csv"), 2, "its name ends in .json"),
+    ("a table over its input", ("simulate", "loop.json", "wire.csv", "-o", "wire.csv"), 2, "wire.csv: is read by"),
+    ("a table over its input", ("invert", "loop.json", "wire.csv", "-o", "./wire.csv"), 2, "wire.csv: is read by"),
+    ("data that is a page", ("identify", "link.html", *STRAIN), 2, "link.html: neither a log nor a CSV"),
+    ("a demo among other files", ("demo", "-o", "."), 2, "is not empty"),
     ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
     ("no log to replay", ("replay", "absent.h5"), 2, "absent.h5: no such file"),
     ("a log that is none", ("replay", "wire.csv"), 2, "wire.csv: not a readable log"),
@@ -164,9 +174,11 @@ def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(dat
     )
     board = (CONFIGS / "devices" / "sma-reference.toml").read_text()
     (data / "board.toml").write_text(board.replace("[[0x534D, 0x534D]]", "[[7, 7]]"))
-    (data / "folder").mkdir()
+    (data / "folder.json").mkdir()
+    (data / "kept.h5").write_text("a record")
+    (data / "link.html").symlink_to(data / "kept.h5")
     save_model(LOOP, data / "loop.json")
-    before = sorted(file.name for file in data.iterdir())
+    before = contents(data)
     done = smadrive(*arguments, cwd=data)
     assert done.returncode == code, done.stderr
     assert told in done.stderr
@@ -174,4 +186,8 @@ def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(dat
     if "No such" not in told:
         assert len(done.stderr.strip().splitlines()) == 1
     assert done.stdout == ""
-    assert sorted(file.name for file in data.iterdir()) == before
+    assert contents(data) == before
+
+
+def contents(folder):
+    return {file.name: file.read_bytes() if file.is_file() else None for file in folder.iterdir()}

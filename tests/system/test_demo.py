@@ -9,6 +9,7 @@ from pathlib import Path
 
 import pytest
 
+from smadrive.cli.demo import _unused_folder
 from smadrive.telemetry.log import read_log
 
 DEMO = [sys.executable, "-m", "smadrive", "demo"]
@@ -41,6 +42,14 @@ def test_the_model_has_22_rules_and_is_certified(demo):
     _, figures = demo
     assert figures["identify"]["rules"] == 22
     assert figures["identify"]["certificate"]["holds"] is True
+
+
+def test_without_a_folder_the_demo_takes_one_that_nobody_uses(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert _unused_folder().name == "smadrive-demo"
+    for name in ("smadrive-demo", "smadrive-demo-2"):
+        (tmp_path / name).mkdir()
+    assert _unused_folder().name == "smadrive-demo-3"
 
 
 class Plots(HTMLParser):

@@ -1,4 +1,4 @@
-"""A file is replaced completely or not at all, and nothing but a file is ever replaced."""
+"""A file is replaced completely or not at all, nothing but a file is ever replaced, and no input and no record."""
 
 import os
 import socket
@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from smadrive.errors import DataError
-from smadrive.outfile import replacing
+from smadrive.outfile import LOG, MODEL, TABLE, check_output, creating, replacing
 
 
 def write(path, text="new"):
@@ -137,4 +137,45 @@ def test_a_disk_that_takes_no_more_leaves_the_old_file(tmp_path):
     ).stdout
     assert "f: cannot be written (File too large): check the folder and its space" in told
     assert (tmp_path / "f").read_text() == "old"
+    assert names(tmp_path) == ["f"]
+
+
+@pytest.mark.parametrize("name", ["run.csv", "run", "run.toml", "run.h5.html"])
+def test_a_name_that_tells_of_another_content_is_refused(tmp_path, name):
+    with pytest.raises(DataError, match=r"its name ends in \.h5 or \.hdf5 or \.nxs: choose another name"):
+        check_output(tmp_path / name, LOG)
+    check_output(tmp_path / "run.H5", LOG)
+
+
+@pytest.mark.parametrize("link", [os.symlink, os.link])
+def test_an_input_is_no_output_by_whatever_name(tmp_path, link):
+    (tmp_path / "a.csv").write_text("data")
+    link(tmp_path / "a.csv", tmp_path / "b.csv")
+    for name in ("a.csv", "b.csv"):
+        with pytest.raises(DataError, match=f"{name}: is read by this command"):
+            check_output(tmp_path / name, TABLE, tmp_path / "absent.json", tmp_path / "a.csv")
+    check_output(tmp_path / "c.csv", TABLE, tmp_path / "a.csv")
+
+
+def test_a_record_is_never_written_over_and_a_model_is(tmp_path):
+    for name, form in (("f.h5", LOG), ("f.json", MODEL)):
+        check_output(tmp_path / name, form)
+        (tmp_path / name).write_text("old")
+    check_output(tmp_path / "f.json", MODEL)
+    (tmp_path / "dangling.h5").symlink_to(tmp_path / "nothing")
+    for name in ("f.h5", "dangling.h5"):
+        with pytest.raises(DataError, match="exists, and a record is never written over"):
+            check_output(tmp_path / name, LOG)
+        with pytest.raises(DataError, match="exists, and a record is never written over"), creating(tmp_path / name):
+            pytest.fail("nothing may be written")
+    assert (tmp_path / "f.h5").read_text() == "old"
+
+
+def test_what_could_not_be_created_leaves_its_name_free(tmp_path):
+    with pytest.raises(ZeroDivisionError), creating(tmp_path / "f"):
+        raise ZeroDivisionError
+    assert names(tmp_path) == []
+    with creating(tmp_path / "f") as partial:
+        partial.write_text("new")
+    assert (tmp_path / "f").read_text() == "new"
     assert names(tmp_path) == ["f"]

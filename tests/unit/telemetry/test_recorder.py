@@ -186,3 +186,16 @@ def test_a_disk_that_fills_during_the_run_leaves_what_it_took(tmp_path):
     assert log.column("time_s").size > GROWTH_ROWS
     assert log.ended_by.startswith("DataError: ")
     assert log.end_time
+
+
+def test_a_run_that_failed_before_its_first_row_leaves_no_log(tmp_path):
+    with pytest.raises(RuntimeError), Recorder(tmp_path / "run.h5", COLUMNS):
+        raise RuntimeError
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_log_is_not_written_over(tmp_path):
+    write(tmp_path / "run.h5", 5)
+    with pytest.raises(DataError, match="never written over"):
+        Recorder(tmp_path / "run.h5", COLUMNS)
+    assert read_log(tmp_path / "run.h5").column("time_s").size == 5
