@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from firmware_sim.registers import Quantity
 
 
 class Behaviour(Protocol):
-    """The program of a device: it sees its sensors, is told writes, decides the current, shows quantities by role."""
+    """The program of a device: it sees its sensors and decides the current."""
 
     @property
     def current_a(self) -> float:
@@ -29,6 +29,10 @@ class Behaviour(Protocol):
         """Let `dt_s` pass."""
         ...
 
+
+class RegisterBehaviour(Behaviour, Protocol):
+    """One that is told writes and shows quantities by role, and knows nothing of registers."""
+
     def check(self, values: Mapping[str, float]) -> None:
         """Refusal when a write of these roles cannot be carried out."""
         ...
@@ -40,3 +44,18 @@ class Behaviour(Protocol):
     def quantities(self) -> Mapping[str, Quantity]:
         """What the registers show, by role."""
         ...
+
+
+class Answers(Protocol):
+    """The server side of a device's bus."""
+
+    def answer(self, pdu: bytes) -> bytes:
+        """Carry out what a request says; what its reply says."""
+        ...
+
+
+class Inside(NamedTuple):
+    """What makes a device go, and who answers for it."""
+
+    firmware: Behaviour
+    responder: Answers

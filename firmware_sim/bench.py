@@ -14,21 +14,26 @@ of `sensors.faults` and of `plant.faults`.
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import sqrt
 
-from firmware_sim.behaviour import Behaviour
+from firmware_sim.behaviour import Inside, RegisterBehaviour
 from firmware_sim.chance import ChanceFaults
 from firmware_sim.config import SimConfig
 from firmware_sim.device import SimulatedDevice
 from firmware_sim.firmware import Firmware
 from firmware_sim.instrument import Instrument
 from firmware_sim.plant import Plant
+from firmware_sim.registers import RegisterBank
+from firmware_sim.responder import Responder
 from firmware_sim.sensors import Sensors
 from firmware_sim.supply import Supply
+from firmware_sim.tclab import PULSE_FACTORY, PULSE_MAX, TCLabFirmware
 from firmware_sim.timeline import FaultScript, Timeline, bound
 from smadrive.device.profile import Profile, load_profile
 from smadrive.errors import ConfigError
 
 TICK_S = 0.01
+FIRMWARE_VERSION = 100
 
 
 class SimulatedBench:
@@ -63,8 +68,24 @@ class SimulatedBench:
             self._heating = device
         return device
 
-    def behaviour(self, profile: Profile, tell: Callable[[str], None]) -> Behaviour:
-        """What makes a device of this profile go."""
+    def inside(self, profile: Profile, tell: Callable[[str], None]) -> Inside:
+        """What makes a device of this profile go, and who answers for it."""
+        board = self.config.board
+        if not profile.has_registers:
+            tclab = TCLabFirmware(self.sensors, self._tclab_supply_v(), lambda: self.plant.resistance_ohm, tell)
+            return Inside(tclab, tclab)
+        firmware = self._register_firmware(profile, tell)
+        bank = RegisterBank(profile)
+        bank.preset("serial_number", board.serial_number)
+        bank.preset("firmware_version", FIRMWARE_VERSION)
+        return Inside(firmware, Responder(bank, firmware, profile.timing))
+
+    def _tclab_supply_v(self) -> float:
+        """What drives the board's limit through the cold wire at the pulse width that the board has at first."""
+        limit_v = self.config.board.supply_limit_a * self.config.wire.resistance_cold_ohm
+        return limit_v / sqrt(PULSE_FACTORY["P1"] / PULSE_MAX)
+
+    def _register_firmware(self, profile: Profile, tell: Callable[[str], None]) -> RegisterBehaviour:
         match profile.profile.role:
             case "heater":
                 return Firmware(self.config.board, self.sensors, tell)

@@ -5,19 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from firmware_sim.behaviour import Behaviour
+from firmware_sim.behaviour import Inside
 from firmware_sim.config import SimConfig
 from firmware_sim.faults import BusFaults, Delivery, Later
 from firmware_sim.message import Message
-from firmware_sim.ports import Port, RtuPort, TcpPort
-from firmware_sim.registers import RegisterBank
-from firmware_sim.responder import Responder
+from firmware_sim.ports import Port, RtuPort, TcpPort, TextPort
 from smadrive.clock import Clock
 from smadrive.device.profile import Profile
-from smadrive.modbus import frames
 from smadrive.modbus.inprocess import InProcessTransport
-
-FIRMWARE_VERSION = 100
 
 
 class Bench(Protocol):
@@ -26,8 +21,8 @@ class Bench(Protocol):
     config: SimConfig
     time_s: float
 
-    def behaviour(self, profile: Profile, tell: Callable[[str], None]) -> Behaviour:
-        """What makes a device of this profile go."""
+    def inside(self, profile: Profile, tell: Callable[[str], None]) -> Inside:
+        """What makes a device of this profile go, and who answers for it."""
         ...
 
     def advance_to(self, time_s: float) -> None:
@@ -47,12 +42,8 @@ class SimulatedDevice:
         self.profile = profile
         self.unit_id = profile.unit_id if unit_id is None else unit_id
         self.name = name
-        self.firmware = bench.behaviour(profile, self._tell)
+        self.firmware, self.responder = bench.inside(profile, self._tell)
         self.faults = BusFaults(lambda: bench.time_s, seed)
-        bank = RegisterBank(profile)
-        bank.preset("serial_number", bench.config.board.serial_number)
-        bank.preset("firmware_version", FIRMWARE_VERSION)
-        self.responder = Responder(bank, self.firmware, profile.timing)
         self.line = Line((self,))
         self._deaf_until_s = bench.time_s + profile.timing.boot_ms / 1e3
 
@@ -64,14 +55,10 @@ class SimulatedDevice:
         if time_s < self._deaf_until_s - 1e-9:
             return []
         self._deaf_until_s = time_s + self.profile.timing.min_gap_ms / 1e3
-        if request.unit_id == frames.BROADCAST and request.number is None:
+        if request.broadcast:
             self.responder.answer(request.pdu)
             return []
         return self.faults.answer(request, self.responder.answer, time_s)
-
-    def overhear(self) -> None:
-        """A request for another passes by."""
-        self.responder.counters.for_others += 1
 
     def transport(self, clock: Clock | None = None) -> InProcessTransport:
         """A connection to this device alone, in this process; see Line."""
@@ -101,7 +88,9 @@ class Line:
         self.port = self.new_port(numbered=self._profile.profile.protocol == "modbus-tcp")
 
     def new_port(self, *, numbered: bool) -> Port:
-        """Another way in: by Modbus TCP frames, which are numbered, or by RTU frames."""
+        """Another way in: by Modbus TCP frames, which are numbered, by RTU frames, or by text where it speaks that."""
+        if not self._profile.has_registers:
+            return TextPort(self.devices[0].answer)
         return TcpPort(self.devices) if numbered else RtuPort(self.devices)
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:

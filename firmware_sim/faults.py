@@ -98,7 +98,7 @@ class BusFaults:
 
     def corrupt(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """A bit flips: the CRC is wrong. TCP guards its payload itself, so there it is a bit of the header."""
-        self._plan(lambda reply: [(0.0, reply.damaged)], replies, for_s)
+        self._plan(lambda reply: [(0.0, reply.damaged(self._random.random()))], replies, for_s)
 
     def truncate(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """The second half is missing."""
@@ -166,7 +166,7 @@ class BusFaults:
         """What arrives as the answer to `request` at `time_s`, which `carry_out` turns into a reply, or does not."""
         self.before_reply()
         spell = self._next(time_s)
-        pdu = carry_out(request.pdu) if spell.code is None else bytes((request.pdu[0] | 0x80, spell.code))
+        pdu = carry_out(request.pdu) if spell.code is None else request.refused(spell.code)
         deliveries = spell.spoil(request.answered(pdu))
         self._before = pdu
         return self._in_order(time_s, deliveries)

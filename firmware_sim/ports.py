@@ -1,23 +1,26 @@
-"""How requests reach the devices of a bus: as RTU frames on a line, or as Modbus TCP frames in a connection.
+"""How requests reach devices: as RTU frames on a line, as Modbus TCP frames in a connection, or as lines of text.
 
 RTU is silent for units that are not there, on a bad CRC, and after a broadcast (which all carry out). Over TCP a
 connection that leads to one device reaches it as unit 0 and 255 too, and for other units there is what a gateway
 answers, exception 11. Frames whose protocol is not 0 are dropped; a length that no frame can have means that the
-stream is no Modbus, and all is dropped.
+stream is no Modbus, and all is dropped. Text ends with CR or LF, or where a board's buffer does.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 from firmware_sim.faults import Delivery
-from firmware_sim.message import Message
+from firmware_sim.message import ModbusMessage, TextMessage
 from firmware_sim.refusal import NO_SUCH_UNIT
 from firmware_sim.stream import RequestStream
 from smadrive.modbus import frames, mbap
 
 _ANY_UNIT = (0, 255)
+_TEXT_BUFFER = 64
+_TEXT_END = re.compile(rb"[\r\n]")
 
 
 class Unit(Protocol):
@@ -28,12 +31,8 @@ class Unit(Protocol):
         """What it answers to."""
         ...
 
-    def answer(self, request: Message, time_s: float) -> list[Delivery]:
+    def answer(self, request: ModbusMessage, time_s: float) -> list[Delivery]:
         """Carry out `request`; what arrives as its answer, and when (nothing, if it was a broadcast)."""
-        ...
-
-    def overhear(self) -> None:
-        """A request for another passes by."""
         ...
 
 
@@ -54,16 +53,14 @@ class RtuPort:
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
         """What is answered to the bytes that arrive at `time_s`, and when it arrives."""
-        requests = (Message(frame[0], frame[1:-2]) for frame in self.stream.feed(data, time_s))
+        requests = (ModbusMessage(frame[0], frame[1:-2]) for frame in self.stream.feed(data, time_s))
         return [delivery for request in requests for delivery in self._answer(request, time_s)]
 
-    def _answer(self, request: Message, time_s: float) -> list[Delivery]:
+    def _answer(self, request: ModbusMessage, time_s: float) -> list[Delivery]:
         deliveries = []
         for unit in self._units:
             if request.unit_id in (unit.unit_id, frames.BROADCAST):
                 deliveries += unit.answer(request, time_s)
-            else:
-                unit.overhear()
         return deliveries
 
 
@@ -87,18 +84,32 @@ class TcpPort:
                 frame, self._pending = self._pending[:size], self._pending[size:]
                 header = mbap.Header.of(frame)
                 if header.protocol == mbap.PROTOCOL:
-                    request = Message(header.unit_id, frame[mbap.HEADER_SIZE :], header.transaction)
+                    request = ModbusMessage(header.unit_id, frame[mbap.HEADER_SIZE :], header.transaction)
                     deliveries += self._answer(request, time_s)
         return deliveries
 
-    def _answer(self, request: Message, time_s: float) -> list[Delivery]:
+    def _answer(self, request: ModbusMessage, time_s: float) -> list[Delivery]:
         alone = len(self._units) == 1 and request.unit_id in _ANY_UNIT
         deliveries: list[Delivery] | None = None
         for unit in self._units:
             if alone or request.unit_id == unit.unit_id:
                 deliveries = unit.answer(request, time_s)
-            else:
-                unit.overhear()
         if deliveries is None:
-            return [(time_s, request.answered(bytes((request.pdu[0] | 0x80, NO_SUCH_UNIT))).frame)]
+            return [(time_s, request.answered(request.refused(NO_SUCH_UNIT)).frame)]
         return deliveries
+
+
+class TextPort:
+    """Lines of text, to one board; `answer` carries one out."""
+
+    def __init__(self, answer: Callable[[TextMessage, float], list[Delivery]]) -> None:
+        self._answer = answer
+        self._pending = b""
+
+    def receive(self, data: bytes, time_s: float) -> list[Delivery]:
+        """What is answered to the bytes that arrive at `time_s`, and when it arrives."""
+        *lines, self._pending = _TEXT_END.split(self._pending + data)
+        if len(self._pending) >= _TEXT_BUFFER:
+            lines.append(self._pending)
+            self._pending = b""
+        return [delivery for line in lines if line for delivery in self._answer(TextMessage(line), time_s)]

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from firmware_sim.faults import Delivery
-from firmware_sim.message import Message
+from firmware_sim.message import ModbusMessage
 from firmware_sim.ports import Port, RtuPort, TcpPort
 from smadrive.clock import Clock
 from smadrive.modbus import frames, meaning
@@ -65,7 +65,7 @@ class Replay:
         """A connection in this process, in time with `clock`."""
         return InProcessTransport(self, clock, None if self.numbered else 115200)
 
-    def _unknown(self, request: Message) -> None:
+    def _unknown(self, request: ModbusMessage) -> None:
         said = meaning.of_request(request.pdu)
         self._tell(f"t={self.time_s:.3f} s not in the recording: unit {request.unit_id}, {said}")
 
@@ -74,13 +74,13 @@ class ReplayedUnit:
     """One unit of a recorded bus."""
 
     def __init__(
-        self, unit_id: int, known: dict[bytes, deque[Answer]], tell_unknown: Callable[[Message], None]
+        self, unit_id: int, known: dict[bytes, deque[Answer]], tell_unknown: Callable[[ModbusMessage], None]
     ) -> None:
         self.unit_id = unit_id
         self._known = known
         self._tell_unknown = tell_unknown
 
-    def answer(self, request: Message, time_s: float) -> list[Delivery]:
+    def answer(self, request: ModbusMessage, time_s: float) -> list[Delivery]:
         """What came then, as long after."""
         answers = self._known.get(request.pdu)
         if not answers:
@@ -89,9 +89,6 @@ class ReplayedUnit:
         answer = answers.popleft() if len(answers) > 1 else answers[0]
         data = answer.data if answer.pdu is None else request.answered(answer.pdu).frame
         return [(time_s + answer.after_s, data)] if data else []
-
-    def overhear(self) -> None:
-        """A request for another passes by."""
 
 
 def _answer(request: Line, after: Line | None, *, numbered: bool) -> Answer:

@@ -11,7 +11,7 @@ import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from firmware_sim.behaviour import Behaviour
+from firmware_sim.behaviour import RegisterBehaviour
 from firmware_sim.refusal import ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, Refusal
 from firmware_sim.registers import RegisterBank
 from smadrive.device.functions import words_of
@@ -28,13 +28,12 @@ class ResponderCounters:
 
     requests: int = 0
     exceptions: int = 0
-    for_others: int = 0
 
 
 class Responder:
     """Answers out of `bank`, which shows and commands `firmware`."""
 
-    def __init__(self, bank: RegisterBank, firmware: Behaviour, timing: Timing) -> None:
+    def __init__(self, bank: RegisterBank, firmware: RegisterBehaviour, timing: Timing) -> None:
         self.counters = ResponderCounters()
         self._bank = bank
         self._firmware = firmware

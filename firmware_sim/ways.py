@@ -57,6 +57,7 @@ def open_entrances(
     entrances = []
     for way_in, devices in behind.items():
         _check_units(way_in, devices)
+        _check_speech(way_in, devices)
         ports = _ports_of(Line(devices))
         door = open_door(way_in, ports, _settings(way_in, devices), line_speed=line_speed)
         stack.callback(door.close)
@@ -72,6 +73,15 @@ def _check_units(way_in: WayIn, devices: Sequence[SimulatedDevice]) -> None:
                     f"{way_in}: '{other.name}' and '{device.name}' both have unit_id {device.unit_id}: give them "
                     "different ones, or ways in of their own"
                 )
+
+
+def _check_speech(way_in: WayIn, devices: Sequence[SimulatedDevice]) -> None:
+    for device in devices:
+        if not device.profile.has_registers and (way_in.kind == "tcp" or len(devices) > 1):
+            raise ConfigError(
+                f"{way_in}: '{device.profile.profile.id}' speaks no Modbus: serve it alone, with --pty PATH or "
+                "--rtu-tcp HOST:PORT"
+            )
 
 
 def open_door(

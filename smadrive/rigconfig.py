@@ -48,6 +48,8 @@ class DeviceConfig(Section):
 
     `measures`: the quantities taken from it, all that its profile binds if left out. `rate_hz`: how often a measuring
     device is read, at every tick if left out, and never faster than it converts.
+
+    `full_scale_a`, `full_scale_v`: what a board that is commanded by duty drives through this wire at 100 %.
     """
 
     name: str
@@ -56,6 +58,8 @@ class DeviceConfig(Section):
     unit_id: int | None = Field(default=None, ge=0, le=255)
     measures: tuple[Literal["temperature", "displacement"], ...] | None = None
     rate_hz: float | None = Field(default=None, gt=0)
+    full_scale_a: float | None = Field(default=None, gt=0)
+    full_scale_v: float | None = Field(default=None, gt=0)
 
 
 class LimitsConfig(Section):

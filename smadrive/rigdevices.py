@@ -6,12 +6,13 @@ that the rig file lists for it; two that measure the same are refused, because o
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from math import inf
 from typing import NamedTuple
 
 from smadrive.clock import Clock, VirtualClock
+from smadrive.device.anydevice import AnyDevice
 from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
 from smadrive.device.guard import Guard
@@ -21,6 +22,7 @@ from smadrive.device.heatsource import HeaterLimits, HeatSource
 from smadrive.device.profile import Profile, load_profile
 from smadrive.device.sensor import PolledSensor
 from smadrive.device.supply import BenchSupply
+from smadrive.device.tclab import TCLab, TCLabBoard
 from smadrive.errors import ConfigError
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
@@ -39,7 +41,7 @@ class RigDevices(NamedTuple):
     """The heater with its sensors, every device by its name, and the clock that they share."""
 
     heater: Heater
-    by_name: dict[str, Device]
+    by_name: Mapping[str, AnyDevice]
     clock: Clock
 
 
@@ -54,19 +56,21 @@ def open_devices(
     connections = _Connections(stack)
     profiles = {device.name: load_profile(device.profile) for device in config.devices}
     roles = _roles(config.devices, profiles)
-    devices: dict[str, Device] = {}
-    for device in config.devices:
-        profile = profiles[device.name]
-        master = connections.given(transports[device.name]) if device.name in transports else None
-        master = master or connections.master(device, profile)
-        devices[device.name] = Device(profile, master, device.unit_id, None if device == roles.heater else 0)
-    clock = clock or next(iter(devices.values())).master.clock
+    for url in {device.url for device in config.devices if not device.url.startswith(SIMULATED)}:
+        _check_line(url, [device for device in config.devices if device.url == url], profiles)
+    devices = {
+        device.name: connections.device(
+            device, profiles[device.name], transports.get(device.name), None if device == roles.heater else 0
+        )
+        for device in config.devices
+    }
+    clock = clock or next(iter(devices.values())).clock
     sensors = {
         quantity: _sensor(device, devices[device.name], quantity, config.limits, 1.0 / config.rate_hz, clock)
         for quantity, device in roles.sensors.items()
     }
     limits = config.limits
-    source = _source(devices[roles.heater.name], clock)
+    source = _source(roles.heater, devices[roles.heater.name], clock)
     unguarded = source.has_watchdog or roles.heater.name in transports or roles.heater.url.startswith(SIMULATED)
     heater = Heater(
         source,
@@ -103,6 +107,22 @@ def _roles(devices: tuple[DeviceConfig, ...], profiles: Mapping[str, Profile]) -
     return _Roles(heaters[0], sensors)
 
 
+def _check_line(url: str, devices: Sequence[DeviceConfig], profiles: Mapping[str, Profile]) -> None:
+    """ConfigError when the devices at one address cannot be told apart."""
+    units: dict[int, str] = {}
+    for device in devices:
+        profile = profiles[device.name]
+        if len(devices) > 1 and not profile.has_registers:
+            raise ConfigError(f"device '{device.name}': '{device.profile}' needs {url} for itself: move the others")
+        unit_id = profile.unit_id if device.unit_id is None else device.unit_id
+        other = units.setdefault(unit_id, device.name)
+        if other != device.name:
+            raise ConfigError(
+                f"the devices '{other}' and '{device.name}' both have unit id {unit_id} at {url}: give one of them "
+                "another (at the device, and by unit_id in the rig file)"
+            )
+
+
 def _measures(device: DeviceConfig, profile: Profile, quantity: str) -> bool:
     bound = getattr(profile.roles, quantity) is not None
     if device.measures is None:
@@ -114,8 +134,21 @@ def _measures(device: DeviceConfig, profile: Profile, quantity: str) -> bool:
     return quantity in device.measures
 
 
-def _source(device: Device, clock: Clock) -> HeatSource:
-    return HeaterBoard(device, clock) if device.profile.profile.role == "heater" else BenchSupply(device)
+def _source(config: DeviceConfig, device: Device | TCLabBoard, clock: Clock) -> HeatSource:
+    scales = config.full_scale_a, config.full_scale_v
+    if isinstance(device, Device):
+        if scales != (None, None):
+            raise ConfigError(
+                f"device '{config.name}': '{config.profile}' is commanded in amperes: leave full_scale_a and "
+                "full_scale_v out"
+            )
+        return HeaterBoard(device, clock) if device.profile.profile.role == "heater" else BenchSupply(device)
+    if config.full_scale_a is None or config.full_scale_v is None:
+        raise ConfigError(
+            f"device '{config.name}': '{config.profile}' is commanded by duty: set full_scale_a and full_scale_v to "
+            "what it drives through this wire at 100 %"
+        )
+    return TCLab(device, config.full_scale_a, config.full_scale_v)
 
 
 def _guardian_task(device: DeviceConfig, limits: LimitsConfig) -> Task:
@@ -123,30 +156,46 @@ def _guardian_task(device: DeviceConfig, limits: LimitsConfig) -> Task:
 
 
 def _sensor(
-    config: DeviceConfig, device: Device, quantity: str, limits: LimitsConfig, tick_s: float, clock: Clock
+    config: DeviceConfig, device: Device | TCLabBoard, quantity: str, limits: LimitsConfig, tick_s: float, clock: Clock
 ) -> PolledSensor:
+    assert isinstance(device, Device)  # what a TCLab measures, it measures as a heat source
     period_s = tick_s if config.rate_hz is None else 1.0 / config.rate_hz
     period_s = max(period_s, device.profile.timing.update_ms / 1e3)
     return PolledSensor(device, quantity, period_s, max(limits.stale_after_s, STALE_PERIODS * period_s), clock)
 
 
 class _Connections:
-    """One master per address."""
+    """One master per address, and one text line."""
 
     def __init__(self, stack: ExitStack) -> None:
         self._stack = stack
         self._masters: dict[str, Master] = {}
         self._benches: dict[str, _SimulatedBench] = {}
 
-    def given(self, transport: Transport) -> Master:
-        return Master(self._stack.enter_context(transport))
+    def device(
+        self, device: DeviceConfig, profile: Profile, given: Transport | None, read_retries: int | None
+    ) -> Device | TCLabBoard:
+        """The device, at its address or on the connection that is given."""
+        if not profile.has_registers:
+            return TCLabBoard(profile, self._alone(device, profile, given))
+        master = self._master(device, profile) if given is None else Master(self._opened(given))
+        return Device(profile, master, device.unit_id, read_retries)
 
-    def master(self, device: DeviceConfig, profile: Profile) -> Master:
+    def _master(self, device: DeviceConfig, profile: Profile) -> Master:
         if device.url.startswith(SIMULATED):
-            return self.given(self._simulated(device, profile))
+            return Master(self._opened(self._simulated(device, profile)))
         if device.url not in self._masters:
-            self._masters[device.url] = self.given(open_transport(device.url, profile.serial_settings()))
+            self._masters[device.url] = Master(self._opened(open_transport(device.url, profile.serial_settings())))
         return self._masters[device.url]
+
+    def _alone(self, device: DeviceConfig, profile: Profile, given: Transport | None) -> Transport:
+        """A connection that no other device shares."""
+        if given is None and device.url.startswith(SIMULATED):
+            given = self._simulated(device, profile)
+        return self._opened(given or open_transport(device.url, profile.serial_settings()))
+
+    def _opened(self, transport: Transport) -> Transport:
+        return self._stack.enter_context(transport)
 
     def _simulated(self, device: DeviceConfig, profile: Profile) -> Transport:
         """A simulated device in this process, in virtual time; those of one address stand on one bench.

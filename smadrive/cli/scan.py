@@ -40,13 +40,16 @@ def main(port: Port, units: Units = "1-10", as_json: AsJson = False) -> None:
         raise DeviceError(
             f"{port}: none of the units {units} answers: are they powered, wired A to A, and set to Modbus?"
         )
-    output.table(HEADER, [(str(one.unit_id), _line(one.line), _profile(one)) for one in found])
+    output.table(
+        HEADER, [("" if one.unit_id is None else str(one.unit_id), _line(one.line), _profile(one)) for one in found]
+    )
     for one in found:
         if one.proved:
             output.say(
                 f'[[devices]]\nname = "{one.proved[0]}"\nprofile = "{one.proved[0]}"\nurl = "{_url(port, one.line)}"'
             )
-            output.say(f"unit_id = {one.unit_id}\n")
+            if one.unit_id is not None:
+                output.say(f"unit_id = {one.unit_id}\n")
     output.result({"port": port, "devices": [_as_json(one, port) for one in found]})
 
 

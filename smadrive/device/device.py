@@ -68,6 +68,7 @@ class Device:
             raise ConfigError(f"unit_id {unit_id} is outside {lowest} to {highest}")
         self.profile = profile
         self.master = master
+        self.clock = master.clock
         self.unit_id = profile.unit_id if unit_id is None else unit_id
         self._family = profile
         self._telling = tuple({name: None for variant in profile.variants for name in variant.match})

@@ -26,10 +26,9 @@ import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 
-from smadrive.device.device import Device
+from smadrive.device.anydevice import device_on
 from smadrive.device.profile import Profile, load_profile
 from smadrive.modbus.connect import open_transport
-from smadrive.modbus.master import Master
 
 WATCH, BEAT, REST = b"w", b"b", b"r"
 READY, ECHO, TAKEN = b"y", b"e", b"t"
@@ -134,7 +133,7 @@ def _switch_off(task: Task, profiles: Sequence[Profile]) -> str | None:
     for guarded, profile in zip(task.devices, profiles, strict=True):
         try:
             with open_transport(guarded.url, profile.serial_settings(), exclusive=False) as transport:
-                device = Device(profile, Master(transport), guarded.unit_id)
+                device = device_on(transport, profile, guarded.unit_id)
                 device.check_identity()
                 device.enter_safe_state()
         except Exception as error:  # noqa: BLE001

@@ -46,7 +46,7 @@ class Profile(Section):
     timing: Timing
     identify: tuple[Identify, ...] = ()
     roles: Roles = Roles()
-    registers: dict[str, Register]
+    registers: dict[str, Register] = Field(default_factory=dict)
     variants: tuple[Variant, ...] = ()
     forbidden: tuple[Forbidden, ...] = ()
     write_order: tuple[WriteOrder, ...] = ()
@@ -65,21 +65,33 @@ class Profile(Section):
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        line = "serial" if self.profile.protocol == "modbus-rtu" else "tcp"
+        line = "tcp" if self.profile.protocol == "modbus-tcp" else "serial"
         if getattr(self, line) is None:
             raise ValueError(f"protocol '{self.profile.protocol}' needs the table [{line}]")
+        if bool(self.registers) != self.has_registers:
+            verb = "needs" if self.has_registers else "has no"
+            raise ValueError(f"protocol '{self.profile.protocol}' {verb} [registers.NAME]")
+        if self.has_registers:
+            self._check_map()
+        return self
+
+    @property
+    def has_registers(self) -> bool:
+        """Whether the device is spoken to by registers, as Modbus has them; else a class of its own speaks to it."""
+        return self.profile.protocol.startswith("modbus")
+
+    def _check_map(self) -> None:
         self._check_names()
         refuse_ambiguity(self.variants)
         for registers in (self.registers, *(applied(self.registers, variant) for variant in self.variants)):
             self._check_registers(registers)
         for vector in self.vectors:
             check_vector(vector, self.registers)
-        return self
 
     @property
     def unit_id(self) -> int:
         """The unit id that the device has when it leaves the factory."""
-        line = self.serial if self.profile.protocol == "modbus-rtu" else self.tcp
+        line = self.tcp if self.profile.protocol == "modbus-tcp" else self.serial
         assert line is not None  # checked at load
         return line.unit_id
 

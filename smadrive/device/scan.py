@@ -1,5 +1,7 @@
 """Who is on a line: every unit id is asked for what proves the identity of each profile. Nothing is written.
 
+Where no unit answers, devices that speak no Modbus are asked who they are.
+
 A profile without a register that proves it is possible where the registers of its roles read as valid numbers. A unit
 that leaves `SILENT` requests unanswered is taken as absent.
 """
@@ -7,14 +9,16 @@ that leaves `SILENT` requests unanswered is taken as absent.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 
+from smadrive.device.anydevice import device_on
 from smadrive.device.device import Device
 from smadrive.device.profile import Profile
-from smadrive.errors import DeadlineError, DeviceError, ProtocolError
+from smadrive.errors import DeadlineError, DeviceError, ProtocolError, TransportError
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
-from smadrive.modbus.transport import SerialSettings
+from smadrive.modbus.transport import SerialSettings, Transport
 
 SILENT = 3
 """So many unanswered requests, and nobody is there."""
@@ -26,9 +30,9 @@ _QUANTITIES = ("temperature", "displacement", "measured_current", "measured_volt
 
 @dataclass(frozen=True)
 class Found:
-    """A unit that answers: the profiles that it proved to be, and those that it may be."""
+    """What answers, a unit or the only device of its line (None): what it proved to be, and what it may be."""
 
-    unit_id: int
+    unit_id: int | None
     line: SerialSettings | None
     proved: tuple[str, ...]
     possible: tuple[str, ...]
@@ -42,6 +46,8 @@ def scan(
     A serial URL without a baud rate is tried with the line settings of all profiles.
     """
     found: set[int] = set()
+    units = [profile for profile in profiles if profile.has_registers]
+    others = [profile for profile in profiles if not profile.has_registers]
     for line in _lines(url, profiles):
         with open_transport(url, line) as transport:
             master = Master(transport)
@@ -49,10 +55,15 @@ def scan(
                 if unit_id in found:
                     continue
                 ask(_text(line), unit_id)
-                answer = _who_is(master, unit_id, sorted(profiles, key=lambda one: one.serial_settings() != line))
+                answer = _who_is(master, unit_id, sorted(units, key=lambda one: one.serial_settings() != line))
                 if answer is not None:
                     found.add(unit_id)
                     yield Found(unit_id, line, *answer)
+            if not found and not url.startswith("tcp:"):
+                proved = tuple(_proved(transport, others, line))
+                if proved:
+                    yield Found(None, line, proved, ())
+                    return
 
 
 def _lines(url: str, profiles: Iterable[Profile]) -> list[SerialSettings | None]:
@@ -64,6 +75,15 @@ def _lines(url: str, profiles: Iterable[Profile]) -> list[SerialSettings | None]
 
 def _text(line: SerialSettings | None) -> str:
     return "" if line is None else f"{line.baudrate} 8{line.parity}{line.stopbits}"
+
+
+def _proved(transport: Transport, profiles: Iterable[Profile], line: SerialSettings | None) -> Iterator[str]:
+    """The profiles whose device is on this line, set like this."""
+    for profile in profiles:
+        if line in (None, profile.serial_settings()):
+            with suppress(TransportError, ProtocolError, DeviceError):
+                device_on(transport, profile, None).check_identity()
+                yield profile.profile.id
 
 
 def _who_is(

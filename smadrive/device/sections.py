@@ -18,7 +18,7 @@ class Head(Section):
 
     id: str
     role: Literal["heater", "supply", "temperature", "displacement"]
-    protocol: Literal["modbus-rtu", "modbus-tcp"] = "modbus-rtu"
+    protocol: Literal["modbus-rtu", "modbus-tcp", "tclab"] = "modbus-rtu"
     vendor: str
     evidence: Evidence = ""
 

@@ -2,7 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
+
+Direction = Literal["sent", "received", "discarded"]
+Trace = Callable[[float, Direction, bytes], None]
+"""Sees everything that passes on a bus, a frame or line at a time, and when."""
+
+NEVER_SILENT_S = 2.0
+"""A bus on which something arrives for so long is in the hands of somebody else."""
 
 EXCEPTIONS = {
     1: "illegal function",

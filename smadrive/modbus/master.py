@@ -20,23 +20,19 @@ A lost connection is opened again by the next request, within that request's res
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from itertools import chain
 from threading import Lock
-from typing import Literal
 
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
 from smadrive.modbus import frames, requests
-from smadrive.modbus.bus import EXCEPTIONS, BusCounters, BusTiming, silence_s
+from smadrive.modbus.bus import EXCEPTIONS, NEVER_SILENT_S, BusCounters, BusTiming, Direction, Trace, silence_s
 from smadrive.modbus.requests import Request
 from smadrive.modbus.transport import Transport
 
 Shape = tuple[int, bytes, int]  # unit, reply head, payload size: what tells a reply from the reply to another request
-Trace = Callable[[float, Literal["sent", "received", "discarded"], bytes], None]
 
 LATEST_REPLY_S = 10.0  # a reply that has not come by then is lost for good
-NEVER_SILENT_S = 2.0
 PROBES = 3
 TURNAROUND_S = 0.1  # after a broadcast, serial line V1.02 section 2.4.1
 
@@ -220,7 +216,7 @@ class Master:
         self.counters.discarded_bytes += len(data)
         self._told("discarded", data, self.clock.now_s())
 
-    def _told(self, direction: Literal["received", "discarded"], data: bytes, time_s: float) -> None:
+    def _told(self, direction: Direction, data: bytes, time_s: float) -> None:
         if self._trace is not None and data:
             self._trace(time_s, direction, data)
 

@@ -12,13 +12,13 @@ line: a request without an answer below it was not answered.
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Literal, NamedTuple, Self
+from typing import NamedTuple, Self
 
 from smadrive.errors import ConfigError
 from smadrive.modbus import frames, mbap, meaning
+from smadrive.modbus.bus import Direction
 from smadrive.modbus.transport import Transport
 
-Direction = Literal["sent", "received", "discarded"]
 HEADER = "# smadrive bus trace 1:"
 
 _MARKS: dict[Direction, str] = {"sent": ">", "received": "<", "discarded": "x"}

@@ -30,6 +30,7 @@ def test_all_eight_devices_and_the_reference_are_there():
         "juntek-dpm86xx",
         "riden-rd60xx",
         "sma-reference",
+        "tclab",
         "xy-sk-family",
     ]
 

@@ -13,7 +13,8 @@ from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.master import Master
 from smadrive.shipped import configs_dir
 
-PROFILES = [load_profile(path) for path in sorted((configs_dir() / "devices").glob("*.toml"))]
+SHIPPED = [load_profile(path) for path in sorted((configs_dir() / "devices").glob("*.toml"))]
+PROFILES = [profile for profile in SHIPPED if profile.has_registers]
 SUPPLIES = [profile for profile in PROFILES if profile.profile.role == "supply"]
 MODELS = [profile for family in SUPPLIES for profile in (family, *map(family.as_variant, family.variants))]
 THERMOMETERS = [profile for profile in PROFILES if profile.profile.role == "temperature"]

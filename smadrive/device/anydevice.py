@@ -1,0 +1,41 @@
+"""Any device of a rig, whatever it speaks: what a rig and the guardian need of it, and where it is made."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from smadrive.clock import Clock
+from smadrive.device.device import Device
+from smadrive.device.profile import Profile
+from smadrive.device.tclab import TCLabBoard
+from smadrive.modbus.master import Master
+from smadrive.modbus.transport import Transport
+
+
+class AnyDevice(Protocol):
+    """A device that can prove who it is and be brought to its safe state."""
+
+    @property
+    def profile(self) -> Profile:
+        """What is known of its type."""
+        ...
+
+    @property
+    def clock(self) -> Clock:
+        """The clock of its deadlines."""
+        ...
+
+    def check_identity(self) -> None:
+        """Prove that it is what `profile` describes; IdentityError if not."""
+        ...
+
+    def enter_safe_state(self) -> None:
+        """End all heating, confirmed by read-back; tried several times, raises when unconfirmed."""
+        ...
+
+
+def device_on(transport: Transport, profile: Profile, unit_id: int | None) -> AnyDevice:
+    """The device of this profile, alone on a connection."""
+    if profile.has_registers:
+        return Device(profile, Master(transport), unit_id)
+    return TCLabBoard(profile, transport)
