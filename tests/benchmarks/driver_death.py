@@ -1,48 +1,50 @@
 """How soon is the current zero when the driver dies while heating? In real time, on a board and on a supply.
 
-    python tests/benchmarks/driver_death.py [--trials 200] [--rig board|supply]
+    python tests/benchmarks/driver_death.py [--trials 200] [--rig board|supply] [--at-once 4]
 
-In every trial the driver heats on a served bench and meets its fate at a random moment; what counts is when the bench
-says that the output is off. Printed for each fate: median and worst time, and how often the wire was left heating. The
-goals are 1 s with the board's watchdog and 2 s with the guardian; behind a pulled cable a supply can only be switched
-off when the cable is back, so there the time runs from then.
+In every trial a bench and a driver, each a process of its own, are started; the driver heats and meets its fate at a
+random moment; what counts is when the bench says that the output is off. Printed for each fate: median and worst time,
+and how often the wire was left heating. The goals are 1 s with the board's watchdog and 2 s with the guardian; behind
+a pulled cable a supply can only be switched off when the cable is back, so there the time runs from then.
 """
 
 from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
+import multiprocessing
+import os
 import random
 import re
 import signal
 import statistics
-import subprocess
-import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
 from pathlib import Path
 
-from smadrive.shipped import configs_dir
-
-DRIVER = """
-import select, sys
+import firmware_sim.cli
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
-with Rig(load_rig(sys.argv[1])) as rig:
-    rig.heater.arm(rig.config.limits.watchdog_s)
-    for tick in range(1_000_000):
-        rig.heater.exchange(0.2 + 0.05 * (tick % 2))
-        if tick == 5:
-            print("heating", flush=True)
-        if select.select((sys.stdin,), (), (), rig.period_s / 2)[0]:
-            raise ZeroDivisionError("in the controller")
-"""
+from smadrive.shipped import configs_dir
+
+PROCESSES = multiprocessing.get_context("forkserver")
+
 PROFILES = {"board": {"board": "sma-reference"}, "supply": {"supply": "riden-rd60xx", "thermometer": "autonics-tk"}}
 SIGNALS = {"killed": signal.SIGKILL, "stopped": signal.SIGSTOP, "terminated": signal.SIGTERM, "Ctrl-C": signal.SIGINT}
 BY_SCRIPT = {"cable out for 2 s": ("vanish", "for_s = 2.0", 2.0), "power cycle": ("reboot", "", 0.0)}
 FATES = (*SIGNALS, "exception", *BY_SCRIPT)
-SCRIPT_AT_S = 12.0
+HEATING_TICK = 5
+START_S = 30.0
+"""Bench and driver are up by then, however busy the machine is."""
+
+SCRIPT_AT_S = 6.0
+SERVED = re.compile("^serial://.*", re.MULTILINE)
 OFF = re.compile(r"heater off|output off|disarmed|power-up")
 LEFT_AFTER_S = 8.0
 
@@ -64,18 +66,41 @@ def tables(kind: str, folder: Path) -> tuple[Path, Path]:
 
 
 @contextlib.contextmanager
-def process(*arguments: str, log: Path | None = None) -> Iterator[subprocess.Popen[str]]:
-    """A Python process that ends with the block."""
-    with (
-        (log or Path("/dev/null")).open("w") as errors,
-        subprocess.Popen(
-            [sys.executable, *arguments], stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=errors, text=True
-        ) as child,
-    ):
-        try:
-            yield child
-        finally:
-            child.kill()
+def process(target: Callable[..., None], *arguments: object, log: Path) -> Iterator[BaseProcess]:
+    """A process that ends with the block; what it says goes to `log`."""
+    log.touch()
+    child = PROCESSES.Process(target=logged, args=(log, target, *arguments))
+    child.start()
+    try:
+        yield child
+    finally:
+        child.kill()
+        child.join()
+
+
+def logged(log: Path, target: Callable[..., None], *arguments: object) -> None:
+    """Run `target` with all output in `log`."""
+    with log.open("w") as output:
+        os.dup2(output.fileno(), 1)
+        os.dup2(output.fileno(), 2)
+    target(*arguments)
+
+
+def serve_bench(*options: str) -> None:
+    """The simulated bench, as its command serves it."""
+    firmware_sim.cli.main(options)
+
+
+def drive(rig_file: Path, orders: Connection) -> None:
+    """Heat; tell when the wire is being heated, and fail when ordered to."""
+    with Rig(load_rig(str(rig_file))) as rig:
+        rig.heater.arm(rig.config.limits.watchdog_s)
+        for tick in itertools.count():
+            rig.heater.exchange(0.2 + 0.05 * (tick % 2))
+            if tick == HEATING_TICK:
+                orders.send("heating")
+            if orders.poll(rig.period_s / 2):
+                raise ZeroDivisionError("in the controller")
 
 
 def wait_for(log: Path, pattern: re.Pattern[str], seen: int, until_s: float) -> float | None:
@@ -87,12 +112,13 @@ def wait_for(log: Path, pattern: re.Pattern[str], seen: int, until_s: float) -> 
     return None
 
 
-def trial(kind: str, fate: str, chance: random.Random) -> float | None:
+def trial(kind: str, fate: str, seed: int) -> float | None:
     """Seconds from the fate to zero current; None when the wire is left heating."""
+    chance = random.Random(seed)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         sim, rig = tables(kind, folder)
-        options = ["-m", "firmware_sim.cli", str(sim)]
+        options = [str(sim)]
         wait_s = 0.0
         if fate in BY_SCRIPT:
             fault, parameters, wait_s = BY_SCRIPT[fate]
@@ -102,39 +128,36 @@ def trial(kind: str, fate: str, chance: random.Random) -> float | None:
             script.write_text(f'[[faults]]\nat_s = {at_s}\nname = "{device}.{fault}"\n{parameters}\n')
             options += ["--faults", str(script)]
         log, said = folder / "bench.log", folder / "driver.log"
-        with process(*options, log=log) as bench:
-            for _ in PROFILES[kind]:
-                answer(bench, log)
-            with process("-c", DRIVER, str(rig), log=said) as driver:
-                answer(driver, said)
+        here, there = PROCESSES.Pipe()
+        with process(serve_bench, *options, log=log):
+            if wait_for(log, SERVED, len(PROFILES[kind]) - 1, time.monotonic() + START_S) is None:
+                raise RuntimeError(log.read_text())
+            with process(drive, rig, there, log=said) as driver:
+                if not here.poll(START_S):
+                    raise RuntimeError(said.read_text())
+                if "fault: " in log.read_text():
+                    raise RuntimeError("the fault of the script came before the driver was up: fewer --at-once")
                 off_before = len(OFF.findall(log.read_text()))
-                met_s = meet(driver, fate, log, chance)
+                met_s = meet(driver, here, fate, log, chance)
                 off_s = wait_for(log, OFF, off_before, met_s + wait_s + LEFT_AFTER_S)
     if off_s is None:
         return None
     return max(off_s - met_s - (wait_s if kind == "supply" else 0.0), 0.0)
 
 
-def answer(child: subprocess.Popen[str], log: Path) -> None:
-    """Wait for a line of the child; its log is the error when it ends instead."""
-    if child.stdout is None or not child.stdout.readline():
-        raise RuntimeError(log.read_text())
-
-
-def meet(driver: subprocess.Popen[str], fate: str, log: Path, chance: random.Random) -> float:
+def meet(driver: BaseProcess, orders: Connection, fate: str, log: Path, chance: random.Random) -> float:
     """Let the driver meet its fate; when it did."""
     if fate in BY_SCRIPT:
-        met_s = wait_for(log, re.compile("fault: "), 0, time.monotonic() + SCRIPT_AT_S + 5.0)
+        met_s = wait_for(log, re.compile("fault: "), 0, time.monotonic() + SCRIPT_AT_S + START_S)
         if met_s is None:
             raise RuntimeError("the bench never came to the fault of its script")
         return met_s
     time.sleep(2.0 * chance.random())
     met_s = time.monotonic()
     if fate in SIGNALS:
-        driver.send_signal(SIGNALS[fate])
-    elif driver.stdin is not None:
-        driver.stdin.write("x\n")
-        driver.stdin.flush()
+        os.kill(driver.pid or 0, SIGNALS[fate])
+    else:
+        orders.send("fail")
     return met_s
 
 
@@ -143,13 +166,16 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--rig", choices=tuple(PROFILES), action="append")
+    parser.add_argument("--at-once", type=int, default=4)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
-    chance = random.Random(arguments.seed)
+    PROCESSES.set_forkserver_preload(["firmware_sim.cli", "smadrive.rig"])  # a trial need not import them anew
+    seeds = range(arguments.seed, arguments.seed + arguments.trials)
     print(f"{'rig':8}{'fate':20}{'trials':>7}{'median s':>10}{'worst s':>10}{'left heating':>14}")
     for kind in arguments.rig or PROFILES:
         for fate in FATES:
-            times_s = [trial(kind, fate, chance) for _ in range(arguments.trials)]
+            with ThreadPoolExecutor(arguments.at_once) as pool:
+                times_s = list(pool.map(partial(trial, kind, fate), seeds))
             ended_s = [time_s for time_s in times_s if time_s is not None]
             left = len(times_s) - len(ended_s)
             median_s, worst_s = (statistics.median(ended_s), max(ended_s)) if ended_s else (float("nan"),) * 2
