@@ -112,6 +112,18 @@ def wait_for(log: Path, pattern: re.Pattern[str], seen: int, until_s: float) -> 
     return None
 
 
+class EndedEarly(Exception):
+    """The driver gave up before its fate, because of a reply that the busy machine let come late."""
+
+
+def lasting_trial(kind: str, fate: str, seed: int) -> float | None:
+    """A trial whose driver lives to meet its fate; see trial."""
+    for attempt in itertools.count():
+        with contextlib.suppress(EndedEarly):
+            return trial(kind, fate, seed + 1_000_000 * attempt)
+    raise AssertionError
+
+
 def trial(kind: str, fate: str, seed: int) -> float | None:
     """Seconds from the fate to zero current; None when the wire is left heating."""
     chance = random.Random(seed)
@@ -133,26 +145,35 @@ def trial(kind: str, fate: str, seed: int) -> float | None:
             if wait_for(log, SERVED, len(PROFILES[kind]) - 1, time.monotonic() + START_S) is None:
                 raise RuntimeError(log.read_text())
             with process(drive, rig, there, log=said) as driver:
-                if not here.poll(START_S):
-                    raise RuntimeError(said.read_text())
+                there.close()  # so that its end is heard
+                try:
+                    here.recv()
+                except EOFError:
+                    raise EndedEarly from None
                 if "fault: " in log.read_text():
                     raise RuntimeError("the fault of the script came before the driver was up: fewer --at-once")
                 off_before = len(OFF.findall(log.read_text()))
-                met_s = meet(driver, here, fate, log, chance)
+                met_s = meet(driver, here, fate, log, off_before, chance)
                 off_s = wait_for(log, OFF, off_before, met_s + wait_s + LEFT_AFTER_S)
     if off_s is None:
         return None
     return max(off_s - met_s - (wait_s if kind == "supply" else 0.0), 0.0)
 
 
-def meet(driver: BaseProcess, orders: Connection, fate: str, log: Path, chance: random.Random) -> float:
+def meet(
+    driver: BaseProcess, orders: Connection, fate: str, log: Path, off_before: int, chance: random.Random
+) -> float:
     """Let the driver meet its fate; when it did."""
     if fate in BY_SCRIPT:
         met_s = wait_for(log, re.compile("fault: "), 0, time.monotonic() + SCRIPT_AT_S + START_S)
         if met_s is None:
             raise RuntimeError("the bench never came to the fault of its script")
+        if len(OFF.findall(log.read_text().partition("fault: ")[0])) > off_before:
+            raise EndedEarly
         return met_s
     time.sleep(2.0 * chance.random())
+    if not driver.is_alive():
+        raise EndedEarly
     met_s = time.monotonic()
     if fate in SIGNALS:
         os.kill(driver.pid or 0, SIGNALS[fate])
@@ -175,7 +196,7 @@ def main() -> None:
     for kind in arguments.rig or PROFILES:
         for fate in FATES:
             with ThreadPoolExecutor(arguments.at_once) as pool:
-                times_s = list(pool.map(partial(trial, kind, fate), seeds))
+                times_s = list(pool.map(partial(lasting_trial, kind, fate), seeds))
             ended_s = [time_s for time_s in times_s if time_s is not None]
             left = len(times_s) - len(ended_s)
             median_s, worst_s = (statistics.median(ended_s), max(ended_s)) if ended_s else (float("nan"),) * 2
