@@ -60,7 +60,6 @@ class Rig:
     ) -> None:
         self.config = config
         self.nominal_balance = load_wire(config.wire).heat_balance()
-        self.tripped: TripError | None = None
         self._clock = clock
         self._transports = transports or {}
 
@@ -68,7 +67,7 @@ class Rig:
         """Open the ports, check who is there, put everything into its safe state."""
         with ExitStack() as stack:
             opened = open_devices(self.config, stack, self._clock, self._transports)
-            self.heater, self.devices, self.clock = opened
+            self.heater, self.devices, self.clock, self.latch = opened
             self.heater.connect()
             stack.enter_context(ends_safe(self.heater))
             self._on_exit = stack.pop_all()
@@ -123,7 +122,7 @@ class Rig:
     def clear_faults(self) -> Measurement:
         """Clear what is latched, on the devices and here; SafetyError names what persists."""
         measurement = self.heater.clear_faults()
-        self.tripped = None
+        self.latch.clear()
         return measurement
 
     def rest(self, duration_s: float) -> None:
@@ -146,8 +145,10 @@ class Rig:
         return PlausibleTemperature(balance, uncertainty, lag_s)
 
     def _run(self, controller: Controller, plausible: PlausibleTemperature, record: Record) -> LoopFigures:
-        if self.tripped is not None:
-            raise SafetyError(f"refused to arm: {self.tripped}; then clear the faults")
+        if self.latch.told is not None:
+            raise SafetyError(
+                f"refused to arm: the last run tripped: {self.latch.told}; then smadrive off RIG --clear-faults"
+            )
         self._check_rate()
         limits = self.config.limits
         guarded = SafetyLimits(
@@ -166,7 +167,7 @@ class Rig:
         try:
             return loop.run(limits.watchdog_s)
         except TripError as trip:
-            self.tripped = trip
+            self.latch.latch(trip)
             raise
 
     def _check_rate(self) -> None:

@@ -24,13 +24,14 @@ from smadrive.device.sensor import PolledSensor
 from smadrive.device.supply import BenchSupply
 from smadrive.device.tclab import TCLab, TCLabBoard
 from smadrive.errors import ConfigError
+from smadrive.latch import TripLatch
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
 from smadrive.modbus.transport import Transport
 from smadrive.rigconfig import DeviceConfig, LimitsConfig, RigConfig
 
 SIMULATED = "sim://"
-"""A simulated device in this process ends with it: it needs no guardian."""
+"""A simulated device in this process ends with it: it needs no guardian, and nobody remembers its trips."""
 
 QUANTITIES = ("temperature", "displacement")
 STALE_PERIODS = 3.0
@@ -38,11 +39,12 @@ STALE_PERIODS = 3.0
 
 
 class RigDevices(NamedTuple):
-    """The heater with its sensors, every device by its name, and the clock that they share."""
+    """The heater with its sensors, every device by its name, the clock that they share, and the heater's last trip."""
 
     heater: Heater
     by_name: Mapping[str, AnyDevice]
     clock: Clock
+    latch: TripLatch
 
 
 def open_devices(
@@ -71,7 +73,8 @@ def open_devices(
     }
     limits = config.limits
     source = _source(roles.heater, devices[roles.heater.name], clock)
-    unguarded = source.has_watchdog or roles.heater.name in transports or roles.heater.url.startswith(SIMULATED)
+    simulated = roles.heater.name in transports or roles.heater.url.startswith(SIMULATED)
+    unguarded = source.has_watchdog or simulated
     heater = Heater(
         source,
         HeaterLimits(limits.current_max_a, limits.temperature_max_c, limits.voltage_max_v or inf),
@@ -80,7 +83,7 @@ def open_devices(
         sensors.get("displacement"),
         None if unguarded else stack.enter_context(Guard(_guardian_task(roles.heater, limits))),
     )
-    return RigDevices(heater, devices, clock)
+    return RigDevices(heater, devices, clock, TripLatch(None if simulated else _address(roles.heater)))
 
 
 class _Roles(NamedTuple):
@@ -149,6 +152,10 @@ def _source(config: DeviceConfig, device: Device | TCLabBoard, clock: Clock) -> 
             "what it drives through this wire at 100 %"
         )
     return TCLab(device, config.full_scale_a, config.full_scale_v)
+
+
+def _address(device: DeviceConfig) -> str:
+    return device.url if device.unit_id is None else f"{device.url} unit {device.unit_id}"
 
 
 def _guardian_task(device: DeviceConfig, limits: LimitsConfig) -> Task:

@@ -22,6 +22,7 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
         measurement = bench.clear_faults() if clear_faults else bench.heater.exchange(0.0)
     names = [device.name for device in config.devices]
     output.say(f"{config.name}: heater off, confirmed by read-back ({', '.join(names)})")
-    if measurement.device_faults:
-        output.say(f"latched: {', '.join(measurement.device_faults)} (clear with --clear-faults)")
-    output.result({"rig": config.name, "devices": names, "safe": True, "faults": list(measurement.device_faults)})
+    latched = [*measurement.device_faults, *filter(None, [bench.latch.told])]
+    if latched:
+        output.say(f"latched: {', '.join(latched)} (clear with --clear-faults)")
+    output.result({"rig": config.name, "devices": names, "safe": True, "faults": latched})

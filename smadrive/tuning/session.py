@@ -240,7 +240,7 @@ class TuningSession:
     def _clear(self) -> None:
         if self._live is not None:
             raise ConfigError("switch off before clearing faults")
-        self._rig.heater.clear_faults()
+        self._rig.clear_faults()
         self._status.fault = None
         self._status.tell(self._now_s, "faults cleared")
 
