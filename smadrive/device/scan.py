@@ -1,6 +1,6 @@
 """Who is on a line: every unit id is asked for what proves the identity of each profile. Nothing is written.
 
-Where no unit answers, devices that speak no Modbus are asked who they are.
+Devices that speak no Modbus are asked first: one of them may answer anything to a Modbus frame.
 
 A profile without a register that proves it is possible where the registers of its roles read as valid numbers. A unit
 that leaves `SILENT` requests unanswered is taken as absent.
@@ -50,6 +50,9 @@ def scan(
     others = [profile for profile in profiles if not profile.has_registers]
     for line in _lines(url, profiles):
         with open_transport(url, line) as transport:
+            if not (found or url.startswith("tcp:")) and (proved := tuple(_proved(transport, others, line))):
+                yield Found(None, line, proved, ())
+                return
             master = Master(transport)
             for unit_id in unit_ids:
                 if unit_id in found:
@@ -59,11 +62,6 @@ def scan(
                 if answer is not None:
                     found.add(unit_id)
                     yield Found(unit_id, line, *answer)
-            if not found and not url.startswith("tcp:"):
-                proved = tuple(_proved(transport, others, line))
-                if proved:
-                    yield Found(None, line, proved, ())
-                    return
 
 
 def _lines(url: str, profiles: Iterable[Profile]) -> list[SerialSettings | None]:

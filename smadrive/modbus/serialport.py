@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import errno
+import fcntl
+import grp
 import termios
 from contextlib import suppress
+from pathlib import Path
 
 import serial
 from serial.tools import list_ports
@@ -27,13 +30,20 @@ class SerialTransport(DescriptorTransport):
         self._exclusive = exclusive
         super().__init__(port, RtuFraming(), settings.baudrate, timeout_s=0.0)
 
+    def lose(self) -> None:
+        """Let the port go, and its lock, which a forked child would keep."""
+        if not self.lost:
+            with suppress(OSError):
+                fcntl.flock(self._descriptor, fcntl.LOCK_UN)
+        super().lose()
+
     def _channel(self, _timeout_s: float) -> serial.Serial:
         """The port; it opens at once or not at all."""
         try:
             port = serial.Serial(
                 self.name,
                 baudrate=self._settings.baudrate,
-                parity=self._settings.parity,
+                parity="N" if _is_pseudo_terminal(self.name) else self._settings.parity,
                 stopbits=self._settings.stopbits,
                 timeout=0,
                 exclusive=True if self._exclusive else None,
@@ -50,14 +60,30 @@ class SerialTransport(DescriptorTransport):
         return port
 
 
+def _is_pseudo_terminal(port: str) -> bool:
+    """Whether no line is behind it, so that it has no parity: Linux refuses one when it is set again."""
+    return str(Path(port).resolve()).startswith("/dev/pts/")
+
+
 def _cure(port: str, error: Exception) -> str:
     """Why `port` does not open, and what to do about it."""
     code = getattr(error, "errno", None)
     if code == errno.ENOENT:
         present = ", ".join(sorted(found.device for found in list_ports.comports())) or "none"
-        return f"{port}: no such port; serial ports present: {present}: is the adapter plugged in?"
+        return (
+            f"{port}: no such port; serial ports present: {present}: is the adapter plugged in? One that was replugged "
+            "may come back with another number: its name in /dev/serial/by-id stays"
+        )
     if code in (errno.EACCES, errno.EPERM):
-        return f"{port}: not permitted; join the group that owns it: sudo usermod -aG dialout $USER, then log in again"
+        group = _group_of(port)
+        return f"{port}: not permitted; join the group that owns it: sudo usermod -aG {group} $USER, then log in again"
     if code in (errno.EAGAIN, errno.EBUSY):
         return f"{port}: busy: another program holds the port; close it (lsof {port} names it)"
     return f"{port}: cannot be opened as a serial port ({error})"
+
+
+def _group_of(port: str) -> str:
+    try:
+        return grp.getgrgid(Path(port).stat().st_gid).gr_name
+    except (OSError, KeyError):
+        return "dialout"

@@ -166,3 +166,18 @@ def test_any_supply_heats_the_wire_under_its_own_protections(profile):
         for role, limit in (("ovp", 15.0), ("ocp", 0.6)):
             if (name := getattr(supply.profile.roles, role)) is not None:
                 assert supply.read((name,))[name].value == pytest.approx(1.1 * limit, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"reader": {"url": "serial:///dev/x"}, "laser": {"url": "serial:///dev/x"}},
+        {"reader": {"url": "tcp://host", "unit_id": 7}, "laser": {"url": "tcp://host", "unit_id": 7}},
+    ],
+    ids=["factory ids", "given ids"],
+)
+def test_two_devices_of_one_unit_id_on_a_line_are_refused_before_it_is_opened(changes):
+    with pytest.raises(
+        ConfigError, match=r"'reader' and 'laser' both have unit id [17] at .*: give one of them another"
+    ):
+        Rig(rig_of(devices(**changes))).__enter__()

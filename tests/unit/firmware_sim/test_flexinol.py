@@ -6,6 +6,7 @@ from firmware_sim.config import load_sim
 from firmware_sim.flexinol import TABLE, flexinol, still_air
 from firmware_sim.plant import Plant
 from smadrive.errors import ConfigError
+from smadrive.shipped import configs_dir
 
 COOLING_S = {  # diameter: (LT, HT)
     0.025: (0.18, 0.15),
@@ -25,10 +26,20 @@ RELAXED = 0.5 / 4.0  # the vendor leaves the last 0.5 % of a strain of 4 % out
 @pytest.mark.parametrize("alloy", ["LT", "HT"])
 @pytest.mark.parametrize("diameter_mm", TABLE)
 def test_it_cools_in_the_time_that_the_vendor_gives(diameter_mm, alloy):
+    check_cooling(flexinol(diameter_mm, alloy=alloy), diameter_mm, alloy)
+
+
+@pytest.mark.parametrize("path", sorted((configs_dir() / "sims").glob("*.toml")), ids=lambda path: path.stem)
+def test_every_shipped_wire_does_too(path):
+    _, alloy, diameter = path.stem.removesuffix("mm").split("-")
+    check_cooling(load_sim(path), float(diameter), alloy.upper())
+
+
+def check_cooling(config, diameter_mm, alloy):
     """From contraction until the stroke has returned."""
     vendor_s = COOLING_S[diameter_mm][alloy == "HT"]
     step_s = vendor_s / 500
-    plant = Plant(flexinol(diameter_mm, alloy=alloy))
+    plant = Plant(config)
     while plant.phase < 0.99:
         plant.advance(1.5 * TABLE[diameter_mm].contracting_a, step_s)
     steps = 0

@@ -1,6 +1,8 @@
 """URLs and serial ports; a pseudo-terminal is the port."""
 
+import grp
 import os
+from pathlib import Path
 
 import pytest
 
@@ -44,8 +46,41 @@ def test_a_url_that_makes_no_sense_is_refused(url, says):
 
 
 def test_a_missing_port_names_those_present():
-    with pytest.raises(TransportError, match=r"/dev/ttyNone: no such port; serial ports present: .*plugged in"):
+    cure = r"/dev/ttyNone: no such port; serial ports present: .*plugged in\?.* its name in /dev/serial/by-id stays"
+    with pytest.raises(TransportError, match=cure):
         open_transport("serial:///dev/ttyNone")
+
+
+def test_a_forbidden_port_names_the_group_to_join(terminal):
+    _, path = terminal
+    Path(path).chmod(0)
+    group = grp.getgrgid(Path(path).stat().st_gid).gr_name
+    is_root = os.geteuid() == 0
+    if is_root:
+        os.seteuid(65534)  # root may open anything
+    try:
+        with pytest.raises(TransportError, match=rf"{path}: not permitted; join .*: sudo usermod -aG {group} \$USER"):
+            open_transport(f"serial://{path}")
+    finally:
+        if is_root:
+            os.seteuid(0)
+
+
+def test_a_forked_child_does_not_keep_the_port_locked(terminal):
+    """It shares the open port as a duplicate does, and the lock with it."""
+    _, path = terminal
+    transport = open_transport(f"serial://{path}")
+    shared = os.dup(transport._descriptor)
+    transport.close()
+    open_transport(f"serial://{path}").close()
+    os.close(shared)
+
+
+def test_a_pseudo_terminal_has_no_parity_and_is_opened_again_and_again(terminal):
+    _, path = terminal
+    for parity in ("E", "E", "O", "N", "E"):
+        with open_transport(f"serial://{path}?parity={parity}") as transport:
+            transport.write(b"x")
 
 
 def test_a_file_is_no_port(tmp_path):
