@@ -6,9 +6,10 @@ import difflib
 import tomllib
 from collections.abc import Iterable
 from pathlib import Path
+from types import NoneType
 from typing import Any, TypeVar
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from smadrive.errors import ConfigError
 
@@ -17,6 +18,16 @@ class Section(BaseModel):
     """A table of a config file: immutable, and every key that it does not know is refused."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _a_number_is_a_number(cls, values: Any) -> Any:
+        """Pydantic would also take a text that looks like one."""
+        for name, field in cls.model_fields.items() if isinstance(values, dict) else ():
+            allowed = set(getattr(field.annotation, "__args__", (field.annotation,)))
+            if allowed <= {int, float, NoneType} and isinstance(values.get(name), str | bool):
+                raise ValueError(f"{name} = {values[name]!r}: put a number there, without quotes")
+        return values
 
 
 ConfigT = TypeVar("ConfigT", bound=BaseModel)
@@ -40,17 +51,22 @@ def load_config(path: Path, kind: type[ConfigT]) -> ConfigT:
 
 
 def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT:
-    """`tables` as a validated `kind`; ConfigError tells the first problem, and how many more there are."""
+    """`tables` as a validated `kind`; ConfigError tells what is wrong in one line.
+
+    Unknown keys are all told, and nothing else besides them: a typo explains what is missing.
+    """
     try:
         return kind.model_validate(tables)
     except ValidationError as error:
-        problems = sorted(
-            error.errors(), key=lambda problem: problem["type"] != "extra_forbidden"
-        )  # a typo explains the rest
-        first = problems[0]
-        key = ".".join(str(part) for part in first["loc"]) or "the file"
-        more = f" (and {len(problems) - 1} more)" if len(problems) > 1 else ""
-        raise ConfigError(f"{where}: {key}: {_complaint(dict(first), kind)}{more}") from None
+        problems = [dict(problem) for problem in error.errors()]
+        told = [problem for problem in problems if problem["type"] == "extra_forbidden"] or problems[:1]
+        complaints = "; ".join(f"{_place(problem)}: {_complaint(problem, kind)}" for problem in told)
+        more = f" (and {len(problems) - len(told)} more)" if len(problems) > len(told) else ""
+        raise ConfigError(f"{where}: {complaints}{more}") from None
+
+
+def _place(problem: dict[str, Any]) -> str:
+    return ".".join(str(part) for part in problem["loc"]) or "the file"
 
 
 def _complaint(problem: dict[str, Any], kind: type[BaseModel]) -> str:

@@ -60,6 +60,7 @@ class Rig:
     ) -> None:
         self.config = config
         self.nominal_balance = load_wire(config.wire).heat_balance()
+        config.check_wire(self.nominal_balance)
         self._clock = clock
         self._transports = transports or {}
 

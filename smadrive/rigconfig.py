@@ -9,24 +9,29 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from smadrive.configfile import Section, load_config
+from smadrive.errors import ConfigError
 from smadrive.shipped import shipped_file
 from smadrive.thermal import HeatBalance
 
 
 class WireConfig(Section):
-    """A wire as its data sheet describes it."""
+    """A wire as its data sheet describes it.
+
+    The bounds are far outside of every wire on sale, and inside of what a value in another unit looks like: metres for
+    millimetres, grams for kilograms, kelvins for degrees, milliseconds for seconds.
+    """
 
     name: str
-    diameter_mm: float = Field(gt=0)
-    length_mm: float = Field(gt=0)
-    resistance_ohm_per_m: float = Field(gt=0)
-    resistance_change: float = Field(gt=-1)
-    density_kg_per_m3: float = Field(gt=0)
-    specific_heat_j_per_kg_k: float = Field(gt=0)
-    latent_heat_j_per_kg: float = Field(ge=0)
-    convection_w_per_m2_k: float = Field(gt=0)
-    ambient_c: float
-    thermocouple_lag_s: float = Field(ge=0)
+    diameter_mm: float = Field(ge=0.01, le=10)
+    length_mm: float = Field(ge=2, le=100_000)
+    resistance_ohm_per_m: float = Field(ge=0.02, le=20_000)
+    resistance_change: float = Field(gt=-1, lt=1)
+    density_kg_per_m3: float = Field(ge=1000, le=30_000)
+    specific_heat_j_per_kg_k: float = Field(ge=50, le=5000)
+    latent_heat_j_per_kg: float = Field(ge=0, le=1e6)
+    convection_w_per_m2_k: float = Field(ge=1, le=1e5)
+    ambient_c: float = Field(ge=-100, le=150)
+    thermocouple_lag_s: float = Field(ge=0, le=10)
 
     def heat_balance(self) -> HeatBalance:
         """The nominal heat balance: m from the volume, A the wire's surface."""
@@ -66,7 +71,7 @@ class LimitsConfig(Section):
     """What must never be exceeded; every layer of safety takes its limits from here. Left out: not limited."""
 
     current_max_a: float = Field(gt=0)
-    temperature_max_c: float
+    temperature_max_c: float = Field(le=600)
     voltage_max_v: float | None = Field(default=None, gt=0)
     temperature_min_c: float = -20.0
     watchdog_s: float = Field(gt=0, le=10)
@@ -97,6 +102,10 @@ class FeedbackConfig(Section):
     noise_c: float = Field(default=0.1, gt=0)
     feedforward_share: float = Field(default=1.0, ge=0, le=1.5)
     adapt: bool = False
+
+
+AMPLE = 20.0
+"""A limit of so many times the current that holds the wire at temperature_max_c is taken for one in another unit."""
 
 
 class RigConfig(Section):
@@ -139,6 +148,16 @@ class RigConfig(Section):
                 f"({2.0 / self.rate_hz:g} s at rate_hz = {self.rate_hz:g}): raise it"
             )
         return self
+
+    def check_wire(self, balance: HeatBalance) -> None:
+        """ConfigError when `current_max_a` cannot be meant for the wire of this heat balance: it would be no limit."""
+        limits = self.limits
+        held_a = balance.current_a(balance.power_w(limits.temperature_max_c, 0.0, 0.0), 1.0)
+        if limits.current_max_a > AMPLE * held_a > 0.0:
+            raise ConfigError(
+                f"rig '{self.name}': limits.current_max_a = {limits.current_max_a:g} is no limit for '{self.wire}', "
+                f"which {held_a:.2g} A hold at temperature_max_c = {limits.temperature_max_c:g}: is it in amperes?"
+            )
 
     def at(self, url: str) -> RigConfig:
         """The same rig with its devices at another address."""

@@ -10,7 +10,9 @@ from __future__ import annotations
 import importlib
 import signal
 import sys
+from importlib.metadata import version
 from types import FrameType
+from typing import Annotated
 
 import typer
 
@@ -55,6 +57,12 @@ def main() -> None:
         raise
 
 
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        print(f"smadrive {version('smadrive')}")
+        raise typer.Exit
+
+
 def _app(wanted: str) -> typer.Typer:
     """All commands by name, with only the wanted one imported: help in no time, and no plots for a probe."""
     app = typer.Typer(
@@ -63,12 +71,21 @@ def _app(wanted: str) -> typer.Typer:
         pretty_exceptions_enable=False,
         help="The driver that makes a shape-memory-alloy wire move where it is told.",
     )
+    app.callback()(_options)
     for name, summary in COMMANDS.items():
         if name == wanted:
             app.command(name)(importlib.import_module(f"smadrive.cli.{name}").main)
         else:
             app.command(name, help=summary)(_not_imported)
     return app
+
+
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_tell_version, help="Tell the version.")
+    ] = False,
+) -> None:
+    """What stands before a command."""
 
 
 def _not_imported() -> None:

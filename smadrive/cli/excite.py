@@ -35,7 +35,8 @@ def main(
             watched(recorder, "exciting", excitation.duration_s, limit_a, quiet=output.quiet) as record,
         ):
             figures = bench.excite(excitation, record)
-    output.say(f"{log_file}: {figures.ticks} samples, {figures.missed_deadlines} missed deadlines; the heater is off")
+    missed = "1 missed deadline" if figures.missed_deadlines == 1 else f"{figures.missed_deadlines} missed deadlines"
+    output.say(f"{log_file}: {figures.ticks} samples, {missed}; the heater is off")
     output.result(
         {"ticks": figures.ticks, "missed_deadlines": figures.missed_deadlines, "trips": 0, "log_file": str(log_file)}
     )

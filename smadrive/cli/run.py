@@ -13,7 +13,7 @@ from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile
 from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.reference import Reference, parse_reference
+from smadrive.control.reference import SHAPES, Reference, parse_reference
 from smadrive.control.rehearsal import rehearse
 from smadrive.control.wire import WireModel, WireState, travel_mm
 from smadrive.controllers import tracking_settings
@@ -38,7 +38,11 @@ HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")
 def main(
     rig: RigFile,
     reference: Annotated[
-        str, typer.Option(help="CSV (time_s, displacement_mm), or sine:low_mm=…,high_mm=…,period_s=…")
+        str,
+        typer.Option(
+            help="CSV (time_s, displacement_mm), or SHAPE:key=value,… as in sine:low_mm=2,high_mm=9,period_s=56. "
+            f"Shapes: {', '.join(SHAPES)}; one without keys tells its keys."
+        ),
     ],
     log_file: Annotated[Path, typer.Option("--log-file", "-o", help="Log (.h5) to write.")],
     model: Annotated[Path | None, typer.Option(help="Model file; that of the rig file by default.")] = None,

@@ -109,7 +109,9 @@ class TemperatureController:
         self._stalled_s += dt_s
         if self._stalled_s > STALLS_S:
             cure = (
-                "raise current_max_a or lower high_c" if reading_c < path_c else "raise low_c or cool the surroundings"
+                "lower high_c, or raise current_max_a where the wire's data sheet allows it"
+                if reading_c < path_c
+                else "raise low_c or cool the surroundings"
             )
             raise IdentificationError(
                 f"excitation: the wire is at {reading_c:.1f} °C, and has not come to {path_c:.1f} °C within "

@@ -14,7 +14,11 @@ class Fault(Enum):
 
     OVER_TEMPERATURE = (1, "the wire is hotter than temperature_max_c", "let it cool; lower the reference or the limit")
     SENSOR_INVALID = (2, "the thermocouple gives no valid reading", "check the bead, the plug and the polarity")
-    STALE_DATA = (3, "no fresh measurement arrived in time", "check the cable, the port and the device's supply")
+    STALE_DATA = (
+        3,
+        "no fresh measurement arrived in time",
+        "check the cable, the port and the device's supply; is it, or its simulator, stopped or too slow?",
+    )
     DEVICE_FAULT = (4, "the device latched a fault of its own", "see the device's fault; remove it, then clear it")
     CURRENT_MISMATCH = (5, "the measured current is not the commanded one", "check the wire's clamps and the supply")
     UNEXPECTED_HEATING = (

@@ -33,6 +33,10 @@ BUSY = (5, 6, 11)
 """Exception codes of a device, or of the gateway before it, that could not answer in time."""
 
 UNCONFIRMED = "the heater could NOT be confirmed off"
+CUT = (
+    "cut its supply by hand; when the device, or its simulator, answers again (is it stopped, or slow?), "
+    "confirm it with `smadrive off RIG`"
+)
 
 
 class Heater(Protocol):
@@ -174,6 +178,6 @@ def ends_safe(heater: Heater) -> Iterator[None]:
             heater.enter_safe_state()
         except Exception as failure:  # noqa: BLE001  (whatever it is, the first error must be told, and this one)
             if not any(note.startswith(UNCONFIRMED) for note in getattr(error, "__notes__", ())):
-                error.add_note(f"{UNCONFIRMED} ({failure}): cut its supply")
+                error.add_note(f"{UNCONFIRMED} ({failure}): {CUT}")
         raise
     heater.enter_safe_state()

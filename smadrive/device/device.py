@@ -35,7 +35,8 @@ from smadrive.modbus import requests
 from smadrive.modbus.master import Master
 from smadrive.modbus.requests import Request
 
-SAFE_STATE_ATTEMPTS = 5
+SAFE_STATE_PAUSES_S = (0.0, 0.0, 0.5, 0.5)
+"""Between the attempts at the safe state: a spoilt reply is tried again at once, a plug that slipped out later."""
 
 
 class _Write(NamedTuple):
@@ -155,7 +156,7 @@ class Device:
         A step that fails does not keep the others from being tried: any of them may end the heat. Raises the first
         error of the last round.
         """
-        for attempt in range(1, SAFE_STATE_ATTEMPTS + 1):
+        for pause_s in (*SAFE_STATE_PAUSES_S, None):
             failed: SmadriveError | None = None
             for step in self.profile.safe_state:
                 try:
@@ -164,8 +165,9 @@ class Device:
                     failed = failed or error
             if failed is None:
                 return
-            if attempt == SAFE_STATE_ATTEMPTS:
+            if pause_s is None:
                 raise failed
+            self.master.clock.sleep_until(self.master.clock.now_s() + pause_s)
 
     def _execute(self, request: Request) -> bytes:
         """One transaction, no sooner after the last than the device stands."""

@@ -21,6 +21,7 @@ from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 from smadrive.outfile import replacing
 
 SCHEMA_VERSION = 1
+CURE = "give a model file, which `smadrive identify` or save_model writes"
 _LAWS = ("a_heating", "b_heating", "a_cooling", "b_cooling")
 
 
@@ -40,8 +41,10 @@ def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False)
     """Read a model. Raises ModelError for a file that is none, CertificateError for rules that are not certified."""
     try:
         text = Path(path).read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        raise ModelError(f"{path}: cannot be read: {error}; check the path") from error
+    except OSError as error:
+        raise ModelError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+    except UnicodeDecodeError as error:
+        raise ModelError(f"{path}: not a JSON file but a binary one; {CURE}") from error
     return parse_model(text, place=str(path), allow_uncertified=allow_uncertified)
 
 
@@ -68,7 +71,7 @@ def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> Du
     try:
         fields = _Fields(place, json.loads(text))
     except ValueError as error:
-        raise ModelError(f"{place}: not a JSON file: {error}; write it with save_model") from error
+        raise ModelError(f"{place}: not a JSON file: {error}; {CURE}") from error
     if fields.value("schema") != SCHEMA_VERSION:
         raise ModelError(
             f"{place}: schema is {fields.value('schema')!r}; this version reads {SCHEMA_VERSION}; identify again"
@@ -117,14 +120,12 @@ class _Fields:
 
     def __init__(self, place: str, document: Any) -> None:
         if not isinstance(document, dict):
-            raise ModelError(
-                f"{place}: expected a JSON object, found {type(document).__name__}; write it with save_model"
-            )
+            raise ModelError(f"{place}: expected a JSON object, found {type(document).__name__}; {CURE}")
         self.place, self.document = place, document
 
     def value(self, key: str) -> Any:
         if key not in self.document:
-            raise ModelError(f"{self.place}: key '{key}' is missing; write the file with save_model")
+            raise ModelError(f"{self.place}: key '{key}' is missing; {CURE}")
         return self.document[key]
 
     def number(self, key: str) -> float:

@@ -85,7 +85,8 @@ def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a
     if needed_a > current_max_a:
         raise ConfigError(
             f"excitation: {high_c:g} °C at {rate:g} K/s take about {needed_a:.2f} A, "
-            f"current_max_a = {current_max_a:g}: raise the limit if the wire bears it, or lower high_c or rate_c_per_s"
+            f"current_max_a = {current_max_a:g}: lower high_c or rate_c_per_s, or raise the limit where the wire's "
+            "data sheet allows it"
         )
     cools_c_per_s = (low_c - balance.ambient_c) / balance.time_constant_s / SPARE
     if cools_c_per_s < rate:

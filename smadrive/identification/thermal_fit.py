@@ -39,6 +39,9 @@ NAMES = {
 }
 """What the fit looks for, in its order."""
 
+MOVES = 8.0
+"""A displacement that spans no more than so many standard deviations of its steps is noise; white noise spans 3.6."""
+
 SYSTEMATIC = 0.005
 """What a lumped wire, sampled with a period, leaves besides noise, relative: seen on simulated wires."""
 
@@ -102,8 +105,12 @@ def _check_excited(record: ExcitationRecord) -> None:
 def _phase(displacement: Array, reading: Array) -> Array:
     """Displacement scaled to [0, 1] so that it rises on heating, whatever the sensor's sense."""
     low, high = np.percentile(displacement, [0.5, 99.5])
-    if high <= low:
-        raise IdentificationError("thermal fit: the displacement never changes: check the sensor and the wire")
+    if high - low <= MOVES * np.std(np.diff(displacement)):
+        raise IdentificationError(
+            f"thermal fit: the wire did not move, its displacement only varies by {high - low:.2g} mm between "
+            f"{reading.min():.0f} and {reading.max():.0f} °C: heat it through its transformation (excitation.high_c), "
+            "and check the sensor"
+        )
     rising = np.corrcoef(displacement, reading)[0, 1] >= 0
     phase: Array = np.clip((displacement - low) / (high - low), 0.0, 1.0)
     return phase if rising else 1.0 - phase

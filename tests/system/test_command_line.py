@@ -3,11 +3,13 @@
 import json
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from smadrive.control.reference import SHAPES
 from smadrive.hysteresis import DuhemModel, save_model
 
 ROOT = Path(__file__).parents[2]
@@ -107,6 +109,15 @@ def test_probe_and_off_answer_in_json(tmp_path):
     assert succeed("off", "in-process", cwd=tmp_path)["safe"] is True
 
 
+def test_the_version_is_told(tmp_path):
+    assert smadrive("--version", cwd=tmp_path).stdout == f"smadrive {version('smadrive')}\n"
+
+
+def test_the_help_of_run_names_every_shape_of_reference(tmp_path):
+    told = smadrive("run", "--help", cwd=tmp_path).stdout
+    assert all(shape in told for shape in SHAPES)
+
+
 def rig_text(old, new, rig="simulated"):
     """A shipped rig with one thing changed."""
     text = (CONFIGS / "rigs" / f"{rig}.toml").read_text()
@@ -133,6 +144,11 @@ WRONG = [
     ("missing rig", ("probe", "absent.toml"), 2, "absent.toml: no such file"),
     ("unknown key", ("probe", "key.toml"), 2, "limits.curent_max_a: unknown key; did you mean 'current_max_a'?"),
     ("limits that contradict", ("probe", "limits.toml"), 2, "must be below limits.temperature_max_c = 110"),
+    ("milliamperes", ("probe", "milli.toml"), 2, "current_max_a = 600 is no limit for 'flexinol"),
+    ("a wire in metres", ("probe", "metres.toml"), 2, "diameter_mm: Input should be greater than or equal to 0.01"),
+    ("a number in quotes", ("probe", "quoted.toml"), 2, "limits: current_max_a = '0.6': put a number there, without"),
+    ("a model that is a log", (*RUN, "--model", "kept.h5", "--reference", ANY_SINE), 2, "kept.h5: not a JSON file"),
+    ("a model that is absent", (*RUN, "--model", "no.json", "--reference", ANY_SINE), 2, "no.json: cannot be read: No"),
     ("unknown wire", ("probe", "wire.toml"), 2, "'nitinol' is neither a .toml file nor one of the shipped wires"),
     ("no device there", ("probe", "port.toml"), 3, "/dev/ttyNONE: no such port"),
     ("another device", ("probe", "other.toml"), 3, "is no 'sma-reference': device_id is 21325"),
@@ -164,6 +180,11 @@ def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(dat
     (data / "nan.csv").write_text("temperature_c,strain\n20,0.04\n21,nan\n")
     (data / "flat.csv").write_text("temperature_c,strain\n" + "20,0.04\n" * 100)
     (data / "key.toml").write_text(rig_text("current_max_a", "curent_max_a"))
+    (data / "milli.toml").write_text(rig_text("current_max_a = 0.6", "current_max_a = 600"))
+    (data / "quoted.toml").write_text(rig_text("current_max_a = 0.6", "current_max_a = '0.6'"))
+    (data / "metres.toml").write_text(rig_text('"flexinol-lt-0.15mm"', '"metres-wire.toml"'))
+    wire = (CONFIGS / "wires" / "flexinol-lt-0.15mm.toml").read_text()
+    (data / "metres-wire.toml").write_text(wire.replace("diameter_mm = 0.15", "diameter_mm = 0.15e-3"))
     (data / "limits.toml").write_text(rig_text("temperature_max_c = 135.0", "temperature_max_c = 110.0"))
     (data / "wire.toml").write_text(rig_text('"flexinol-lt-0.15mm"', '"nitinol"'))
     (data / "port.toml").write_text(rig_text("/tmp/smadrive-sim", "/dev/ttyNONE"))  # noqa: S108
@@ -175,7 +196,7 @@ def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(dat
     board = (CONFIGS / "devices" / "sma-reference.toml").read_text()
     (data / "board.toml").write_text(board.replace("[[0x534D, 0x534D]]", "[[7, 7]]"))
     (data / "folder.json").mkdir()
-    (data / "kept.h5").write_text("a record")
+    (data / "kept.h5").write_bytes(b"\x89HDF\r\n, a record")
     (data / "link.html").symlink_to(data / "kept.h5")
     save_model(LOOP, data / "loop.json")
     before = contents(data)

@@ -45,7 +45,9 @@ def test_a_wire_that_cools_slowly_is_waited_for_at_the_bottom():
 
 
 def test_a_wire_that_cannot_get_hot_is_given_up_with_the_cure():
-    with pytest.raises(IdentificationError, match=rf"within {STALLS_S:g} s: raise current_max_a or lower high_c"):
+    with pytest.raises(
+        IdentificationError, match=rf"within {STALLS_S:g} s: lower high_c, or raise current_max_a where"
+    ):
         excite(NOMINAL, current_limit_a=0.22)
 
 
