@@ -140,7 +140,9 @@ class BranchEngine:
     def row(self, v: float, *, rising: bool) -> _Row:
         """The table row for one input in [lower, upper]: node, four coefficients of P, four of Λ."""
         first, split = self._lookup
-        number = min(int((v - self.lower) * self._bins_per_unit), self._last_bin)
+        number = int((v - self.lower) * self._bins_per_unit)
+        if number > self._last_bin:  # noqa: PLR1730 (min() costs a call in the hot path)
+            number = self._last_bin
         return self._rows[rising][first[number] + (v >= split[number])]
 
     def clamp(self, v: float) -> float:
