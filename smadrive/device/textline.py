@@ -56,7 +56,7 @@ class TextLine:
         """Nothing is sent yet. `trace(time_s, direction, bytes)` sees every line that passes."""
         self.clock = transport.clock
         self._transport = transport
-        self._timeout_s = timeout_s
+        self._timeout_s = timeout_s + transport.latency_s
         self._greeting = greeting
         self._tokens = map(token, count())
         self._trace = trace

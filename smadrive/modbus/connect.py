@@ -3,6 +3,8 @@
 serial:///dev/ttyUSB0?baudrate=115200&parity=N&stopbits=1
 tcp://host:502                  Modbus TCP; without a port, 502
 rtu+tcp://host:port             RTU frames through a gateway; ?baudrate= is that of the line behind it
+
+&latency_ms=200 at any of them: by how much the way there and back may delay a reply, beyond what the device may take.
 """
 
 from __future__ import annotations
@@ -23,7 +25,10 @@ _ALLOWED = {
     "baudrate": "baudrate=<bits per second>",
     "parity": "parity=N|E|O",
     "stopbits": "stopbits=1|2",
+    "latency_ms": "latency_ms=<0 to 5000>",
 }
+MOST_LATENCY_MS = 5000
+"""A reply that comes still later is not waited for, and not remembered as owed for much longer."""
 
 
 def open_transport(url: str, defaults: SerialSettings | None = None, *, exclusive: bool = True) -> Transport:
@@ -37,16 +42,16 @@ def open_transport(url: str, defaults: SerialSettings | None = None, *, exclusiv
     line = defaults or SerialSettings()
     match parts.scheme:
         case "serial":
-            settings = _settings(url, parts.query, line, tuple(_ALLOWED))
-            return SerialTransport(_port_path(url, parts), settings, exclusive=exclusive)
+            settings, latency_s = _options(url, parts.query, line, tuple(_ALLOWED))
+            return SerialTransport(_port_path(url, parts), settings, exclusive=exclusive, latency_s=latency_s)
         case "tcp":
             host, port = _address(url, parts, MODBUS_TCP_PORT)
-            _settings(url, parts.query, line, allowed=())
-            return SocketTransport(host, port, TcpFraming(), baudrate=None)
+            _, latency_s = _options(url, parts.query, line, allowed=("latency_ms",))
+            return SocketTransport(host, port, TcpFraming(), None, latency_s)
         case "rtu+tcp":
             host, port = _address(url, parts, None)
-            settings = _settings(url, parts.query, line, allowed=("baudrate",))
-            return SocketTransport(host, port, RtuFraming(), settings.baudrate)
+            settings, latency_s = _options(url, parts.query, line, allowed=("baudrate", "latency_ms"))
+            return SocketTransport(host, port, RtuFraming(), settings.baudrate, latency_s)
     raise ConfigError(
         f"connection '{url}': unknown scheme '{parts.scheme}'; write serial:///dev/ttyUSB0, tcp://host:502 or "
         "rtu+tcp://host:port"
@@ -69,8 +74,8 @@ def _address(url: str, parts: SplitResult, default_port: int | None) -> tuple[st
     return host, port
 
 
-def _settings(url: str, query: str, defaults: SerialSettings, allowed: tuple[str, ...]) -> SerialSettings:
-    settings = defaults
+def _options(url: str, query: str, defaults: SerialSettings, allowed: tuple[str, ...]) -> tuple[SerialSettings, float]:
+    settings, latency_s = defaults, 0.0
     for key, text in parse_qsl(query, keep_blank_values=True):
         if key == "baudrate" in allowed and text.isdecimal() and int(text) > 0:
             settings = replace(settings, baudrate=int(text))
@@ -78,7 +83,9 @@ def _settings(url: str, query: str, defaults: SerialSettings, allowed: tuple[str
             settings = replace(settings, parity=_PARITIES[text])
         elif key == "stopbits" in allowed and text in ("1", "2"):
             settings = replace(settings, stopbits=1 if text == "1" else 2)
+        elif key == "latency_ms" and key in allowed and text.isdecimal() and int(text) <= MOST_LATENCY_MS:
+            latency_s = int(text) / 1e3
         else:
-            cure = "allowed are " + ", ".join(_ALLOWED[name] for name in allowed) if allowed else "nothing is allowed"
+            cure = "allowed are " + ", ".join(_ALLOWED[name] for name in allowed)
             raise ConfigError(f"connection '{url}': cannot use '{key}={text}'; {cure}")
-    return settings
+    return settings, latency_s

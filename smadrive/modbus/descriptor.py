@@ -38,11 +38,14 @@ class DescriptorTransport(ABC):
     end: ClassVar[str]
     suspicion: ClassVar[str]
 
-    def __init__(self, name: str, framing: Framing, baudrate: int | None, timeout_s: float) -> None:
+    def __init__(
+        self, name: str, framing: Framing, baudrate: int | None, timeout_s: float, latency_s: float = 0.0
+    ) -> None:
         self.clock = MonotonicClock()
         self.name = name
         self.framing = framing
         self.baudrate = baudrate
+        self.latency_s = latency_s
         self._closed = False
         self._descriptor = _GONE
         self._open(timeout_s)

@@ -25,11 +25,12 @@ class Peer(Protocol):
 class InProcessTransport:
     """Talks to `peer` as if through a serial line, or, where `baudrate` is None, through a TCP connection."""
 
-    def __init__(self, peer: Peer, clock: Clock, baudrate: int | None = 115200) -> None:
+    def __init__(self, peer: Peer, clock: Clock, baudrate: int | None = 115200, latency_s: float = 0.0) -> None:
         """`baudrate` only sets the silences that the standard derives from it: bytes take no time here."""
         self.clock = clock
         self.name = "in process"
         self.baudrate = baudrate
+        self.latency_s = latency_s
         self.framing: Framing = TcpFraming() if baudrate is None else RtuFraming()
         self._peer = peer
         self._arriving: list[tuple[float, int, bytes]] = []

@@ -32,7 +32,7 @@ from smadrive.modbus.transport import Transport
 
 Shape = tuple[int, bytes, int]  # unit, reply head, payload size: what tells a reply from the reply to another request
 
-LATEST_REPLY_S = 10.0  # a reply that has not come by then is lost for good
+LATEST_REPLY_S = 10.0  # a reply that has not come by then is lost for good; longer than any latency
 PROBES = 3
 TURNAROUND_S = 0.1  # after a broadcast, serial line V1.02 section 2.4.1
 
@@ -97,7 +97,7 @@ class Master:
         on_wire_s = (len(request.pdu) + 3 + reply_size) * self._character_s
         try:
             sent_s = self._send(unit_id, request)
-            payload = self._receive(unit_id, request, reply_size, sent_s + on_wire_s + timing.response_timeout_s)
+            payload = self._receive(unit_id, request, reply_size, sent_s + on_wire_s + self._patience_s(timing))
         except ExceptionReply:
             raise
         except BaseException:  # Ctrl-C too leaves a reply on its way
@@ -200,10 +200,13 @@ class Master:
         self._free_at_s = self.clock.now_s()
         self._suspect = not self._framing.numbered
 
+    def _patience_s(self, timing: BusTiming) -> float:
+        return timing.response_timeout_s + self.transport.latency_s
+
     def _quarantine(self, timing: BusTiming, silent_since_s: float) -> None:
         """Listen until the bus has been silent for one response timeout."""
         self.counters.quarantines += 1
-        quiet_s = max(timing.response_timeout_s, self._silence_s)
+        quiet_s = max(self._patience_s(timing), self._silence_s)
         give_up_s = self.clock.now_s() + NEVER_SILENT_S + quiet_s
         while data := self.transport.read(silent_since_s + quiet_s):
             self._discarded(data)

@@ -24,11 +24,11 @@ class SerialTransport(DescriptorTransport):
     end = "the port is readable and has no data"
     suspicion = "is the adapter plugged in and the device powered?"
 
-    def __init__(self, port: str, settings: SerialSettings, *, exclusive: bool = True) -> None:
+    def __init__(self, port: str, settings: SerialSettings, *, exclusive: bool = True, latency_s: float = 0.0) -> None:
         """Open `port`; TransportError tells whether it is missing, busy or forbidden, and the cure."""
         self._settings = settings
         self._exclusive = exclusive
-        super().__init__(port, RtuFraming(), settings.baudrate, timeout_s=0.0)
+        super().__init__(port, RtuFraming(), settings.baudrate, timeout_s=0.0, latency_s=latency_s)
 
     def lose(self) -> None:
         """Let the port go, and its lock, which a forked child would keep."""

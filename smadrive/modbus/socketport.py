@@ -18,13 +18,13 @@ class SocketTransport(DescriptorTransport):
     end = "closed by the far end"
     suspicion = "is the device powered, does another client hold it?"
 
-    def __init__(self, host: str, port: int, framing: Framing, baudrate: int | None) -> None:
+    def __init__(self, host: str, port: int, framing: Framing, baudrate: int | None, latency_s: float = 0.0) -> None:
         """Connect; `baudrate` is that of a serial line behind a gateway, None where there is none.
 
         TransportError tells whether the host is unknown, refuses or is silent, and the cure.
         """
         self._address = (host, port)
-        super().__init__(f"{host}:{port}", framing, baudrate, CONNECT_TIMEOUT_S)
+        super().__init__(f"{host}:{port}", framing, baudrate, CONNECT_TIMEOUT_S, latency_s)
 
     def _channel(self, timeout_s: float) -> socket.socket:
         try:

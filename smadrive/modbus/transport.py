@@ -34,6 +34,11 @@ class Transport(Protocol):
         ...
 
     @property
+    def latency_s(self) -> float:
+        """By how much the connection may delay a reply, beyond what the device may take."""
+        ...
+
+    @property
     def framing(self) -> Framing:
         """How requests and replies are packed."""
         ...

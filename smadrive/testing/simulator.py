@@ -18,6 +18,9 @@ from smadrive.errors import TransportError
 ANSWER_WITHIN_S = 10.0
 """How long to wait for the simulator to end before it is killed."""
 
+PATIENT = "?latency_ms=5000"
+"""In driven time nothing else happens while a reply is on its way, so that a busy machine changes nothing."""
+
 
 class ServedSimulator:
     """`firmware-sim SIM` as a child process, a context manager: it serves at `url` and lives on `clock`."""
@@ -49,7 +52,7 @@ class ServedSimulator:
             bufsize=1,
             start_new_session=True,  # Ctrl-C is the driver's: it switches off through the bus, then ends the simulator
         )
-        self.url = self._answer()
+        self.url = self._answer() + (PATIENT if self._virtual is not None else "")
         if self._virtual is not None:
             self._virtual.follow(self._advance_to)
         return self

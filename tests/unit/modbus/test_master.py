@@ -257,3 +257,11 @@ def test_a_closed_transport_says_so(bus, script, timing):
     master.transport.close()
     with pytest.raises(TransportError, match="closed"):
         master.execute(1, READ, timing)
+
+
+def test_a_connection_may_delay_a_reply_by_its_latency(slow_registers_class, timing):
+    master = Master(InProcessTransport(slow_registers_class([0.25, 0.35]), VirtualClock(), latency_s=0.2))
+    request = requests.read_holding(7, 1)
+    assert requests.registers_of(master.execute(1, request, timing)) == (7,)
+    with pytest.raises(DeadlineError):
+        master.execute(1, request, timing)

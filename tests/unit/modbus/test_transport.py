@@ -29,7 +29,7 @@ def terminal():
         ("tcp://host:x", "names no host and port"),
         ("tcp://host:502/unit", "names no host and port"),
         ("rtu+tcp://host", "names no host and port"),
-        ("tcp://host?baudrate=9600", "cannot use 'baudrate=9600'; nothing is allowed"),
+        ("tcp://host?baudrate=9600", "cannot use 'baudrate=9600'; allowed are latency_ms=<0 to 5000>"),
         ("rtu+tcp://host:4001?parity=E", "cannot use 'parity=E'; allowed are baudrate="),
         ("serial://dev/ttyUSB0", "three slashes"),
         ("serial:///", "names no port"),
@@ -38,6 +38,8 @@ def terminal():
         ("serial:///dev/x?baudrate=0", "cannot use 'baudrate=0'"),
         ("serial:///dev/x?parity=even", r"cannot use 'parity=even'.*N\|E\|O"),
         ("serial:///dev/x?stopbits=3", "cannot use 'stopbits=3'"),
+        ("serial:///dev/x?latency_ms=5001", "cannot use 'latency_ms=5001'; .*latency_ms=<0 to 5000>"),
+        ("tcp://host?latency_ms=-1", "cannot use 'latency_ms=-1'"),
     ],
 )
 def test_a_url_that_makes_no_sense_is_refused(url, says):
