@@ -15,6 +15,7 @@ import typer
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile
 from smadrive.cli.run import model_file, read_reference
+from smadrive.clock import VirtualClock
 from smadrive.control.loop import Tick
 from smadrive.control.reference import Reference, sine
 from smadrive.control.wire import travel_mm
@@ -61,6 +62,7 @@ def main(
         ControlEnd() as channel,
         Rig(config) as bench,
     ):
+        _check_real_time(bench)
         session = TuningSession(bench, tuning, balance or bench.nominal_balance, references, channel, workshop, _forget)
         page = PageProcess(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
         with page:
@@ -69,6 +71,14 @@ def main(
             if browser and not as_json:
                 webbrowser.open(page.url)
             session.run()
+
+
+def _check_real_time(bench: Rig) -> None:
+    if isinstance(bench.clock, VirtualClock):
+        raise ConfigError(
+            f"rig '{bench.config.name}': on sim:// time is virtual, nobody could watch it: serve the simulated device "
+            "with `firmware-sim SIM --pty PATH`, and give serial://PATH as its url"
+        )
 
 
 def _forget(tick: Tick) -> None:

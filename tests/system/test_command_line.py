@@ -166,6 +166,7 @@ WRONG = [
     ("a table over its input", ("invert", "loop.json", "wire.csv", "-o", "./wire.csv"), 2, "wire.csv: is read by"),
     ("data that is a page", ("identify", "link.html", *STRAIN), 2, "link.html: neither a log nor a CSV"),
     ("a demo among other files", ("demo", "-o", "."), 2, "is not empty"),
+    ("tuning in virtual time", ("tune", "in-process", "--model", "loop.json"), 2, "on sim:// time is virtual"),
     ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
     ("no log to replay", ("replay", "absent.h5"), 2, "absent.h5: no such file"),
     ("a log that is none", ("replay", "wire.csv"), 2, "wire.csv: not a readable log"),

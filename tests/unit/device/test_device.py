@@ -135,3 +135,12 @@ def test_a_safe_state_that_cannot_be_confirmed_raises(device, rig):
     rig.faults.drop(1000)
     with pytest.raises(DeadlineError):
         device.enter_safe_state()
+
+
+def test_the_safe_state_waits_for_a_device_that_is_back_after_a_second(device, rig):
+    device.check_identity()
+    rig.firmware.write({"arm": 1})
+    rig.firmware.write({"sequence": 9, "heater_current": 0.4, "heater_enable": 1})
+    rig.faults.drop(for_s=1.5)
+    device.enter_safe_state()
+    assert rig.firmware.current_a == 0.0
