@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from smadrive.cli.log_plots import log_plots
+from smadrive.control.loop import UNCONFIRMED
 from smadrive.loggedrun import logged_rig
 from smadrive.runfigures import RunSummary, run_summary
 from smadrive.telemetry.log import Log
@@ -37,9 +38,10 @@ def _state(log: Log, summary: RunSummary) -> State:
         )
     if not log.ended_by:
         return State("good", f"Complete: {summary.duration_s:.1f} s, ended at zero current.")
+    unconfirmed = [event.message for event in log.events if event.message.startswith(UNCONFIRMED)]
     return State(
-        "odd" if log.ended_by.startswith("interruption") else "bad",
-        f"Ended after {summary.duration_s:.1f} s by {log.ended_by}",
+        "odd" if log.ended_by.startswith("interruption") and not unconfirmed else "bad",
+        " — ".join([f"Ended after {summary.duration_s:.1f} s by {log.ended_by}", *unconfirmed]),
     )
 
 

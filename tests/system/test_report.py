@@ -14,7 +14,7 @@ from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.reference import sine
-from smadrive.errors import TripError
+from smadrive.errors import DeadlineError, TripError
 from smadrive.hysteresis import DuhemModel
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
@@ -40,7 +40,7 @@ def logs(tmp_path_factory):
     return folder
 
 
-def trip(path):
+def trip(path, breaks=lambda device: device.bench.sensors.faults.open_thermocouple()):
     device = simulated_device(load_sim("flexinol-lt-0.15mm"))
     clock = VirtualClock()
     clock.follow(device.bench.advance_to)
@@ -48,7 +48,7 @@ def trip(path):
     def record(tick):
         recorder.tick(tick)
         if tick.time_s > 3.0:
-            device.bench.sensors.faults.open_thermocouple()
+            breaks(device)
 
     with Rig(load_rig("in-process"), transports={"board": device.transport(clock)}) as rig:
         excitation = rig.excitation(22.0)
@@ -118,6 +118,15 @@ def test_a_fault_is_told_with_its_remedy(logs):
     assert "check the" in text or "remove it, then clear it" in text
     assert "Tracking" not in Page(text).titles
     assert "Excitation" in Page(text).titles
+
+
+def test_a_heater_that_could_not_be_confirmed_off_is_told_at_the_head(tmp_path):
+    with pytest.raises(DeadlineError):
+        trip(tmp_path / "silent.h5", lambda device: device.faults.drop(10_000))
+    _, text = report(tmp_path, "silent.h5")
+    head = text.partition("<h2>")[0]
+    assert "could NOT be confirmed off" in head
+    assert "cut its supply by hand" in head
 
 
 def test_the_table_has_every_column_and_row(logs):
