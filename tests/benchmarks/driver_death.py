@@ -5,7 +5,8 @@
 In every trial a bench and a driver, each a process of its own, are started; the driver heats and meets its fate at a
 random moment; what counts is when the bench says that the output is off. Printed for each fate: median and worst time,
 and how often the wire was left heating. The goals are 1 s with the board's watchdog and 2 s with the guardian; behind
-a pulled cable a supply can only be switched off when the cable is back, so there the time runs from then.
+a pulled cable a supply can only be switched off when the cable is back, so there the time runs from then. The machine
+must be quiet: a bench that cannot keep up with its own time is late by itself.
 """
 
 from __future__ import annotations
@@ -79,7 +80,8 @@ def process(target: Callable[..., None], *arguments: object, log: Path) -> Itera
 
 
 def logged(log: Path, target: Callable[..., None], *arguments: object) -> None:
-    """Run `target` with all output in `log`."""
+    """Run `target` with all output in `log`, open to Ctrl-C also where a shell in the background has closed it."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
     with log.open("w") as output:
         os.dup2(output.fileno(), 1)
         os.dup2(output.fileno(), 2)
