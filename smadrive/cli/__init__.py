@@ -1,8 +1,8 @@
 """The command line: one file per command, and here how they are gathered and how they end.
 
 Every error of smadrive becomes one line on stderr and its exit code: 2 usage or config, 3 communication or device,
-4 safety trip, 5 identification. Ctrl-C and SIGTERM unwind the program, so the heater is at zero before it ends; what
-comes after the first does not interrupt the switching off.
+4 safety trip, 5 identification. Ctrl-C, SIGTERM and a terminal that is closed unwind the program, so the heater is at
+zero before it ends; what comes after the first does not interrupt the switching off.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import typer
 from smadrive.errors import SmadriveError
 
 INTERRUPTED = 130
+INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 COMMANDS = {
     "demo": "A simulated wire, identified and driven: the whole product at work, with a report.",
@@ -39,8 +40,9 @@ COMMANDS = {
 
 def main() -> None:
     """Entry point of the command `smadrive`."""
-    signal.signal(signal.SIGINT, _interrupt)
-    signal.signal(signal.SIGTERM, _interrupt)
+    for number in INTERRUPTS:
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup: go on without a terminal
+            signal.signal(number, _interrupt)
     try:
         _app(wanted=next(iter(sys.argv[1:]), ""))()
     except SmadriveError as error:
@@ -94,6 +96,6 @@ def _not_imported() -> None:
 
 def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
     """Unwind once; what comes after that must not interrupt the way to zero current."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)
+    for interrupt in INTERRUPTS:
+        signal.signal(interrupt, signal.SIG_IGN)
     raise SystemExit(INTERRUPTED)  # nothing is printed here: a stalled terminal must not keep the heater on

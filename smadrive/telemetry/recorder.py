@@ -91,5 +91,5 @@ class Recorder:
 
 def _cause(error: BaseException) -> str:
     if isinstance(error, KeyboardInterrupt | SystemExit):
-        return "interruption: Ctrl-C or SIGTERM"
+        return "interruption: Ctrl-C, SIGTERM or a closed terminal"
     return f"{type(error).__name__}: {error}"

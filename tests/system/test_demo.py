@@ -4,6 +4,7 @@ import json
 import signal
 import subprocess
 import sys
+import time
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -85,14 +86,15 @@ def test_the_board_was_armed_and_ended_switched_off(demo):
     assert "heater off" in events[-1]
 
 
-def test_ctrl_c_leaves_zero_current(tmp_path):
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP], ids=["Ctrl-C", "closed terminal"])
+def test_an_interruption_leaves_zero_current(tmp_path, number):
     with subprocess.Popen(
         [*DEMO, "-o", tmp_path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         log = tmp_path / "firmware.log"
         while process.poll() is None and not (log.exists() and "armed" in log.read_text()):
-            pass
-        process.send_signal(signal.SIGINT)
+            time.sleep(0.01)
+        process.send_signal(number)
         _, told = process.communicate()
     assert process.returncode == 130
     assert "interrupted" in told
