@@ -5,7 +5,8 @@ Contraction   a ≤ -λ on heating and a ≥ λ on cooling: two trajectories of 
               has one attracting loop. A whole loop shrinks differences by exp(-∮|a| dv), usually far more.
 Boundedness   the equilibria S = -b/a (heating) and R = -b/a (cooling) lie in [0, 1]: w never leaves [0, 1].
 Monotone      the slope is affine in w: heating rises below S(v), cooling falls above R(v). Between R(v) and S(v) the
-              inverse is unique. A Duhem model has R = h₊, S = h₋, so all it can reach is invertible.
+              inverse is unique. A Duhem model has R = h₊, S = h₋, so all it can reach is invertible. Where a branch
+              of the loop itself turns, a sweep over the range takes the wire back from where it came.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from smadrive.hysteresis.branch import Branch, BranchEngine
 
 _ROUNDING = 1e-9
+_MOST_TURNED = 0.2  # saturated wire that expands turns by a tenth of its travel
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,12 +34,14 @@ class Certificate:
     loop_contraction   factor by which one loop over the whole range shrinks the distance of two trajectories
     bounded            w stays in [0, 1]
     invertible_share   share of the area between the major branches in which both directions have the right slope sign
+    turned_share       largest way back along either major branch, as a share of the loop's travel
     """
 
     contraction_rate: float
     loop_contraction: float
     bounded: bool
     invertible_share: float
+    turned_share: float
 
     @property
     def contracting(self) -> bool:
@@ -54,6 +58,11 @@ class Certificate:
         """Whether the model may drive a feedforward: contracting and bounded."""
         return self.contracting and self.bounded
 
+    @property
+    def turns(self) -> bool:
+        """Whether a branch comes back further than any wire does: the model is wrong somewhere in its range."""
+        return self.turned_share > _MOST_TURNED
+
     def forgetting_travel(self, factor: float) -> float:
         """Travel of v, in its unit, after which an unknown initial state matters less than `factor`."""
         return float(np.log(1 / factor) / self.contraction_rate) if self.contracting else float("inf")
@@ -68,6 +77,7 @@ def certify(engine: BranchEngine, laws: Iterable[tuple[FloatArray, FloatArray]] 
         loop_contraction=float(np.exp(min(up[-1] - up[0] + down[0] - down[-1], 700.0))),
         bounded=_within(b_heating, -a_heating) and _within(-b_cooling, a_cooling),
         invertible_share=_invertible_share(engine),
+        turned_share=_turned_share(engine),
     )
 
 
@@ -88,6 +98,13 @@ def _invertible_share(engine: BranchEngine) -> float:
     slack = _ROUNDING * (engine.upper - engine.lower)
     area = float(np.trapezoid(high - low, engine.nodes))
     return min(1.0, (float(np.trapezoid(good, engine.nodes)) + slack) / area) if area > 0 else 1.0
+
+
+def _turned_share(engine: BranchEngine) -> float:
+    heating, cooling = engine.heating.target, engine.cooling.target
+    travel = float(max(np.ptp(heating), np.ptp(cooling)))
+    back = max(float(np.max(np.maximum.accumulate(branch) - branch)) for branch in (heating, cooling))
+    return back / travel if travel > 0 else 0.0
 
 
 def invertible_band(engine: BranchEngine) -> tuple[FloatArray, FloatArray]:

@@ -1,6 +1,6 @@
 """The least-squares problem behind identify_tsfuzzy: what is unknown, what is minimised, and the exact derivatives.
 
-x = (rates p, q of every rule · span, logits of the gaps between centres if they move, scale, offset, first state)
+x = (rates p, q of every rule · span, logits of the gaps between centres if they move, bottom, top, first state)
 r = (error of the simulated output; stray of the rates and gaps from the Duhem fit; slopes of the wrong sign)
 """
 
@@ -20,16 +20,21 @@ from smadrive.identification.monotone import least_slope_derivatives, least_slop
 from smadrive.identification.record import Record
 from smadrive.identification.rule_prior import Prior
 from smadrive.identification.sensitivity import RuleRates, RuleTables, Runs
+from smadrive.identification.turning import Turning, find_turning
 
 LEAST_GAP = 0.01  # of the input span, between centres
 _LEAST_RATE = 1e-3  # contraction per input span that every rule keeps
 _LARGEST_RATE = 300.0
+_SPARE_OUTPUT = 0.05  # of the outputs known: how far the bottom and the top of a model may lie outside
 _STRAY_GAP = 3.0  # how far the logarithms of the gaps may stray, in units of the tie
 
 
 @dataclass(frozen=True, slots=True)
 class RuleProblem:
-    """Bounded least squares over x; `monotony` scales the weight of slopes of the wrong sign, 0: they are free."""
+    """Bounded least squares over x.
+
+    `monotony` scales the weight of slopes of the wrong sign, 0: they are free; to `depth` of the loop, see monotone.
+    """
 
     record: Record
     runs: Runs
@@ -38,7 +43,9 @@ class RuleProblem:
     reach: FloatArray
     centres: FloatArray
     fit_centres: bool
+    turning: Turning
     monotony: float = 0.0
+    depth: float = 1.0
     _latest: list[tuple[FloatArray, RuleTables]] = field(default_factory=list, init=False)
 
     @classmethod
@@ -46,10 +53,12 @@ class RuleProblem:
         """The problem that starts from the Duhem fit's laws at `centres`."""
         model, (lower, upper) = prior.model, record.input_range
         first = np.clip((record.mean_y[0] - model.offset) / model.scale, 0.0, 1.0)
-        tail = [model.scale / record.output_span, model.offset / record.output_span, float(first)]
+        tail = [model.offset / record.output_span, (model.offset + model.scale) / record.output_span, float(first)]
         gaps = _gap_logits(centres, lower, upper) if fit_centres else np.empty(0)
         start = np.concatenate([prior.at(centres)[0].ravel(), gaps, tail])
-        return cls(record, Runs(record.v), prior, start, prior.reach(centres), centres, fit_centres)
+        return cls(
+            record, Runs(record.v), prior, start, prior.reach(centres), centres, fit_centres, find_turning(record)
+        )
 
     def place(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Centres and their derivative with respect to the gaps' logits."""
@@ -83,7 +92,7 @@ class RuleProblem:
         """r(x)."""
         record, rates = self.record, 4 * len(self.centres)
         w = self.tables(x).states(self.runs, float(x[-1]))
-        error = (x[-2] + x[-3] * w - record.mean_y / record.output_span) * np.sqrt(record.count)
+        error = (x[-3] + (x[-2] - x[-3]) * w - record.mean_y / record.output_span) * np.sqrt(record.count)
         stray = (x[:rates] - self.prior.at(self.place(x)[0])[0].ravel()) / self.reach
         shift = (x[rates:-3] - self.start[rates:-3]) / _STRAY_GAP
         if not self.monotony:
@@ -107,9 +116,9 @@ class RuleProblem:
     def _wrong_slopes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """How far the least slopes per input span fall below zero at the nodes, and their weights, (2, nodes)."""
         tables, (lower, upper) = self.tables(x), self.record.input_range
-        missing = -least_slopes(tables) * (upper - lower)
+        missing = -least_slopes(tables, self.depth) * (upper - lower)
         weight = self.monotony * np.sqrt(self.record.count.sum()) * self.prior.slope_tie(tables.nodes)
-        return missing, np.where(missing > 0, weight, 0.0)
+        return missing, np.where((missing > 0) & ~self.turning.at(tables.nodes), weight, 0.0)
 
     def jacobian(self, x: FloatArray) -> FloatArray:
         """∂r/∂x."""
@@ -119,9 +128,9 @@ class RuleProblem:
         w = tables.states(self.runs, float(x[-1]))
         dw = tables.jacobian(self.runs, float(x[-1]))
         centres, moves = self.place(x)
-        rates = x[-3] * dw[:, : 4 * sets] / (upper - lower)
-        gaps = x[-3] * dw[:, 4 * sets : 5 * sets] @ moves
-        error = np.column_stack([rates, gaps, w, np.ones_like(w), x[-3] * dw[:, -1]]) * np.sqrt(record.count)[:, None]
+        dy = (x[-2] - x[-3]) * dw
+        rates, gaps = dy[:, : 4 * sets] / (upper - lower), dy[:, 4 * sets : 5 * sets] @ moves
+        error = np.column_stack([rates, gaps, 1 - w, w, dy[:, -1]]) * np.sqrt(record.count)[:, None]
         slopes = self.prior.at(centres)[1]
         tie = np.zeros((4 * sets + moves.shape[1], len(x)))
         np.fill_diagonal(tie, self.prior.weight / np.concatenate([self.reach, np.full(moves.shape[1], _STRAY_GAP)]))
@@ -133,7 +142,7 @@ class RuleProblem:
 
     def _wrong_slope_derivatives(self, x: FloatArray, moves: FloatArray) -> FloatArray:
         sets, (lower, upper) = len(self.centres), self.record.input_range
-        derivatives, weight = least_slope_derivatives(self.tables(x)), self._wrong_slopes(x)[1].ravel()
+        derivatives, weight = least_slope_derivatives(self.tables(x), self.depth), self._wrong_slopes(x)[1].ravel()
         derivatives = derivatives.reshape(len(weight), -1)
         rows = np.zeros((len(weight), len(x)))
         rows[:, : 4 * sets] = -weight[:, None] * derivatives[:, : 4 * sets]
@@ -150,8 +159,18 @@ class RuleProblem:
         low, high = np.full(len(self.start), -np.inf), np.full(len(self.start), np.inf)
         low[: 4 * sets], high[: 4 * sets] = 0.0, _LARGEST_RATE
         low[:sets] = low[3 * sets : 4 * sets] = _LEAST_RATE
-        low[-1], high[-1] = 0.0, 1.0
+        low[-3:], high[-3:] = self._output_bounds()
         return low, high
+
+    def _output_bounds(self) -> tuple[list[float], list[float]]:
+        """Of bottom, top and first state: no state is an output that neither the record nor the Duhem fit knows."""
+        ends = np.sort(self.start[-3:-1])
+        measured = self.record.mean_y / self.record.output_span
+        lowest, highest = min(ends[0], measured.min()), max(ends[1], measured.max())
+        spare, middle = _SPARE_OUTPUT * (highest - lowest), 0.5 * (lowest + highest)
+        lower_end, upper_end = (lowest - spare, middle), (middle, highest + spare)
+        bottom, top = (lower_end, upper_end) if self.start[-2] > self.start[-3] else (upper_end, lower_end)
+        return [bottom[0], top[0], 0.0], [bottom[1], top[1], 1.0]
 
     def model(self, x: FloatArray) -> TSFuzzyDuhem:
         """The model of x."""
@@ -162,14 +181,14 @@ class RuleProblem:
             b_heating=p_heating,
             a_cooling=p_cooling + q_cooling,
             b_cooling=-p_cooling,
-            scale=float(x[-3]) * self.record.output_span,
-            offset=float(x[-2]) * self.record.output_span,
+            scale=float(x[-2] - x[-3]) * self.record.output_span,
+            offset=float(x[-3]) * self.record.output_span,
             input_range=self.record.input_range,
         )
 
     def first_output(self, x: FloatArray) -> float:
         """Output at the first sample."""
-        return float(x[-2] + x[-3] * x[-1]) * self.record.output_span
+        return float(x[-3] + (x[-2] - x[-3]) * x[-1]) * self.record.output_span
 
 
 def _gap_logits(centres: FloatArray, lower: float, upper: float) -> FloatArray:

@@ -2,16 +2,18 @@
 
 Unknown are the rates p, q ≥ 0 of every rule (see sensitivity), the centres of the sets, scale, offset and first state.
 A major loop alone cannot tell a from b, and free least squares then finds rules that expand; here every trial model
-contracts and is bounded by construction, and where the record is silent the rules stay near those of a Duhem fit: each
-rule is tied to it about as weakly as one measured sample would tie it, and more tightly where samples do not confirm
-one another (see confirmation). The error of the simulated output is minimised, from several placements of the centres,
-with exact derivatives.
+contracts and is bounded by construction, its branches run on the right way over the whole range (see monotone) unless
+the wire itself turns (see turning), and where the record is silent the rules stay near those of a Duhem fit: each rule
+is tied to it about as weakly as one measured sample would tie it, and more tightly where samples do not confirm one
+another (see confirmation). The error of the simulated output is minimised, from several placements of the centres, with
+exact derivatives.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from operator import itemgetter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -26,6 +28,7 @@ from smadrive.identification.quality import Fit, judge
 from smadrive.identification.record import Record, prepare
 from smadrive.identification.rule_prior import Prior
 from smadrive.identification.rule_problem import LEAST_GAP, RuleProblem
+from smadrive.identification.turning import MATERIAL
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -35,12 +38,13 @@ if TYPE_CHECKING:
 
 _TRY, _POLISH = (40, 1e-3), (150, 1e-5)  # iterations and relative gain to stop at: for each start, for the best
 _CLEARLY_BETTER = 0.8  # RMS of the richer Duhem fit over that of the plainer
-_MONOTONIES = (1.0, 0.1, 0.0)  # weights of slopes of the wrong sign, the first that the record bears is taken
-_MATERIAL = 0.005  # RMS in output spans that right slopes, or a confirmed fit, may cost
+_HEAVIER = (10.0, 100.0)  # how much more slopes of the wrong sign may weigh, to be right deep in the loop
+_HEAVIEST = (1e3, 1e4)  # and how much if not even the branches are
+_DEPTHS = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the loop to which slopes are right, the first that the record bears
 _TIES = (3.0, 10.0, 30.0, 100.0)  # how much more tightly the rules may be tied to the Duhem fit
 _MOST_COMPONENTS = 3  # Gaussians per branch of that fit
 _NOTHING_LEFT = 0.05  # RMS in per cent at which a Duhem fit leaves nothing to explain
-_AS_GOOD = 1.25  # RMS at which one fit counts as good as another
+_AS_GOOD = 1.25  # RMS without the last slopes of the wrong sign over RMS with them
 _ACTIVITY_SHARES = (0.5, 0.8)  # of a start's centres that go where the output changes, the rest evenly
 
 
@@ -65,24 +69,58 @@ def identify_tsfuzzy(
     problems = [RuleProblem.near(record, prior, centres, fit_centres) for centres in placements]
     tries = [(problem, problem.solve(problem.start, *_TRY)) for problem in problems]
     problem, best = min(tries, key=lambda pair: pair[1].cost)
-    problem, best = _confirmed(*_polished(problem, best.x))
-    return _monotone_if_as_good(
-        judge(problem.model(best.x), record.path, record.y, problem.first_output(best.x)), record
-    )
+    problem, best = _monotone(*_confirmed(*_polished(problem, best.x)))
+    return _fit(problem, best.x)
 
 
 def _polished(problem: RuleProblem, x: FloatArray) -> tuple[RuleProblem, Minimum]:
-    """The solution from x with slopes of the right sign, as far as the record bears it.
-
-    Some materials do turn the other way, by thermal expansion; right slopes must not cost a material misfit then.
-    """
-    bearable = problem.misfit(x) + _MATERIAL
-    for monotony in _MONOTONIES:
-        problem = replace(problem, monotony=monotony)
+    """The solution from x with slopes of the right sign, as deep in the loop as the record bears it."""
+    bearable = problem.misfit(x) + MATERIAL
+    for depth in _DEPTHS:
+        problem = replace(problem, monotony=1.0, depth=depth)
         best = problem.solve(x, *_POLISH)
         if problem.misfit(best.x) <= bearable:
             break
     return problem, best
+
+
+def _monotone(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimum]:
+    """Slopes of the wrong sign weigh more and more, until what is left of them can go at little cost.
+
+    Where more weight costs more than that, the solution that is best without what is left of them.
+    """
+    tried: list[tuple[float, RuleProblem, Minimum]] = []
+    as_good = _AS_GOOD * _judged(problem, problem.model(best.x), best.x).rms_percent
+    for heavier in (*_HEAVIER, *_HEAVIEST, None):
+        if _right(problem, best.x, problem.depth).rms_percent <= as_good:
+            return problem, best
+        tried.append((_fit(problem, best.x).rms_percent, problem, best))
+        costly = _judged(problem, problem.model(best.x), best.x).rms_percent > as_good
+        settled = min(tried, key=itemgetter(0))[0] <= as_good
+        if heavier is None or (settled and (costly or heavier in _HEAVIEST)):
+            break
+        problem = replace(problem, monotony=heavier)
+        best = problem.solve(best.x, *_POLISH)
+    return min(tried, key=itemgetter(0))[1:]
+
+
+def _fit(problem: RuleProblem, x: FloatArray) -> Fit[TSFuzzyDuhem]:
+    """The fit of x without slopes of the wrong sign, as deep in the loop as that costs little; its branches always."""
+    bearable = _AS_GOOD * _judged(problem, problem.model(x), x).rms_percent
+    for depth in _DEPTHS:
+        if depth <= problem.depth:
+            fit = _right(problem, x, depth)
+            if fit.rms_percent <= bearable:
+                break
+    return fit
+
+
+def _right(problem: RuleProblem, x: FloatArray, depth: float) -> Fit[TSFuzzyDuhem]:
+    return _judged(problem, monotone(problem.model(x), depth, problem.turning), x)
+
+
+def _judged(problem: RuleProblem, model: TSFuzzyDuhem, x: FloatArray) -> Fit[TSFuzzyDuhem]:
+    return judge(model, problem.record.path, problem.record.y, problem.first_output(x))
 
 
 def _confirmed(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimum]:
@@ -90,7 +128,7 @@ def _confirmed(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimu
 
     Where no bearable tie does, the one under which they come nearest to it.
     """
-    loose, bearable = problem.prior, problem.misfit(best.x) + _MATERIAL
+    loose, bearable = problem.prior, problem.misfit(best.x) + MATERIAL
     tried = [(problem.leave_one_out_ratio(best.x), problem, best)]
     for tie in _TIES:
         if tried[-1][0] <= CONFIRMED:
@@ -101,12 +139,6 @@ def _confirmed(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimu
             break
         tried.append((problem.leave_one_out_ratio(best.x), problem, best))
     return min(tried, key=lambda one: one[0])[1:]
-
-
-def _monotone_if_as_good(fit: Fit[TSFuzzyDuhem], record: Record) -> Fit[TSFuzzyDuhem]:
-    """The fit without slopes of the wrong sign, unless that costs fit."""
-    better = judge(monotone(fit.model), record.path, record.y, fit.y0)
-    return better if better.rms_percent <= _AS_GOOD * fit.rms_percent else fit
 
 
 def _plainest_duhem(record: Record) -> Fit[DuhemModel]:

@@ -49,20 +49,7 @@ def drawn(request):
     return Drawn(sim, identify_wire(ExcitationRecord(*np.array(columns).T), nominal))
 
 
-UNDETERMINED = (
-    "below the coldest turning point of the excitation nothing was measured on cooling, and the rule there is left "
-    "free: on this Preisach wire it turns the branch"
-)
-
-
-def expect_undetermined(request, drawn):
-    """Say of the one wire for which it is known that its coldest rule is not determined."""
-    if drawn.sim.transformation.kind == "preisach":
-        request.applymarker(pytest.mark.xfail(reason=UNDETERMINED, strict=False))
-
-
-def test_identification_recovers_its_parameters_within_the_stated_bounds(request, drawn):
-    expect_undetermined(request, drawn)
+def test_identification_recovers_its_parameters_within_the_stated_bounds(drawn):
     true, thermal = drawn.sim.wire, drawn.fit.thermal
     preisach = drawn.sim.transformation.kind == "preisach"
     for name, value, bound in (
@@ -75,13 +62,13 @@ def test_identification_recovers_its_parameters_within_the_stated_bounds(request
         assert getattr(thermal.balance, name) == pytest.approx(value, rel=bound), name
         assert thermal.within[name] <= 0.01, name
     assert drawn.fit.hysteresis.rms_percent < (1.5 if preisach else 0.5)
+    assert drawn.fit.hysteresis.certificate.turned_share < 1e-6
     cold_mm, hot_mm = travel_mm(drawn.fit.hysteresis.model)
     assert hot_mm - cold_mm == pytest.approx(true.stroke_mm, rel=0.03)
 
 
 @pytest.mark.parametrize("sensor", [False, True], ids=["blind", "seeing"])
-def test_it_is_tracked_within_the_targets(request, drawn, sensor):
-    expect_undetermined(request, drawn)
+def test_it_is_tracked_within_the_targets(drawn, sensor):
     model, balance = drawn.fit.hysteresis.model, drawn.fit.thermal.balance
     cold_mm, hot_mm = travel_mm(model)
     low_mm, high_mm = cold_mm + 0.2 * (hot_mm - cold_mm), cold_mm + 0.8 * (hot_mm - cold_mm)

@@ -85,3 +85,22 @@ def test_expanding_rules_need_permission(path):
     with pytest.raises(CertificateError, match="not certified"):
         load_model(path)
     assert load_model(path, allow_uncertified=True).simulate([0.0, 1.0], 0.5)[1] == pytest.approx(0.5 * np.e)
+
+
+def test_a_model_whose_branch_comes_back_is_refused(path):
+    """Contracting and bounded, and yet cooling to the cold end takes it back to 0.6."""
+    model = TSFuzzyDuhem(
+        TriangularSets((20.0, 40.0, 60.0, 80.0)),
+        a_heating=[-1e-3, -1e-3, -0.5, -0.5],
+        b_heating=[0.0, 0.0, 0.5, 0.5],
+        a_cooling=[0.5, 0.5, 0.5, 1e-3],
+        b_cooling=[-0.3, 0.0, 0.0, 0.0],
+        input_range=(10.0, 90.0),
+    )
+    certificate = model.certificate()
+    assert certificate.holds
+    assert certificate.turned_share > 0.5
+    save_model(model, path)
+    with pytest.raises(CertificateError, match=r"a branch comes back by \d+ % of the travel"):
+        load_model(path)
+    assert load_model(path, allow_uncertified=True).input_range == model.input_range
