@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from itertools import chain
 from typing import NamedTuple
 
@@ -19,6 +20,7 @@ from smadrive.device.plans import Plans, words_of_register
 from smadrive.device.profile import Profile
 from smadrive.device.readings import ALONE, Context, Reading
 from smadrive.device.registers import Register
+from smadrive.device.safestate import insist
 from smadrive.device.sections import WriteOrder
 from smadrive.device.variants import has_switch, matching
 from smadrive.errors import (
@@ -26,17 +28,11 @@ from smadrive.errors import (
     DeadlineError,
     ExceptionReply,
     IdentityError,
-    ProtocolError,
     ReadBackError,
-    SmadriveError,
-    TransportError,
 )
 from smadrive.modbus import requests
 from smadrive.modbus.master import Master
 from smadrive.modbus.requests import Request
-
-SAFE_STATE_PAUSES_S = (0.0, 0.0, 0.5, 0.5)
-"""Between the attempts at the safe state: a spoilt reply is tried again at once, a plug that slipped out later."""
 
 
 class _Write(NamedTuple):
@@ -151,23 +147,9 @@ class Device:
         return decode(spans, words, reads)
 
     def enter_safe_state(self) -> None:
-        """Write the profile's safe state, confirmed by read-back; on a bad bus again and again.
-
-        A step that fails does not keep the others from being tried: any of them may end the heat. Raises the first
-        error of the last round.
-        """
-        for pause_s in (*SAFE_STATE_PAUSES_S, None):
-            failed: SmadriveError | None = None
-            for step in self.profile.safe_state:
-                try:
-                    self.write(step.register_, step.value)
-                except (TransportError, ProtocolError, ExceptionReply, ReadBackError) as error:
-                    failed = failed or error
-            if failed is None:
-                return
-            if pause_s is None:
-                raise failed
-            self.master.clock.sleep_until(self.master.clock.now_s() + pause_s)
+        """Write the profile's safe state, confirmed by read-back; see insist."""
+        steps = [partial(self.write, step.register_, step.value) for step in self.profile.safe_state]
+        insist(steps, self.master.clock)
 
     def _execute(self, request: Request) -> bytes:
         """One transaction, no sooner after the last than the device stands."""

@@ -24,10 +24,12 @@ from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from functools import partial
 from math import floor, nan, sqrt
 
 from smadrive.device.heatsource import HeaterLimits, Sample, Supplied
 from smadrive.device.profile import Profile
+from smadrive.device.safestate import insist
 from smadrive.device.textline import Exchange, TextLine
 from smadrive.errors import (
     ConfigError,
@@ -37,7 +39,6 @@ from smadrive.errors import (
     ReadBackError,
     SafetyError,
     SmadriveError,
-    TransportError,
 )
 from smadrive.modbus.bus import Trace
 from smadrive.modbus.transport import Transport
@@ -57,8 +58,6 @@ SENSOR_RANGE_C = (-40.0, 150.0)
 """Of its TMP36; the converter's ends, -50 and 280 °C, are those of a sensor that is open or shorted."""
 AGREE_C = 1.0
 """By how much two readings of the temperature may differ: three steps of the converter."""
-
-SAFE_STATE_ATTEMPTS = 5
 
 
 class TCLabBoard:
@@ -117,23 +116,13 @@ class TCLabBoard:
             raise ReadBackError(f"{self._name}: the pulse width P1 cannot be set to {steps}: is it another firmware?")
 
     def enter_safe_state(self) -> None:
-        """Both heaters off, confirmed by reading them back; tried several times, then the first error is raised.
-
-        A step that fails does not keep the others from being tried.
-        """
+        """Both heaters off, confirmed by reading them back; see insist."""
         self.check_identity()
-        for attempt in range(1, SAFE_STATE_ATTEMPTS + 1):
-            failed: SmadriveError | None = None
-            for heater in (1, 2):
-                try:
-                    self.heat(heater, 0.0)
-                    self._confirm_off(f"R{heater}")
-                except (TransportError, ProtocolError, ReadBackError) as error:
-                    failed = failed or error
-            if failed is None:
-                return
-            if attempt == SAFE_STATE_ATTEMPTS:
-                raise failed
+        insist([partial(self._switch_off, heater) for heater in (1, 2)], self.clock)
+
+    def _switch_off(self, heater: int) -> None:
+        self.heat(heater, 0.0)
+        self._confirm_off(f"R{heater}")
 
     def _says_back(self, command: str, value: float) -> bool:
         """Whether the board answers with the value that it is told; nothing is told to anything but a TCLab."""

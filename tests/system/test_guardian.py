@@ -5,6 +5,7 @@ import os
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -61,6 +62,17 @@ def served(profile):
             process.kill()
 
 
+def children(pid):
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def lives(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
 @contextlib.contextmanager
 def driven(tmp_path, fate, stderr=subprocess.PIPE):
     """A driver that heats through a supply; its process, and the supply's."""
@@ -70,12 +82,16 @@ def driven(tmp_path, fate, stderr=subprocess.PIPE):
         with subprocess.Popen(
             [sys.executable, "-c", DRIVER, str(rig), fate], stdout=subprocess.PIPE, stderr=stderr, text=True
         ) as driver:
+            guardians = []
             try:
                 assert driver.stdout.readline() == "heating\n"
+                guardians = children(driver.pid)
                 assert supply.stderr.readline().endswith("output on, no watchdog\n")
                 yield driver, supply
             finally:
                 driver.kill()
+                while any(map(lives, guardians)):  # it needs its supply for that
+                    time.sleep(0.05)
 
 
 @pytest.mark.parametrize("fate", ["killed", "stopped"])
@@ -121,7 +137,7 @@ def test_a_terminal_that_takes_nothing_does_not_keep_the_heat_on(tmp_path):
 
 def test_a_driver_whose_guardian_stands_still_switches_off(tmp_path):
     with driven(tmp_path, "unguarded") as (driver, supply):
-        (guardian,) = (int(pid) for pid in Path(f"/proc/{driver.pid}/task/{driver.pid}/children").read_text().split())
+        (guardian,) = children(driver.pid)
         os.kill(guardian, signal.SIGSTOP)
         try:
             assert supply.stderr.readline().endswith("output off\n")

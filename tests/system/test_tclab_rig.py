@@ -76,8 +76,9 @@ def bench():
         (lambda bench: bench.devices[0].power_cycle(), Fault.STALE_DATA),
         (lambda bench: bench.devices[0].firmware.restart(), Fault.COMMAND_REFUSED),
         (lambda bench: bench.devices[0].faults.drop(for_s=2.0), Fault.STALE_DATA),
+        (lambda bench: bench.devices[0].faults.vanish(for_s=1.0), Fault.STALE_DATA),
     ],
-    ids=["open", "frozen", "broken wire", "power", "restart", "silence"],
+    ids=["open", "frozen", "broken wire", "power", "restart", "silence", "unplugged"],
 )
 def test_whatever_goes_wrong_it_ends_without_heat(bench, fault, number):
     bench, rig = bench
