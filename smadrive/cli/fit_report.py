@@ -25,9 +25,9 @@ def write_fit_report(path: Path, fit: AnyFit, source: str, axes: tuple[str, str]
     parts: list[Part] = [
         State(
             "good" if certificate.holds else "bad",
-            "Certified: contracting and bounded."
+            "Certified: contracting, bounded, and no branch turns."
             if certificate.holds
-            else "Not certified: the model may not drive a feedforward.",
+            else f"Not certified, the model may not drive a feedforward: {', '.join(certificate.shortcomings)}.",
         ),
         Tiles(
             [

@@ -95,7 +95,7 @@ def _tell(output: Output, fit: AnyFit, model_file: Path, thermal: ThermalFit | N
         ("max error", f"{fit.max_percent:.3f} %", "of the output span"),
         *([("rules", str(rules(fit)), "")] if rules(fit) else []),
         ("contraction", f"{fit.certificate.contraction_rate:.3g}", "per unit of input"),
-        ("certified", "yes" if fit.certificate.holds else "no", "contracting and bounded"),
+        ("certified", "yes" if fit.certificate.holds else "no", ", ".join(fit.certificate.shortcomings)),
     ]
     if thermal is not None:
         rows += _heat_rows(thermal)

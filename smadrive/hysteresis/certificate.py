@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from smadrive.hysteresis.branch import Branch, BranchEngine
 
 _ROUNDING = 1e-9
-_MOST_TURNED = 0.2  # saturated wire that expands turns by a tenth of its travel
+_MOST_TURNED = 0.2  # a saturated wire that expands turns by a tenth of its travel
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,13 +55,20 @@ class Certificate:
 
     @property
     def holds(self) -> bool:
-        """Whether the model may drive a feedforward: contracting and bounded."""
-        return self.contracting and self.bounded
+        """Whether the model may drive a feedforward: contracting, bounded, and no branch that turns."""
+        return not self.shortcomings
 
     @property
-    def turns(self) -> bool:
-        """Whether a branch comes back further than any wire does: the model is wrong somewhere in its range."""
-        return self.turned_share > _MOST_TURNED
+    def shortcomings(self) -> tuple[str, ...]:
+        """What stands against it."""
+        found = []
+        if not self.contracting:
+            found.append(f"it does not contract (contraction_rate {self.contraction_rate:.3g})")
+        if not self.bounded:
+            found.append("its output is not bounded")
+        if self.turned_share > _MOST_TURNED:
+            found.append(f"a branch comes back by {100 * self.turned_share:.0f} % of the travel")
+        return tuple(found)
 
     def forgetting_travel(self, factor: float) -> float:
         """Travel of v, in its unit, after which an unknown initial state matters less than `factor`."""

@@ -80,13 +80,8 @@ def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> Du
     certificate = model.certificate()
     if not (certificate.holds or allow_uncertified):
         raise CertificateError(
-            f"{place}: not certified (contraction_rate {certificate.contraction_rate:.3g}, "
-            f"bounded {certificate.bounded}); identify it again, or pass allow_uncertified=True to simulate it only"
-        )
-    if certificate.turns and not allow_uncertified:
-        raise CertificateError(
-            f"{place}: a branch comes back by {100 * certificate.turned_share:.0f} % of the travel: the model is wrong "
-            "in part of its range; identify it again, or pass allow_uncertified=True to simulate it only"
+            f"{place}: not certified: {', '.join(certificate.shortcomings)}; identify it again, or pass "
+            "allow_uncertified=True to simulate it only"
         )
     return model
 

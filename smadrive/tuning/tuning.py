@@ -57,8 +57,7 @@ class Tuning:
         certificate = self.model.certificate()
         if not certificate.holds:
             raise CertificateError(
-                f"the changed model is not certified (contraction_rate {certificate.contraction_rate:.3g}, "
-                f"bounded {certificate.bounded}): it may not drive a wire"
+                f"the changed model is not certified: {', '.join(certificate.shortcomings)}; it may not drive a wire"
             )
         for name in ("mu_heating", "mu_cooling"):
             value = getattr(self.shape, name)

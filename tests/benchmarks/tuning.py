@@ -32,7 +32,7 @@ from smadrive.tuning.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 
 RATE_HZ, EACH_S = 50.0, 15.0
-BALANCE = HeatBalance(0.029, 0.012, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
+BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
 CENTRES = (40.0, 60.0, 65.0, 70.0, 75.0, 80.0, 85.0, 90.0, 95.0, 100.0, 120.0)
 WIRE = DuhemModel.gaussian(
     mu_heating=89.9, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(0.0, 200.0)

@@ -25,7 +25,7 @@ from smadrive.tuning.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 
 CHROMIUM = shutil.which("chromium")
-BALANCE = HeatBalance(0.029, 0.012, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
+BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
 PATIENCE_S = 60.0
 """How long a test waits for what must happen; on a quiet machine everything happens within a fraction of a second."""
 

@@ -98,8 +98,10 @@ def test_a_model_whose_branch_comes_back_is_refused(path):
         input_range=(10.0, 90.0),
     )
     certificate = model.certificate()
-    assert certificate.holds
+    assert certificate.contracting
+    assert certificate.bounded
     assert certificate.turned_share > 0.5
+    assert not certificate.holds
     save_model(model, path)
     with pytest.raises(CertificateError, match=r"a branch comes back by \d+ % of the travel"):
         load_model(path)

@@ -19,7 +19,7 @@ from smadrive.tuning.channel import ControlEnd, PageEnd
 from smadrive.tuning.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 
-BALANCE = HeatBalance(0.029, 0.012, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
+BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
 REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=40.0, cycles=1)
 PERIOD_S = 0.05
 
