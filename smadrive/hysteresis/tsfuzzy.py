@@ -26,6 +26,10 @@ if TYPE_CHECKING:
     from smadrive.hysteresis.duhem import DuhemModel
 
 
+Law = tuple[FloatArray, FloatArray]
+"""a and b of the rules of one direction."""
+
+
 class TSFuzzyDuhem(HysteresisModel):
     """Rules on fuzzy sets of v, two per set: one for rising, one for falling input.
 
@@ -103,29 +107,48 @@ class TSFuzzyDuhem(HysteresisModel):
         return certify(self.engine, (self.heating_law, self.cooling_law))
 
     def _branches(self, nodes: FloatArray) -> tuple[Branch, Branch]:
-        at_nodes, at_points = self.sets.weights(nodes), self.sets.weights(quadrature_points(nodes))
+        return MembershipGrid(self.sets, nodes).closed_branches(self.heating_law, self.cooling_law)
+
+
+class MembershipGrid:
+    """The sets at the nodes of a grid and inside its cells: what stays when rules on the same sets change."""
+
+    def __init__(self, sets: FuzzySets, nodes: FloatArray) -> None:
+        self._nodes = nodes
+        self.at_nodes = sets.weights(nodes)
+        self._at_points = sets.weights(quadrature_points(nodes))
+
+    def closed_branches(self, heating_law: Law, cooling_law: Law) -> tuple[Branch, Branch]:
+        """Both branches of the loop that a full sweep maps onto itself. ModelError for rules beyond all bounds."""
         maps = []
-        for rising, (a, b) in ((True, self.heating_law), (False, self.cooling_law)):
-            cells = integrate_rate(nodes, at_points @ a)
-            maps.append((cells, *_contained(*cell_maps(nodes, cells, at_points @ b, rising=rising))))
+        for rising, (a, b) in ((True, heating_law), (False, cooling_law)):
+            cells = integrate_rate(self._nodes, self._at_points @ a)
+            maps.append((cells, *_contained(*cell_maps(self._nodes, cells, self._at_points @ b, rising=rising))))
         (up, up_gain, up_shift), (down, down_gain, down_shift) = maps
         bottom = _closing_state(up_gain, up_shift, down_gain, down_shift)
         heating = march(bottom, up_gain, up_shift, rising=True)
         cooling = march(float(heating[-1]), down_gain, down_shift, rising=False)
         branches = []
-        for cells, target, (a, b) in ((up, heating, self.heating_law), (down, cooling, self.cooling_law)):
-            rate = at_nodes @ a
-            branches.append(Branch(cells.exponent, rate, target, rate * target + at_nodes @ b))
+        for cells, target, (a, b) in ((up, heating, heating_law), (down, cooling, cooling_law)):
+            rate = self.at_nodes @ a
+            branches.append(Branch(cells.exponent, rate, target, rate * target + self.at_nodes @ b))
         return branches[0], branches[1]
 
 
 def _closing_state(up_gain: FloatArray, up_shift: FloatArray, down_gain: FloatArray, down_shift: FloatArray) -> float:
     """The state at the lower end that one full loop maps onto itself; 0 when the loop does not contract."""
-    gain = float(np.prod(up_gain) * np.prod(down_gain))
+    fall = float(np.prod(down_gain))
+    gain = float(np.prod(up_gain)) * fall
     if not gain < 1:
         return 0.0
-    top = march(0.0, up_gain, up_shift, rising=True)[-1]
-    return float(march(float(top), down_gain, down_shift, rising=False)[0]) / (1 - gain)
+    top = _reached_from_zero(up_gain, up_shift)
+    return (top * fall + _reached_from_zero(down_gain[::-1], down_shift[::-1])) / (1 - gain)
+
+
+def _reached_from_zero(gain: FloatArray, shift: FloatArray) -> float:
+    """Where a sweep ends that begins at w = 0; cells in the order in which it crosses them."""
+    later = np.append(np.cumprod(gain[:0:-1])[::-1], 1.0)
+    return float(shift @ later)
 
 
 def _contained(gain: FloatArray, shift: FloatArray) -> tuple[FloatArray, FloatArray]:

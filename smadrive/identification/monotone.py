@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 
 from smadrive.hysteresis.arrays import FloatArray
-from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
+from smadrive.hysteresis.tsfuzzy import MembershipGrid, TSFuzzyDuhem
 from smadrive.identification.sensitivity import RuleTables
 from smadrive.identification.turning import NOWHERE, Mask, Turning
 
@@ -117,9 +117,9 @@ def monotone(model: TSFuzzyDuhem, depth: float = 1.0, turning: Turning = NOWHERE
     """
     p_heating, q_heating = model.heating_law[1], -model.heating_law[0] - model.heating_law[1]
     p_cooling, q_cooling = -model.cooling_law[1], model.cooling_law[0] + model.cooling_law[1]
+    grid, (up, down) = MembershipGrid(model.sets, model.engine.nodes), turning.at(model.engine.nodes)
+    mu, heating, cooling = grid.at_nodes, model.engine.heating.target, model.engine.cooling.target
     for number in range(_ROUNDS + 2 * len(p_heating)):
-        mu, (up, down) = model.sets.weights(model.engine.nodes), turning.at(model.engine.nodes)
-        heating, cooling = model.engine.heating.target, model.engine.cooling.target
         beyond = depth * np.maximum(cooling - heating, 0.0)  # branches that saturate together may cross a little
         share_q = _largest_share(mu, p_heating, q_heating, heating + beyond, up)
         share_p = _largest_share(mu, q_cooling, p_cooling, 1 - cooling + beyond, down)
@@ -128,17 +128,18 @@ def monotone(model: TSFuzzyDuhem, depth: float = 1.0, turning: Turning = NOWHERE
         if number >= _ROUNDS:
             share_q, share_p = np.floor(share_q), np.floor(share_p)
         q_heating, p_cooling = q_heating * share_q, p_cooling * share_p
-        model = TSFuzzyDuhem(
-            model.sets,
-            a_heating=-(p_heating + q_heating),
-            b_heating=p_heating,
-            a_cooling=p_cooling + q_cooling,
-            b_cooling=-p_cooling,
-            scale=model.scale,
-            offset=model.offset,
-            input_range=model.input_range,
-        )
-    return model
+        branches = grid.closed_branches((-(p_heating + q_heating), p_heating), (p_cooling + q_cooling, -p_cooling))
+        heating, cooling = (branch.target for branch in branches)
+    return TSFuzzyDuhem(
+        model.sets,
+        a_heating=-(p_heating + q_heating),
+        b_heating=p_heating,
+        a_cooling=p_cooling + q_cooling,
+        b_cooling=-p_cooling,
+        scale=model.scale,
+        offset=model.offset,
+        input_range=model.input_range,
+    )
 
 
 def _largest_share(mu: FloatArray, gain: FloatArray, loss: FloatArray, far: FloatArray, turns: Mask) -> FloatArray:
