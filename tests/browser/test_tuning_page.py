@@ -51,7 +51,7 @@ def heat(page, live):
     press(page, "Arm")
     live.wait(lambda: live.session.is_heating)
     press(page, "Start")
-    live.wait(lambda: live.current_a > 0.1)
+    live.wait(lambda: live.session.is_tracking and live.current_a > 0.1)  # a warm wire is heated to be held, too
 
 
 def newest(page, column):
