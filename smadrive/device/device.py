@@ -76,7 +76,7 @@ class Device:
         self._next_s = 0.0
         self._identified = False
         self._written: set[str] = set()
-        self._commanded: dict[str, tuple[int, ...]] = {}
+        self._commanded: dict[str, _Write] = {}
         self._plans = Plans(profile)
 
     def check_identity(self) -> None:
@@ -130,20 +130,23 @@ class Device:
         return decode((source,), (source.words(self._execute(request)),), reads)
 
     def command(self, name: str, value: float, reads: Sequence[str]) -> dict[str, Reading]:
-        """Write one register (unless it was commanded to hold `value` already), then read `reads`, which include it.
+        """Read `reads`, which include `name`, then write `value` to it, unless it holds that already.
 
-        ReadBackError when it does not hold `value`: it did not arrive, or somebody else changed it.
+        What is read is what came of the command before. ReadBackError when that one does not stand: it did not arrive,
+        or somebody else changed it.
         """
         self._know_the_scales()
         write = self._encoded(name, value)
         self._prove_identity()
-        if self._commanded.pop(name, None) != write.words:
-            self._keep_order(name)
-            self._send(write)
         spans = self._plans.read(tuple(reads))
         words = [self._span_words(span) for span in spans]
-        self._confirm(write, words_of_register(spans, words, name))
-        self._commanded[name] = write.words
+        before = self._commanded.pop(name, None)
+        if before is not None:
+            self._confirm(before, words_of_register(spans, words, name))
+        if before is None or before.words != write.words:
+            self._keep_order(name)
+            self._send(write)
+        self._commanded[name] = write
         return decode(spans, words, reads)
 
     def enter_safe_state(self) -> None:

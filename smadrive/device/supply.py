@@ -1,9 +1,9 @@
 """A bench supply as heat source: current limit, voltage limit, output switch.
 
 A supply has no watchdog, measures no temperature and answers slowly; its current is a setting that anyone may also turn
-at its front panel. So every exchange reads the setting back, together with the measurements, and a setting that is not
-the commanded one is an error. Its voltage limit is given by the rig: with a wire that comes off its clamps a supply
-goes to that voltage.
+at its front panel. So every exchange begins by reading the setting back, together with the measurements that belong to
+it, and a setting that is not the commanded one is an error. Its voltage limit is given by the rig: with a wire that
+comes off its clamps a supply goes to that voltage.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ class BenchSupply:
         self._armed = True
 
     def exchange(self, current_a: float) -> Supplied:
-        """Set the current limit and measure; ReadBackError when the limit is not what was set."""
+        """Measure what came of the limit in force, then set the next; ReadBackError when it is not what was set."""
         readings = self.device.command(self._names["heater_current"], current_a, self._reads)
         on = self._on(readings)
         self._armed = self._armed and on

@@ -20,6 +20,7 @@ import random
 import re
 import signal
 import statistics
+import sys
 import tempfile
 import time
 from collections.abc import Callable, Iterator
@@ -46,7 +47,7 @@ START_S = 30.0
 
 SCRIPT_AT_S = 6.0
 SERVED = re.compile("^serial://.*", re.MULTILINE)
-OFF = re.compile(r"heater off|output off|disarmed|power-up")
+SWITCHED = re.compile(r"(?P<on>\barmed, |output on)|heater off|output off|disarmed|power-up")
 LEFT_AFTER_S = 8.0
 
 
@@ -114,8 +115,23 @@ def wait_for(log: Path, pattern: re.Pattern[str], seen: int, until_s: float) -> 
     return None
 
 
+def heats(events: str) -> bool:
+    """Whether the last switching among these events switched the heater on."""
+    switchings = list(SWITCHED.finditer(events))
+    return bool(switchings) and switchings[-1]["on"] is not None
+
+
+def wait_for_off(log: Path, until_s: float) -> float | None:
+    """When the heater is off; None: it still heats at `until_s`."""
+    while heats(log.read_text()):
+        if time.monotonic() > until_s:
+            return None
+        time.sleep(0.002)
+    return time.monotonic()
+
+
 class EndedEarly(Exception):
-    """The driver gave up before its fate, because of a reply that the busy machine let come late."""
+    """Driver or guardian ended the heat before the fate, because the busy machine let a reply or a beat come late."""
 
 
 def lasting_trial(kind: str, fate: str, seed: int) -> float | None:
@@ -154,27 +170,25 @@ def trial(kind: str, fate: str, seed: int) -> float | None:
                     raise EndedEarly from None
                 if "fault: " in log.read_text():
                     raise RuntimeError("the fault of the script came before the driver was up: fewer --at-once")
-                off_before = len(OFF.findall(log.read_text()))
-                met_s = meet(driver, here, fate, log, off_before, chance)
-                off_s = wait_for(log, OFF, off_before, met_s + wait_s + LEFT_AFTER_S)
-    if off_s is None:
-        return None
+                met_s = meet(driver, here, fate, log, chance)
+                off_s = wait_for_off(log, met_s + wait_s + LEFT_AFTER_S)
+        if off_s is None:
+            print(f"left heating, seed {seed}:\n{log.read_text()}\nthe driver: {said.read_text()}", file=sys.stderr)
+            return None
     return max(off_s - met_s - (wait_s if kind == "supply" else 0.0), 0.0)
 
 
-def meet(
-    driver: BaseProcess, orders: Connection, fate: str, log: Path, off_before: int, chance: random.Random
-) -> float:
+def meet(driver: BaseProcess, orders: Connection, fate: str, log: Path, chance: random.Random) -> float:
     """Let the driver meet its fate; when it did."""
     if fate in BY_SCRIPT:
         met_s = wait_for(log, re.compile("fault: "), 0, time.monotonic() + SCRIPT_AT_S + START_S)
         if met_s is None:
             raise RuntimeError("the bench never came to the fault of its script")
-        if len(OFF.findall(log.read_text().partition("fault: ")[0])) > off_before:
+        if not heats(log.read_text().partition("fault: ")[0]):
             raise EndedEarly
         return met_s
     time.sleep(2.0 * chance.random())
-    if not driver.is_alive():
+    if not (driver.is_alive() and heats(log.read_text())):
         raise EndedEarly
     met_s = time.monotonic()
     if fate in SIGNALS:

@@ -6,10 +6,18 @@ from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
 from smadrive.control.faults import Fault
+from smadrive.control.feedforward import HysteresisInverse
+from smadrive.control.reference import sine
+from smadrive.control.wire import travel_mm
 from smadrive.device.profile import load_profile
 from smadrive.errors import ConfigError, TripError
+from smadrive.identification.wire_fit import identify_wire
+from smadrive.loggedrun import excitation_record, nominal_balance
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
+from smadrive.runfigures import tracking_figures
+from smadrive.runlog import record_excitation, record_tracking
+from smadrive.telemetry.log import read_log
 
 PROFILES = {"supply": "riden-rd60xx", "reader": "autonics-tk", "laser": "baumer-om20"}
 
@@ -79,6 +87,35 @@ def test_a_supply_is_told_only_what_changes_and_read_back_every_time(bench):
         assert counters.requests == before + 4
         bench.heat(rig, 0.26, 1)
         assert counters.requests == before + 6
+
+
+def test_what_is_measured_belongs_to_the_command_before(bench):
+    with bench.rig as rig:
+        rig.heater.arm(1.0)
+        bench.heat(rig, 0.25, 2)
+        (after,) = bench.heat(rig, 0.1, 1)
+        assert (after.commanded_a, after.current_a) == pytest.approx((0.25, 0.25), abs=0.002)
+        (after,) = bench.heat(rig, 0.0, 1)
+        assert (after.commanded_a, after.current_a) == pytest.approx((0.1, 0.1), abs=0.002)
+
+
+def test_its_wire_is_identified_and_tracked(tmp_path):
+    path, run = tmp_path / "excitation.h5", tmp_path / "run.h5"
+    with Rig(rig_of(devices())) as rig:
+        excitation = rig.excitation(22.0)
+        with record_excitation(path, rig, excitation) as recorder:
+            rig.excite(excitation, recorder.tick)
+        log = read_log(path)
+        found = identify_wire(excitation_record(log), nominal_balance(log))
+        model, balance = found.hysteresis.model, found.thermal.balance
+        wire = load_sim("flexinol-lt-0.15mm")
+        assert balance.thermocouple_lag_s == pytest.approx(wire.thermocouple.lag_s, abs=0.05)
+        assert balance.heat_capacity_j_per_k == pytest.approx(wire.wire.heat_capacity_j_per_k, rel=0.05)
+        reference = sine(low_mm=2.0, high_mm=9.0, period_s=56.0, cycles=1.5).with_approach(travel_mm(model)[0], 10.0)
+        experiment = (reference, model, balance, HysteresisInverse(model))
+        with record_tracking(run, rig, *experiment) as recorder:
+            loop = rig.track(*experiment, recorder.tick)
+    assert tracking_figures(read_log(run), loop).rms_percent < 0.5
 
 
 def test_a_knob_that_somebody_turned_is_an_error(bench):
