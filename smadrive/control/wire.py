@@ -2,7 +2,8 @@
 
 Temperature and phase depend on each other: the transformation takes heat, and the temperature drives it. Over a short
 way the slope dw/dT is constant, and the balance is exact then; a longer way is gone in pieces, each with the mean slope
-over it (that at its start, improved once).
+over it (that at its start, improved once). A state that a correction has put outside its branches falls back to them
+against the direction of the temperature; that is no transformation, and takes no heat.
 """
 
 from __future__ import annotations
@@ -60,7 +61,7 @@ class WireModel:
         way_c = after_c - wire_c
         if abs(way_c) > SHORT_WAY_C:
             moved_mm = self.model.step(hysteresis, hysteresis.v + way_c).y - hysteresis.y
-            per_k = moved_mm / self.travel_mm / way_c
+            per_k = max(moved_mm / self.travel_mm / way_c, 0.0)
             after_c = self.balance.step(wire_c, power_w, per_k, dt_s)
         return WireState(after_c, self.model.step(hysteresis, hysteresis.v + after_c - wire_c))
 
@@ -71,8 +72,8 @@ class WireModel:
         return self.balance.step(state.temperature_c, power_w, per_k, dt_s)
 
     def phase_per_k(self, hysteresis: HysteresisState, direction: int) -> float:
-        """Slope of the phase at a state, heating (+1) or cooling (-1), 1/K."""
-        return self.model.slope(hysteresis, direction) / self.travel_mm
+        """Slope of the phase at a state, heating (+1) or cooling (-1), 1/K; never negative."""
+        return max(self.model.slope(hysteresis, direction) / self.travel_mm, 0.0)
 
     def resistance_ohm(self, hysteresis: HysteresisState) -> float:
         """R at a state."""

@@ -48,6 +48,29 @@ def test_the_slope_is_that_of_the_phase_also_where_displacement_falls_on_heating
     assert wire.phase_per_k(state, 1) == pytest.approx(WIRE.phase_per_k(WIRE.model.initial_state(88.0), 1))
 
 
+@pytest.mark.parametrize("power_w", [0.0, 0.3, 1.4, 5.0])
+def test_a_state_outside_the_branches_gives_no_heat(power_w):
+    centres = np.linspace(40.0, 120.0, 41)
+    pull = np.full(41, 0.1)
+    up, down = (0.5 + 0.5 * np.tanh((centres - middle_c) / 6.0) for middle_c in (90.0, 69.0))
+    model = TSFuzzyDuhem(
+        TriangularSets(tuple(centres)),
+        a_heating=-pull,
+        b_heating=pull * up,
+        a_cooling=pull,
+        b_cooling=-pull * down,
+        scale=12.0,
+        input_range=(0.0, 160.0),
+    )
+    wire = WireModel(model, WIRE.balance)
+    settled_c = 22.0 + power_w / WIRE.balance.loss_w_per_k
+    for start_c in np.linspace(40.0, 120.0, 81).tolist():
+        for start_mm in (0.0, 2.0, 10.0, 12.0):
+            state = WireState(start_c, model.initial_state(start_c, start_mm))
+            after_c = wire.step(state, power_w, 0.05).temperature_c
+            assert min(start_c, settled_c) <= after_c <= max(start_c, settled_c)
+
+
 def test_a_model_that_uses_a_part_of_its_state_takes_the_same_heat():
     """An identified model may have a scale beyond the stroke, its state then staying below 1."""
     sets = TriangularSets(tuple(np.linspace(40.0, 120.0, 41)))
