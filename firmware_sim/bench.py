@@ -135,7 +135,8 @@ class SimulatedBench:
         if self._heating is None:
             self.plant.advance(0.0, dt_s)
         else:
-            self.plant.advance(self._heating.firmware.current_a, dt_s, self._heating.firmware.voltage_max_v)
+            firmware = self._heating.firmware
+            self.plant.advance(firmware.current_a, dt_s, firmware.voltage_max_v)
         self.sensors.advance(before_c, dt_s)
         self.time_s += dt_s
         for device in self.devices:

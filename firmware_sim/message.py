@@ -80,7 +80,7 @@ class ModbusMessage(NamedTuple):
 
     def answered(self, pdu: bytes) -> Self:
         """The reply to this request that says `pdu`."""
-        return self._replace(pdu=pdu)
+        return type(self)(self.unit_id, pdu, self.number)
 
     def refused(self, code: int) -> bytes:
         """The exception."""

@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 BLOCK = 512
 
 
-class Noise:
-    """Calling it with a standard deviation gives the next deviation. The same seed gives the same ones."""
-
-    def __init__(self, seed: int) -> None:
-        self._generator = np.random.default_rng(seed)
-        self._drawn: list[float] = []
-
-    def __call__(self, sigma: float) -> float:
-        """A deviation."""
-        if not self._drawn:
-            self._drawn = self._generator.standard_normal(BLOCK).tolist()
-        return sigma * self._drawn.pop()
+def deviations(seed: int) -> Iterator[float]:
+    """Deviates of standard deviation 1, without end. The same seed gives the same ones."""
+    generator = np.random.default_rng(seed)
+    while True:
+        yield from generator.standard_normal(BLOCK)[::-1].tolist()

@@ -31,6 +31,8 @@ class Plant:
         self.faults = HeaterFaults()
         self._transformation = LoadedTransformation(config.transformation, config.bias, wire.stroke_mm, wire.ambient_c)
         self._latent_j = wire.mass_kg * wire.latent_heat_j_per_kg
+        self.resistance_ohm = self._resistance_ohm()
+        """R(ξ) of the wire alone."""
 
     @property
     def phase(self) -> float:
@@ -42,9 +44,7 @@ class Plant:
         """Contraction of the wire."""
         return self.wire.stroke_mm * self._transformation.phase
 
-    @property
-    def resistance_ohm(self) -> float:
-        """R(ξ) of the wire alone."""
+    def _resistance_ohm(self) -> float:
         return self.wire.resistance_cold_ohm * (1.0 + self.wire.resistance_change * self._transformation.phase)
 
     def advance(self, current_a: float, dt_s: float, voltage_max_v: float = inf) -> None:
@@ -74,4 +74,5 @@ class Plant:
         dt_s = min(remaining_s, SUBSTEP_S, SUBSTEP_K / (abs(offset_c) * rate_per_s + 1e-9))
         self.temperature_c -= offset_c * expm1(-dt_s * rate_per_s)
         self._transformation.move_to(self.temperature_c)
+        self.resistance_ohm = self._resistance_ohm()
         return dt_s

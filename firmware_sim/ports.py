@@ -53,8 +53,10 @@ class RtuPort:
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
         """What is answered to the bytes that arrive at `time_s`, and when it arrives."""
-        requests = (ModbusMessage(frame[0], frame[1:-2]) for frame in self.stream.feed(data, time_s))
-        return [delivery for request in requests for delivery in self._answer(request, time_s)]
+        deliveries = []
+        for frame in self.stream.feed(data, time_s):
+            deliveries += self._answer(ModbusMessage(frame[0], frame[1:-2]), time_s)
+        return deliveries
 
     def _answer(self, request: ModbusMessage, time_s: float) -> list[Delivery]:
         deliveries = []

@@ -63,7 +63,7 @@ class Preisach:
         """ξ."""
         return memory.phase
 
-    def slope(self, memory: Memory, v: float, *, rising: bool) -> float:
+    def slope(self, memory: Memory, v: float, rising: bool) -> float:
         """dξ/dv for the input that goes on from `v`, upward or downward."""
         turn_v = memory.turn.v if rising == memory.rising else memory.v
         if rising:

@@ -26,6 +26,7 @@ class Write(NamedTuple):
     register: Register
     words: Sequence[int]
     value: float
+    context: Context
 
 
 class RegisterBank:
@@ -56,9 +57,9 @@ class RegisterBank:
 
     def publish(self, quantities: Mapping[str, Quantity], table: str, first: int, count: int) -> None:
         """Refresh the registers of these roles that lie in a range about to be read."""
-        published = self._published
+        published, end = self._published, first + count
         for address, role, register in self._roles.get(table, ()):
-            if first <= address < first + count and role in quantities:
+            if first <= address < end and role in quantities:
                 value = quantities[role]
                 if role not in published or published[role] != value:
                     self._show(register, value)
@@ -73,16 +74,14 @@ class RegisterBank:
 
     def read(self, table: str, first: int, count: int) -> list[int]:
         """The words; Refusal when one of them does not exist."""
-        words = self._words.get(table, {})
         try:
-            return [words[address] for address in range(first, first + count)]
+            return list(map(self._words.get(table, {}).__getitem__, range(first, first + count)))
         except KeyError:
             raise Refusal(ILLEGAL_ADDRESS) from None
 
     def check_readable(self, table: str, first: int, count: int) -> None:
         """Refusal when one of the words does not exist."""
-        words = self._words.get(table, {})
-        if any(address not in words for address in range(first, first + count)):
+        if not self._words.get(table, {}).keys() >= {*range(first, first + count)}:
             raise Refusal(ILLEGAL_ADDRESS)
 
     def checked(self, table: str, first: int, words: Sequence[int]) -> list[Write]:
@@ -93,11 +92,12 @@ class RegisterBank:
             name, register = self._writable.get((table, first + at), ("", None))
             if register is None or len(part := words[at : at + register.size]) < register.size:
                 raise Refusal(ILLEGAL_ADDRESS)
-            writes.append(Write(name, register, part, register.decode(part, self._context(register)).value))
+            context = self._context(register)
+            writes.append(Write(name, register, part, register.decode(part, context).value, context))
             at += register.size
         for write in writes:
             try:
-                write.register.encode(write.value, write.name, self._context(write.register))
+                write.register.encode(write.value, write.name, write.context)
             except ConfigError:
                 raise Refusal(ILLEGAL_VALUE) from None
             if self._profile.write_order:
@@ -130,17 +130,10 @@ class RegisterBank:
                 teller = self._profile.register(name)
                 denied = (number for number in teller.enum if number not in allowed)
                 self._store(teller, teller.pack(next(denied, 0) if value is None else allowed[0]))
-        self._store(register, self._shown(register, value))
-
-    def _shown(self, register: Register, value: Quantity) -> tuple[int, ...]:
-        """No reading as the sentinel that says "open" (or the first), a state by its number or its bit."""
-        if value is None:
-            opens = (bits for bits, reason in register.invalid.items() if "open" in reason)
-            return register.pattern(next(opens, next(iter(register.invalid), 0)))
-        if isinstance(value, str):
-            flags = {1 << bit: word for bit, word in register.bits.items()}
-            return register.pack(next((raw for raw, word in (register.enum | flags).items() if word == value), 0))
-        return register.saturated(value, self._context(register))
+        if value is None or isinstance(value, str):
+            self._store(register, _symbol(register, value))
+        else:
+            self._store(register, register.saturated(value, self._context(register)))
 
     def _context(self, register: Register) -> Context:
         if not register.companions:
@@ -153,6 +146,13 @@ class RegisterBank:
         return tuple(table[address] for address in register.addresses)
 
     def _store(self, register: Register, words: Sequence[int]) -> None:
-        table = self._words[register.table]
-        for address, word in enumerate(words, register.address):
-            table[address] = word
+        self._words[register.table].update(zip(register.addresses, words, strict=True))
+
+
+def _symbol(register: Register, value: str | None) -> tuple[int, ...]:
+    """No reading as the sentinel that says "open" (or the first), a state by its number or its bit."""
+    if value is None:
+        opens = (bits for bits, reason in register.invalid.items() if "open" in reason)
+        return register.pattern(next(opens, next(iter(register.invalid), 0)))
+    flags = {1 << bit: word for bit, word in register.bits.items()}
+    return register.pack(next((raw for raw, word in (register.enum | flags).items() if word == value), 0))

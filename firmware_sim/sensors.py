@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import exp
 
 from firmware_sim.config import SimConfig
-from firmware_sim.noise import Noise
+from firmware_sim.noise import deviations
 from firmware_sim.physicalfaults import SensorFaults
 from firmware_sim.plant import Plant
 
@@ -19,7 +19,7 @@ class Sensors:
         self._sense = config.sense
         self._displacement = config.displacement
         self._plant = plant
-        self._noise = Noise(seed)
+        self._noise = deviations(seed)
         self._bead_c = plant.temperature_c
         self._since_conversion_s = 0.0
         self._shown_mm = plant.displacement_mm
@@ -53,7 +53,7 @@ class Sensors:
         """A noisy sample of the displacement; None when no sensor is fitted."""
         if self._displacement is None:
             return None
-        right_mm = self._plant.displacement_mm + self._noise(self._displacement.noise_mm)
+        right_mm = self._plant.displacement_mm + self._displacement.noise_mm * next(self._noise)
         self._shown_mm = self.faults.displacement.shown(right_mm, self._shown_mm)
         return self._shown_mm
 
@@ -69,10 +69,10 @@ class Sensors:
 
     def _convert(self) -> None:
         quantum_c = self._thermocouple.quantum_c
-        right_c = self._bead_c + self._noise(self._thermocouple.noise_c)
+        right_c = self._bead_c + self._thermocouple.noise_c * next(self._noise)
         shown_c = self.faults.thermocouple.shown(right_c, self.temperature_c, self.cold_junction_c)
         self.temperature_c = round(shown_c / quantum_c) * quantum_c
 
     def _sense_heater(self) -> None:
-        self.current_a = max(0.0, self._plant.current_a + self._noise(self._sense.current_noise_a))
-        self.voltage_v = max(0.0, self._plant.voltage_v + self._noise(self._sense.voltage_noise_v))
+        self.current_a = max(0.0, self._plant.current_a + self._sense.current_noise_a * next(self._noise))
+        self.voltage_v = max(0.0, self._plant.voltage_v + self._sense.voltage_noise_v * next(self._noise))

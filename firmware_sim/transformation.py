@@ -35,7 +35,7 @@ class Hysteresis(Protocol[StateT]):
         """ξ, from 0 (martensite) to 1."""
         ...
 
-    def slope(self, state: StateT, v: float, *, rising: bool) -> float:
+    def slope(self, state: StateT, v: float, rising: bool) -> float:
         """dξ/dv for the input that goes on from `v`, upward or downward."""
         ...
 
@@ -52,7 +52,7 @@ class Duhem:
             heating=_mixture(branches, "heating"), cooling=_mixture(branches, "cooling"), input_range=branches.range_c
         )
         self.moved = model.engine.move
-        self._local_law = model.engine.local_law
+        self.slope = model.engine.slope
         self._target = model.engine.target
 
     def start(self, v: float) -> float:
@@ -62,11 +62,6 @@ class Duhem:
     def phase(self, state: float) -> float:
         """ξ."""
         return state
-
-    def slope(self, state: float, v: float, *, rising: bool) -> float:
-        """dξ/dv for the input that goes on from `v`, upward or downward."""
-        rate, bias = self._local_law(v, rising=rising)
-        return rate * state + bias
 
 
 class LoadedTransformation:
@@ -84,7 +79,7 @@ class LoadedTransformation:
         """dξ/dT now, upward or downward."""
         shift = self._heating if rising else self._cooling
         v = self._temperature_c - shift.of(self.phase)
-        slope = self._hysteresis.slope(self._state, v, rising=rising)
+        slope = self._hysteresis.slope(self._state, v, rising)
         return slope / (1.0 + shift.per_phase_k * slope)
 
     def move_to(self, temperature_c: float) -> None:
@@ -110,7 +105,7 @@ class LoadedTransformation:
             if abs(short_k) < CLOSE_K:
                 break
             bounds[short_k < 0] = v
-            v += short_k / (1.0 + shift.per_phase_k * hysteresis.slope(state, v, rising=rising))
+            v += short_k / (1.0 + shift.per_phase_k * hysteresis.slope(state, v, rising))
             if not bounds[0] <= v <= bounds[1]:
                 v = sum(bounds) / 2
             state = hysteresis.moved(self._state, v0, v)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from math import nan
+from typing import NamedTuple
 
 
-@dataclass(frozen=True, slots=True)
-class Measurement:
+class Measurement(NamedTuple):
     """One sample of the wire, in engineering units. A quantity that was not measured, or is invalid, is NaN.
 
     `current_a` and `voltage_v` are those of the period that ends with this sample, in which `commanded_a` was in force:

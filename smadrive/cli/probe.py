@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
 from math import isfinite
 from typing import Annotated
 
@@ -26,7 +25,7 @@ def main(rig: RigFile, as_json: AsJson = False) -> None:
     for name, identity in identities.items():
         output.say(f"{config.name}: {name} is a {identity}")
     output.table(("quantity", "value"), _rows(measurement))
-    values = {name: value if _is_plain(value) else None for name, value in asdict(measurement).items()}
+    values = {name: value if _is_plain(value) else None for name, value in measurement._asdict().items()}
     output.result({"rig": config.name, "devices": identities, **values})
 
 

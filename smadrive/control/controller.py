@@ -6,9 +6,8 @@ What a controller believed at a tick is returned beside the current, so that it 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from math import isfinite, nan
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from smadrive.control.feedback import PIGains, TemperatureFeedback
 from smadrive.control.plausibility import TRANSFORMATION_C
@@ -27,8 +26,7 @@ ENVELOPE = 2.0
 failing thermometer is noticed later, so the wire must overheat more slowly."""
 
 
-@dataclass(frozen=True, slots=True)
-class Command:
+class Command(NamedTuple):
     """The heater current asked for, and why: setpoints, estimates and power (NaN where a controller has none)."""
 
     current_a: float

@@ -8,7 +8,6 @@ by more than the reference makes up for within `TURN_S`: to go and come back wou
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -120,8 +119,7 @@ class StaticMap:
         return Target(float(t0) + k_per_mm * (wanted_mm - float(y0)), k_per_mm)
 
 
-@dataclass(frozen=True, slots=True)
-class Feedforward:
+class Feedforward(NamedTuple):
     """Wanted wire temperature and the power that follows it."""
 
     temperature_c: float

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from smadrive.clock import Clock
 from smadrive.control.controller import Command, Controller
@@ -55,8 +55,7 @@ class Heater(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class Tick:
+class Tick(NamedTuple):
     """One turn of the loop, as recorded: `time_s` of the measurement since the start, lateness of its beginning."""
 
     time_s: float

@@ -16,10 +16,10 @@ Nothing is hidden: an estimate is all that an observer knows, and any observer c
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from math import isfinite
+from typing import NamedTuple
 
-from smadrive.control.observer_gain import Array, GainSchedule
+from smadrive.control.observer_gain import Correction, GainSchedule
 from smadrive.control.wire import WireModel, WireState
 from smadrive.hysteresis import HysteresisState
 
@@ -27,8 +27,7 @@ DEAD_BAND_NOISES = 0.2
 """Radius of the reversal dead band in standard deviations of the thermocouple's noise (a prediction is quieter)."""
 
 
-@dataclass(frozen=True, slots=True)
-class WireEstimate:
+class WireEstimate(NamedTuple):
     """What the observer believes.
 
     Temperatures of wire and thermocouple, hysteresis state (v, w, y), the power that the balance misses; `play_c` and
@@ -65,7 +64,7 @@ class WireObserver:
 
     def adopt(self, estimate: WireEstimate) -> WireEstimate:
         """Another observer's estimate for this one's model: the same temperatures, the same displacement."""
-        return replace(estimate, hysteresis=self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y))
+        return estimate._replace(hysteresis=self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y))
 
     def predict(self, before: WireEstimate, power_w: float, dt_s: float) -> WireEstimate:
         """The estimate `dt_s` later, with `power_w` applied and nothing measured."""
@@ -87,17 +86,17 @@ class WireObserver:
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play_direction or 1)
         read_c = reading_c - expected.thermocouple_c if isfinite(reading_c) else 0.0
         if not isfinite(displacement_mm):
-            return self._corrected(expected, self._gains.reading(slope) * read_c)
+            return self._corrected(expected, self._gains.by_reading(slope, read_c))
         seen = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
-        return self._corrected(expected, self._gains.both(slope) @ (read_c, seen))
+        return self._corrected(expected, self._gains.by_both(slope, read_c, seen))
 
-    def _corrected(self, expected: WireEstimate, correction: Array) -> WireEstimate:
+    def _corrected(self, expected: WireEstimate, correction: Correction) -> WireEstimate:
         """The estimate moved by (T, T_tc, d, ξ) at once.
 
         The hysteresis input moves with the temperature but makes no step: what the correction of the temperature means
         for the phase is part of the correction of the phase.
         """
-        wire_c, thermocouple_c, power_w, phase = correction.tolist()
+        wire_c, thermocouple_c, power_w, phase = correction
         v, y, _ = expected.hysteresis
         return WireEstimate(
             expected.temperature_c + wire_c,

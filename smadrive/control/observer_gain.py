@@ -11,6 +11,7 @@ equation: once for the thermocouple alone, and for a row of slopes with the disp
 from __future__ import annotations
 
 from math import exp
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,27 +35,44 @@ SLOPES = 9
 """Slopes for which the gain is solved, from none to the steepest of the model."""
 
 
+class Correction(NamedTuple):
+    """What is added to (T, T_tc, d, ξ)."""
+
+    temperature_c: float
+    thermocouple_c: float
+    disturbance_w: float
+    phase: float
+
+
 class GainSchedule:
-    """Gains of (T, T_tc, d, ξ) by the slope dξ/dT of the model at its present state."""
+    """The gains, as plain floats, and the corrections they give by the slope dξ/dT of the model at its present state.
+
+    `read_c` and `seen` are what thermocouple and phase, as it is seen in the displacement, exceed their expectation by.
+    """
 
     def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise_mm: float) -> None:
         balance = wire.balance
-        self._slopes = np.linspace(0.0, _steepest(wire), SLOPES)
+        slopes = np.linspace(0.0, _steepest(wire), SLOPES).tolist()
         noise = np.diag([noise_c**2, (noise_mm / wire.travel_mm) ** 2])
-        self._both = np.array([_joint_gain(balance, slope, period_s, noise) for slope in self._slopes.tolist()])
-        self._reading = _reading_gain(balance, period_s, noise_c)
+        self._apart = slopes[1]
+        self._both = [_joint_gain(balance, slope, period_s, noise).tolist() for slope in slopes]
+        self._reading = _reading_gain(balance, period_s, noise_c).tolist()
 
-    def reading(self, slope: float) -> Array:
-        """Gain (4,) for the thermocouple alone: the phase follows the temperature."""
-        return np.append(self._reading, slope * self._reading[0])
+    def by_reading(self, slope: float, read_c: float) -> Correction:
+        """By the thermocouple alone: the phase follows the temperature."""
+        wire, thermocouple, disturbance = self._reading
+        return Correction(wire * read_c, thermocouple * read_c, disturbance * read_c, slope * wire * read_c)
 
-    def both(self, slope: float) -> Array:
-        """Gain (4, 2) for the thermocouple, in K, and the phase seen in the displacement."""
-        place = min(max(slope / self._slopes[1], 0.0), SLOPES - 1.0)
+    def by_both(self, slope: float, read_c: float, seen: float) -> Correction:
+        """By thermocouple and displacement, with gains between those of the nearest slopes."""
+        place = min(max(slope / self._apart, 0.0), SLOPES - 1.0)
         cell = min(int(place), SLOPES - 2)
-        part = place - cell
-        gain: Array = (1.0 - part) * self._both[cell] + part * self._both[cell + 1]
-        return gain
+        above = place - cell
+        below = 1.0 - above
+        return Correction._make(
+            (below * read0 + above * read1) * read_c + (below * seen0 + above * seen1) * seen
+            for (read0, seen0), (read1, seen1) in zip(self._both[cell], self._both[cell + 1], strict=True)
+        )
 
 
 def _reading_gain(balance: HeatBalance, period_s: float, noise_c: float) -> Array:

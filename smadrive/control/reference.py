@@ -74,7 +74,7 @@ class Reference:
 
     def value_mm(self, time_s: float) -> float:
         """Wanted displacement at `time_s`; the ends are held."""
-        in_table_s = time_s - self.cycle(time_s) * self.cycle_s
+        in_table_s = time_s - self._begun_s(time_s)
         times_s, values_mm = self._table
         if not times_s[0] < in_table_s < times_s[-1]:
             return values_mm[0] if in_table_s <= times_s[0] else values_mm[-1]
@@ -88,7 +88,7 @@ class Reference:
         return self.times_s.tolist(), self.displacement_mm.tolist()
 
     @cached_property
-    def _turns(self) -> tuple[Array, Array]:
+    def _turns(self) -> tuple[list[float], list[float]]:
         """When the reference begins to move the other way, and in which direction; an endless one in two cycles."""
         times, values = self.times_s, self.displacement_mm
         if self.endless:
@@ -98,16 +98,20 @@ class Reference:
         moves = np.sign(np.diff(values))
         moving = np.flatnonzero(moves)
         changes = moving[1:][moves[moving][1:] != moves[moving][:-1]]
-        return times[changes], moves[changes]
+        return times[changes].tolist(), moves[changes].tolist()
 
     def next_turn_s(self, time_s: float, direction: int) -> float:
         """When, after `time_s`, the reference next begins to move against `direction`; inf when it does not."""
-        times, directions = self._turns
-        before_s = self.cycle(time_s) * self.cycle_s
-        for number in range(int(np.searchsorted(times, time_s - before_s, side="right")), times.size):
+        times_s, directions = self._turns
+        begun_s = self._begun_s(time_s)
+        for number in range(bisect_right(times_s, time_s - begun_s), len(times_s)):
             if directions[number] != direction:
-                return before_s + float(times[number])
+                return begun_s + times_s[number]
         return inf
+
+    def _begun_s(self, time_s: float) -> float:
+        """How much later than at first the table, without the approach, runs at `time_s`."""
+        return self.cycle(time_s) * self.cycle_s if self.endless else 0.0
 
     def check_within(self, ends_mm: tuple[float, float]) -> None:
         """ConfigError when the reference leaves the wire's travel, whose two ends are `ends_mm` in either order."""

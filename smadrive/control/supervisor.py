@@ -50,10 +50,13 @@ class _Debounce:
         self._recent = deque(maxlen=self.window)
 
     def update(self, bad: bool) -> bool:
-        if not bad and not any(self._recent):
+        if not (bad or self._recent):
             return False
         self._recent.append(bad)
-        return sum(self._recent) >= self.needed
+        count = sum(self._recent)
+        if not count:
+            self._recent.clear()
+        return count >= self.needed
 
 
 class Supervisor:

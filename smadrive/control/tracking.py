@@ -11,8 +11,9 @@ without a bump, within the tick in which it is put into the old one's place.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf, isfinite
+from typing import NamedTuple
 
 from smadrive.control.controller import Command
 from smadrive.control.feedback import PIGains, TemperatureFeedback
@@ -45,8 +46,7 @@ class TrackingSettings:
     feedforward_share: float = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class TrackingState:
+class TrackingState(NamedTuple):
     """What a TrackingController knows of the past, besides the integral of its feedback.
 
     The estimate, the power in force, the trim, the direction of the phase, the turn that the wire is in.
@@ -93,7 +93,7 @@ class TrackingController:
         """Go on where `before` stands: the same wire, in the terms of this model, and a command that does not jump."""
         if before.state is not None:
             turn = before.state.turn if before._reference is self._reference else None
-            self._state = replace(before.state, estimate=self._observer.adopt(before.state.estimate), turn=turn)
+            self._state = before.state._replace(estimate=self._observer.adopt(before.state.estimate), turn=turn)
             self._feedback.take_over(before._feedback)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:

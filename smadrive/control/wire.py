@@ -49,15 +49,18 @@ class WireModel:
 
     def step(self, state: WireState, power_w: float, dt_s: float) -> WireState:
         """The wire after `dt_s` at constant power."""
-        way_c = self._heated_c(state, power_w, dt_s) - state.temperature_c
-        pieces = ceil(abs(way_c) / PIECE_C) or 1
+        after_c = self._heated_c(state, power_w, dt_s)
+        pieces = ceil(abs(after_c - state.temperature_c) / PIECE_C)
+        if pieces <= 1:
+            return self._piece(state, after_c, power_w, dt_s)
+        piece_s = dt_s / pieces
         for _ in range(pieces):
-            state = self._piece(state, power_w, dt_s / pieces)
+            state = self._piece(state, self._heated_c(state, power_w, piece_s), power_w, piece_s)
         return state
 
-    def _piece(self, state: WireState, power_w: float, dt_s: float) -> WireState:
+    def _piece(self, state: WireState, after_c: float, power_w: float, dt_s: float) -> WireState:
+        """One piece, at the end of which the slope at its start gives `after_c`."""
         wire_c, hysteresis = state
-        after_c = self._heated_c(state, power_w, dt_s)
         way_c = after_c - wire_c
         if abs(way_c) > SHORT_WAY_C:
             moved_mm = self.model.step(hysteresis, hysteresis.v + way_c).y - hysteresis.y

@@ -124,8 +124,8 @@ class Device:
         """Write adjacent registers, then read adjacent registers, in one FC23 transaction; never retried."""
         self._know_the_scales()
         target, source = self._plans.exchange(tuple(writes), tuple(reads))
-        words = chain.from_iterable(register.encode(writes[name], name) for name, register, _ in target.parts)
-        request = requests.exchange(target.address, tuple(words), source.address, source.count)
+        words = [word for name, register, _ in target.parts for word in register.encode(writes[name], name)]
+        request = requests.exchange(target.address, words, source.address, source.count)
         self._prove_identity()
         return decode((source,), (source.words(self._execute(request)),), reads)
 

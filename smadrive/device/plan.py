@@ -17,7 +17,7 @@ from smadrive.device.readings import Reading
 from smadrive.device.registers import Register
 from smadrive.modbus.requests import Request
 
-_Part = tuple[str, Register, int]  # name, register, place in the span
+_Part = tuple[str, Register, slice]  # name, register, its place among the words of the span
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,12 +59,11 @@ def decode(spans: Iterable[Span], words: Iterable[Sequence[int]], names: Sequenc
     readings: dict[str, Reading] = {}
     later: list[tuple[str, Register, Sequence[int]]] = []
     for span, span_words in zip(spans, words, strict=True):
-        for name, register, at in span.parts:
-            part = span_words[at : at + register.size]
+        for name, register, place in span.parts:
             if span.has_companions and register.companions:
-                later.append((name, register, part))
+                later.append((name, register, span_words[place]))
             else:
-                readings[name] = register.decode(part)
+                readings[name] = register.decode(span_words[place])
     for name, register, part in later:
         readings[name] = register.decode(part, context_of(register, readings))
     return readings if len(readings) == len(names) else {name: readings[name] for name in names}
@@ -98,6 +97,11 @@ def _belongs(register: Register, first: Register, last: Register, most: int, loo
 
 def _span(group: list[tuple[str, Register]]) -> Span:
     first, last = group[0][1], group[-1][1]
-    parts = tuple((name, register, register.address - first.address) for name, register in group)
+    parts = tuple((name, register, _place(register, first)) for name, register in group)
     companions = any(register.companions for _, register in group)
     return Span(first.table, first.address, last.addresses.stop - first.address, parts, companions)
+
+
+def _place(register: Register, first: Register) -> slice:
+    at = register.address - first.address
+    return slice(at, at + register.size)

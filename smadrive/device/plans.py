@@ -52,10 +52,10 @@ class Plans:
 
 def words_of_register(spans: Iterable[Span], words: Iterable[tuple[int, ...]], name: str) -> tuple[int, ...]:
     """The words of one register out of the words of the spans."""
-    ((at, size, found),) = (
-        (at, register.size, span_words)
+    (found,) = (
+        span_words[place]
         for span, span_words in zip(spans, words, strict=True)
-        for part, register, at in span.parts
+        for part, _, place in span.parts
         if part == name
     )
-    return found[at : at + size]
+    return found

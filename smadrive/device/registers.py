@@ -11,8 +11,8 @@ What other registers say of this one (its sign, its decimals, its unit) comes in
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from functools import cached_property
+from collections.abc import Callable, Sequence
+from functools import cached_property, lru_cache
 from math import inf, isfinite, nan
 from typing import Any, Literal
 
@@ -26,6 +26,9 @@ from smadrive.errors import ConfigError
 
 Table = Literal["holding", "input", "coil", "discrete"]
 Evidence = Literal["own", "two", "one", "uncertain", ""]
+
+STATES = 64
+"""So many patterns of a register of states or flags are remembered: to name one takes longer than to read it."""
 
 
 class Register(Section):
@@ -115,17 +118,12 @@ class Register(Section):
 
     def decode(self, words: Sequence[int], context: Context = ALONE) -> Reading:
         """The reading in `words`, as they come from the bus."""
-        if self.type == "string":
-            return Reading(0, nan, None, (bus.text(words),))
-        raw = words[0] if self.type == "uint16" else bus.unpack(self.type, self.word_order, words)
         if self._plain:
+            raw = self._unpack(words)
             return Reading(raw, raw * self.scale + self.offset)
-        if self.invalid and (reason := self._sentinels.get(tuple(words))):
-            return Reading(raw, nan, reason)
-        value = self._value_of(raw, context)
-        if (problem := context.problem or self._implausible(value)) is not None:
-            return Reading(raw, nan, problem)
-        return self._named(raw, value) if self.enum or self.bits else Reading(raw, value)
+        if context is ALONE and (self.enum or self.bits):
+            return self._state(tuple(words))
+        return self._decoded(words, context)
 
     def encode(self, value: float, name: str, context: Context = ALONE) -> tuple[int, ...]:
         """The words that carry `value`; ConfigError when not finite, outside [min, max] or no state of the enum."""
@@ -144,9 +142,10 @@ class Register(Section):
             raise ConfigError(f"register '{name}': {value:g} is no state of it; there are: {states}")
         return self.pack(raw)
 
-    def pack(self, raw: float) -> tuple[int, ...]:
-        """The words of a raw number."""
-        return bus.pack(self.type, self.word_order, raw)
+    @cached_property
+    def pack(self) -> Callable[[float], tuple[int, ...]]:
+        """What makes the words of a raw number."""
+        return bus.packer(self.type, self.word_order)
 
     def pattern(self, bits: int) -> tuple[int, ...]:
         """The words of a raw pattern."""
@@ -156,7 +155,29 @@ class Register(Section):
         """The words by which a device shows `value`: at the end of the type's range when it exceeds it."""
         lowest, highest = self._range
         raw = self._rounded(value, context)
-        return bus.pack(self.type, self.word_order, lowest if raw < lowest else min(raw, highest))
+        return self.pack(lowest if raw < lowest else min(raw, highest))
+
+    def _decoded(self, words: Sequence[int], context: Context) -> Reading:
+        """By all the rules there are."""
+        if self.type == "string":
+            return Reading(0, nan, None, (bus.text(words),))
+        raw = self._unpack(words)
+        if self.invalid and (reason := self._sentinels.get(tuple(words))):
+            return Reading(raw, nan, reason)
+        value = self._value_of(raw, context)
+        if (problem := context.problem or self._implausible(value)) is not None:
+            return Reading(raw, nan, problem)
+        return self._named(raw, value) if self.enum or self.bits else Reading(raw, value)
+
+    @cached_property
+    def _state(self) -> Callable[[tuple[int, ...]], Reading]:
+        """What decodes a register of states or flags that needs no other."""
+        return lru_cache(STATES)(lambda words: self._decoded(words, ALONE))
+
+    @cached_property
+    def _unpack(self) -> Callable[[Sequence[int]], int | float]:
+        """What finds the raw number in words."""
+        return bus.unpacker(self.type, self.word_order)
 
     def _value_of(self, raw: float, context: Context) -> float:
         if context is ALONE:
@@ -233,7 +254,7 @@ class Register(Section):
 
     def _check_sentinel(self, bits: int, reason: str) -> None:
         """A sentinel that is a valid value as well would make a true reading disappear."""
-        value = self._value_of(bus.unpack(self.type, self.word_order, self.pattern(bits)), ALONE)
+        value = self._value_of(self._unpack(self.pattern(bits)), ALONE)
         for low, high in ((self.valid_min, self.valid_max), (self.min, self.max)):
             stated = low is not None or high is not None
             inside = (-inf if low is None else low) <= value <= (inf if high is None else high)

@@ -7,13 +7,15 @@ is one word, 0 or 1.
 from __future__ import annotations
 
 import struct
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from operator import itemgetter
 from typing import Literal
 
 Kind = Literal["uint16", "int16", "uint32", "int32", "float32", "bool", "string"]
 Order = Literal["big", "little"]
 
-_CODES: dict[Kind, str] = {"uint32": "I", "int32": "i", "float32": "f"}
+_PAIR = struct.Struct(">HH")
+_WIDE = {"uint32": struct.Struct(">I"), "int32": struct.Struct(">i"), "float32": struct.Struct(">f")}
 _FLOAT32_MAX = 3.4028234663852886e38
 
 RANGES: dict[Kind, tuple[float, float]] = {
@@ -28,26 +30,25 @@ RANGES: dict[Kind, tuple[float, float]] = {
 
 def is_wide(kind: Kind) -> bool:
     """Whether a number of this type takes two registers."""
-    return kind in _CODES
+    return kind in _WIDE
 
 
-def unpack(kind: Kind, order: Order, words: Sequence[int]) -> int | float:
-    """The raw number in `words`, as they come from the bus."""
+def unpacker(kind: Kind, order: Order) -> Callable[[Sequence[int]], int | float]:
+    """What finds the raw number in words, as they come from the bus."""
+    if kind in _WIDE:
+        join, number, step = _PAIR.pack, _WIDE[kind].unpack, 1 if order == "big" else -1
+        return lambda words: number(join(*words[::step]))[0]
     if kind == "int16":
-        return words[0] - 0x10000 if words[0] & 0x8000 else words[0]
-    if not is_wide(kind):
-        return words[0]
-    high, low = words if order == "big" else (words[1], words[0])
-    raw: int | float = struct.unpack(f">{_CODES[kind]}", struct.pack(">HH", high, low))[0]
-    return raw
+        return lambda words: words[0] - 0x10000 if words[0] & 0x8000 else words[0]
+    return itemgetter(0)
 
 
-def pack(kind: Kind, order: Order, raw: float) -> tuple[int, ...]:
-    """The words of a raw number that lies within the type's range."""
-    if not is_wide(kind):
-        return (int(raw) & 0xFFFF,)
-    high, low = struct.unpack(">HH", struct.pack(f">{_CODES[kind]}", raw))
-    return (high, low) if order == "big" else (low, high)
+def packer(kind: Kind, order: Order) -> Callable[[float], tuple[int, ...]]:
+    """What makes the words of a raw number that lies within the type's range."""
+    if kind in _WIDE:
+        part, number, step = _PAIR.unpack, _WIDE[kind].pack, 1 if order == "big" else -1
+        return lambda raw: part(number(raw))[::step]
+    return lambda raw: (int(raw) & 0xFFFF,)
 
 
 def pattern(kind: Kind, order: Order, bits: int) -> tuple[int, ...]:

@@ -25,6 +25,8 @@ from smadrive.hysteresis.arrays import FloatArray
 
 _CHUNK = 8192  # samples evaluated at once: the working set stays in the cache
 _Row = tuple[float, float, float, float, float, float, float, float, float]
+_Bin = tuple[float, _Row, _Row]
+"""Where the extra node of a bin lies (inf: it has none), and the rows below and beyond it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,23 +129,24 @@ class BranchEngine:
         return states
 
     @cached_property
-    def _rows(self) -> tuple[list[_Row], list[_Row]]:
-        """The same table for the scalar path, plain floats: (cooling, heating)."""
+    def _scalar(self) -> tuple[list[_Bin], list[_Bin]]:
+        """The same table for the scalar path, plain floats by bin: (cooling, heating). The upper end is a bin too."""
         table = np.vstack([np.tile(self.nodes[:-1], 2), self._coefficients]).T.tolist()
         rows: list[_Row] = [tuple(row) for row in table]
-        return rows[: self._cells], rows[self._cells :]
+        first, split = self._first.tolist(), self._split.tolist()
+        cooling, heating = (
+            [
+                (beyond, rows[cells + cell], rows[cells + cell + (beyond < inf)])
+                for cell, beyond in zip([*first, first[-1]], [*split, split[-1]], strict=True)
+            ]
+            for cells in (0, self._cells)
+        )
+        return cooling, heating
 
-    @cached_property
-    def _lookup(self) -> tuple[list[int], list[float]]:
-        return self._first.tolist(), self._split.tolist()
-
-    def row(self, v: float, *, rising: bool) -> _Row:
+    def row(self, v: float, rising: bool) -> _Row:
         """The table row for one input in [lower, upper]: node, four coefficients of P, four of Λ."""
-        first, split = self._lookup
-        number = int((v - self.lower) * self._bins_per_unit)
-        if number > self._last_bin:  # noqa: PLR1730 (min() costs a call in the hot path)
-            number = self._last_bin
-        return self._rows[rising][first[number] + (v >= split[number])]
+        split, below, beyond = self._scalar[rising][int((v - self.lower) * self._bins_per_unit)]
+        return below if v < split else beyond
 
     def clamp(self, v: float) -> float:
         """`v` held to the grid."""
@@ -153,23 +156,36 @@ class BranchEngine:
 
     def move(self, w: float, v0: float, v1: float) -> float:
         """The state at v1 after a monotone move from (v0, w)."""
-        v0, v1 = self.clamp(v0), self.clamp(v1)
+        lower, upper = self.lower, self.upper
+        if not (lower <= v0 <= upper and lower <= v1 <= upper):
+            v0, v1 = self.clamp(v0), self.clamp(v1)
         if v1 == v0:
             return w
-        rising = v1 > v0
-        node, p0, p1, p2, p3, l0, l1, l2, l3 = self.row(v0, rising=rising)
+        bins, per_unit = self._scalar[v1 > v0], self._bins_per_unit
+        split, below, beyond = bins[int((v0 - lower) * per_unit)]
+        node, p0, p1, p2, p3, l0, l1, l2, l3 = below if v0 < split else beyond
         t = v0 - node
         excess = w - (((p3 * t + p2) * t + p1) * t + p0)
         exponent = ((l3 * t + l2) * t + l1) * t + l0
-        node, p0, p1, p2, p3, l0, l1, l2, l3 = self.row(v1, rising=rising)
+        split, below, beyond = bins[int((v1 - lower) * per_unit)]
+        node, p0, p1, p2, p3, l0, l1, l2, l3 = below if v1 < split else beyond
         t = v1 - node
         return ((p3 * t + p2) * t + p1) * t + p0 + excess * exp(((l3 * t + l2) * t + l1) * t + l0 - exponent)
+
+    def slope(self, w: float, v: float, rising: bool) -> float:
+        """dw/dv = P' + a (w - P) at one input; zero outside the grid, where the state is held."""
+        if not self.lower <= v <= self.upper:
+            return 0.0
+        node, p0, p1, p2, p3, _, l1, l2, l3 = self.row(v, rising)
+        t = v - node
+        target = ((p3 * t + p2) * t + p1) * t + p0
+        return (3 * p3 * t + 2 * p2) * t + p1 + ((3 * l3 * t + 2 * l2) * t + l1) * (w - target)
 
     def local_law(self, v: float, *, rising: bool) -> tuple[float, float]:
         """Rate a and bias b of dw/dv = a w + b at one input; both zero outside the grid, where the state is held."""
         if not self.lower <= v <= self.upper:
             return 0.0, 0.0
-        node, p0, p1, p2, p3, _, l1, l2, l3 = self.row(v, rising=rising)
+        node, p0, p1, p2, p3, _, l1, l2, l3 = self.row(v, rising)
         t = v - node
         rate = (3 * l3 * t + 2 * l2) * t + l1
         return rate, (3 * p3 * t + 2 * p2) * t + p1 - rate * (((p3 * t + p2) * t + p1) * t + p0)
@@ -177,7 +193,7 @@ class BranchEngine:
     def target(self, v: float, *, rising: bool) -> float:
         """P at one input: the state on the branch that attracts this direction."""
         v = self.clamp(v)
-        node, p0, p1, p2, p3, *_ = self.row(v, rising=rising)
+        node, p0, p1, p2, p3, *_ = self.row(v, rising)
         t = v - node
         return ((p3 * t + p2) * t + p1) * t + p0
 

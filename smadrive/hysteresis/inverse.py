@@ -85,7 +85,7 @@ class InverseFeedforward:
         near, far = v0, engine.upper if rising else engine.lower
         if near == far:
             return v0, state.w
-        node, p0, p1, p2, p3, l0, l1, l2, l3 = engine.row(v0, rising=rising)
+        node, p0, p1, p2, p3, l0, l1, l2, l3 = engine.row(v0, rising)
         t = v0 - node
         excess = state.w - (((p3 * t + p2) * t + p1) * t + p0)
         exponent = ((l3 * t + l2) * t + l1) * t + l0
@@ -93,7 +93,7 @@ class InverseFeedforward:
         w = state.w
         end_checked = False
         for _ in range(_ITERATIONS):
-            node, p0, p1, p2, p3, l0, l1, l2, l3 = engine.row(v, rising=rising)
+            node, p0, p1, p2, p3, l0, l1, l2, l3 = engine.row(v, rising)
             t = v - node
             decayed = excess * exp(((l3 * t + l2) * t + l1) * t + l0 - exponent)
             w = ((p3 * t + p2) * t + p1) * t + p0 + decayed

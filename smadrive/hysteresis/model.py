@@ -102,8 +102,7 @@ class HysteresisModel:
 
     def slope(self, state: HysteresisState, direction: int) -> float:
         """dy/dv at the state when the input rises (direction > 0) or falls: scale · (a w + b)."""
-        rate, bias = self.engine.local_law(state.v, rising=bool(direction > 0))
-        return self.scale * (rate * state.w + bias)
+        return self.scale * self.engine.slope(state.w, state.v, direction > 0)
 
 
 def check_output_map(scale: float, offset: float, input_range: tuple[float, float]) -> tuple[float, float]:

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Sequence
-from dataclasses import dataclass
+from typing import NamedTuple
 
 MAX_READ_REGISTERS = 125
 MAX_WRITE_REGISTERS = 123
@@ -21,8 +21,7 @@ MAX_READ_BITS = 2000
 MAX_WRITE_BITS = 1968
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(NamedTuple):
     """A request PDU and the shape of its answer: `reply_head` followed by `payload_size` bytes."""
 
     pdu: bytes

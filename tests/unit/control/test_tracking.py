@@ -153,6 +153,6 @@ def test_a_lost_reading_is_bridged():
     tracker = controller(REFERENCE, loop())
     bench.run(tracker, 25.0)
     for _ in range(10):
-        command = tracker.update(bench.time_s, dataclasses.replace(bench.measurement(), temperature_c=nan), DT_S)
+        command = tracker.update(bench.time_s, bench.measurement()._replace(temperature_c=nan), DT_S)
         bench.advance(command.current_a)
     assert abs(bench.state.hysteresis.y - REFERENCE.value_mm(bench.time_s)) < 0.01 * 12

@@ -167,7 +167,7 @@ def test_a_bench_that_can_do_the_experiment_passes():
 @pytest.mark.parametrize(
     ("excitation", "current_max_a", "found", "told"),
     [
-        (EXCITATION, 0.6, dataclasses.replace(FOUND, displacement_mm=float("nan")), "no displacement is measured"),
+        (EXCITATION, 0.6, FOUND._replace(displacement_mm=float("nan")), "no displacement is measured"),
         (
             EXCITATION,
             0.3,
