@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
 from math import inf
+from pathlib import Path
 from types import TracebackType
 from typing import Self
 
@@ -52,22 +53,28 @@ class Rig:
     """The devices of a rig file, connected. A context manager: leaving it puts every device into its safe state.
 
     `transports` (by device name) take the place of the connections that the rig file names. `clock` is the time the
-    loops run in; without it that of the connection: real on a port, virtual on `sim://`.
+    loops run in; without it that of the connection: real on a port, virtual on `sim://`. What passes on every bus is
+    traced to a file in `trace_folder`, if it is given (see TraceFile).
     """
 
     def __init__(
-        self, config: RigConfig, clock: Clock | None = None, transports: Mapping[str, Transport] | None = None
+        self,
+        config: RigConfig,
+        clock: Clock | None = None,
+        transports: Mapping[str, Transport] | None = None,
+        trace_folder: Path | None = None,
     ) -> None:
         self.config = config
         self.nominal_balance = load_wire(config.wire).heat_balance()
         config.check_wire(self.nominal_balance)
         self._clock = clock
         self._transports = transports or {}
+        self._trace_folder = trace_folder
 
     def __enter__(self) -> Self:
         """Open the ports, check who is there, put everything into its safe state."""
         with ExitStack() as stack:
-            opened = open_devices(self.config, stack, self._clock, self._transports)
+            opened = open_devices(self.config, stack, self._clock, self._transports, self._trace_folder)
             self.heater, self.devices, self.clock, self.latch = opened
             self.heater.connect()
             stack.enter_context(ends_safe(self.heater))

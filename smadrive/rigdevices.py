@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from math import inf
+from pathlib import Path
 from typing import NamedTuple
 
 from smadrive.clock import Clock, VirtualClock
@@ -27,6 +28,7 @@ from smadrive.errors import ConfigError
 from smadrive.latch import TripLatch
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
+from smadrive.modbus.trace import TraceFile
 from smadrive.modbus.transport import Transport
 from smadrive.rigconfig import DeviceConfig, LimitsConfig, RigConfig
 
@@ -48,14 +50,19 @@ class RigDevices(NamedTuple):
 
 
 def open_devices(
-    config: RigConfig, stack: ExitStack, clock: Clock | None, transports: Mapping[str, Transport]
+    config: RigConfig,
+    stack: ExitStack,
+    clock: Clock | None,
+    transports: Mapping[str, Transport],
+    trace_folder: Path | None = None,
 ) -> RigDevices:
     """Open what the rig file names; `stack` closes it. Nothing is sent yet.
 
-    `transports` (by device name) take the place of connections; `clock` that of theirs. ConfigError when the devices
-    do not make up a rig, TransportError when a port does not open.
+    `transports` (by device name) take the place of connections; `clock` that of theirs; what passes on each of them is
+    traced to a file in `trace_folder`, if it is given. ConfigError when the devices do not make up a rig or a trace
+    cannot be written, TransportError when a port does not open.
     """
-    connections = _Connections(stack)
+    connections = _Connections(stack, trace_folder)
     profiles = {device.name: load_profile(device.profile) for device in config.devices}
     roles = _roles(config.devices, profiles)
     for url in {device.url for device in config.devices if not device.url.startswith(SIMULATED)}:
@@ -172,10 +179,11 @@ def _sensor(
 
 
 class _Connections:
-    """One master per address, and one text line."""
+    """One master per address, and one text line; a trace of each is named after the first device there."""
 
-    def __init__(self, stack: ExitStack) -> None:
+    def __init__(self, stack: ExitStack, trace_folder: Path | None) -> None:
         self._stack = stack
+        self._trace_folder = trace_folder
         self._masters: dict[str, Master] = {}
         self._benches: dict[str, _SimulatedBench] = {}
 
@@ -184,16 +192,21 @@ class _Connections:
     ) -> Device | TCLabBoard:
         """The device, at its address or on the connection that is given."""
         if not profile.has_registers:
-            return TCLabBoard(profile, self._alone(device, profile, given))
-        master = self._master(device, profile) if given is None else Master(self._opened(given))
+            transport = self._alone(device, profile, given)
+            return TCLabBoard(profile, transport, self._trace(device, transport, speaks_text=True))
+        master = self._master(device, profile) if given is None else self._master_on(given, device)
         return Device(profile, master, device.unit_id, read_retries)
 
     def _master(self, device: DeviceConfig, profile: Profile) -> Master:
         if device.url.startswith(SIMULATED):
-            return Master(self._opened(self._simulated(device, profile)))
+            return self._master_on(self._simulated(device, profile), device)
         if device.url not in self._masters:
-            self._masters[device.url] = Master(self._opened(open_transport(device.url, profile.serial_settings())))
+            transport = open_transport(device.url, profile.serial_settings())
+            self._masters[device.url] = self._master_on(transport, device)
         return self._masters[device.url]
+
+    def _master_on(self, transport: Transport, device: DeviceConfig) -> Master:
+        return Master(self._opened(transport), self._trace(device, transport, speaks_text=False))
 
     def _alone(self, device: DeviceConfig, profile: Profile, given: Transport | None) -> Transport:
         """A connection that no other device shares."""
@@ -203,6 +216,16 @@ class _Connections:
 
     def _opened(self, transport: Transport) -> Transport:
         return self._stack.enter_context(transport)
+
+    def _trace(self, device: DeviceConfig, transport: Transport, *, speaks_text: bool) -> TraceFile | None:
+        if self._trace_folder is None:
+            return None
+        try:
+            self._trace_folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise ConfigError(f"{self._trace_folder}: no folder for traces ({error.strerror})") from None
+        path = self._trace_folder / f"{device.name}.trace"
+        return self._stack.enter_context(TraceFile(path, transport, speaks_text=speaks_text))
 
     def _simulated(self, device: DeviceConfig, profile: Profile) -> Transport:
         """A simulated device in this process, in virtual time; those of one address stand on one bench.

@@ -9,7 +9,7 @@ SIM = "flexinol-lt-0.15mm"
 
 
 @contextlib.contextmanager
-def served(*options, sim=SIM):
+def served(*options, sim=SIM, cwd=None):
     """The process, its first URL read."""
     with subprocess.Popen(
         [*COMMAND, *([] if sim is None else [sim]), *options],
@@ -17,6 +17,7 @@ def served(*options, sim=SIM):
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
+        cwd=cwd,
     ) as process:
         try:
             yield process, process.stdout.readline().strip()

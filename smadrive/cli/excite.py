@@ -9,7 +9,7 @@ import typer
 
 from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.probe import RigFile
+from smadrive.cli.probe import RigFile, TraceFolder
 from smadrive.identification.excitation import check_may_excite
 from smadrive.outfile import LOG, check_output
 from smadrive.rig import Rig
@@ -20,12 +20,13 @@ from smadrive.runlog import record_excitation
 def main(
     rig: RigFile,
     log_file: Annotated[Path, typer.Option("--log-file", "-o", help="Log (.h5) to write.")],
+    trace: TraceFolder = None,
     as_json: AsJson = False,
 ) -> None:
     """Drive the wire of RIG through the temperature path of its rig file, within its limits, and record it."""
     output = Output(as_json)
     check_output(log_file, LOG)
-    with Rig(load_rig(rig)) as bench:
+    with Rig(load_rig(rig), trace_folder=trace) as bench:
         found = bench.heater.exchange(0.0)
         limit_a = bench.config.limits.current_max_a
         excitation = bench.excitation(found.temperature_c)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from math import isfinite
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -14,12 +15,17 @@ from smadrive.rigconfig import load_rig
 
 RigFile = Annotated[str, typer.Argument(help="Rig file, or the name of a shipped rig.")]
 
+TraceFolder = Annotated[
+    Path | None,
+    typer.Option("--trace", metavar="FOLDER", help="Write what passes on each bus to a file there, DEVICE.trace."),
+]
 
-def main(rig: RigFile, as_json: AsJson = False) -> None:
+
+def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> None:
     """Connect to RIG, check the identity of every device and show its live values. The heater stays off."""
     output = Output(as_json)
     config = load_rig(rig)
-    with Rig(config) as open_rig:
+    with Rig(config, trace_folder=trace) as open_rig:
         measurement = open_rig.heater.exchange(0.0)
         identities = open_rig.identities
     for name, identity in identities.items():

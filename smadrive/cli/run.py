@@ -11,7 +11,7 @@ import typer
 
 from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.probe import RigFile
+from smadrive.cli.probe import RigFile, TraceFolder
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.reference import SHAPES, Reference, parse_reference
 from smadrive.control.rehearsal import rehearse
@@ -50,6 +50,7 @@ def main(
         bool,
         typer.Option("--smooth", help="Run the nearest reference that the wire can follow, if it cannot this one."),
     ] = False,
+    trace: TraceFolder = None,
     as_json: AsJson = False,
 ) -> None:
     """Make the wire of RIG follow a displacement reference, with the inverse of its identified model.
@@ -62,7 +63,7 @@ def main(
     hysteresis, balance = load_wire_file(model_file(config, model))
     wanted = read_reference(reference)
     wanted.check_within(travel_mm(hysteresis))
-    with Rig(config) as bench:
+    with Rig(config, trace_folder=trace) as bench:
         measured = bench.heater.exchange(0.0)
         start_mm = start_displacement_mm(hysteresis, measured)
         path = wanted.with_approach(start_mm, APPROACH_S)

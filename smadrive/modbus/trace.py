@@ -6,7 +6,8 @@
         0.203120 < 01 03 04 53 4D 00 01 ... | unit 1: 21325 1
 
 One line a frame; a reply that came in pieces is one line, at the time of its last piece. What does not come has no
-line: a request without an answer below it was not answered.
+line: a request without an answer below it was not answered. A board that speaks text gives a trace too, of its lines,
+which is for people only.
 """
 
 from __future__ import annotations
@@ -37,18 +38,23 @@ class TraceFile:
     """Writes what passes on the bus of `transport`: `Master(transport, trace=TraceFile(path, transport))`.
 
     A context manager. Times are seconds since the trace began; every line is on disk when the next frame goes out.
+    `speaks_text`: lines of text pass there, no frames.
     """
 
-    def __init__(self, path: Path, transport: Transport) -> None:
-        """ConfigError when `path` cannot be written."""
+    def __init__(self, path: Path, transport: Transport, *, speaks_text: bool = False) -> None:
+        """ConfigError when `path` exists already, or cannot be written."""
         self._clock_start_s = transport.clock.now_s()
         self._numbered = transport.framing.numbered
+        self._speaks_text = speaks_text
         self._asked = b"\0"
         try:
-            self._file = path.open("w", encoding="ascii", buffering=1)
+            self._file = path.open("x", encoding="ascii", buffering=1)
+        except FileExistsError:
+            raise ConfigError(f"{path}: is there already: trace to another folder, or remove it") from None
         except OSError as error:
             raise ConfigError(f"{path}: the trace cannot be written ({error.strerror})") from None
-        self._file.write(f"{HEADER} {'tcp' if self._numbered else 'rtu'}, {transport.name}\n")
+        kind = "text" if speaks_text else "tcp" if self._numbered else "rtu"
+        self._file.write(f"{HEADER} {kind}, {transport.name}\n")
         self._file.write("# seconds, > sent or < received or x discarded, the bytes, what they say\n")
 
     def __call__(self, time_s: float, direction: Direction, data: bytes) -> None:
@@ -66,6 +72,8 @@ class TraceFile:
     def _meaning(self, direction: Direction, data: bytes) -> str:
         if direction == "discarded":
             return "nobody asked for it"
+        if self._speaks_text:
+            return data.decode("ascii", "backslashreplace").strip()
         content = content_of(data, numbered=self._numbered)
         if content is None:
             return "no intact frame"
@@ -84,8 +92,10 @@ def read_trace(path: Path) -> tuple[bool, list[Line]]:
         raise ConfigError(f"{path}: cannot be read ({error})") from None
     if not head.startswith(HEADER):
         raise ConfigError(f"{path}: is no bus trace: the first line must begin with '{HEADER}'")
-    numbered = head.removeprefix(HEADER).strip().startswith("tcp")
-    return numbered, [_line(path, number, row) for number, row in enumerate(rows, 2) if row and row[0] != "#"]
+    kind = head.removeprefix(HEADER).partition(",")[0].strip()
+    if kind not in ("rtu", "tcp"):
+        raise ConfigError(f"{path}: is a trace of '{kind}': only those of Modbus, rtu and tcp, can be served again")
+    return kind == "tcp", [_line(path, number, row) for number, row in enumerate(rows, 2) if row and row[0] != "#"]
 
 
 def content_of(frame: bytes, *, numbered: bool) -> tuple[int, bytes] | None:

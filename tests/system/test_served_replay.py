@@ -1,6 +1,8 @@
 """Record the bus of a served simulator, then serve the record."""
 
+import json
 import subprocess
+import sys
 
 import pytest
 from served import COMMAND, SIM, served
@@ -13,6 +15,7 @@ from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
 from smadrive.modbus.trace import TraceFile
+from smadrive.shipped import shipped_file
 
 PROFILE = load_profile("sma-reference")
 NAMES = ("serial_number", "temperature", "sample_counter", "watchdog_s", "uptime")
@@ -58,3 +61,31 @@ def test_bad_input_is_one_clear_line(options, says):
     assert run.returncode == 2
     assert says in run.stderr
     assert run.stderr.count("\n") == 1
+
+
+def probe(port, *options, cwd):
+    """What `smadrive probe` says of the shipped rig, its board at this port."""
+    rig = shipped_file("rigs", "simulated").read_text(encoding="utf-8")
+    rig = rig.replace("/tmp/smadrive-sim", str(port))  # noqa: S108
+    (cwd / "rig.toml").write_text(rig, encoding="utf-8")
+    command = [sys.executable, "-m", "smadrive", "probe", "rig.toml", *options, "--json"]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def test_what_a_command_traced_answers_that_command_again(tmp_path):
+    there, again = tmp_path / "there", tmp_path / "again"
+    with served("--pty", str(there)):
+        first = probe(there, "--trace", "traces", cwd=tmp_path)
+        refused = probe(there, "--trace", "traces", cwd=tmp_path)
+    assert first.returncode == 0, first.stderr
+    assert refused.returncode == 2
+    assert "traces/board.trace: is there already" in refused.stderr
+    trace = (tmp_path / "traces" / "board.trace").read_text()
+    assert "| unit 1: read 2 holding registers from 0" in trace
+    assert "| unit 1: write register" in trace
+    with served("--replay", "traces/board.trace", "--pty", str(again), sim=None, cwd=tmp_path):
+        second = probe(again, cwd=tmp_path)
+    assert second.returncode == 0, second.stderr
+    recorded, replayed = json.loads(first.stdout), json.loads(second.stdout)
+    for name in ("devices", "temperature_c", "displacement_mm", "current_a", "voltage_v", "device_faults"):
+        assert replayed[name] == recorded[name]

@@ -10,6 +10,7 @@ import pytest
 
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
+from firmware_sim.replay import Replay
 from smadrive.clock import VirtualClock
 from smadrive.control.faults import Fault
 from smadrive.control.feedforward import HysteresisInverse
@@ -55,6 +56,17 @@ def test_it_is_excited_identified_and_tracks(tmp_path):
     figures = tracking_figures(read_log(tracked), loop)
     assert figures.trips == 0
     assert figures.rms_percent <= 3.0
+
+
+def test_its_lines_are_traced_for_people_and_not_served_again(tmp_path):
+    with Rig(rig_of(BOARD, LASER), trace_folder=tmp_path):
+        pass
+    lines = (tmp_path / "board.trace").read_text().splitlines()
+    assert lines[0] == "# smadrive bus trace 1: text, in process"
+    assert {line.partition("| ")[2] for line in lines} >= {"VER", "TCLab Firmware 2.0.1 Arduino Uno"}
+    with pytest.raises(ConfigError, match="a trace of 'text': only those of Modbus"):
+        Replay(tmp_path / "board.trace")
+    assert Replay(tmp_path / "laser.trace").units
 
 
 @pytest.fixture
