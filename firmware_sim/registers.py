@@ -48,7 +48,7 @@ class RegisterBank:
                 self._roles.setdefault(register.table, []).append(entry)
         for proof in profile.identify:
             register = profile.register(proof.register_)
-            self._store(register, register.pack(proof.ranges[0][0]))
+            self._store(register, register.codec.pack(proof.ranges[0][0]))
 
     @property
     def tables(self) -> set[str]:
@@ -70,7 +70,7 @@ class RegisterBank:
         """Set a register that no role fills; a profile without it is none the worse."""
         if name in self._profile.registers:
             register = self._profile.register(name)
-            self._store(register, register.saturated(value))
+            self._store(register, register.codec.saturated(value))
 
     def read(self, table: str, first: int, count: int) -> list[int]:
         """The words; Refusal when one of them does not exist."""
@@ -93,11 +93,11 @@ class RegisterBank:
             if register is None or len(part := words[at : at + register.size]) < register.size:
                 raise Refusal(ILLEGAL_ADDRESS)
             context = self._context(register)
-            writes.append(Write(name, register, part, register.decode(part, context).value, context))
+            writes.append(Write(name, register, part, register.codec.decode(part, context).value, context))
             at += register.size
         for write in writes:
             try:
-                write.register.encode(write.value, write.name, write.context)
+                write.register.codec.encode(write.value, write.name, write.context)
             except ConfigError:
                 raise Refusal(ILLEGAL_VALUE) from None
             if self._profile.write_order:
@@ -120,7 +120,7 @@ class RegisterBank:
             if rule.value is None or rule.before not in ("*", name) or rule.write == name:
                 continue
             lock = self._profile.register(rule.write)
-            if self._words_of(lock) != lock.saturated(rule.value):
+            if self._words_of(lock) != lock.codec.saturated(rule.value):
                 raise Refusal(DEVICE_FAILURE)
 
     def _show(self, register: Register, value: Quantity) -> None:
@@ -129,17 +129,17 @@ class RegisterBank:
             for name, allowed in register.valid_when.items():
                 teller = self._profile.register(name)
                 denied = (number for number in teller.enum if number not in allowed)
-                self._store(teller, teller.pack(next(denied, 0) if value is None else allowed[0]))
+                self._store(teller, teller.codec.pack(next(denied, 0) if value is None else allowed[0]))
         if value is None or isinstance(value, str):
             self._store(register, _symbol(register, value))
         else:
-            self._store(register, register.saturated(value, self._context(register)))
+            self._store(register, register.codec.saturated(value, self._context(register)))
 
     def _context(self, register: Register) -> Context:
         if not register.companions:
             return ALONE
         named = {name: self._profile.register(name) for name in register.companions}
-        return context_of(register, {name: one.decode(self._words_of(one)) for name, one in named.items()})
+        return context_of(register, {name: one.codec.decode(self._words_of(one)) for name, one in named.items()})
 
     def _words_of(self, register: Register) -> tuple[int, ...]:
         table = self._words[register.table]
@@ -153,6 +153,6 @@ def _symbol(register: Register, value: str | None) -> tuple[int, ...]:
     """No reading as the sentinel that says "open" (or the first), a state by its number or its bit."""
     if value is None:
         opens = (bits for bits, reason in register.invalid.items() if "open" in reason)
-        return register.pattern(next(opens, next(iter(register.invalid), 0)))
+        return register.codec.pattern(next(opens, next(iter(register.invalid), 0)))
     flags = {1 << bit: word for bit, word in register.bits.items()}
-    return register.pack(next((raw for raw, word in (register.enum | flags).items() if word == value), 0))
+    return register.codec.pack(next((raw for raw, word in (register.enum | flags).items() if word == value), 0))

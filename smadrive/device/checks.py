@@ -112,6 +112,6 @@ def check_safe_state(steps: tuple[SafeWrite, ...], rules: tuple[WriteOrder, ...]
 
 def _check_value(register: Register, name: str, value: float, key: str) -> None:
     try:
-        register.encode(value, name)
+        register.codec.encode(value, name)
     except ConfigError as error:
         raise ValueError(f"{key}: {error}") from None

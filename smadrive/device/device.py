@@ -45,7 +45,7 @@ class _Write(NamedTuple):
 
     def told(self, words: Sequence[int]) -> str:
         """`words` in engineering units."""
-        return f"{self.register.decode(words, self.context).value:g} {self.register.unit}"
+        return f"{self.register.codec.decode(words, self.context).value:g} {self.register.unit}"
 
 
 class Device:
@@ -124,7 +124,7 @@ class Device:
         """Write adjacent registers, then read adjacent registers, in one FC23 transaction; never retried."""
         self._know_the_scales()
         target, source = self._plans.exchange(tuple(writes), tuple(reads))
-        words = [word for name, register, _ in target.parts for word in register.encode(writes[name], name)]
+        words = [word for name, register, _ in target.parts for word in register.codec.encode(writes[name], name)]
         request = requests.exchange(target.address, words, source.address, source.count)
         self._prove_identity()
         return decode((source,), (source.words(self._execute(request)),), reads)
@@ -197,7 +197,7 @@ class Device:
             context = context_of(register, self._read(register.companions))
         if context.problem is not None:
             raise ConfigError(f"register '{name}' cannot be written now: {context.problem}")
-        return _Write(name, register, context, register.encode(value, name, context))
+        return _Write(name, register, context, register.codec.encode(value, name, context))
 
     def _store(self, write: _Write) -> None:
         """Send the write and read it back."""

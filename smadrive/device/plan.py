@@ -63,9 +63,9 @@ def decode(spans: Iterable[Span], words: Iterable[Sequence[int]], names: Sequenc
             if span.has_companions and register.companions:
                 later.append((name, register, span_words[place]))
             else:
-                readings[name] = register.decode(span_words[place])
+                readings[name] = register.codec.decode(span_words[place])
     for name, register, part in later:
-        readings[name] = register.decode(part, context_of(register, readings))
+        readings[name] = register.codec.decode(part, context_of(register, readings))
     return readings if len(readings) == len(names) else {name: readings[name] for name in names}
 
 

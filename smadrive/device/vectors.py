@@ -83,4 +83,4 @@ def _payload(request: bytes, span: Span, response: bytes) -> bytes:
 def _carried(register: Register, span: Span, words: Sequence[int]) -> float | None:
     at = register.address - span.address
     inside = register.table == _TABLES[span.function] and at >= 0 and at + register.size <= len(words)
-    return register.decode(words[at : at + register.size]).value if inside else None
+    return register.codec.decode(words[at : at + register.size]).value if inside else None

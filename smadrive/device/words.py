@@ -27,6 +27,9 @@ RANGES: dict[Kind, tuple[float, float]] = {
     "float32": (-_FLOAT32_MAX, _FLOAT32_MAX),
 }
 
+NOT_A_NUMBER: tuple[Kind, ...] = ("float32", "string")
+"""Types of which some pattern, or each, is none."""
+
 
 def is_wide(kind: Kind) -> bool:
     """Whether a number of this type takes two registers."""

@@ -74,7 +74,7 @@ def test_a_third_party_master_reads_what_the_driver_reads():
         assert finish(process, signal.SIGINT) == 0
     for name, reading in ours.items():
         register = PROFILE.register(name)
-        assert register.decode([words[address] for address in register.addresses]) == reading
+        assert register.codec.decode([words[address] for address in register.addresses]) == reading
     assert b"Illegal data address" in refused.stderr
 
 

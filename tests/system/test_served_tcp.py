@@ -130,7 +130,7 @@ def test_a_third_party_master_reads_what_the_driver_reads(thermometer):
     )
     words = [int(word) for word in re.findall(r"\[\d\]:\s+(\d+)", run.stdout)]
     profile = load_profile("adam-6018")
-    assert profile.register("tc_0").decode(words[:1]).value == pytest.approx(22.0, abs=1.0)
+    assert profile.register("tc_0").codec.decode(words[:1]).value == pytest.approx(22.0, abs=1.0)
     assert len(words) == 8
 
 

@@ -74,7 +74,7 @@ def test_channels_may_stand_apart_but_not_overlap(tmp_path):
 
 
 def test_a_choice_holds_for_every_channel_and_a_wrong_one_is_named():
-    assert load_profile("adam-6018:T").register("tc_5").decode((0,)).value == -100.0
-    assert load_profile("adam-6018").register("tc_5").decode((65535,)).value == pytest.approx(1370.0)
+    assert load_profile("adam-6018:T").register("tc_5").codec.decode((0,)).value == -100.0
+    assert load_profile("adam-6018").register("tc_5").codec.decode((65535,)).value == pytest.approx(1370.0)
     with pytest.raises(ConfigError, match="has no choice 'K'; known are: E, J, T"):
         load_profile("adam-6018:K")

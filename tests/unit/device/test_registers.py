@@ -30,7 +30,7 @@ def test_both_ends_of_every_type_survive_the_round_trip(kind, order):
     lowest, highest = RANGES[kind]
     entry = register(type=kind, word_order=order, access="rw", min=lowest, max=highest)
     for value in (lowest, lowest + 1, 0, 1, highest - 1, highest):
-        assert entry.decode(entry.encode(value, "r")).value == value
+        assert entry.codec.decode(entry.codec.encode(value, "r")).value == value
 
 
 @pytest.mark.parametrize(
@@ -45,36 +45,36 @@ def test_both_ends_of_every_type_survive_the_round_trip(kind, order):
     ],
 )
 def test_patterns(kind, order, words, value):
-    assert register(type=kind, word_order=order).decode(words).value == pytest.approx(value, abs=5e-4)
+    assert register(type=kind, word_order=order).codec.decode(words).value == pytest.approx(value, abs=5e-4)
 
 
 @given(st.floats(width=32, allow_nan=False, allow_infinity=False))
 def test_float32_is_exact(value):
     entry = register(type="float32", access="rw", min=-3.4e38, max=3.4e38)
     if abs(value) <= 3.4e38:
-        assert entry.decode(entry.encode(value, "r")).value == value
+        assert entry.codec.decode(entry.codec.encode(value, "r")).value == value
 
 
 @given(st.floats(0, 6.5535))
 def test_scaling_rounds_to_the_nearest_step(value):
     entry = register(scale=0.0001, access="rw", min=0.0, max=6.5535)
-    assert abs(entry.decode(entry.encode(value, "r")).value - value) <= 0.5001e-4
+    assert abs(entry.codec.decode(entry.codec.encode(value, "r")).value - value) <= 0.5001e-4
 
 
 def test_scaling_does_not_truncate():
-    assert register(scale=0.1, access="rw", min=0, max=100).encode(0.3, "r") == (3,)
-    assert register(scale=0.001, access="rw", min=0, max=10).encode(0.5999999999, "r") == (600,)
+    assert register(scale=0.1, access="rw", min=0, max=100).codec.encode(0.3, "r") == (3,)
+    assert register(scale=0.001, access="rw", min=0, max=10).codec.encode(0.5999999999, "r") == (600,)
 
 
 def test_an_offset_shifts():
     entry = register(type="uint16", scale=0.5, offset=-40.0)
-    assert entry.decode((0,)).value == -40.0
-    assert entry.decode((200,)).value == 60.0
+    assert entry.codec.decode((0,)).value == -40.0
+    assert entry.codec.decode((200,)).value == 60.0
 
 
 @pytest.mark.parametrize("pattern", ["0x8000", "-32768", "32768"])
 def test_a_sentinel_is_a_pattern_however_it_is_written(pattern):
-    reading = register(type="int16", scale=0.01, invalid={pattern: "sensor open"}).decode((0x8000,))
+    reading = register(type="int16", scale=0.01, invalid={pattern: "sensor open"}).codec.decode((0x8000,))
     assert math.isnan(reading.value)
     assert reading.invalid == "sensor open"
 
@@ -82,70 +82,72 @@ def test_a_sentinel_is_a_pattern_however_it_is_written(pattern):
 def test_a_wide_sentinel_follows_the_word_order():
     for order, words in (("big", (0x8000, 0)), ("little", (0, 0x8000))):
         entry = register(type="int32", word_order=order, invalid={"0x80000000": "not fitted"})
-        assert entry.decode(words).invalid == "not fitted"
-        assert entry.decode(words[::-1]).invalid is None
+        assert entry.codec.decode(words).invalid == "not fitted"
+        assert entry.codec.decode(words[::-1]).invalid is None
 
 
 def test_a_sentinel_outside_the_valid_range_is_accepted():
     entry = register(type="int16", scale=0.1, invalid={"8888": "no probe"}, valid_min=-40.0, valid_max=200.0)
-    assert entry.decode((8888,)).invalid == "no probe"
+    assert entry.codec.decode((8888,)).invalid == "no probe"
 
 
 def test_text_is_two_characters_a_word():
     entry = register(type="string", length=4)
-    assert entry.decode((0x544B, 0x3420, 0x3134, 0)).words == ("TK4 14",)
+    assert entry.codec.decode((0x544B, 0x3420, 0x3134, 0)).words == ("TK4 14",)
 
 
 def test_what_other_registers_say_changes_the_value():
     entry = register(type="int16", scale_from="decimals", unit="degC", unit_from="unit")
-    assert entry.decode((2120,), Context(scale=0.1, fahrenheit=True)).value == pytest.approx(100.0)
-    assert entry.decode((2120,), Context(sign=-1, scale=0.01)).value == pytest.approx(-21.2)
-    assert entry.decode((2120,), Context(problem="asleep")).invalid == "asleep"
+    assert entry.codec.decode((2120,), Context(scale=0.1, fahrenheit=True)).value == pytest.approx(100.0)
+    assert entry.codec.decode((2120,), Context(sign=-1, scale=0.01)).value == pytest.approx(-21.2)
+    assert entry.codec.decode((2120,), Context(problem="asleep")).invalid == "asleep"
 
 
 @given(st.floats(-100, 100), st.sampled_from([1.0, 0.1, 0.01]), st.booleans())
 def test_writing_in_the_devices_unit_and_decimals_comes_back(value, scale, fahrenheit):
     context = Context(scale=scale, fahrenheit=fahrenheit)
     entry = register(type="int16", access="rw", min=-100, max=100, scale_from="decimals", unit_from="unit")
-    assert entry.decode(entry.encode(value, "sv", context), context).value == pytest.approx(value, abs=0.51 * scale)
+    assert entry.codec.decode(entry.codec.encode(value, "sv", context), context).value == pytest.approx(
+        value, abs=0.51 * scale
+    )
 
 
 def test_a_float_that_is_no_number_is_invalid():
     for value in (math.nan, math.inf, -math.inf):
-        reading = register(type="float32").decode(struct.unpack(">HH", struct.pack(">f", value)))
+        reading = register(type="float32").codec.decode(struct.unpack(">HH", struct.pack(">f", value)))
         assert math.isnan(reading.value)
         assert "not a number" in reading.invalid
 
 
 def test_values_outside_the_valid_range_are_no_values():
     entry = register(type="int16", unit="degC", valid_min=-40, valid_max=200)
-    assert "-89 degC is below" in entry.decode((0x10000 - 89,)).invalid
-    assert "201 degC is above" in entry.decode((201,)).invalid
-    assert entry.decode((200,)).invalid is None
+    assert "-89 degC is below" in entry.codec.decode((0x10000 - 89,)).invalid
+    assert "201 degC is above" in entry.codec.decode((201,)).invalid
+    assert entry.codec.decode((200,)).invalid is None
 
 
 def test_enum_and_bits_are_named():
     state = register(enum={"0": "idle", "1": "armed"})
-    assert state.decode((1,)).words == ("armed",)
-    assert state.decode((7,)).invalid == "unknown state 7"
-    assert register(bits={"0": "watchdog", "2": "open"}).decode((0b10101,)).words == ("watchdog", "open", "bit 4")
+    assert state.codec.decode((1,)).words == ("armed",)
+    assert state.codec.decode((7,)).invalid == "unknown state 7"
+    assert register(bits={"0": "watchdog", "2": "open"}).codec.decode((0b10101,)).words == ("watchdog", "open", "bit 4")
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
 def test_no_number_is_never_written(value):
     with pytest.raises(ConfigError, match="give a finite number"):
-        register(access="rw", min=0, max=1).encode(value, "current")
+        register(access="rw", min=0, max=1).codec.encode(value, "current")
 
 
 @pytest.mark.parametrize("value", [-0.001, 5.001])
 def test_writing_beyond_the_limits_is_refused(value):
     with pytest.raises(ConfigError, match=r"'current': .* A is outside the limits 0 to 5"):
-        register(scale=0.001, unit="A", access="rw", min=0, max=5).encode(value, "current")
+        register(scale=0.001, unit="A", access="rw", min=0, max=5).codec.encode(value, "current")
 
 
 def test_writing_no_state_of_an_enum_is_refused():
     with pytest.raises(ConfigError, match=r"'output': 2 is no state of it; there are: 0 = off, 1 = on"):
-        register(access="rw", enum={"0": "off", "1": "on"}).encode(2, "output")
+        register(access="rw", enum={"0": "off", "1": "on"}).codec.encode(2, "output")
 
 
 @pytest.mark.parametrize(

@@ -44,7 +44,7 @@ def test_the_encoder_makes_the_golden_frames(name, vector):
         return
     registers = sorted((profile.register(name) for name in vector.means), key=lambda register: register.address)
     values = {profile.register(name).address: value for name, value in vector.means.items()}
-    words = [word for register in registers for word in register.encode(values[register.address], "golden")]
+    words = [word for register in registers for word in register.codec.encode(values[register.address], "golden")]
     made = write_request(registers[0].table, registers[0].address, words, (request[1],))
     assert frames.seal(request[0], made.pdu) == request
 
@@ -56,7 +56,7 @@ def test_the_decoder_reads_the_golden_replies(name, vector):
     for meant, value in vector.means.items():
         register = PROFILES[name].register(meant)
         at = register.address - int.from_bytes(request[2:4], "big")
-        assert register.decode(words[at : at + register.size]).value == pytest.approx(value)
+        assert register.codec.decode(words[at : at + register.size]).value == pytest.approx(value)
 
 
 @pytest.mark.parametrize("profile", MODELS.values(), ids=MODELS)
@@ -66,13 +66,13 @@ def test_every_register_converts_both_ways_at_the_ends_of_its_range(profile):
             continue
         context = Context(scale=0.1) if register.scale_from else Context()
         for raw in RANGES[register.type]:
-            words = register.pack(raw)
-            value = register.decode(words, context).value
+            words = register.codec.pack(raw)
+            value = register.codec.decode(words, context).value
             if value == value:  # noqa: PLR0124 (NaN: a sentinel, or no state)
-                assert register.saturated(value, context) == words, name
+                assert register.codec.saturated(value, context) == words, name
         for limit in (register.min, register.max):
             if limit is not None and register.writable:
-                reading = register.decode(register.encode(limit, name, context), context)
+                reading = register.codec.decode(register.codec.encode(limit, name, context), context)
                 assert reading.value == pytest.approx(limit, abs=abs(register.scale) / 2), name
 
 
