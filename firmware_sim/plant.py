@@ -24,13 +24,16 @@ class Plant:
 
     def __init__(self, config: SimConfig) -> None:
         wire = config.wire
-        self.wire = wire
         self.temperature_c = wire.ambient_c
         self.current_a = 0.0
         self.voltage_v = 0.0
         self.faults = HeaterFaults()
         self._transformation = LoadedTransformation(config.transformation, config.bias, wire.stroke_mm, wire.ambient_c)
+        self._ambient_c, self._loss_w_per_k = wire.ambient_c, wire.loss_w_per_k
+        self._heat_capacity_j_per_k = wire.heat_capacity_j_per_k
         self._latent_j = wire.mass_kg * wire.latent_heat_j_per_kg
+        self._cold_ohm, self._change = wire.resistance_cold_ohm, wire.resistance_change
+        self._stroke_mm = wire.stroke_mm
         self.resistance_ohm = self._resistance_ohm()
         """R(ξ) of the wire alone."""
 
@@ -42,10 +45,10 @@ class Plant:
     @property
     def displacement_mm(self) -> float:
         """Contraction of the wire."""
-        return self.wire.stroke_mm * self._transformation.phase
+        return self._stroke_mm * self._transformation.phase
 
     def _resistance_ohm(self) -> float:
-        return self.wire.resistance_cold_ohm * (1.0 + self.wire.resistance_change * self._transformation.phase)
+        return self._cold_ohm * (1.0 + self._change * self._transformation.phase)
 
     def advance(self, current_a: float, dt_s: float, voltage_max_v: float = inf) -> None:
         """Let `current_a` flow for `dt_s`, or as much of it as `voltage_max_v` drives."""
@@ -66,11 +69,10 @@ class Plant:
         self.voltage_v = self.current_a * loop_ohm
 
     def _substep(self, remaining_s: float) -> float:
-        wire = self.wire
-        settled_c = wire.ambient_c + self.current_a**2 * self.resistance_ohm / wire.loss_w_per_k
+        settled_c = self._ambient_c + self.current_a**2 * self.resistance_ohm / self._loss_w_per_k
         offset_c = settled_c - self.temperature_c
         slope_per_k = self._transformation.slope(rising=offset_c > 0)
-        rate_per_s = wire.loss_w_per_k / (wire.heat_capacity_j_per_k + self._latent_j * slope_per_k)
+        rate_per_s = self._loss_w_per_k / (self._heat_capacity_j_per_k + self._latent_j * slope_per_k)
         dt_s = min(remaining_s, SUBSTEP_S, SUBSTEP_K / (abs(offset_c) * rate_per_s + 1e-9))
         self.temperature_c -= offset_c * expm1(-dt_s * rate_per_s)
         self._transformation.move_to(self.temperature_c)

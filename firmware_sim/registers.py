@@ -34,6 +34,7 @@ class RegisterBank:
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
+        self._has_locks = bool(profile.write_order)
         self._words: dict[str, dict[int, int]] = {}
         self._writable: dict[tuple[str, int], tuple[str, Register]] = {}
         self._roles: dict[str, list[tuple[int, str, Register]]] = {}
@@ -100,7 +101,7 @@ class RegisterBank:
                 write.register.codec.encode(write.value, write.name, write.context)
             except ConfigError:
                 raise Refusal(ILLEGAL_VALUE) from None
-            if self._profile.write_order:
+            if self._has_locks:
                 self._check_unlocked(write.name)
         return writes
 
