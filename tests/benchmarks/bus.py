@@ -3,7 +3,6 @@
     exchanges    FC23 (write 4, read 8) on a pseudo-terminal whose far end is libmodbus's own server in C: libmodbus's
                  client in C, smadrive with all its checks, pymodbus async and sync, in turns; medians of the rounds
     tick         processor time of the driver for one tick of a heater board served by firmware-sim
-    closed loop  ten simulated minutes at 20 Hz through the full register codec, in process and in virtual time
 
 Prints ratios and rates; asserts nothing about time. The pauses of the standard are off everywhere, as peers have none.
 """
@@ -11,7 +10,6 @@ Prints ratios and rates; asserts nothing about time. The pauses of the standard 
 from __future__ import annotations
 
 import asyncio
-import hashlib
 import statistics
 import subprocess
 import sys
@@ -20,9 +18,7 @@ import time
 from peers import libmodbus
 from pymodbus.client import AsyncModbusSerialClient, ModbusSerialClient
 
-from firmware_sim.bench import simulated_device
-from firmware_sim.config import load_sim
-from smadrive.clock import MonotonicClock, VirtualClock
+from smadrive.clock import MonotonicClock
 from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
 from smadrive.device.profile import load_profile
@@ -30,8 +26,6 @@ from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig
 
 ROUNDS = 9
 COUNTS = {"libmodbus C": 2000, "smadrive": 2000, "pymodbus async": 1000, "pymodbus sync": 100}
@@ -121,41 +115,12 @@ def report_tick(ticks=2000):
     print(f"tick of a served board: {1e6 * tick_s:.0f} us of processor time, {share:.2f} % of a core at 20 Hz")
 
 
-def closed_loop():
-    """Processor and simulated seconds of ten minutes of excitations, their ticks, the digest of all they measured."""
-    simulated_s, ticks, digest = 0.0, 0, hashlib.sha256()
-    began_s = time.process_time()
-    while simulated_s < 600.0:
-        device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=1)
-        clock = VirtualClock()
-        clock.follow(device.bench.advance_to)
-        with Rig(load_rig("in-process"), transports={"board": device.transport(clock)}) as rig:
-            seen = []
-            rig.excite(rig.excitation(22.0), seen.append)
-        simulated_s += clock.now_s()
-        ticks += len(seen)
-        digest.update(repr(seen).encode())
-    return time.process_time() - began_s, simulated_s, ticks, digest.hexdigest()
-
-
-def report_closed_loop():
-    """Twice, to see whether the same seed gives the same log."""
-    runs = [closed_loop() for _ in range(3)]
-    took_s, simulated_s, ticks, _ = min(runs)
-    same = len({digest for *_, digest in runs}) == 1
-    print(
-        f"closed loop in virtual time: {simulated_s / took_s:.0f} x real time ({simulated_s:.0f} s, {ticks} ticks, "
-        f"{1e6 * took_s / ticks:.0f} us each); same seed, same log: {same}"
-    )
-
-
 def main():
     if (reason := libmodbus.missing()) is not None:
         print(f"FC23 on a pty: not measured, {reason}")
     else:
         report_exchanges()
     report_tick()
-    report_closed_loop()
 
 
 if __name__ == "__main__":

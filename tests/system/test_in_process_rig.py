@@ -80,10 +80,29 @@ def test_the_inverse_tracks_ten_times_better_than_the_plain_map(excited, tmp_pat
     assert errors[0] <= errors[1] / 10
 
 
-def test_the_same_run_twice_gives_the_same_log(tmp_path):
-    logs = []
-    for n in range(2):
-        path = tmp_path / f"{n}.h5"
+def assert_same_log(first, second):
+    one, other = read_log(first), read_log(second)
+    assert one.events == other.events
+    for name, column in one.columns.items():
+        np.testing.assert_array_equal(column, other.columns[name], err_msg=name)
+
+
+def test_the_same_tracking_twice_gives_the_same_log(excited, tmp_path):
+    _, wire = excited
+    model = wire.hysteresis.model
+    cold_mm, _ = travel_mm(model)
+    reference = sine(low_mm=3.0, high_mm=8.0, period_s=28.0, cycles=1.0).with_approach(cold_mm, 5.0)
+    paths = tmp_path / "first.h5", tmp_path / "second.h5"
+    for path in paths:
+        experiment = reference, model, wire.thermal.balance, HysteresisInverse(model)
+        with Rig(load_rig("in-process")) as rig, record_tracking(path, rig, *experiment) as recorder:
+            assert rig.track(*experiment, recorder.tick).ticks > 600
+    assert_same_log(*paths)
+
+
+def test_the_same_excitation_twice_gives_the_same_log(tmp_path):
+    paths = tmp_path / "first.h5", tmp_path / "second.h5"
+    for path in paths:
         with Rig(load_rig("in-process")) as rig, record_excitation(path, rig, rig.excitation(22.0)) as recorder:
             ticks = iter(range(600))
 
@@ -94,9 +113,7 @@ def test_the_same_run_twice_gives_the_same_log(tmp_path):
 
             with pytest.raises(KeyboardInterrupt):
                 rig.excite(rig.excitation(22.0), record)
-        logs.append(read_log(path).columns)
-    for name in logs[0]:
-        np.testing.assert_array_equal(logs[0][name], logs[1][name])
+    assert_same_log(*paths)
 
 
 def excite_and_break(bench, break_it):
