@@ -25,9 +25,12 @@ from smadrive.tuning.save import save_tuning
 
 HERE = Path(__file__).parent
 
-FRAME_MS = 100
+FRAME_MS = 250
 STATE_FRAMES = 2
-"""State and status are drawn every so many frames: they are read, not watched move."""
+"""The plane and the texts are drawn every so many frames: they are read, not watched move."""
+
+TIMING_FRAMES = 8
+"""The loop's punctuality is told anew every so many frames: every new text lays the page out anew."""
 
 _SPREAD = {"mu_heating": 15.0, "mu_cooling": 15.0}
 """Sliders reach so far to either side of the value the page begins with; the others from a third to three times it."""
@@ -49,6 +52,7 @@ class Page:
         self._texts = {name: _text(name) for name in ("chips", "banner", "events", "scores")}
         self._note = ""
         self._timing = Timing(1.0 / status["rate_hz"])
+        self._punctuality = ""
         self._seen = max(0, desk.channel.written - POINTS)
         self._seen_on_plane = self._seen
         self._shown: dict[str, Any] = {}
@@ -68,6 +72,8 @@ class Page:
         if rows.size:
             self._plots.add(rows)
             self._timing.add(rows)
+        if self._frame % TIMING_FRAMES == 0:
+            self._punctuality = str(self._timing)
         if self._frame % STATE_FRAMES == 0:
             self._draw_state()
         self._frame += 1
@@ -82,7 +88,7 @@ class Page:
             self._show_model(status["tuning"])
         self._show_knobs(status["tuning"])
         self._controls.enable(controls, status=status)
-        self._text("chips", chips_html(status, self._timing, controls=controls))
+        self._text("chips", chips_html(status, self._punctuality, late=self._timing.missed > 0, controls=controls))
         self._text("banner", banner_html(status, self._note))
         self._text("events", events_html(status["events"]))
         self._text("scores", scores_html(status["comparison"]))

@@ -40,7 +40,7 @@ class Timing:
         return f"{1e3 * self._period_s:.0f} ms · late {median_ms:.2f} ms, p99 {worst_ms:.2f} ms · {self.missed} missed"
 
 
-def chips_html(status: dict[str, Any], timing: Timing, *, controls: bool) -> str:
+def chips_html(status: dict[str, Any], punctuality: str, *, late: bool, controls: bool) -> str:
     """The line of states under the title."""
     mode, limits = status["mode"], status["limited_by"]
     tuning = status["tuning"]
@@ -50,7 +50,7 @@ def chips_html(status: dict[str, Any], timing: Timing, *, controls: bool) -> str
             _chip("heater", mode, _MODES.get(mode, "on")),
             _chip("limited by", ", ".join(limits) or "nothing", "warn" if limits else "calm"),
             _chip("model", f"{tuning['change']} · {certified}", "calm"),
-            _chip("loop", str(timing), "warn" if timing.missed else "calm"),
+            _chip("loop", punctuality, "warn" if late else "calm"),
             _chip("this page", "controls" if controls else "watches", "on" if controls else "off"),
         ]
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 from math import isfinite
 
 import numpy as np
-from bokeh.models import ColumnDataSource, DataRange1d, Range1d, Span
+from bokeh.models import ColumnDataSource, Range1d, Span
 from bokeh.plotting import figure
 
 from smadrive.hysteresis import TSFuzzyDuhem
@@ -18,6 +18,22 @@ from smadrive.tuning.channel import COLUMNS, Rows
 POINTS = 2000
 """Points that a trace keeps."""
 WINDOW_S = 60.0
+DRAWN = (
+    "time_s",
+    "temperature_c",
+    "displacement_mm",
+    "current_a",
+    "wanted_c",
+    "wanted_mm",
+    "estimated_c",
+    "estimated_mm",
+    "commanded_a",
+)
+"""The columns of the channel that are drawn over time."""
+
+MOVED = 0.004
+"""On the plane a point is drawn where the wire has moved on by this share of an axis: a wire that stands adds none."""
+
 ERROR_AXES = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Ends of the error's axis, in percent of the stroke."""
 
@@ -34,13 +50,15 @@ class Plots:
     """All figures, by the name under which the page's template places them."""
 
     def __init__(self, current_max_a: float, temperature_max_c: float) -> None:
-        self.time = ColumnDataSource({name: [] for name in (*COLUMNS, "error_percent")})
+        self.time = ColumnDataSource({name: [] for name in (*DRAWN, "error_percent")})
         self._branches = ColumnDataSource({"v": [], "heating": [], "cooling": []})
         self._loop = ColumnDataSource({"v": [], "y": []})
         self._state = ColumnDataSource({"v": [], "y": []})
         self._rules = ColumnDataSource({"set": [], "strength": [], "colour": []})
-        self._x = DataRange1d(follow="end", follow_interval=WINDOW_S, range_padding=0.0)
+        self._x = Range1d(0.0, WINDOW_S)
         self._mm, self._plane_mm = Range1d(0.0, 1.0), Range1d(0.0, 1.0)
+        self._plane_c = Range1d(15.0, 1.02 * temperature_max_c)
+        self._drawn_to = np.full(2, np.nan)
         self._error_range = Range1d(-1.0, 1.0)
         self._model: Model | None = None
         self._travel_mm = (0.0, 1.0)
@@ -49,7 +67,7 @@ class Plots:
             self._temperature(temperature_max_c),
             self._current(current_max_a),
             self._error(),
-            self._plane(temperature_max_c),
+            self._plane(),
             self._firing(),
         ]
 
@@ -69,12 +87,14 @@ class Plots:
 
     def add(self, rows: Rows) -> None:
         """Append what is new."""
-        columns = {name: rows[:, number] for name, number in _COLUMN.items()}
+        columns = {name: rows[:, _COLUMN[name]] for name in DRAWN}
         stroke_mm = abs(self._travel_mm[1] - self._travel_mm[0])
         measured_mm = columns["displacement_mm"]
         reached_mm = np.where(np.isfinite(measured_mm), measured_mm, columns["estimated_mm"])
         columns["error_percent"] = 100.0 * (columns["wanted_mm"] - reached_mm) / stroke_mm
         self.time.stream(columns, rollover=POINTS)
+        now_s = float(rows[-1, _COLUMN["time_s"]])
+        self._x.update(start=now_s - WINDOW_S, end=now_s)
         self._fit_error_axis()
 
     def _fit_error_axis(self) -> None:
@@ -92,7 +112,7 @@ class Plots:
         if not (isfinite(wire_c) and isfinite(reached_mm)):
             return
         self._state.data = {"v": [wire_c], "y": [reached_mm]}
-        self._loop.stream({"v": rows[:, _COLUMN["estimated_c"]], "y": rows[:, _COLUMN["displacement_mm"]]}, POINTS)
+        self._draw_loop(rows[:, [_COLUMN["estimated_c"], _COLUMN["displacement_mm"]]])
         if isinstance(self._model, TSFuzzyDuhem):
             centres = [f"{centre:.1f}" for centre in self._model.sets.centres]
             if self._fired.x_range.factors != centres:
@@ -101,7 +121,19 @@ class Plots:
             strengths = self._model.sets.weights(np.array([wire_c]))[0]
             self._rules.data = {"set": centres, "strength": strengths, "colour": [colour] * len(centres)}
 
-    def _over_time(self, name: str, label: str, y_range: Range1d | DataRange1d) -> figure:
+    def _draw_loop(self, path: Rows) -> None:
+        """Go on with the measured loop along `path`, (rows, 2); it is broken where the wire is not known."""
+        reach = np.array([axis.end - axis.start for axis in (self._plane_c, self._plane_mm)])
+        drawn = []
+        for point in path:
+            if _has_moved(self._drawn_to, point, MOVED * reach):
+                self._drawn_to = point
+                drawn.append(point)
+        if drawn:
+            v, y = np.array(drawn).T
+            self._loop.stream({"v": v, "y": y}, POINTS)
+
+    def _over_time(self, name: str, label: str, y_range: Range1d) -> figure:
         plot = _figure(name, label, x_range=self._x, y_range=y_range)
         plot.xaxis.formatter.use_scientific = False
         plot.xaxis.visible = False  # one time axis, under the last of them
@@ -132,9 +164,8 @@ class Plots:
         plot.xaxis.axis_label = "time / s"
         return plot
 
-    def _plane(self, temperature_max_c: float) -> figure:
-        x_range = Range1d(15.0, 1.02 * temperature_max_c)
-        plot = _figure("plane", "displacement / mm", x_range=x_range, y_range=self._plane_mm)
+    def _plane(self) -> figure:
+        plot = _figure("plane", "displacement / mm", x_range=self._plane_c, y_range=self._plane_mm)
         plot.xaxis.axis_label = "temperature of the wire / °C"
         plot.line("v", "heating", source=self._branches, color=HEATING, line_width=2, alpha=0.75)
         plot.line("v", "cooling", source=self._branches, color=COOLING, line_width=2, alpha=0.75)
@@ -171,7 +202,7 @@ def _figure(name: str, label: str, **ranges: object) -> figure:
     plot.axis.axis_line_color = plot.axis.major_tick_line_color = "#c3ccd4"
     plot.axis.minor_tick_line_color = None
     plot.grid.grid_line_color = GRID
-    plot.min_border_right = 12
+    plot.min_border_left, plot.min_border_right = 58, 12  # one time axis for all: they begin below each other
     return plot
 
 
@@ -183,6 +214,13 @@ def _lines(plot: figure, source: ColumnDataSource, **traces: str) -> None:
 
 def _limit(plot: figure, at: float) -> None:
     plot.add_layout(Span(location=at, dimension="width", line_color=LIMIT, line_dash="dashed", line_width=1.5))
+
+
+def _has_moved(before: Rows, now: Rows, far: Rows) -> bool:
+    """Whether a point is worth drawing; of those that are not known the first is: it ends the line."""
+    if np.isnan(now).any():
+        return not np.isnan(before).any()
+    return not bool((np.abs(now - before) < far).all())
 
 
 def _first(row: Rows, *names: str) -> float:
