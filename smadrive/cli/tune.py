@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import importlib.util
 import secrets
-import sys
 import webbrowser
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Annotated
 
@@ -24,13 +22,12 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig, rig_file
 from smadrive.tuning.channel import ControlEnd
-from smadrive.tuning.process import PageProcess
+from smadrive.tuning.parcels import ParcelPair
+from smadrive.tuning.process import PageProcess, WorkshopProcess
+from smadrive.tuning.punctual import be_punctual
 from smadrive.tuning.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 from smadrive.wirefile import load_wire_file
-
-SWITCH_S = 0.0005
-"""The workshop's thread gives the loop its turn within this time."""
 
 LOW, HIGH, PERIOD_S = 0.2, 0.8, 56.0
 """The reference that is offered when none is given: a slow sine over the middle of the travel."""
@@ -56,9 +53,9 @@ def main(
     wire, balance = load_wire_file(model_file(config, model))
     tuning = Tuning.of(wire, config.feedback, "as loaded")
     references = _references(reference or [], wire)
-    sys.setswitchinterval(SWITCH_S)
     with (
-        ThreadPoolExecutor(1, "workshop") as workshop,
+        ParcelPair() as parcels,
+        WorkshopProcess(parcels) as workshop,
         ControlEnd() as channel,
         Rig(config) as bench,
     ):
@@ -70,6 +67,7 @@ def main(
             output.result({"url": page.url, "pid": page.pid})
             if browser and not as_json:
                 webbrowser.open(page.url)
+            be_punctual()
             session.run()
 
 

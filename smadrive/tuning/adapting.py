@@ -17,8 +17,7 @@ from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.identification.adaptation import Adaptation
 from smadrive.measurement import Measurement
 from smadrive.thermal import HeatBalance
-from smadrive.tuning.history import ADAPTED
-from smadrive.tuning.tuning import Tuning
+from smadrive.tuning.tuning import ADAPTED, Tuning
 
 PUBLISH_S = 2.0
 

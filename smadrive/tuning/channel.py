@@ -87,7 +87,7 @@ class ControlEnd(Channel):
 
     def __init__(self) -> None:
         self.page_socket, own = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-        super().__init__(_anonymous_memory(_SIZE), own)
+        super().__init__(anonymous_memory(_SIZE), own)
         self._off_seen = 0
 
     def __enter__(self) -> Self:
@@ -158,7 +158,8 @@ class PageEnd(Channel):
         return version, json.loads(text)
 
 
-def _anonymous_memory(size: int) -> int:
+def anonymous_memory(size: int) -> int:
+    """The descriptor of a memory without a name; it can grow."""
     if hasattr(os, "memfd_create"):
         memory_fd = os.memfd_create("smadrive-tuning")
     else:

@@ -5,13 +5,10 @@ A slider that is dragged makes many changes; those of one name that follow each 
 
 from __future__ import annotations
 
-from smadrive.tuning.tuning import Tuning
+from smadrive.tuning.tuning import ADAPTED, Tuning
 
 DRAG_S = 1.5
 MOST = 200
-
-ADAPTED = "adaptation"
-"""The change that the adaptation makes again and again: one step, so that one undo takes it all back."""
 
 
 class History:

@@ -32,9 +32,6 @@ from smadrive.tuning.page import Page
 
 ADDRESS = "127.0.0.1"
 READ_MS = 50
-NICENESS = 5
-"""The loop goes first."""
-
 UNUSED_MS = 1000
 """A client whose socket has been gone for so long has left."""
 
@@ -105,5 +102,4 @@ def _free_port() -> int:
 if __name__ == "__main__":
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     logging.getLogger("bokeh").setLevel(logging.ERROR)  # a client that leaves is no warning
-    os.nice(NICENESS)
     serve(json.loads(sys.stdin.readline()))

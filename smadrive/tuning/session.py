@@ -8,16 +8,12 @@ and checking models, is done in a workshop beside the loop. The page is never wa
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from concurrent.futures import Executor
 from math import isfinite
 
 from smadrive.control.controller import Command
-from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.loop import Tick, ends_safe
 from smadrive.control.reference import Reference, parse_reference
-from smadrive.control.tracking import TrackingController
 from smadrive.control.wire import travel_mm
-from smadrive.controllers import tracking_controller
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
@@ -29,6 +25,7 @@ from smadrive.tuning.messages import Adapt, AnyRequest, Arm, ClearFaults, Off, S
 from smadrive.tuning.status import STATUS_S, Status
 from smadrive.tuning.tuning import Tuning
 from smadrive.tuning.workbench import Workbench
+from smadrive.tuning.workshop import Workshop, tuned_controller
 
 APPROACH_S = 10.0
 """How long the wire takes to come to the beginning of a reference, and back to it where its ends differ."""
@@ -47,7 +44,7 @@ class TuningSession:
         balance: HeatBalance,
         references: Mapping[str, Reference],
         channel: ControlEnd,
-        workshop: Executor,
+        workshop: Workshop,
         record: Callable[[Tick], None],
     ) -> None:
         self._rig = rig
@@ -55,7 +52,7 @@ class TuningSession:
         self._references = references
         self._channel = channel
         self._record = record
-        self.bench = Workbench(self._controller, self._path, rig.config.limits, tuning, workshop)
+        self.bench = Workbench(self._path, rig.config, balance, tuning, workshop)
         self._live: LiveController | None = None
         self._adapting = Adapting(balance, rig.period_s, rig.config.feedback.noise_c)
         self._status = Status(rig, list(references), balance, self.bench)
@@ -122,7 +119,7 @@ class TuningSession:
             with ends_safe(self._rig.heater):
                 measured = self._rig.heater.exchange(0.0)
                 hold = self._path(None, self.bench.in_force, self._displacement_mm(measured))
-                controller = self._controller(self.bench.in_force, hold)
+                controller = tuned_controller(self.bench.in_force, hold, self._rig.config, self._balance)
                 self._live = LiveController(controller, hold, self._serve)
                 self._status.tell(self._now_s, "armed, holding")
                 if self.bench.in_force.feedback.adapt and not self._adapting.is_on:
@@ -251,10 +248,6 @@ class TuningSession:
         wanted = self._references.get(name) or parse_reference(name)
         wanted.check_within(travel_mm(tuning.model))
         return wanted.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)
-
-    def _controller(self, tuning: Tuning, reference: Reference) -> TrackingController:
-        config = self._rig.config.model_copy(update={"feedback": tuning.feedback})
-        return tracking_controller(config, reference, tuning.model, self._balance, HysteresisInverse(tuning.model))
 
     def _displacement_mm(self, measured: Measurement) -> float:
         cold = self.bench.in_force.model.initial_state(measured.temperature_c).y

@@ -12,12 +12,25 @@ from smadrive.control.wire import travel_mm
 from smadrive.errors import CertificateError, ConfigError, ModelError
 from smadrive.hysteresis import DuhemModel, InverseFeedforward, TSFuzzyDuhem
 from smadrive.hysteresis.modelfile import parse_model
+from smadrive.identification.adaptation import Adaptation
 from smadrive.identification.reshape import BranchShape, Model, reshaped, shape_of
 from smadrive.rigconfig import FeedbackConfig, LimitsConfig
 from smadrive.tuning.messages import SetFeedback, SetModel, SetRule, SetShape
 
-Change = SetShape | SetFeedback | SetRule | SetModel
 CHANGES = (SetShape, SetFeedback, SetRule, SetModel)
+
+ADAPTED = "adaptation"
+"""The change that the adaptation makes again and again: one step, so that one undo takes it all back."""
+
+
+@dataclass(frozen=True)
+class Adapted:
+    """The change that the online adaptation asks for: its rules as they are when this is built."""
+
+    adaptation: Adaptation
+
+
+Change = SetShape | SetFeedback | SetRule | SetModel | Adapted
 
 
 @dataclass(frozen=True)
@@ -51,6 +64,8 @@ class Tuning:
                 return Tuning.of(_with_rule(self.model, change), self.feedback, _rule_name(change))
             case SetModel(text=text, source=source):
                 return Tuning.of(parse_model(text, place=source), self.feedback, source)
+            case Adapted(adaptation=adaptation):
+                return Tuning.of(adaptation.model, self.feedback, ADAPTED)
 
     def check(self, limits: LimitsConfig, reference: Reference | None) -> None:
         """Refuse what may not drive the wire: no certificate, or a reference that it takes beyond the rig's limits."""

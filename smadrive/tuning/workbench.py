@@ -8,46 +8,39 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable, Iterator
-from concurrent.futures import Executor, Future
 from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 from smadrive.control.reference import Reference
-from smadrive.control.tracking import TrackingController
 from smadrive.control.wire import travel_mm
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.identification.adaptation import Adaptation
-from smadrive.rigconfig import LimitsConfig
+from smadrive.rigconfig import RigConfig
+from smadrive.thermal import HeatBalance
 from smadrive.tuning.comparison import Comparison
-from smadrive.tuning.history import ADAPTED, History
+from smadrive.tuning.history import History
 from smadrive.tuning.live import LiveController
 from smadrive.tuning.messages import AnyRequest, Compare, Hold, Keep, Recall, SetFeedback, SetShape, Step, Track
-from smadrive.tuning.tuning import CHANGES, Tuning
+from smadrive.tuning.tuning import CHANGES, Adapted, Change, Tuning
+from smadrive.tuning.workshop import Order, Outcome, Prepared, Refused, Workshop
 
 MOST_WAITING = 8
 
-Build = Callable[[Tuning, Reference], TrackingController]
 Path = Callable[[str | None, Tuning, float], Reference]
 """A reference by its name (None: staying there), for a tuning, from the displacement that is wanted now."""
 
-
-class Prepared(NamedTuple):
-    """What is ready to be put in force; no controller while the heater is off."""
-
-    tuning: Tuning
-    reference: Reference | None
-    controller: TrackingController | None
+Wanted = tuple[Tuning, Change | None, Reference | None]
+"""A tuning, what is to be changed in it, and the reference that it has to track."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """What was asked for, how it is made in the workshop, what is then done between two ticks, and how that is told.
+    """What was asked for, what is wanted when its turn comes, what is done with it between two ticks, how that is told.
 
     `request` is None for what nobody asked for: the turns of a comparison.
     """
 
     request: AnyRequest | None
-    make: Callable[[], tuple[Tuning, Reference | None]]
+    wanted: Callable[[], Wanted]
     install: Callable[[Prepared, LiveController | None], None]
     told: str
 
@@ -55,17 +48,17 @@ class Job:
 class Workbench:
     """What is in force, what was, what is compared, and what is being built."""
 
-    def __init__(self, build: Build, path: Path, limits: LimitsConfig, first: Tuning, workshop: Executor) -> None:
+    def __init__(self, path: Path, config: RigConfig, balance: HeatBalance, first: Tuning, workshop: Workshop) -> None:
         self.history = History(first)
         self.comparison = Comparison()
         self.in_force = first
-        self._build = build
         self._path = path
-        self._limits = limits
+        self._config = config
+        self._balance = balance
         self._workshop = workshop
         self._waiting: deque[Job] = deque()
         self._job: Job | None = None
-        self._building: Future[Prepared] | None = None
+        self._is_building = False
         self._answers: list[tuple[AnyRequest, str | None]] = []
         self._next: Prepared | None = None
         self._cycle = 0
@@ -87,28 +80,21 @@ class Workbench:
     def turn(self, live: LiveController | None, now_s: float) -> Iterator[str]:
         """Once a tick: put in force what is ready, begin what waits; what there is to tell."""
         self._now_s = now_s
-        job, building = self._job, self._building
-        if job is not None and building is not None and building.done():
-            self._job = self._building = None
-            yield from self._finish(job, building, live)
+        outcome = self._workshop.outcome() if self._is_building else None
+        if outcome is not None:
+            job, self._job, self._is_building = self._job, None, False
+            if job is not None:
+                yield from self._finish(job, outcome, live)
         if live is not None and self.comparison.is_on:
             self._take_turns(live)
-        if self._job is None and self._waiting:
-            self._job = self._waiting.popleft()
-            self._building = self._workshop.submit(self._prepare, self._job)
+        if not self._is_building and self._waiting:
+            yield from self._begin(self._waiting.popleft())
 
     def adapt(self, adaptation: Adaptation, live: LiveController) -> None:
         """Put the adapted rules in force, unless something else is on its way."""
         if self._job is None and not self._waiting and not self.comparison.is_on:
-            feedback, reference = self.in_force.feedback, live.reference
-            self._queue(
-                Job(
-                    None,
-                    lambda: (Tuning.of(adaptation.model, feedback, ADAPTED), reference),
-                    self._put_as_change,
-                    "",
-                )
-            )
+            change, reference = Adapted(adaptation), live.reference
+            self._queue(Job(None, lambda: (self.in_force, change, reference), self._put_as_change, ""))
 
     def answers(self) -> Iterator[tuple[AnyRequest, str | None]]:
         """The requests that are done, None, or refused, with the reason."""
@@ -126,29 +112,35 @@ class Workbench:
             if job is not None and job.request is not None:
                 self._answers.append((job.request, "the heater was switched off meanwhile"))
         self._waiting.clear()
-        self._job = self._building = self._next = None
+        self._job = self._next = None
         self.comparison.stop()
         self.in_force = self.history.now
 
-    def _prepare(self, job: Job) -> Prepared:
-        """In the workshop: make, check, and build the controller that will take over."""
-        tuning, reference = job.make()
-        tuning.check(self._limits, reference)
-        return Prepared(tuning, reference, None if reference is None else self._build(tuning, reference))
-
-    def _finish(self, job: Job, building: Future[Prepared], live: LiveController | None) -> Iterator[str]:
+    def _begin(self, job: Job) -> Iterator[str]:
+        """Give it to the workshop, unless it cannot be done any more."""
         try:
-            job.install(building.result(), live)
+            tuning, change, reference = job.wanted()
         except SmadriveError as error:
-            if job.request is None:
-                self.comparison.stop()
-                yield f"not put in force: {error}"
-            else:
-                self._answers.append((job.request, str(error)))
+            yield from self._refuse(job, str(error))
             return
+        self._workshop.begin(Order(tuning, change, reference, self._config, self._balance))
+        self._job, self._is_building = job, True
+
+    def _finish(self, job: Job, outcome: Outcome, live: LiveController | None) -> Iterator[str]:
+        if isinstance(outcome, Refused):
+            yield from self._refuse(job, outcome.reason)
+            return
+        job.install(outcome, live)
         if job.request is not None:
             self._answers.append((job.request, None))
             yield job.told
+
+    def _refuse(self, job: Job, reason: str) -> Iterator[str]:
+        if job.request is not None:
+            self._answers.append((job.request, reason))
+            return
+        self.comparison.stop()
+        yield f"not put in force: {reason}"
 
     def _queue(self, job: Job) -> None:
         """At the end of the line, or in the place of a change of the same thing that still waits."""
@@ -171,22 +163,24 @@ class Workbench:
             case Step(act=act):
                 step = -1 if act == "undo" else 1
                 changed = self.history.undo_name if step < 0 else self.history.redo_name
-                return Job(request, lambda: (self._past(step), reference), self._go(step), f"{act}: {changed}")
+                return Job(request, lambda: (self._past(step), None, reference), self._go(step), f"{act}: {changed}")
             case Recall(slot=slot):
                 tuning = replace(self.comparison.slot(slot), change=f"slot {slot}")
-                return Job(request, lambda: (tuning, reference), self._put_as_change, f"slot {slot} in force")
+                return Job(request, lambda: (tuning, None, reference), self._put_as_change, f"slot {slot} in force")
             case _ if isinstance(request, CHANGES):
                 change = request
-                return Job(
-                    request, lambda: (self.in_force.changed(change), reference), self._put_as_change, change.told
-                )
+                return Job(request, lambda: (self.in_force, change, reference), self._put_as_change, change.told)
             case _:
                 raise ConfigError(f"'{request.act}' is not done here")
 
     def _follow(self, request: AnyRequest, name: str | None, live: LiveController | None, told: str) -> Job:
         if live is None:
             raise ConfigError("arm first: the heater is off")
-        return Job(request, lambda: (self.in_force, self._path(name, self.in_force, live.wanted_mm)), self._put, told)
+
+        def wanted() -> Wanted:
+            return self.in_force, None, self._path(name, self.in_force, live.wanted_mm)
+
+        return Job(request, wanted, self._put, told)
 
     def _past(self, step: int) -> Tuning:
         tuning = self.history.peek(step)
@@ -215,7 +209,7 @@ class Workbench:
         if not request.on:
             self.comparison.stop()
             before = self.history.now
-            self._queue(Job(request, lambda: (before, reference), self._put, "comparison ended"))
+            self._queue(Job(request, lambda: (before, None, reference), self._put, "comparison ended"))
             return
         if live is None or not live.reference.endless:
             raise ConfigError("a comparison needs a running reference: arm, then start one")
@@ -240,7 +234,7 @@ class Workbench:
 
     def _prepare_next(self, live: LiveController) -> None:
         tuning, reference = self.comparison.slot(self.comparison.next_turn), live.reference
-        self._queue(Job(None, lambda: (tuning, reference), self._keep_ready, ""))
+        self._queue(Job(None, lambda: (tuning, None, reference), self._keep_ready, ""))
 
     def _keep_ready(self, prepared: Prepared, live: LiveController | None) -> None:  # noqa: ARG002
         self._next = prepared

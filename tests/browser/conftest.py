@@ -8,7 +8,6 @@ import secrets
 import shutil
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 
 import pytest
@@ -20,7 +19,8 @@ from smadrive.rigconfig import load_rig, rig_file
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.thermal import HeatBalance
 from smadrive.tuning.channel import ControlEnd, PageEnd
-from smadrive.tuning.process import PageProcess
+from smadrive.tuning.parcels import ParcelPair
+from smadrive.tuning.process import PageProcess, WorkshopProcess
 from smadrive.tuning.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 
@@ -60,7 +60,7 @@ class Session:
         rig = Rig(load_rig("simulated").at(simulator.url), PacedClock(simulator.clock))
         self.rig = self._stack.enter_context(rig)
         self.channel = channel = self._stack.enter_context(ControlEnd())
-        workshop = self._stack.enter_context(ThreadPoolExecutor(1))
+        workshop = self._stack.enter_context(WorkshopProcess(self._stack.enter_context(ParcelPair())))
         tuning = Tuning.of(rules(), self.rig.config.feedback, "as loaded")
         references = {"sine": sine(low_mm=2.0, high_mm=9.0, period_s=30.0, cycles=1)}
         self.session = TuningSession(self.rig, tuning, BALANCE, references, channel, workshop, self._record)

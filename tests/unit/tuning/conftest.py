@@ -1,7 +1,6 @@
 """A tuning session on the simulated wire in virtual time, its workshop in line, and a page that follows a script."""
 
 import json
-from concurrent.futures import Executor, Future
 from contextlib import suppress
 
 import pytest
@@ -10,6 +9,7 @@ from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
 from smadrive.control.reference import sine
+from smadrive.errors import SmadriveError
 from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
 from smadrive.hysteresis.fuzzy import TriangularSets
 from smadrive.rig import Rig
@@ -18,22 +18,24 @@ from smadrive.thermal import HeatBalance
 from smadrive.tuning.channel import ControlEnd, PageEnd
 from smadrive.tuning.session import TuningSession
 from smadrive.tuning.tuning import Tuning
+from smadrive.tuning.workshop import Refused, prepare
 
 BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
 REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=40.0, cycles=1)
 PERIOD_S = 0.05
 
 
-class InLine(Executor):
-    """Does the work at once."""
+class InLine:
+    """A workshop that does the work at once."""
 
-    def submit(self, function, /, *args, **kwargs):
-        done = Future()
+    def begin(self, order):
         try:
-            done.set_result(function(*args, **kwargs))
-        except Exception as error:  # noqa: BLE001
-            done.set_exception(error)
-        return done
+            self._outcome = prepare(order)
+        except SmadriveError as refusal:
+            self._outcome = Refused(str(refusal))
+
+    def outcome(self):
+        return self._outcome
 
 
 class Ended(BaseException):
