@@ -2,19 +2,27 @@
 
     .venv/bin/python tests/benchmarks/tuning.py [--browser]
 
-The loop runs at 50 Hz on a served simulator, in real time: without a page, with one, with one that is asked for changes
-all the time, and while the page is killed and comes back. With --browser a chromium shows the page (5 traces and more).
+The loop runs at 50 Hz on a served simulator, in real time and in a process that does nothing else, as `smadrive tune`
+has it: without a page, with one, with one whose user changes something all the time, and while the page is killed and
+comes back. With --browser a chromium shows the page, and its load is taken at 20 Hz with 2,000 points in every trace.
+
+Lateness is the driver's own: from a tick's deadline to its beginning. Device, page, browser and workshop share the
+processors with it: how much each used, and how long the loop was ready but had no processor, is told beside it. What
+the system grants decides about that; run it as an ordinary user to see what an ordinary user gets.
 """
 
 import json
 import os
 import secrets
+import select
 import shutil
 import signal
+import socket
+import struct
+import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
@@ -26,146 +34,231 @@ from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig, rig_file
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.thermal import HeatBalance
-from smadrive.tuning.channel import ControlEnd, PageEnd
-from smadrive.tuning.process import PageProcess
+from smadrive.tuning.channel import COLUMNS, ControlEnd, PageEnd
+from smadrive.tuning.parcels import ParcelPair
+from smadrive.tuning.plots import POINTS
+from smadrive.tuning.process import PageProcess, WorkshopProcess
+from smadrive.tuning.punctual import be_punctual
 from smadrive.tuning.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 
 RATE_HZ, EACH_S = 50.0, 15.0
+LOAD_RATE_HZ, LOAD_S = 20.0, 20.0
 BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
 CENTRES = (40.0, 60.0, 65.0, 70.0, 75.0, 80.0, 85.0, 90.0, 95.0, 100.0, 120.0)
 WIRE = DuhemModel.gaussian(
     mu_heating=89.9, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(0.0, 200.0)
 )
+CHANGE = struct.Struct("d")
+TIME, LATE, CURRENT = (COLUMNS.index(name) for name in ("time_s", "late_s", "current_a"))
 
 
 class Ended(BaseException):
     """Ends the session."""
 
 
-class Bench:
-    """A session in the main thread's place; the script runs in a thread that stands for the page."""
-
-    def __init__(self, stack, rate_hz):
-        sys.setswitchinterval(0.0005)
+def control(script, rate_hz):
+    """The control process: the loop, and a thread that sleeps until the script wants a page, or has ended."""
+    with ExitStack() as stack:
         simulator = stack.enter_context(ServedSimulator("flexinol-lt-0.15mm", real_time=True))
         config = load_rig("simulated").at(simulator.url).model_copy(update={"rate_hz": rate_hz})
-        self.rig = stack.enter_context(Rig(config))
-        self.channel = stack.enter_context(ControlEnd())
-        self.page = PageEnd(self.channel.memory_fd, self.channel.page_socket)
-        workshop = stack.enter_context(ThreadPoolExecutor(1))
+        workshop = stack.enter_context(WorkshopProcess(stack.enter_context(ParcelPair())))
+        channel = stack.enter_context(ControlEnd())
+        rig = stack.enter_context(Rig(config))
         tuning = Tuning.of(TSFuzzyDuhem.from_duhem(WIRE, TriangularSets(CENTRES)), config.feedback, "as loaded")
         references = {"sine": sine(low_mm=2.0, high_mm=9.0, period_s=30.0, cycles=1)}
-        self.ticks = []
-        self.is_ending = False
-        self.session = TuningSession(self.rig, tuning, BALANCE, references, self.channel, workshop, self._record)
-        self._number = 0
+        changes, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
+        is_ending = threading.Event()
+        shown = tuning
 
-    def _record(self, tick):
-        self.ticks.append((time.monotonic(), tick.late_s, tick.measurement.current_a))
-        if self.is_ending:
-            raise Ended
+        def record(_tick):
+            nonlocal shown
+            if session.bench.in_force is not shown:
+                shown = session.bench.in_force
+                changes.send(CHANGE.pack(shown.shape.mu_heating))
+            if is_ending.is_set():
+                raise Ended
 
-    def run(self, script):
-        thread = threading.Thread(target=self._scripted, args=(script,))
-        thread.start()
+        def attend():
+            with ExitStack() as pages:
+                for line in child.stdout:
+                    if not line.startswith(":"):
+                        print(line, end="", flush=True)
+                        continue
+                    if line == ":open\n":
+                        token = secrets.token_urlsafe(8)
+                        rig = rig_file("simulated")
+                        page = PageProcess(channel, port=0, token=token, rig_file=rig, folder=Path())
+                        pages.enter_context(page)
+                    child.stdin.write(json.dumps({"url": page.url, "pid": page.pid}) + "\n")
+                    child.stdin.flush()
+                    if line == ":close\n":
+                        pages.close()
+            is_ending.set()
+
+        session = TuningSession(rig, tuning, BALANCE, references, channel, workshop, record)
+        fds = (channel.memory_fd, channel.page_socket.fileno(), theirs.fileno())
+        processes = {"loop": os.getpid(), "device": simulator._process.pid, "workshop": workshop.pid}
+        told = json.dumps({"fds": fds, "rate_hz": rate_hz, "processes": processes})
+        child = subprocess.Popen(
+            [sys.executable, __file__, *sys.argv[1:], "--script", script, told],
+            stdin=subprocess.PIPE,
+            stdout=subprocess.PIPE,
+            text=True,
+            pass_fds=fds,
+        )
+        attendant = threading.Thread(target=attend)
+        attendant.start()
+        be_punctual()
+        granted = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
+        print(f"the loop at {rate_hz:g} Hz, {'in real time' if granted else 'as any process'}", flush=True)
         with suppress(Ended):
-            self.session.run()
-        thread.join()
+            session.run()
+        attendant.join()
+        child.wait()
 
-    def _scripted(self, script):
-        try:
-            script(self)
-        finally:
-            self.is_ending = True
+
+class Script:
+    """The script's process: it asks as a page does, and reads what the loop publishes."""
+
+    def __init__(self, told):
+        memory_fd, socket_fd, changes_fd = told["fds"]
+        self.page = PageEnd(memory_fd, socket.socket(fileno=socket_fd))
+        self.changes = socket.socket(fileno=changes_fd)
+        self.rate_hz = told["rate_hz"]
+        self.processes = told["processes"]
+        self._number = 1_000_000
 
     def ask(self, act, **values):
         self._number += 1
         self.page.send({"number": self._number, "act": act, **values})
 
-    def late_ms(self, from_s):
-        return 1e3 * np.array([late for stamp, late, _ in self.ticks if stamp >= from_s])
+    def order(self, what):
+        print(f":{what}", flush=True)
+        return json.loads(sys.stdin.readline())
+
+    def heat(self):
+        self.ask("arm")
+        time.sleep(2.0)
+        self.ask("track", reference="sine")
+        time.sleep(3.0)
+
+    def watch(self, name, action, alone=None):
+        """Do something for a while, and tell how late the loop was meanwhile, and who used the processors."""
+        first, used, began_s, waited_s = self.page.written, self.used_s(), time.monotonic(), self.waited_s()
+        action(began_s + EACH_S)
+        took_s = time.monotonic() - began_s
+        _, rows = self.page.since(first)
+        late_ms = 1e3 * rows[:, LATE]
+        skipped, exchange_ms = schedule(rows, 1.0 / self.rate_hz)
+        missed = int(np.sum(late_ms > 500.0 / self.rate_hz)) + skipped
+        p50, p99 = np.percentile(late_ms, (50, 99))
+        ratio = "" if alone is None else f"   p99 {p99 / alone:.2f} x that without a page"
+        print(
+            f"{name:34s} late {p50:6.3f} ms, p99 {p99:6.3f} ms, worst {late_ms.max():6.3f} ms, {missed} missed of "
+            f"{late_ms.size}{ratio}"
+        )
+        shares = [
+            f"{who} {100.0 * (now_s - used.get(who, 0.0)) / took_s:.0f} %" for who, now_s in self.used_s().items()
+        ]
+        ready_ms = 1e3 * (self.waited_s() - waited_s) / max(late_ms.size, 1)
+        print(f"{'':34s} {', '.join(shares)} of a core; ready without one {ready_ms:.3f} ms a tick; ", end="")
+        print(f"an exchange up to {np.percentile(exchange_ms, 99):.0f} ms longer than the shortest (p99)", flush=True)
+        return float(p99)
+
+    def used_s(self):
+        return {
+            who: sum(map(cpu_s, pids if isinstance(pids, list) else [pids])) for who, pids in self.processes.items()
+        }
+
+    def waited_s(self):
+        """How long the loop's thread has been ready to run without running."""
+        loop = self.processes["loop"]
+        return int(Path(f"/proc/{loop}/task/{loop}/schedstat").read_text().split()[1]) * 1e-9
+
+    def latencies(self):
+        """From the request to what it does: a knob to the model in the loop, OFF to zero current measured."""
+        knob_ms = []
+        for n in range(20):
+            value = 90.0 + 0.1 * (n % 5)
+            began_s = time.monotonic()
+            self.ask("shape", key="mu_heating", value=value)
+            while select.select([self.changes], [], [], 2.0)[0]:
+                if CHANGE.unpack(self.changes.recv(CHANGE.size))[0] == value:
+                    break
+            knob_ms.append(1e3 * (time.monotonic() - began_s))
+            time.sleep(0.2)
+        print(f"knob to the model in the loop      median {np.median(knob_ms):.0f} ms, worst {max(knob_ms):.0f} ms")
+        off_ms = []
+        for _ in range(5):
+            seen, began_s = self.page.written, time.monotonic()
+            self.page.request_off()
+            current_a = 1.0
+            while not current_a < 0.002:
+                time.sleep(0.001)
+                seen, rows = self.page.since(seen)
+                current_a = rows[-1, CURRENT] if rows.size else current_a
+            off_ms.append(1e3 * (time.monotonic() - began_s))
+            time.sleep(1.0)
+            self.heat()
+        print(
+            f"OFF to zero current measured       median {np.median(off_ms):.0f} ms, worst {max(off_ms):.0f} ms",
+            flush=True,
+        )
 
 
-def heat(bench):
-    bench.ask("arm")
-    time.sleep(2.0)
-    bench.ask("track", reference="sine")
-    time.sleep(3.0)
+def punctuality(script):
+    """The loop at 50 Hz in every state of the page."""
 
-
-def punctuality(bench, name, action, alone=None):
-    began_s = time.monotonic()
-    action(began_s + EACH_S)
-    late_ms = bench.late_ms(began_s)
-    p50, p99 = np.percentile(late_ms, (50, 99))
-    ratio = "" if alone is None else f"   p99 {p99 / alone:.2f} x that without a page"
-    missed = int(np.sum(late_ms > 500.0 / RATE_HZ))
-    print(f"{name:34s} late {p50:6.3f} ms, p99 {p99:6.3f} ms, {missed} missed of {late_ms.size}{ratio}", flush=True)
-    return float(p99)
-
-
-def until(end_s):
-    time.sleep(max(0.0, end_s - time.monotonic()))
-
-
-def latencies(bench):
-    """From the request to what it does: a knob to the model in the loop, OFF to zero current measured."""
-    knob_ms = []
-    for n in range(20):
-        value = 90.0 + 0.1 * (n % 5)
-        began_s = time.monotonic()
-        bench.ask("shape", key="mu_heating", value=value)
-        while bench.session.bench.in_force.shape.mu_heating != value and time.monotonic() < began_s + 2.0:
-            time.sleep(0.001)
-        knob_ms.append(1e3 * (time.monotonic() - began_s))
-        time.sleep(0.2)
-    print(f"knob to the model in the loop      median {np.median(knob_ms):.0f} ms, worst {max(knob_ms):.0f} ms")
-    off_ms = []
-    for _ in range(5):
-        began_s = time.monotonic()
-        bench.page.request_off()
-        while bench.ticks[-1][0] < began_s or bench.ticks[-1][2] > 0.002:
-            time.sleep(0.001)
-        off_ms.append(1e3 * (time.monotonic() - began_s))
-        time.sleep(1.0)
-        heat(bench)
-    print(f"OFF to zero current measured       median {np.median(off_ms):.0f} ms, worst {max(off_ms):.0f} ms")
-
-
-def script(bench):
     def hammer(end_s):
         while time.monotonic() < end_s:
             for n in range(10):
-                bench.ask("shape", key="mu_heating", value=89.0 + 0.1 * n)
+                script.ask("shape", key="mu_heating", value=89.0 + 0.1 * n)
             time.sleep(0.05)
 
-    heat(bench)
-    alone = punctuality(bench, "no page", until)
-    process = PageProcess(
-        bench.channel, port=0, token=secrets.token_urlsafe(8), rig_file=rig_file("simulated"), folder=Path()
-    )
-    with process, ExitStack() as stack:
+    def kill(end_s):
+        for _ in range(3):
+            with suppress(ProcessLookupError):  # it is just being started
+                os.kill(script.order("which")["pid"], signal.SIGKILL)
+            time.sleep(EACH_S / 3.0)
+        until(end_s)
+
+    script.heat()
+    alone = script.watch("no page", until)
+    script.processes["page"] = script.order("open")["pid"]
+    with ExitStack() as stack:
         if "--browser" in sys.argv:
-            stack.enter_context(shown(process))
-        punctuality(bench, "page open", until, alone)
-        punctuality(bench, "page open, changes all the time", hammer, alone)
+            stack.enter_context(shown(script))
+        script.watch("page open", until, alone)
+        script.latencies()
+        script.watch("page open, changes all the time", hammer, alone)
+        del script.processes["page"]
+        script.watch("page killed three times", kill, alone)
+    script.order("close")
+    script.watch("no page again", until, alone)
 
-        def kill(end_s):
-            for _ in range(3):
-                os.kill(process.pid, signal.SIGKILL)
-                time.sleep(EACH_S / 3.0)
-            until(end_s)
 
-        punctuality(bench, "page killed three times", kill, alone)
-    latencies(bench)
+def load(script):
+    """What server and browser use."""
+    script.heat()
+    until(time.monotonic() + POINTS / LOAD_RATE_HZ)
+    script.processes["page"] = script.order("open")["pid"]
+    with shown(script):
+        time.sleep(5.0)
+        before, began_s = script.used_s(), time.monotonic()
+        time.sleep(LOAD_S)
+        took_s = time.monotonic() - began_s
+        used = {who: 100.0 * (now_s - before[who]) / took_s for who, now_s in script.used_s().items()}
+    print(f"at {LOAD_RATE_HZ:g} Hz, {min(script.page.written, POINTS)} points a trace: ", end="")
+    print(f"server {used['page']:.1f} %, browser {used['browser']:.1f} % of a core", flush=True)
+    script.order("close")
 
 
 class shown:  # noqa: N801
-    """A chromium on the page; its load and the server's, in percent of a core."""
+    """A chromium on the page."""
 
-    def __init__(self, process):
-        self._process = process
+    def __init__(self, script):
+        self._script = script
 
     def __enter__(self):
         from playwright.sync_api import sync_playwright
@@ -175,20 +268,33 @@ class shown:  # noqa: N801
             executable_path=shutil.which("chromium"), args=["--no-sandbox"]
         )
         page = self._browser.new_page(viewport={"width": 1600, "height": 1000})
-        page.goto(self._process.url)
+        page.goto(self._script.order("which")["url"])
         page.wait_for_timeout(5000)
-        browser = [pid for pid in children(os.getpid()) if "chromium" in Path(f"/proc/{pid}/cmdline").read_text()]
-        before, began_s = [cpu_s(pid) for pid in (self._process.pid, *browser)], time.monotonic()
-        page.wait_for_timeout(10000)
-        took_s = time.monotonic() - began_s
-        spent = [
-            100.0 * (cpu_s(pid) - was) / took_s for pid, was in zip((self._process.pid, *browser), before, strict=True)
-        ]
-        print(f"server {spent[0]:.1f} %, browser {sum(spent[1:]):.1f} % of a core", flush=True)
+        chromium = [pid for pid in children(os.getpid()) if "chromium" in Path(f"/proc/{pid}/cmdline").read_text()]
+        self._script.processes["browser"] = chromium
 
     def __exit__(self, *error):
+        del self._script.processes["browser"]
         self._browser.close()
         self._playwright.stop()
+
+
+def schedule(rows, period_s):
+    """How many ticks were left out, and how much longer than the shortest the exchanges took, ms.
+
+    What is published of a tick is when it was measured, and how late it began: the difference is its deadline and the
+    exchange.
+    """
+    at_s = rows[:, TIME] - rows[:, LATE]
+    turn = np.exp(2j * np.pi * at_s / period_s)
+    phase = np.angle(turn / turn.mean()) / (2.0 * np.pi)  # in periods, around that of the mean
+    longer = phase - phase.min()
+    left_out = np.diff(np.round(at_s / period_s - phase)) - 1.0
+    return int(left_out.sum()), 1e3 * period_s * longer
+
+
+def until(end_s):
+    time.sleep(max(0.0, end_s - time.monotonic()))
 
 
 def children(pid):
@@ -200,11 +306,17 @@ def children(pid):
 
 
 def cpu_s(pid):
-    fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
-    return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    with suppress(OSError):
+        fields = Path(f"/proc/{pid}/stat").read_text().rsplit(")", 1)[1].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    return 0.0
 
 
 if __name__ == "__main__":
-    with ExitStack() as everything:
-        Bench(everything, RATE_HZ).run(script)
-    print(json.dumps({"load average": os.getloadavg()}))
+    if "--script" in sys.argv:
+        {"punctuality": punctuality, "load": load}[sys.argv[-2]](Script(json.loads(sys.argv[-1])))
+    else:
+        if "--browser" in sys.argv:
+            control("load", LOAD_RATE_HZ)
+        control("punctuality", RATE_HZ)
+        print(json.dumps({"load average": os.getloadavg()}))
