@@ -3,18 +3,20 @@
 import os
 import signal
 import time
+from dataclasses import replace
 
 import pytest
 
 from smadrive.control.reference import sine
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
+from smadrive.identification.adaptation import Adaptation
 from smadrive.measurement import Measurement
 from smadrive.rigconfig import load_rig
 from smadrive.thermal import HeatBalance
 from smadrive.tuning.messages import SetFeedback, SetShape
 from smadrive.tuning.parcels import ParcelPair, other_end
 from smadrive.tuning.process import WorkshopProcess
-from smadrive.tuning.tuning import Tuning
+from smadrive.tuning.tuning import ADAPTED, Adapted, Tuning
 from smadrive.tuning.workshop import Order, Refused, prepare
 
 BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
@@ -104,3 +106,11 @@ def test_parcels_of_any_size_do_not_wait_for_the_other_end():
         theirs.messages.close()
         ours.messages.close()
         assert not ours.send(9, b"nobody")
+
+
+def test_rules_that_were_adapted_are_built_there_too(workshop):
+    given = order(None)
+    adaptation = Adaptation(given.tuning.model, 0.1)
+    adapted = outcome(workshop, replace(given, change=Adapted(adaptation)))
+    assert adapted.tuning.change == ADAPTED
+    assert adapted.tuning.model.rules == adaptation.model.rules
