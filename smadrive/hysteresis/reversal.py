@@ -9,6 +9,10 @@ but it lags v by about r, and at mid-loop a kelvin of lag is 5 % of the stroke. 
 the play's last move, so the filter gives out u = p + r s: the largest input since the last true turn on the way up, the
 smallest on the way down. A reversal smaller than 2r leaves u where it was; a larger one is followed at once. A few
 standard deviations of the noise are enough for r.
+
+The extreme of many noisy samples lies outside the true turn, by a few standard deviations where the input turns slowly,
+and every state after it keeps the error. Over a record, where the future is known, a turn is what the samples around it
+say: a parabola on either side, both through the turn, fitted to those within a few radii.
 """
 
 from __future__ import annotations
@@ -24,6 +28,9 @@ from smadrive.hysteresis.arrays import FloatArray, finite_array
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
+
+_AROUND = 3.0  # radii of input around a turn from which it is estimated
+_LEAST_SAMPLES = 4  # on either side, for a parabola that is not the noise
 
 
 class DeadBand:
@@ -68,11 +75,29 @@ def monotone_runs(v: FloatArray, radius: float) -> FloatArray:
     For recorded data, where the future is known: the noise is averaged instead of followed to its extremes.
     """
     corners = turning_points(v, radius)
-    result = v.copy()
+    turned, result = v.copy(), v.copy()
+    for before, corner, after in zip(corners, corners[1:], corners[2:], strict=False):
+        turned[corner] = _turn(v[before : after + 1], corner - before, radius)
     for start, end in pairwise(corners):
-        part = slice(start, end + 1)
-        result[part] = isotonic_regression(v[part], increasing=bool(v[end] >= v[start])).x
+        part, ends = slice(start, end + 1), np.sort(turned[[start, end]])
+        nearest = isotonic_regression(turned[part], increasing=bool(turned[end] >= turned[start]))
+        result[part] = np.clip(nearest.x, *ends)
     return result
+
+
+def _turn(v: FloatArray, corner: int, radius: float) -> float:
+    """The input at a turn, from two runs of samples that meet in v[corner], their extreme; within `radius` of it."""
+    far = np.flatnonzero(np.abs(v - v[corner]) > _AROUND * radius)
+    first, last = np.searchsorted(far, corner) - 1, np.searchsorted(far, corner)
+    start = far[first] + 1 if first >= 0 else 0
+    end = far[last] if last < len(far) else len(v)
+    if min(corner - start, end - 1 - corner) < _LEAST_SAMPLES:
+        return float(v[corner])
+    place = (np.arange(start, end) - corner) / (end - start)
+    before, after = np.minimum(place, 0.0), np.maximum(place, 0.0)
+    terms = np.column_stack([np.ones_like(place), before, before**2, after, after**2])
+    turn = np.linalg.lstsq(terms, v[start:end])[0][0]
+    return float(np.clip(turn, v[corner] - radius, v[corner] + radius))
 
 
 def check_radius(radius: float) -> float:

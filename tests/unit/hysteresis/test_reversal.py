@@ -29,6 +29,19 @@ def test_neither_form_lags():
     assert np.mean((monotone_runs(NOISY, 1.0) - TRUTH)[100:700]) == pytest.approx(0, abs=0.02)
 
 
+@pytest.mark.parametrize("samples", [500, 2000])
+def test_a_turn_is_not_the_extreme_of_its_noise(samples):
+    corners = [20.0, 100.0, 50.0, 120.0, 80.0, 85.0, 30.0, 60.0]
+    truth = np.interp(np.arange(7 * samples + 1) / samples, np.arange(len(corners)), corners)
+    outward = []
+    for seed in range(8):
+        noisy = truth + 0.2 * np.random.default_rng(seed).standard_normal(len(truth))
+        turns = turning_points(noisy, 1.0)[1:-1]
+        outward.append([1, -1, 1, -1, 1, -1] * (monotone_runs(noisy, 1.0)[turns] - corners[1:-1]))
+    assert np.mean(outward) == pytest.approx(0, abs=0.04)  # 0.20 and more for the extremes
+    assert np.sqrt(np.mean(np.square(outward))) < 0.15
+
+
 def test_real_time_form_is_the_same():
     band = DeadBand(1.0)
     np.testing.assert_array_equal([band.update(v) for v in NOISY], filter_reversals(NOISY, 1.0))
