@@ -23,18 +23,22 @@ _LEAST_COVERAGE = 0.6  # of the input span, in either direction
 
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
+    from numpy.typing import ArrayLike, NDArray
+
+    from smadrive.hysteresis import HysteresisModel
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
     """Input path without false reversals and outputs, whole (`path`, `y`) and thinned (`v`, `mean_y`, `count`).
 
+    `corners`: whether the path starts, turns or ends at a sample of the whole.
     `scatter`: sum of squares of y about the means of its cells, in output spans.
     """
 
     path: FloatArray
     y: FloatArray
+    corners: NDArray[np.bool_]
     v: FloatArray
     mean_y: FloatArray
     count: FloatArray
@@ -48,6 +52,14 @@ class Record:
         """Whether each thinned sample was reached by rising input (the first counts like the second)."""
         moves = self.v[1:] > self.v[:-1]
         return np.concatenate([moves[:1], moves])
+
+    def misfit(self, model: HysteresisModel, y0: float) -> float:
+        """RMS error of `model` from output y0 against the means of the cells, in output spans.
+
+        The scatter within the cells, which no model explains, is not in it: it would hide what a change costs.
+        """
+        error = (model.simulate(self.v, y0) - self.mean_y) / self.output_span
+        return float(np.sqrt(self.count @ error**2 / self.count.sum()))
 
 
 def noise_deviation(samples: FloatArray) -> float:
@@ -72,14 +84,15 @@ def prepare(v: ArrayLike, y: ArrayLike, dead_band: float | None) -> Record:
     radius = min(_NOISE_BAND * noise_deviation(inputs), widest) if dead_band is None else check_radius(dead_band)
     path = monotone_runs(inputs, radius)
     _require_loop(path, span)
-    thin_v, thin_y, count = _thin(path, outputs, _corners(path), span / _CELLS)
+    corners = _corners(path)
+    thin_v, thin_y, count = _thin(path, outputs, corners, span / _CELLS)
     noise = noise_deviation(outputs) / output_span
     scatter = max(float(outputs @ outputs - count @ thin_y**2), 0.0) / output_span**2
     input_range = float(inputs.min()), float(inputs.max())
-    return Record(path, outputs, thin_v, thin_y, count, input_range, output_span, noise, scatter)
+    return Record(path, outputs, corners, thin_v, thin_y, count, input_range, output_span, noise, scatter)
 
 
-def _corners(path: FloatArray) -> FloatArray:
+def _corners(path: FloatArray) -> NDArray[np.bool_]:
     moving = np.flatnonzero(np.diff(path))
     rising = np.diff(path)[moving] > 0
     turns = moving[1:][rising[1:] != rising[:-1]]
@@ -109,7 +122,7 @@ def _require_loop(path: FloatArray, span: float) -> None:
 
 
 def _thin(
-    path: FloatArray, y: FloatArray, corners: FloatArray, cell: float
+    path: FloatArray, y: FloatArray, corners: NDArray[np.bool_], cell: float
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     place = np.floor((path - path.min()) / cell).astype(np.int64)
     new = np.ones(len(path), dtype=bool)

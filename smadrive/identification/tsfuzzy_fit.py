@@ -75,7 +75,7 @@ def identify_tsfuzzy(
 
 def _polished(problem: RuleProblem, x: FloatArray) -> tuple[RuleProblem, Minimum]:
     """The solution from x with slopes of the right sign, as deep in the loop as the record bears it."""
-    bearable = problem.misfit(x) + MATERIAL
+    bearable = float(np.hypot(problem.misfit(x), MATERIAL))
     for depth in _DEPTHS:
         problem = replace(problem, monotony=1.0, depth=depth)
         best = problem.solve(x, *_POLISH)
@@ -90,12 +90,12 @@ def _monotone(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimum
     Where more weight costs more than that, the solution that is best without what is left of them.
     """
     tried: list[tuple[float, RuleProblem, Minimum]] = []
-    as_good = _AS_GOOD * _judged(problem, problem.model(best.x), best.x).rms_percent
+    as_good = _AS_GOOD * problem.misfit(best.x)
     for heavier in (*_HEAVIER, *_HEAVIEST, None):
-        if _right(problem, best.x, problem.depth).rms_percent <= as_good:
+        if _misfit(problem, best.x, problem.depth) <= as_good:
             return problem, best
-        tried.append((_fit(problem, best.x).rms_percent, problem, best))
-        costly = _judged(problem, problem.model(best.x), best.x).rms_percent > as_good
+        tried.append((_misfit(problem, best.x, _depth(problem, best.x)), problem, best))
+        costly = problem.misfit(best.x) > as_good
         settled = min(tried, key=itemgetter(0))[0] <= as_good
         if heavier is None or (settled and (costly or heavier in _HEAVIEST)):
             break
@@ -106,21 +106,23 @@ def _monotone(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimum
 
 def _fit(problem: RuleProblem, x: FloatArray) -> Fit[TSFuzzyDuhem]:
     """The fit of x without slopes of the wrong sign, as deep in the loop as that costs little; its branches always."""
-    bearable = _AS_GOOD * _judged(problem, problem.model(x), x).rms_percent
-    for depth in _DEPTHS:
-        if depth <= problem.depth:
-            fit = _right(problem, x, depth)
-            if fit.rms_percent <= bearable:
-                break
-    return fit
+    record = problem.record
+    return judge(_right(problem, x, _depth(problem, x)), record.path, record.y, problem.first_output(x))
 
 
-def _right(problem: RuleProblem, x: FloatArray, depth: float) -> Fit[TSFuzzyDuhem]:
-    return _judged(problem, monotone(problem.model(x), depth, problem.turning), x)
+def _depth(problem: RuleProblem, x: FloatArray) -> float:
+    """Of the loop, to which what is left of slopes of the wrong sign can go at little cost."""
+    bearable = _AS_GOOD * problem.misfit(x)
+    depths = [depth for depth in _DEPTHS if depth <= problem.depth]
+    return next((depth for depth in depths[:-1] if _misfit(problem, x, depth) <= bearable), depths[-1])
 
 
-def _judged(problem: RuleProblem, model: TSFuzzyDuhem, x: FloatArray) -> Fit[TSFuzzyDuhem]:
-    return judge(model, problem.record.path, problem.record.y, problem.first_output(x))
+def _misfit(problem: RuleProblem, x: FloatArray, depth: float) -> float:
+    return problem.record.misfit(_right(problem, x, depth), problem.first_output(x))
+
+
+def _right(problem: RuleProblem, x: FloatArray, depth: float) -> TSFuzzyDuhem:
+    return monotone(problem.model(x), depth, problem.turning)
 
 
 def _confirmed(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimum]:
@@ -128,7 +130,7 @@ def _confirmed(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimu
 
     Where no bearable tie does, the one under which they come nearest to it.
     """
-    loose, bearable = problem.prior, problem.misfit(best.x) + MATERIAL
+    loose, bearable = problem.prior, float(np.hypot(problem.misfit(best.x), MATERIAL))
     tried = [(problem.leave_one_out_ratio(best.x), problem, best)]
     for tie in _TIES:
         if tried[-1][0] <= CONFIRMED:

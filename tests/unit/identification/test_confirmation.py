@@ -1,10 +1,12 @@
 """Leave-one-out from leverages, against leaving samples out; and the split of a record in training and validation."""
 
+from functools import partial
+
 import numpy as np
 import pytest
 
 from smadrive.hysteresis import DuhemModel, GaussianMixture
-from smadrive.identification import hold_out, identify_tsfuzzy
+from smadrive.identification import hold_out, identify_duhem, identify_tsfuzzy
 from smadrive.identification.confirmation import leave_one_out_ratio
 
 WIRE = DuhemModel.mixture(  # knees and a cliff, as drawn wire has
@@ -44,17 +46,26 @@ def test_steep_and_sparse_samples_are_not_followed_one_by_one():
 
 
 def test_figures_of_a_split():
-    v = np.concatenate([np.linspace(25, 135, 200), np.linspace(135, 25, 200)])
-    y = WIRE.simulate(v)
-
-    def coarse(v, y):
-        fit = identify_tsfuzzy(v, y, sets=5)
-        seen.append(len(v))
-        return fit
-
+    """Fit, path and neighbours of either half, the turning points in both."""
+    v = np.concatenate([np.linspace(25, 135, 200), np.linspace(134.5, 25, 201)])
     seen = []
-    first, second = hold_out(v, y, coarse)
-    assert seen == [200, 200]
-    for half in (first, second):
-        assert 0 < half.training_percent < 3
+
+    def coarse(v, y, *, dead_band):
+        seen.append(set(v))
+        return identify_duhem(v, y, components=1, dead_band=dead_band)
+
+    halves = hold_out(v, WIRE.simulate(v), coarse)
+    assert seen[0] & seen[1] == {v[0], v[199], v[-1]}
+    assert seen[0] | seen[1] == set(v)
+    for half in halves:
+        assert 0 < half.training_percent < 5
         assert half.ratio == pytest.approx(1, abs=0.3)
+
+
+def test_lines_between_neighbours_tell_what_no_fit_can_know():
+    v = np.concatenate([np.linspace(25, 135, 120), np.linspace(134.5, 25, 121)])
+    rising = np.arange(len(v)) < 120
+    jump = np.where(rising, v > 90.3, v > 70.3) * -4.0
+    smooth, steep = (hold_out(v, y, partial(identify_duhem, components=1))[0] for y in (WIRE.simulate(v), jump))
+    assert smooth.neighbours_percent < 0.3
+    assert steep.neighbours_percent > 2
