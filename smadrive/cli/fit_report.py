@@ -29,6 +29,7 @@ def write_fit_report(path: Path, fit: AnyFit, source: str, axes: tuple[str, str]
             if certificate.holds
             else f"Not certified, the model may not drive a feedforward: {', '.join(certificate.shortcomings)}.",
         ),
+        *(State("odd", f"Beware: {caveat}.") for caveat in fit.caveats),
         Tiles(
             [
                 (f"{fit.rms_percent:.3f} %", "RMS error, of the output span"),

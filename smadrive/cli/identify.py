@@ -55,11 +55,13 @@ def main(
             table = read_table(data)
             fit = identify_hysteresis(table.column(input_column), table.column(output_column), kind.value, sets)
     figures = {"rms_percent": fit.rms_percent, "max_percent": fit.max_percent}
+    replaced = model_file.exists()
     save_wire(model_file, fit.model, balance, figures, source=str(data))
     if plot is not None:
         axes = ("wire temperature, °C", "displacement, mm") if LOG.names(data) else (input_column, output_column)
         write_fit_report(plot, fit, str(data), axes)
-    _tell(output, fit, model_file, thermal)
+    _tell(output, fit, thermal)
+    output.say(f"model: {model_file}{', in place of the one that was there' if replaced else ''}")
     output.result(
         {
             "kind": kind.value,
@@ -68,6 +70,7 @@ def main(
             "max_percent": fit.max_percent,
             "model_file": str(model_file),
             "certificate": certificate(fit),
+            "caveats": list(fit.caveats),
             **({} if plot is None else {"plot_file": str(plot)}),
             **({} if thermal is None else {"heat_balance": asdict(thermal.balance), "within": thermal.within}),
         }
@@ -89,7 +92,7 @@ def _from_log(path: Path, kind: Kind, sets: int) -> WireFit:
     return identify_wire(excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets)
 
 
-def _tell(output: Output, fit: AnyFit, model_file: Path, thermal: ThermalFit | None) -> None:
+def _tell(output: Output, fit: AnyFit, thermal: ThermalFit | None) -> None:
     rows = [
         ("RMS error", f"{fit.rms_percent:.3f} %", "of the output span"),
         ("max error", f"{fit.max_percent:.3f} %", "of the output span"),
@@ -100,7 +103,8 @@ def _tell(output: Output, fit: AnyFit, model_file: Path, thermal: ThermalFit | N
     if thermal is not None:
         rows += _heat_rows(thermal)
     output.table(("", "value", ""), rows)
-    output.say(f"model: {model_file}")
+    for caveat in fit.caveats:
+        output.say(f"beware: {caveat}")
 
 
 def _heat_rows(thermal: ThermalFit) -> list[tuple[str, str, str]]:

@@ -43,7 +43,7 @@ _HEAVIEST = (1e3, 1e4)  # and how much if not even the branches are
 _DEPTHS = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the loop to which slopes are right, the first that the record bears
 _TIES = (3.0, 10.0, 30.0, 100.0)  # how much more tightly the rules may be tied to the Duhem fit
 _MOST_COMPONENTS = 3  # Gaussians per branch of that fit
-_NOTHING_LEFT = 0.05  # RMS in per cent at which a Duhem fit leaves nothing to explain
+_NOTHING_LEFT = 0.05  # RMS in per cent at which a Duhem fit leaves nothing to explain; or its noise, where that is more
 _AS_GOOD = 1.25  # RMS without the last slopes of the wrong sign over RMS with them
 _ACTIVITY_SHARES = (0.5, 0.8)  # of a start's centres that go where the output changes, the rest evenly
 
@@ -61,7 +61,7 @@ def identify_tsfuzzy(
     v, y (samples,): input and output of one wire, preferably with reversals. `sets`: number of triangular sets, or
     their centres; `fit_centres`: whether the centres may move. `dead_band`: radius of the reversal filter in the unit
     of v, None: from the noise of v. Raises DataError for samples that cannot be used, IdentificationError when the
-    record does not determine a loop or the sets do not fit it.
+    record does not determine a loop or the sets do not fit it. What it must not be trusted in, its caveats say.
     """
     record = prepare(v, y, dead_band)
     placements = _placements(record, sets, fit_centres=fit_centres)
@@ -106,8 +106,7 @@ def _monotone(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimum
 
 def _fit(problem: RuleProblem, x: FloatArray) -> Fit[TSFuzzyDuhem]:
     """The fit of x without slopes of the wrong sign, as deep in the loop as that costs little; its branches always."""
-    record = problem.record
-    return judge(_right(problem, x, _depth(problem, x)), record.path, record.y, problem.first_output(x))
+    return judge(_right(problem, x, _depth(problem, x)), problem.record, problem.first_output(x))
 
 
 def _depth(problem: RuleProblem, x: FloatArray) -> float:
@@ -144,12 +143,16 @@ def _confirmed(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimu
 
 
 def _plainest_duhem(record: Record) -> Fit[DuhemModel]:
-    """As few Gaussians per branch as fit well: more follow noise where the record is silent."""
+    """As few Gaussians per branch as fit well: more follow noise where the record is silent, or cross there."""
     plain = fit_duhem(record, components=1)
+    nothing_left = max(_NOTHING_LEFT, 100 * record.noise / _CLEARLY_BETTER)
     for components in range(2, _MOST_COMPONENTS + 1):
-        if plain.rms_percent <= _NOTHING_LEFT:
+        if plain.rms_percent <= nothing_left:
             break
-        rich = fit_duhem(record, components)
+        try:
+            rich = fit_duhem(record, components)
+        except IdentificationError:
+            break
         if rich.rms_percent > _CLEARLY_BETTER * plain.rms_percent:
             break
         plain = rich

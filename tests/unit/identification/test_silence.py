@@ -19,7 +19,7 @@ def excitation(start, low, high):
     inner = [middle + sign * half * share for share in (0.8, 0.5, 0.3) for sign in (1, -1)]
     corners = np.array([start, high, low, high, low, *inner, low, high, low])
     steps = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(corners)))])
-    return np.interp(np.arange(0.0, steps[-1], 0.4), steps, corners)
+    return np.interp(np.arange(0.0, steps[-1], 0.7), steps, corners)
 
 
 def measured(v, y):

@@ -47,17 +47,21 @@ def noisy_record():
     return v, WIRE.simulate(v), v + 0.2 * rng.standard_normal(len(v)), rng.standard_normal(len(v)) * 0.005 * 4.2
 
 
-def test_noise_on_both_columns(noisy_record):
-    v, y, noisy_v, noise = noisy_record
-    fit = identify_tsfuzzy(noisy_v, y + noise)
-    error = fit.model.simulate(v, fit.y0) - y
-    assert 100 * np.sqrt(np.mean(error**2)) / 4.2 <= 0.7
-    assert fit.certificate.holds
-
-
-def test_what_a_noisy_fit_produces_it_can_invert(noisy_record):
+@pytest.fixture(scope="module")
+def noisy_fit(noisy_record):
     _, y, noisy_v, noise = noisy_record
-    fit = identify_tsfuzzy(noisy_v, y + noise)
+    return identify_tsfuzzy(noisy_v, y + noise)
+
+
+def test_noise_on_both_columns(noisy_record, noisy_fit):
+    v, y, _, _ = noisy_record
+    error = noisy_fit.model.simulate(v, noisy_fit.y0) - y
+    assert 100 * np.sqrt(np.mean(error**2)) / 4.2 <= 0.35
+    assert noisy_fit.certificate.holds
+
+
+def test_what_a_noisy_fit_produces_it_can_invert(noisy_fit):
+    fit = noisy_fit
     assert fit.certificate.invertible_share >= 0.99
     inverted = InverseFeedforward(fit.model).trajectory(fit.predicted, fit.path[0], fit.y0)
     assert inverted.reachable.all()
@@ -91,12 +95,12 @@ def test_centres_can_be_given(noisy_record):
     assert fit.rms_percent < 1
 
 
-def test_figures_describe_the_residual(noisy_record):
-    v, y, _, _ = noisy_record
-    fit = identify_tsfuzzy(v, y, sets=7)
-    np.testing.assert_allclose(fit.model.simulate(fit.path, fit.y0) - y, fit.residual, atol=1e-9)
-    assert fit.max_percent == pytest.approx(100 * np.abs(fit.residual).max() / np.ptp(y))
-    assert fit.rms_percent == pytest.approx(100 * np.sqrt(np.mean(fit.residual**2)) / np.ptp(y))
+def test_figures_describe_the_residual(noisy_record, noisy_fit):
+    _, y, _, noise = noisy_record
+    measured, fit = y + noise, noisy_fit
+    np.testing.assert_allclose(fit.model.simulate(fit.path, fit.y0) - measured, fit.residual, atol=1e-9)
+    assert fit.max_percent == pytest.approx(100 * np.abs(fit.residual).max() / np.ptp(measured))
+    assert fit.rms_percent == pytest.approx(100 * np.sqrt(np.mean(fit.residual**2)) / np.ptp(measured))
 
 
 def loop():
