@@ -1,7 +1,7 @@
-"""A process beside the loop: below its priority, started anew when it dies, ended with the session.
+"""A process beside the loop: started anew when it dies, ended with the session.
 
 What is computed in the loop's own process, in whatever thread, takes the interpreter from a tick; what is computed in
-another takes at most a processor, and there the loop goes first. It is told what it needs by one line on its standard
+another takes at most a processor, and there the loop can go first. It is told what it needs by one line on its standard
 input, whose end tells it that the control process is gone, however it went. A thread waits for it, so that its death
 and its new start take nothing from a tick.
 """
@@ -21,9 +21,6 @@ from typing import Any, Self
 
 from smadrive.errors import ConfigError
 
-NICENESS = 5
-"""The loop goes first."""
-
 END_WITHIN_S = 3.0
 RESTART_S = 0.5
 """Pause before a new start: a process that dies at once must not keep the machine busy."""
@@ -35,11 +32,14 @@ ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_
 class Beside:
     """`python -m MODULE`, a context manager. It is told `told` and answers with one line once it is ready.
 
-    ConfigError with `cure` when it does not come up.
+    ConfigError with `cure` when it does not come up. `niceness` is how far it stands back for others.
     """
 
-    def __init__(self, module: str, told: dict[str, Any], fds: tuple[int, ...], cure: str) -> None:
+    def __init__(
+        self, module: str, told: dict[str, Any], fds: tuple[int, ...], cure: str, *, niceness: int = 0
+    ) -> None:
         self._module = module
+        self._niceness = niceness
         self._told = told
         self._fds = fds
         self._cure = cure
@@ -83,7 +83,7 @@ class Beside:
         )
         if self._process.stdin is None or self._process.stdout is None:
             raise ConfigError(f"{self._module} has no standard input and output")
-        _give_way(self._process.pid)
+        _give_way(self._process.pid, self._niceness)
         try:
             self._process.stdin.write(json.dumps(self._told) + "\n")
             self._process.stdin.flush()
@@ -115,11 +115,11 @@ class Beside:
             self.restarts += 1
 
 
-def _give_way(pid: int) -> None:
+def _give_way(pid: int, niceness: int) -> None:
     """Lower its priority, and on Linux that of its session: there sessions share the processors, whoever is in them.
 
     A process that has ended already is found out elsewhere.
     """
     with suppress(OSError):
-        os.setpriority(os.PRIO_PROCESS, pid, NICENESS)
-        Path(f"/proc/{pid}/autogroup").write_text(str(NICENESS), encoding="ascii")
+        os.setpriority(os.PRIO_PROCESS, pid, niceness)
+        Path(f"/proc/{pid}/autogroup").write_text(str(niceness), encoding="ascii")

@@ -9,6 +9,9 @@ from smadrive.tuning.channel import ControlEnd
 from smadrive.tuning.parcels import ParcelPair
 from smadrive.tuning.workshop import Order, Outcome, Refused, packed_order, unpacked_outcome
 
+NICENESS = 5
+"""The page stands back; not the workshop: what it builds, somebody with a hand on a knob waits for."""
+
 
 class PageProcess(Beside):
     """A context manager: `url` is where the page is while it lasts; it stays there when the process is started anew."""
@@ -23,7 +26,8 @@ class PageProcess(Beside):
             "memory_fd": fds[0],
             "socket_fd": fds[1],
         }
-        super().__init__("smadrive.tuning.server", told, fds, "is the port taken? choose another --port")
+        cure = "is the port taken? choose another --port"
+        super().__init__("smadrive.tuning.server", told, fds, cure, niceness=NICENESS)
 
     @property
     def url(self) -> str:

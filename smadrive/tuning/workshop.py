@@ -123,12 +123,15 @@ class _OrderUnpickler(pickle.Unpickler):
 
 
 class _OutcomePickler(pickle.Pickler):
+    """By `reducer_override`, which is asked for objects only: `persistent_id` is asked for every number, too."""
+
     def __init__(self, file: io.BytesIO, order: Order) -> None:
         super().__init__(file, pickle.HIGHEST_PROTOCOL)
         self._numbers = {id(thing): number for number, thing in enumerate(_known(order))}
 
-    def persistent_id(self, thing: object) -> int | None:
-        return self._numbers.get(id(thing))
+    def reducer_override(self, thing: object) -> Any:
+        number = self._numbers.get(id(thing))
+        return NotImplemented if number is None else (_named, (number,))
 
 
 class _OutcomeUnpickler(pickle.Unpickler):
@@ -136,8 +139,8 @@ class _OutcomeUnpickler(pickle.Unpickler):
         super().__init__(io.BytesIO(parcel))
         self._known = _known(order)
 
-    def persistent_load(self, number: int) -> object:
-        return self._known[number]
+    def find_class(self, module: str, name: str) -> Any:
+        return self._known.__getitem__ if name == _named.__name__ else super().find_class(module, name)
 
 
 def packed_order(order: Order) -> bytes:
@@ -169,6 +172,11 @@ def unpacked_outcome(parcel: bytes, order: Order) -> Outcome:
 def _known(order: Order) -> list[Any]:
     """What both sides have: it keeps its identity."""
     return [order.tuning, order.tuning.model, order.tuning.unmoved, order.reference]
+
+
+def _named(number: int) -> object:
+    """In a parcel, the thing of the order that has this number; the unpickler knows the order."""
+    raise TypeError(f"thing {number} of an order is known to `unpacked_outcome` alone")
 
 
 def _text(model: Model) -> str:
