@@ -18,6 +18,9 @@ from smadrive.errors import ConfigError
 
 Quantity = float | str | None  # a number, the name of a state, or no reading
 
+_NOWHERE = -1
+"""In the place of a word, by its address: the device has none there."""
+
 
 class Write(NamedTuple):
     """One register about to be written: its words, and what they mean."""
@@ -35,13 +38,15 @@ class RegisterBank:
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
         self._has_locks = bool(profile.write_order)
-        self._words: dict[str, dict[int, int]] = {}
+        self._words: dict[str, list[int]] = {}
         self._writable: dict[tuple[str, int], tuple[str, Register]] = {}
         self._roles: dict[str, list[tuple[int, str, Register]]] = {}
         self._published: dict[str, Quantity] = {}
         self._role_of = {name: role for role, name in profile.roles.model_dump(exclude_none=True).items()}
         for name, register in profile.registers.items():
-            self._words.setdefault(register.table, {}).update(dict.fromkeys(register.addresses, 0))
+            words = self._words.setdefault(register.table, [])
+            words += [_NOWHERE] * (register.addresses.stop - len(words))
+            words[register.address : register.addresses.stop] = [0] * register.size
             if register.writable:
                 self._writable[register.table, register.address] = (name, register)
             if name in self._role_of:
@@ -62,10 +67,11 @@ class RegisterBank:
         for address, role, register in self._roles.get(table, ()):
             if first <= address < end and role in quantities:
                 value = quantities[role]
-                if role not in published or published[role] != value:
-                    self._show(register, value)
-                    if not register.companions:  # else other registers say how it shows, and may change
-                        published[role] = value
+                if register.companions:  # other registers say how it shows, and may change
+                    self._show_in_company(register, value)
+                elif role not in published or published[role] != value:
+                    self._store(register, _shown(register, value, ALONE))
+                    published[role] = value
 
     def preset(self, name: str, value: float) -> None:
         """Set a register that no role fills; a profile without it is none the worse."""
@@ -74,15 +80,13 @@ class RegisterBank:
             self._store(register, register.codec.saturated(value))
 
     def read(self, table: str, first: int, count: int) -> list[int]:
-        """The words; Refusal when one of them does not exist."""
-        try:
-            return list(map(self._words.get(table, {}).__getitem__, range(first, first + count)))
-        except KeyError:
-            raise Refusal(ILLEGAL_ADDRESS) from None
+        """The words, as they were last stored or published, of a range that is readable."""
+        return self._words[table][first : first + count]
 
     def check_readable(self, table: str, first: int, count: int) -> None:
         """Refusal when one of the words does not exist."""
-        if not self._words.get(table, {}).keys() >= {*range(first, first + count)}:
+        words = self._words.get(table, [])[first : first + count]
+        if len(words) < count or _NOWHERE in words:
             raise Refusal(ILLEGAL_ADDRESS)
 
     def checked(self, table: str, first: int, words: Sequence[int]) -> list[Write]:
@@ -124,17 +128,13 @@ class RegisterBank:
             if self._words_of(lock) != lock.codec.saturated(rule.value):
                 raise Refusal(DEVICE_FAILURE)
 
-    def _show(self, register: Register, value: Quantity) -> None:
-        """Show a quantity, and in the registers that tell it whether it is valid."""
-        if register.companions:
-            for name, allowed in register.valid_when.items():
-                teller = self._profile.register(name)
-                denied = (number for number in teller.enum if number not in allowed)
-                self._store(teller, teller.codec.pack(next(denied, 0) if value is None else allowed[0]))
-        if value is None or isinstance(value, str):
-            self._store(register, _symbol(register, value))
-        else:
-            self._store(register, register.codec.saturated(value, self._context(register)))
+    def _show_in_company(self, register: Register, value: Quantity) -> None:
+        """Show a quantity as its companions say, and in those that tell it whether it is valid."""
+        for name, allowed in register.valid_when.items():
+            teller = self._profile.register(name)
+            denied = (number for number in teller.enum if number not in allowed)
+            self._store(teller, teller.codec.pack(next(denied, 0) if value is None else allowed[0]))
+        self._store(register, _shown(register, value, self._context(register)))
 
     def _context(self, register: Register) -> Context:
         if not register.companions:
@@ -143,15 +143,17 @@ class RegisterBank:
         return context_of(register, {name: one.codec.decode(self._words_of(one)) for name, one in named.items()})
 
     def _words_of(self, register: Register) -> tuple[int, ...]:
-        table = self._words[register.table]
-        return tuple(table[address] for address in register.addresses)
+        return tuple(self._words[register.table][register.address : register.addresses.stop])
 
     def _store(self, register: Register, words: Sequence[int]) -> None:
-        self._words[register.table].update(zip(register.addresses, words, strict=True))
+        first = register.address
+        self._words[register.table][first : first + len(words)] = words
 
 
-def _symbol(register: Register, value: str | None) -> tuple[int, ...]:
+def _shown(register: Register, value: Quantity, context: Context) -> tuple[int, ...]:
     """No reading as the sentinel that says "open" (or the first), a state by its number or its bit."""
+    if isinstance(value, int | float):
+        return register.codec.saturated(value, context)
     if value is None:
         opens = (bits for bits, reason in register.invalid.items() if "open" in reason)
         return register.codec.pattern(next(opens, next(iter(register.invalid), 0)))

@@ -113,6 +113,7 @@ class Responder:
 
     def _mask_write(self, data: bytes) -> bytes:
         address, and_mask, or_mask = struct.unpack(">HHH", data)
+        self._bank.check_readable("holding", address, 1)
         self._refresh("holding", address, 1)
         (word,) = self._bank.read("holding", address, 1)
         self._write("holding", address, (word & and_mask | or_mask & ~and_mask & 0xFFFF,))

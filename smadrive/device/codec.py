@@ -87,7 +87,10 @@ class Codec:
 
     def saturated(self, value: float, context: Context = ALONE) -> tuple[int, ...]:
         """The words by which a device shows `value`: at the end of the type's range when it exceeds it."""
-        return self.pack(min(max(self._raw_of(value, context), self._lowest), self._highest))
+        raw = self._raw_of(value, context)
+        if not self._lowest <= raw <= self._highest:
+            raw = min(max(raw, self._lowest), self._highest)
+        return self.pack(raw)
 
     def pattern(self, bits: int) -> tuple[int, ...]:
         """The words of a raw pattern."""
