@@ -45,7 +45,8 @@ class SimulatedDevice:
         self.firmware, self.responder = bench.inside(profile, self._tell)
         self.faults = BusFaults(lambda: bench.time_s, seed)
         self.line = Line((self,))
-        self._deaf_until_s = bench.time_s + profile.timing.boot_ms / 1e3
+        self._boot_s, self._min_gap_s = profile.timing.boot_ms / 1e3, profile.timing.min_gap_ms / 1e3
+        self._deaf_until_s = bench.time_s + self._boot_s
 
     def answer(self, request: Message, time_s: float) -> list[Delivery]:
         """Carry out a request, and answer unless it was a broadcast.
@@ -54,7 +55,7 @@ class SimulatedDevice:
         """
         if time_s < self._deaf_until_s - 1e-9:
             return []
-        self._deaf_until_s = time_s + self.profile.timing.min_gap_ms / 1e3
+        self._deaf_until_s = time_s + self._min_gap_s
         if request.broadcast:
             self.responder.answer(request.pdu)
             return []
@@ -72,7 +73,7 @@ class SimulatedDevice:
         """The mains fail for a while: nothing drives current, nothing answers, until the device has started anew."""
         self._tell(f"no power for {for_s:g} s" if for_s else "power-up")
         self.firmware.restart()
-        self._deaf_until_s = self.bench.time_s + for_s + self.profile.timing.boot_ms / 1e3
+        self._deaf_until_s = self.bench.time_s + for_s + self._boot_s
 
     def _tell(self, text: str) -> None:
         self.bench.tell(f"{self.name}: {text}" if self.name else text)

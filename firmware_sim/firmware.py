@@ -58,6 +58,7 @@ class Firmware:
 
     def __init__(self, board: Board, sensors: Sensors, log: Callable[[str], None]) -> None:
         self._board = board
+        self._supply_limit_a = board.supply_limit_a
         self._sensors = sensors
         self._log = log
         self.restart()
@@ -81,7 +82,7 @@ class Firmware:
         """Let `dt_s` pass: check the sensors, run the watchdog, set the current."""
         self.uptime_s += dt_s
         self._unfed_s += dt_s
-        causes = [*self._sensor_faults(), *self._current_faults(dt_s)]
+        causes = self._sensor_faults() + self._current_faults(dt_s)
         if self.state is State.ARMED and self._unfed_s >= self.watchdog_s - 1e-9:
             causes.append(Fault.WATCHDOG)
         if causes:
@@ -91,7 +92,7 @@ class Firmware:
     def check(self, values: Mapping[str, float]) -> None:
         """Refusal when a write of these roles cannot be carried out: a limit above the board's, arming in a fault."""
         too_hot = values.get("temperature_max", 0.0) > self._board.temperature_max_c
-        too_much = values.get("current_max", 0.0) > self._board.supply_limit_a
+        too_much = values.get("current_max", 0.0) > self._supply_limit_a
         if too_hot or too_much:
             raise Refusal(ILLEGAL_VALUE)
         if "arm" in values and self.state is not State.IDLE:
@@ -144,8 +145,8 @@ class Firmware:
 
     def _sensor_faults(self) -> list[Fault]:
         sensors = self._sensors
-        if sensors.unreadable:
-            return [Fault.THERMOCOUPLE_OPEN if sensors.unreadable == "open" else Fault.THERMOCOUPLE_SHORT]
+        if unreadable := sensors.unreadable:
+            return [Fault.THERMOCOUPLE_OPEN if unreadable == "open" else Fault.THERMOCOUPLE_SHORT]
         faults = []
         if sensors.temperature_c >= self.temperature_max_c:
             faults.append(Fault.OVER_TEMPERATURE)
@@ -155,8 +156,9 @@ class Firmware:
 
     def _current_faults(self, dt_s: float) -> list[Fault]:
         """More current than set: the switch is shorted. Less than half: the heater is open. Both debounced."""
-        excess = self._sensors.current_a > 1.1 * self.current_a + CURRENT_MARGIN_A
-        lack = self.current_a > CURRENT_MARGIN_A and self._sensors.current_a < 0.5 * self.current_a
+        set_a, flows_a = self.current_a, self._sensors.current_a
+        excess = flows_a > 1.1 * set_a + CURRENT_MARGIN_A
+        lack = set_a > CURRENT_MARGIN_A and flows_a < 0.5 * set_a
         self._current_wrong_s = self._current_wrong_s + dt_s if excess or lack else 0.0
         if self._current_wrong_s < DEBOUNCE_S - 1e-9:
             return []
@@ -200,8 +202,8 @@ class Firmware:
         margin_c = self.temperature_max_c - self._sensors.temperature_c
         if current_a > self.current_max_a:
             current_a, self.limits = self.current_max_a, Limit.CURRENT_MAX.value
-        if current_a > self._board.supply_limit_a:
-            current_a, self.limits = self._board.supply_limit_a, self.limits | Limit.SUPPLY.value
+        if current_a > self._supply_limit_a:
+            current_a, self.limits = self._supply_limit_a, self.limits | Limit.SUPPLY.value
         if margin_c < DERATE_C and current_a > (derated_a := self.current_max_a * max(margin_c, 0.0) / DERATE_C):
             current_a, self.limits = derated_a, self.limits | Limit.TEMPERATURE.value
         self.current_a = current_a

@@ -37,7 +37,7 @@ class Responder:
         self.counters = ResponderCounters()
         self._bank = bank
         self._firmware = firmware
-        self._timing = timing
+        self._most_read, self._most_written = timing.max_read_registers, timing.max_write_registers
         functions: dict[int, Callable[[bytes], bytes]] = {
             3: lambda data: self._read("holding", data),
             6: self._write_one,
@@ -73,7 +73,7 @@ class Responder:
 
     def _read(self, table: str, data: bytes) -> bytes:
         first, count = struct.unpack(">HH", data)
-        _check_quantity(count, self._timing.max_read_registers)
+        _check_quantity(count, self._most_read)
         self._bank.check_readable(table, first, count)
         return self._words(table, first, count)
 
@@ -99,7 +99,7 @@ class Responder:
 
     def _write_several(self, data: bytes) -> bytes:
         first, count, size = struct.unpack(">HHB", data[:5])
-        _check_quantity(count, self._timing.max_write_registers)
+        _check_quantity(count, self._most_written)
         _check_size(2 * count, size, data[5:])
         self._write("holding", first, requests.registers_of(data[5:]))
         return data[:4]
@@ -121,7 +121,7 @@ class Responder:
 
     def _exchange(self, data: bytes) -> bytes:
         read_first, read_count, write_first, write_count, size = struct.unpack(">HHHHB", data[:9])
-        _check_quantity(read_count, self._timing.max_read_registers)
+        _check_quantity(read_count, self._most_read)
         _check_quantity(write_count, requests.MAX_EXCHANGE_WRITE_REGISTERS)
         _check_size(2 * write_count, size, data[9:])
         self._bank.check_readable("holding", read_first, read_count)

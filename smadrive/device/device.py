@@ -124,7 +124,7 @@ class Device:
         """Write adjacent registers, then read adjacent registers, in one FC23 transaction; never retried."""
         self._know_the_scales()
         target, source = self._plans.exchange(tuple(writes), tuple(reads))
-        words = [word for name, register, _ in target.parts for word in register.codec.encode(writes[name], name)]
+        words = [word for name, _, _, codec in target.parts for word in codec.encode(writes[name], name)]
         request = requests.exchange(target.address, words, source.address, source.count)
         self._prove_identity()
         return decode((source,), (source.words(self._execute(request)),), reads)
@@ -181,7 +181,7 @@ class Device:
         return span.words(self._execute(span.read_request(self.profile.timing.function_codes)))
 
     def _words(self, name: str) -> tuple[int, ...]:
-        spans = [span for span in self._plans.read((name,)) if any(part == name for part, _, _ in span.parts)]
+        spans = [span for span in self._plans.read((name,)) if any(part.name == name for part in span.parts)]
         return words_of_register(spans, [self._span_words(span) for span in spans], name)
 
     def _writable(self, name: str) -> Register:

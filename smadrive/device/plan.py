@@ -9,7 +9,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
+from smadrive.device.codec import Codec
 from smadrive.device.companions import context_of
 from smadrive.device.functions import read_request, words_of
 from smadrive.device.profile import Profile
@@ -17,7 +19,14 @@ from smadrive.device.readings import Reading
 from smadrive.device.registers import Register
 from smadrive.modbus.requests import Request
 
-_Part = tuple[str, Register, slice]  # name, register, its place among the words of the span
+
+class Part(NamedTuple):
+    """One register of a span; its `place` is that among the words of the span, its codec is kept at hand."""
+
+    name: str
+    register: Register
+    place: slice
+    codec: Codec
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +36,7 @@ class Span:
     table: str
     address: int
     count: int
-    parts: tuple[_Part, ...]
+    parts: tuple[Part, ...]
     has_companions: bool
 
     def words(self, payload: bytes) -> tuple[int, ...]:
@@ -59,11 +68,11 @@ def decode(spans: Iterable[Span], words: Iterable[Sequence[int]], names: Sequenc
     readings: dict[str, Reading] = {}
     later: list[tuple[str, Register, Sequence[int]]] = []
     for span, span_words in zip(spans, words, strict=True):
-        for name, register, place in span.parts:
+        for name, register, place, codec in span.parts:
             if span.has_companions and register.companions:
                 later.append((name, register, span_words[place]))
             else:
-                readings[name] = register.codec.decode(span_words[place])
+                readings[name] = codec.decode(span_words[place])
     for name, register, part in later:
         readings[name] = register.codec.decode(part, context_of(register, readings))
     return readings if len(readings) == len(names) else {name: readings[name] for name in names}
@@ -97,7 +106,7 @@ def _belongs(register: Register, first: Register, last: Register, most: int, loo
 
 def _span(group: list[tuple[str, Register]]) -> Span:
     first, last = group[0][1], group[-1][1]
-    parts = tuple((name, register, _place(register, first)) for name, register in group)
+    parts = tuple(Part(name, register, _place(register, first), register.codec) for name, register in group)
     companions = any(register.companions for _, register in group)
     return Span(first.table, first.address, last.addresses.stop - first.address, parts, companions)
 

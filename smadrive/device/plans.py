@@ -40,7 +40,7 @@ class Plans:
 
     def _one(self, names: _Names, verb: str) -> Span:
         spans = self.read(names)
-        sizes = sum(register.size for _, register, _ in spans[0].parts)
+        sizes = sum(part.register.size for part in spans[0].parts)
         torn = len(spans) != 1 or (verb == "written" and spans[0].count > sizes)
         if torn or spans[0].table != "holding":
             raise ConfigError(
@@ -53,9 +53,9 @@ class Plans:
 def words_of_register(spans: Iterable[Span], words: Iterable[tuple[int, ...]], name: str) -> tuple[int, ...]:
     """The words of one register out of the words of the spans."""
     (found,) = (
-        span_words[place]
+        span_words[part.place]
         for span, span_words in zip(spans, words, strict=True)
-        for part, _, place in span.parts
-        if part == name
+        for part in span.parts
+        if part.name == name
     )
     return found
