@@ -69,7 +69,7 @@ class WireObserver:
     def predict(self, before: WireEstimate, power_w: float, dt_s: float) -> WireEstimate:
         """The estimate `dt_s` later, with `power_w` applied and nothing measured."""
         total_w = power_w + before.disturbance_w
-        wire_c, _ = self._wire.step(WireState(before.temperature_c, before.hysteresis), total_w, dt_s)
+        wire_c = self._wire.temperature_c(WireState(before.temperature_c, before.hysteresis), total_w, dt_s)
         read_c = self._balance.step_thermocouple(before.thermocouple_c, before.temperature_c, wire_c, dt_s)
         play_c = min(max(before.play_c, wire_c - self._radius_c), wire_c + self._radius_c)
         direction = before.play_direction

@@ -69,9 +69,11 @@ class GainSchedule:
         cell = min(int(place), SLOPES - 2)
         above = place - cell
         below = 1.0 - above
-        return Correction._make(
-            (below * read0 + above * read1) * read_c + (below * seen0 + above * seen1) * seen
-            for (read0, seen0), (read1, seen1) in zip(self._both[cell], self._both[cell + 1], strict=True)
+        return Correction(
+            *[
+                (below * read0 + above * read1) * read_c + (below * seen0 + above * seen1) * seen
+                for (read0, seen0), (read1, seen1) in zip(self._both[cell], self._both[cell + 1], strict=True)
+            ]
         )
 
 

@@ -49,23 +49,38 @@ class WireModel:
 
     def step(self, state: WireState, power_w: float, dt_s: float) -> WireState:
         """The wire after `dt_s` at constant power."""
+        last, after_c = self._way(state, power_w, dt_s)
+        return self._moved(last, after_c)
+
+    def temperature_c(self, state: WireState, power_w: float, dt_s: float) -> float:
+        """The temperature alone after `dt_s` at constant power, for who moves the hysteresis in another way."""
+        return self._way(state, power_w, dt_s)[1]
+
+    def _way(self, state: WireState, power_w: float, dt_s: float) -> tuple[WireState, float]:
+        """The state at which the last piece of the way begins, and the temperature at its end."""
         after_c = self._heated_c(state, power_w, dt_s)
         pieces = ceil(abs(after_c - state.temperature_c) / PIECE_C)
-        if pieces <= 1:
-            return self._piece(state, after_c, power_w, dt_s)
-        piece_s = dt_s / pieces
-        for _ in range(pieces):
-            state = self._piece(state, self._heated_c(state, power_w, piece_s), power_w, piece_s)
-        return state
+        if pieces > 1:
+            dt_s /= pieces
+            for _ in range(pieces - 1):
+                after_c = self._heated_c(state, power_w, dt_s)
+                state = self._moved(state, self._improved_c(state, after_c, power_w, dt_s))
+            after_c = self._heated_c(state, power_w, dt_s)
+        return state, self._improved_c(state, after_c, power_w, dt_s)
 
-    def _piece(self, state: WireState, after_c: float, power_w: float, dt_s: float) -> WireState:
-        """One piece, at the end of which the slope at its start gives `after_c`."""
+    def _improved_c(self, state: WireState, after_c: float, power_w: float, dt_s: float) -> float:
+        """Temperature after one piece, at the end of which the slope at its start gives `after_c`."""
         wire_c, hysteresis = state
         way_c = after_c - wire_c
-        if abs(way_c) > SHORT_WAY_C:
-            moved_mm = self.model.step(hysteresis, hysteresis.v + way_c).y - hysteresis.y
-            per_k = max(moved_mm / self.travel_mm / way_c, 0.0)
-            after_c = self.balance.step(wire_c, power_w, per_k, dt_s)
+        if abs(way_c) <= SHORT_WAY_C:
+            return after_c
+        moved_mm = self.model.step(hysteresis, hysteresis.v + way_c).y - hysteresis.y
+        per_k = max(moved_mm / self.travel_mm / way_c, 0.0)
+        return self.balance.step(wire_c, power_w, per_k, dt_s)
+
+    def _moved(self, state: WireState, after_c: float) -> WireState:
+        """The wire at another temperature, its hysteresis moved by as much."""
+        wire_c, hysteresis = state
         return WireState(after_c, self.model.step(hysteresis, hysteresis.v + after_c - wire_c))
 
     def _heated_c(self, state: WireState, power_w: float, dt_s: float) -> float:
