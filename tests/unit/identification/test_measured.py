@@ -8,6 +8,15 @@ import pytest
 from smadrive.identification import hold_out, identify_duhem, identify_tsfuzzy
 
 DATA = Path(__file__).parents[4] / "shared" / "data"
+RECORDS = (
+    "flexinol_isobaric/100MPa",
+    "flexinol_isobaric/172MPa",
+    "nitihf_isobaric/100MPa",
+    "nitihf_isobaric/300MPa",
+    "nitico_isobaric/7MPa",
+    "nitico_isobaric/150MPa",
+)
+STEEP = ("flexinol_isobaric/100MPa", "nitihf_isobaric/100MPa", "nitico_isobaric/150MPa")
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the measured records lie beside the project")
 
 
@@ -35,21 +44,24 @@ def test_twenty_two_rules(name, rms_percent, max_percent):
         assert fit.certificate.invertible_share >= 0.99
 
 
-@pytest.mark.parametrize(
-    "name",
-    [
-        "flexinol_isobaric/100MPa",
-        "flexinol_isobaric/172MPa",
-        "nitihf_isobaric/100MPa",
-        "nitihf_isobaric/300MPa",
-        "nitico_isobaric/7MPa",
-        "nitico_isobaric/150MPa",
-    ],
-)
-def test_samples_between_those_fitted_are_met_as_well(name):
-    """As well as those fitted, or better than their own neighbours tell: two records hold cliffs of a few samples."""
-    for half in hold_out(*columns(name), identify_tsfuzzy):
-        assert half.ratio <= 1.2 or half.validation_percent < half.neighbours_percent
+CLIFFS = pytest.mark.xfail(reason="half of the samples leave out cliffs, the rules meet the others too well: up to 2.0")
+
+
+@pytest.fixture(scope="module", params=RECORDS)
+def halves(request):
+    return request.param, hold_out(*columns(request.param), identify_tsfuzzy)
+
+
+def test_samples_between_those_fitted_are_met_as_well(halves, request):
+    name, both = halves
+    if name in STEEP:
+        request.applymarker(CLIFFS)
+    assert max(half.ratio for half in both) <= 1.2
+
+
+def test_samples_between_those_fitted_are_met_as_well_or_better_than_their_neighbours_tell(halves):
+    _, both = halves
+    assert all(half.ratio <= 1.2 or half.validation_percent < half.neighbours_percent for half in both)
 
 
 @pytest.mark.parametrize("name", ["flexinol_isobaric/100MPa", "flexinol_isobaric/172MPa"])
