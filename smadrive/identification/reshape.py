@@ -21,6 +21,8 @@ from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel, GaussianMixture, TSFuzzyDuhem
 from smadrive.hysteresis.arrays import FloatArray
 from smadrive.hysteresis.branch import Branch
+from smadrive.hysteresis.fuzzy import FuzzySets
+from smadrive.hysteresis.tsfuzzy import Law, MembershipGrid
 from smadrive.identification.monotone import monotone
 
 Model = DuhemModel | TSFuzzyDuhem
@@ -61,6 +63,14 @@ class _Move(NamedTuple):
         return self.mu + (v - self.new_mu) / self.stretch
 
 
+class _Rules(NamedTuple):
+    """The rules of a T-S model."""
+
+    sets: FuzzySets
+    heating_law: Law
+    cooling_law: Law
+
+
 def shape_of(model: Model) -> BranchShape:
     """The shape of a model's major loop."""
     engine = model.engine
@@ -78,11 +88,21 @@ def reshaped(model: Model, shape: BranchShape) -> Model:
     if isinstance(model, DuhemModel):
         mixtures = _moved_mixture(model.heating, heating), _moved_mixture(model.cooling, cooling)
         return DuhemModel(*mixtures, shape.scale, model.offset, model.input_range)
-    moved = _moved_rules(model, heating, cooling, shape.scale)
-    reached = shape_of(moved)  # what the coarse grid of rules made of it: aim beside it by as much
-    heating = heating.aimed(reached.mu_heating, reached.sigma_heating)
-    cooling = cooling.aimed(reached.mu_cooling, reached.sigma_cooling)
-    moved = _moved_rules(model, heating, cooling, shape.scale)
+    reached = _moments_of_rules(_moved_rules(model, heating, cooling), model.engine.nodes)
+    heating, cooling = (  # what the coarse grid of rules made of the move: aim beside it by as much
+        move.aimed(*moments) for move, moments in zip((heating, cooling), reached, strict=True)
+    )
+    sets, (a_heating, b_heating), (a_cooling, b_cooling) = _moved_rules(model, heating, cooling)
+    moved = TSFuzzyDuhem(
+        sets,
+        a_heating=a_heating,
+        b_heating=b_heating,
+        a_cooling=a_cooling,
+        b_cooling=b_cooling,
+        scale=shape.scale,
+        offset=model.offset,
+        input_range=model.input_range,
+    )
     return moved if moved.certificate().invertible_share > _INVERTIBLE else monotone(moved)
 
 
@@ -113,21 +133,19 @@ def _moved_mixture(mixture: GaussianMixture, move: _Move) -> GaussianMixture:
     return GaussianMixture(mixture.weights, tuple(means.tolist()), tuple(s * move.stretch for s in mixture.sigmas))
 
 
-def _moved_rules(model: TSFuzzyDuhem, heating: _Move, cooling: _Move, scale: float) -> TSFuzzyDuhem:
+def _moved_rules(model: TSFuzzyDuhem, heating: _Move, cooling: _Move) -> _Rules:
     old = np.array(model.sets.centres)
-    lower, upper = model.input_range
-    centres = np.clip((heating.forth(old) + cooling.forth(old)) / 2, lower, upper)
+    centres = np.clip((heating.forth(old) + cooling.forth(old)) / 2, *model.input_range)
 
-    def law(values: FloatArray, move: _Move) -> FloatArray:
-        return np.interp(move.back(centres), old, values) / move.stretch
+    def law(values: Law, move: _Move) -> Law:
+        a, b = (np.interp(move.back(centres), old, part) / move.stretch for part in values)
+        return a, b
 
-    return TSFuzzyDuhem(
-        replace(model.sets, centres=tuple(centres.tolist())),  # type: ignore[type-var]
-        a_heating=law(model.heating_law[0], heating),
-        b_heating=law(model.heating_law[1], heating),
-        a_cooling=law(model.cooling_law[0], cooling),
-        b_cooling=law(model.cooling_law[1], cooling),
-        scale=scale,
-        offset=model.offset,
-        input_range=model.input_range,
-    )
+    sets = replace(model.sets, centres=tuple(centres.tolist()))  # type: ignore[type-var]
+    return _Rules(sets, law(model.heating_law, heating), law(model.cooling_law, cooling))
+
+
+def _moments_of_rules(rules: _Rules, nodes: FloatArray) -> list[tuple[float, float]]:
+    """Place and spread of both branches on a given grid: to find a model's own takes four times as long."""
+    branches = MembershipGrid(rules.sets, nodes).closed_branches(rules.heating_law, rules.cooling_law)
+    return [_moments(nodes, branch) for branch in branches]
