@@ -1,4 +1,4 @@
-"""A simulated device in a process of its own, on a virtual serial port, as the demo and the system tests use it.
+"""A simulated device in a process of its own, on a virtual serial port or TCP, as the demo and the tests use it.
 
 In virtual time the device lives on the driver's clock: at every jump the clock writes the new time to the simulator's
 standard input and goes on when the simulator has answered that it got there. In real time the device runs by itself.
@@ -23,9 +23,14 @@ PATIENT = "?latency_ms=5000"
 
 
 class ServedSimulator:
-    """`firmware-sim SIM` as a child process, a context manager: it serves at `url` and lives on `clock`."""
+    """`firmware-sim SIM` as a child process, a context manager: it serves at `url` and lives on `clock`.
 
-    def __init__(self, sim: str, *, real_time: bool = False, seed: int = 0, log: Path | None = None) -> None:
+    `tcp`: Modbus TCP instead of a virtual serial port.
+    """
+
+    def __init__(
+        self, sim: str, *, real_time: bool = False, tcp: bool = False, seed: int = 0, log: Path | None = None
+    ) -> None:
         self._arguments = [
             "-m",
             "firmware_sim.cli",
@@ -35,6 +40,8 @@ class ServedSimulator:
             "--time",
             "real" if real_time else "driven",
         ]
+        if tcp:
+            self._arguments += ["--tcp", "0"]
         if log is not None:
             self._arguments += ["--log", str(log)]
         self._virtual = None if real_time else VirtualClock()
