@@ -68,6 +68,19 @@ def tables(kind: str, folder: Path) -> tuple[Path, Path]:
 
 
 @contextlib.contextmanager
+def orphans_ended(driver: BaseProcess) -> Iterator[None]:
+    """End what the driver has started, and what outlives it: for an hour a guardian looks for a bench that is gone."""
+    started = Path(f"/proc/{driver.pid}/task/{driver.pid}/children").read_text().split()
+    try:
+        yield
+    finally:
+        for number in started:
+            with contextlib.suppress(OSError):
+                if b"smadrive.device.guardian" in Path(f"/proc/{number}/cmdline").read_bytes():
+                    os.kill(int(number), signal.SIGKILL)
+
+
+@contextlib.contextmanager
 def process(target: Callable[..., None], *arguments: object, log: Path) -> Iterator[BaseProcess]:
     """A process that ends with the block; what it says goes to `log`."""
     log.touch()
@@ -170,8 +183,9 @@ def trial(kind: str, fate: str, seed: int) -> float | None:
                     raise EndedEarly from None
                 if "fault: " in log.read_text():
                     raise RuntimeError("the fault of the script came before the driver was up: fewer --at-once")
-                met_s = meet(driver, here, fate, log, chance)
-                off_s = wait_for_off(log, met_s + wait_s + LEFT_AFTER_S)
+                with orphans_ended(driver):
+                    met_s = meet(driver, here, fate, log, chance)
+                    off_s = wait_for_off(log, met_s + wait_s + LEFT_AFTER_S)
         if off_s is None:
             print(f"left heating, seed {seed}:\n{log.read_text()}\nthe driver: {said.read_text()}", file=sys.stderr)
             return None
