@@ -57,6 +57,7 @@ class Page:
         self._seen_on_plane = self._seen
         self._shown: dict[str, Any] = {}
         self._frame = 0
+        self._show_model(status["tuning"])  # before what it drew: errors are told in strokes
         self._bound_knobs(status["tuning"])
         for root in (*self._plots.figures, *self._controls.roots, *self._texts.values()):
             doc.add_root(root)

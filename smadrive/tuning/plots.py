@@ -61,7 +61,7 @@ class Plots:
         self._drawn_to = np.full(2, np.nan)
         self._error_range = Range1d(-1.0, 1.0)
         self._model: Model | None = None
-        self._travel_mm = (0.0, 1.0)
+        self._travel_mm: tuple[float, float] | None = None
         self.figures = [
             self._displacement(),
             self._temperature(temperature_max_c),
@@ -86,7 +86,8 @@ class Plots:
             axis.update(start=low_mm - margin_mm, end=high_mm + margin_mm)
 
     def add(self, rows: Rows) -> None:
-        """Append what is new."""
+        """Append what is new; a model has been shown before."""
+        assert self._travel_mm is not None
         columns = {name: rows[:, _COLUMN[name]] for name in DRAWN}
         stroke_mm = abs(self._travel_mm[1] - self._travel_mm[0])
         measured_mm = columns["displacement_mm"]

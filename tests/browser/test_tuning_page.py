@@ -1,6 +1,7 @@
 """The tuning page in a real browser: it shows, it acts, and OFF works whatever else does not."""
 
 import http.client
+import math
 import os
 import re
 import signal
@@ -54,11 +55,22 @@ def heat(page, live):
     live.wait(lambda: live.session.is_tracking and live.current_a > 0.1)  # a warm wire is heated to be held, too
 
 
+def drawn(page, *columns):
+    """Columns of the plots' data, as the browser has them at one moment."""
+    script = """columns => { for (const model of Bokeh.documents[0]._all_models.values())
+        if (model.type === "ColumnDataSource" && columns.every(column => model.data[column]))
+            return columns.map(column => Array.from(model.data[column])) }"""
+    return page.evaluate(script, columns)
+
+
 def newest(page, column):
-    """The last value of a column of the plots' data, as the browser has it."""
-    script = """column => { for (const model of Bokeh.documents[0]._all_models.values())
-        if (model.type === "ColumnDataSource" && model.data[column]) return Array.from(model.data[column]).at(-1) }"""
-    return page.evaluate(script, column)
+    return drawn(page, column)[0][-1]
+
+
+def errors(page):
+    """Each error that is drawn, by its time."""
+    pairs = zip(*drawn(page, "time_s", "error_percent"), strict=True)
+    return {time_s: percent for time_s, percent in pairs if math.isfinite(percent)}
 
 
 def test_everything_the_page_needs_comes_from_this_machine_and_the_plots_move(client, live):
@@ -175,6 +187,16 @@ def test_saving_writes_files_that_load_and_none_is_written_over(client, live):
     name(page, "../elsewhere")
     press(page, "Save")
     page.get_by_text("is no name for a file").wait_for()
+
+
+def test_a_page_opened_later_draws_the_same_errors(client, live):
+    page = client()
+    heat(page, live)
+    page.wait_for_timeout(2000)
+    late, early = errors(client(token=False)), errors(page)
+    both = late.keys() & early.keys()
+    assert len(both) > 20
+    assert {time_s: late[time_s] for time_s in both} == pytest.approx({time_s: early[time_s] for time_s in both})
 
 
 def test_a_second_client_watches_until_the_first_leaves(client, live):
