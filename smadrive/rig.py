@@ -15,6 +15,7 @@ from typing import Self
 
 from smadrive.clock import Clock
 from smadrive.control.controller import Controller
+from smadrive.control.faults import CLEAR
 from smadrive.control.feedforward import DisplacementInverse
 from smadrive.control.loop import ControlLoop, LoopFigures, Tick, ends_safe
 from smadrive.control.plausibility import IDENTIFIED, NOMINAL, PlausibleTemperature, Uncertainty
@@ -154,9 +155,7 @@ class Rig:
 
     def _run(self, controller: Controller, plausible: PlausibleTemperature, record: Record) -> LoopFigures:
         if self.latch.told is not None:
-            raise SafetyError(
-                f"refused to arm: the last run tripped: {self.latch.told}; then smadrive off RIG --clear-faults"
-            )
+            raise SafetyError(f"refused to arm: the last run tripped: {self.latch.told}. {CLEAR}")
         self._check_rate()
         limits = self.config.limits
         guarded = SafetyLimits(

@@ -69,6 +69,10 @@ class Fault(Enum):
         self.remedy = remedy
 
 
+CLEAR = "Clear it once its cause is gone: `smadrive off RIG --clear-faults`, or Clear faults on the tuning page"
+"""What to do about a latched fault."""
+
+
 @dataclass(frozen=True, slots=True)
 class Trip:
     """A latched fault with the value that raised it."""

@@ -10,7 +10,7 @@ from collections import deque
 from dataclasses import dataclass, field
 from math import inf, isfinite
 
-from smadrive.control.faults import Fault, Trip
+from smadrive.control.faults import CLEAR, Fault, Trip
 from smadrive.control.plausibility import FROZEN_C, PlausibleTemperature
 from smadrive.errors import SafetyError
 from smadrive.measurement import Measurement
@@ -119,10 +119,7 @@ class Supervisor:
         """
         if measurement.device_faults:
             latched = ", ".join(measurement.device_faults)
-            raise SafetyError(
-                f"refused to arm: latched on the device: {latched}; "
-                "remove the cause, then smadrive off RIG --clear-faults"
-            )
+            raise SafetyError(f"refused to arm: latched on the device: {latched}. {CLEAR}")
         if measurement.temperature_fault or not isfinite(measurement.temperature_c):
             reason = measurement.temperature_fault or "no reading"
             raise SafetyError(f"refused to arm: thermocouple: {reason}; {Fault.SENSOR_INVALID.remedy}")

@@ -71,8 +71,9 @@ def _cure(port: str, error: Exception) -> str:
     if code == errno.ENOENT:
         present = ", ".join(sorted(found.device for found in list_ports.comports())) or "none"
         return (
-            f"{port}: no such port; serial ports present: {present}: is the adapter plugged in? One that was replugged "
-            "may come back with another number: its name in /dev/serial/by-id stays"
+            f"{port}: no such port; serial ports present: {present}: is the adapter plugged in, or does firmware-sim "
+            "serve there (--pty)? A replugged adapter may come back with another number: its name in /dev/serial/by-id "
+            "stays"
         )
     if code in (errno.EACCES, errno.EPERM):
         group = _group_of(port)

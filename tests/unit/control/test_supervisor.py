@@ -102,7 +102,7 @@ def test_fault_numbers_are_unique():
 @pytest.mark.parametrize(
     ("measurement", "told"),
     [
-        (sample(device_faults=("watchdog",)), "latched on the device: watchdog; .*--clear-faults"),
+        (sample(device_faults=("watchdog",)), r"latched on the device: watchdog\. .*--clear-faults"),
         (sample(temperature_c=nan, temperature_fault="thermocouple_open"), "thermocouple_open"),
         (sample(temperature_c=130.0), r"130.0 °C, above temperature_max_c = 120"),
     ],
