@@ -66,7 +66,7 @@ def test_bad_input_is_one_clear_line(options, says):
 def probe(port, *options, cwd):
     """What `smadrive probe` says of the shipped rig, its board at this port."""
     rig = shipped_file("rigs", "simulated").read_text(encoding="utf-8")
-    rig = rig.replace("/tmp/smadrive-sim", str(port))  # noqa: S108
+    rig = rig.replace("/tmp/smadrive-sim?", f"{port}?latency_ms=2000&")  # noqa: S108  (on a busy machine, too)
     (cwd / "rig.toml").write_text(rig, encoding="utf-8")
     command = [sys.executable, "-m", "smadrive", "probe", "rig.toml", *options, "--json"]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
