@@ -25,11 +25,11 @@ from smadrive.tuning.save import save_tuning
 
 HERE = Path(__file__).parent
 
-FRAME_MS = 250
+FRAME_MS = 300
 STATE_FRAMES = 2
 """The plane and the texts are drawn every so many frames: they are read, not watched move."""
 
-TIMING_FRAMES = 8
+TIMING_FRAMES = 7
 """The loop's punctuality is told anew every so many frames: every new text lays the page out anew."""
 
 _SPREAD = {"mu_heating": 15.0, "mu_cooling": 15.0}
