@@ -53,7 +53,6 @@ def main(
     wire, balance = load_wire_file(model_file(config, model))
     tuning = Tuning.of(wire, config.feedback, "as loaded")
     references = _references(reference or [], wire)
-    output.say(f"{config.name}: connecting, and starting the page")
     with (
         ParcelPair() as parcels,
         WorkshopProcess(parcels) as workshop,
