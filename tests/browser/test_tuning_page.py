@@ -192,7 +192,7 @@ def test_saving_writes_files_that_load_and_none_is_written_over(client, live):
 def test_a_page_opened_later_draws_the_same_errors(client, live):
     page = client()
     heat(page, live)
-    page.wait_for_timeout(2000)
+    live.wait(lambda: len(errors(page)) > 20)
     late, early = errors(client(token=False)), errors(page)
     both = late.keys() & early.keys()
     assert len(both) > 20
