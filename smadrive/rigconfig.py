@@ -6,7 +6,7 @@ from math import pi
 from pathlib import Path
 from typing import Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from smadrive.configfile import Section, load_config
 from smadrive.errors import ConfigError
@@ -91,7 +91,7 @@ class ExcitationConfig(Section):
 
 
 class FeedbackConfig(Section):
-    """How fast the temperature loop is; the gains follow from the heat balance.
+    """How fast the temperature loop is, three periods at the fastest if left out; the gains follow from the balance.
 
     `feedforward_share` of the feedforward's power is used: all of it, or less to see what the feedback does alone.
     `adapt` lets the tuning page's session adapt the rules to the measured displacement as soon as it is armed.
@@ -103,6 +103,9 @@ class FeedbackConfig(Section):
     feedforward_share: float = Field(default=1.0, ge=0, le=1.5)
     adapt: bool = False
 
+
+LOOP_PERIODS = 3.0
+"""A temperature loop that shall settle in fewer of its own periods overshoots where the wire heats at full current."""
 
 AMPLE = 20.0
 """A limit of so many times the current that holds the wire at temperature_max_c is taken for one in another unit."""
@@ -118,7 +121,16 @@ class RigConfig(Section):
     devices: tuple[DeviceConfig, ...] = Field(min_length=1)
     limits: LimitsConfig
     excitation: ExcitationConfig
-    feedback: FeedbackConfig = FeedbackConfig()
+    feedback: FeedbackConfig = Field(default=FeedbackConfig(), validate_default=True)
+
+    @field_validator("feedback")
+    @classmethod
+    def _no_faster_than_its_ticks(cls, feedback: FeedbackConfig, info: ValidationInfo) -> FeedbackConfig:
+        """Unless the file says how fast the loop is, a slow rig gets a slower one."""
+        if "rate_hz" not in info.data or "closed_loop_s" in feedback.model_fields_set:
+            return feedback
+        closed_loop_s = max(feedback.closed_loop_s, LOOP_PERIODS / info.data["rate_hz"])
+        return feedback.model_copy(update={"closed_loop_s": closed_loop_s})
 
     @model_validator(mode="after")
     def _agree(self) -> Self:

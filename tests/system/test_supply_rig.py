@@ -99,23 +99,27 @@ def test_what_is_measured_belongs_to_the_command_before(bench):
         assert (after.commanded_a, after.current_a) == pytest.approx((0.1, 0.1), abs=0.002)
 
 
-def test_its_wire_is_identified_and_tracked(tmp_path):
+def test_its_wire_is_identified_and_tracked_from_cold(tmp_path):
     path, run = tmp_path / "excitation.h5", tmp_path / "run.h5"
-    with Rig(rig_of(devices())) as rig:
+    bench_supply = load_rig("bench-supply").at("sim://flexinol-lt-0.15mm")
+    with Rig(bench_supply) as rig:
         excitation = rig.excitation(22.0)
         with record_excitation(path, rig, excitation) as recorder:
             rig.excite(excitation, recorder.tick)
-        log = read_log(path)
-        found = identify_wire(excitation_record(log), nominal_balance(log))
-        model, balance = found.hysteresis.model, found.thermal.balance
-        wire = load_sim("flexinol-lt-0.15mm")
-        assert balance.thermocouple_lag_s == pytest.approx(wire.thermocouple.lag_s, abs=0.05)
-        assert balance.heat_capacity_j_per_k == pytest.approx(wire.wire.heat_capacity_j_per_k, rel=0.05)
-        reference = sine(low_mm=2.0, high_mm=9.0, period_s=56.0, cycles=1.5).with_approach(travel_mm(model)[0], 10.0)
-        experiment = (reference, model, balance, HysteresisInverse(model))
-        with record_tracking(run, rig, *experiment) as recorder:
-            loop = rig.track(*experiment, recorder.tick)
-    assert tracking_figures(read_log(run), loop).rms_percent < 0.5
+    log = read_log(path)
+    found = identify_wire(excitation_record(log), nominal_balance(log))
+    model, balance = found.hysteresis.model, found.thermal.balance
+    wire = load_sim("flexinol-lt-0.15mm")
+    assert balance.thermocouple_lag_s == pytest.approx(wire.thermocouple.lag_s, abs=0.05)
+    assert balance.heat_capacity_j_per_k == pytest.approx(wire.wire.heat_capacity_j_per_k, rel=0.05)
+    reference = sine(low_mm=2.0, high_mm=9.0, period_s=80.0, cycles=1.5).with_approach(travel_mm(model)[0], 10.0)
+    experiment = (reference, model, balance, HysteresisInverse(model))
+    with Rig(bench_supply) as rig, record_tracking(run, rig, *experiment) as recorder:
+        loop = rig.track(*experiment, recorder.tick)
+    tracked = read_log(run)
+    assert tracking_figures(tracked, loop).rms_percent < 0.5
+    ahead_mm = tracked.column("displacement_mm") - tracked.column("reference_mm")
+    assert ahead_mm[tracked.column("time_s") < 10.0].max() < 0.5
 
 
 def test_a_knob_that_somebody_turned_is_an_error(bench):
