@@ -1,9 +1,9 @@
-"""Hours of hard but healthy running in virtual time: python tests/benchmarks/soak.py --hours 24
+"""Hours of hard but healthy running in virtual time: python tests/benchmarks/soak.py [--hours 24] [--rig in-process]
 
 One wire drawn at random is excited, identified and then tracked without a pause, with sines of three periods in turn,
-every tick through the full register codec and into a log. A line for every simulated hour: the tracking error, lost
-exchanges, trips, and the memory of the process. Nothing may grow, nothing be missed, and the last hour must look like
-the first within noise.
+every tick through the full register codec of the rig's devices and into a log. A line for every simulated hour: the
+tracking error, lost exchanges, trips, and the memory of the process. Nothing may grow, nothing be missed, and the last
+hour must look like the first within noise.
 """
 
 from __future__ import annotations
@@ -55,17 +55,18 @@ def main() -> None:
     """Run and print a line for every hour."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--hours", type=float, default=24.0)
+    parser.add_argument("--rig", default="in-process", help="whose devices, limits and rate are taken")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
-    config = load_rig("in-process")
+    config = load_rig(arguments.rig)
     bench = SimulatedBench(draw(load_sim("flexinol-lt-0.15mm"), arguments.seed), arguments.seed)
     clock = VirtualClock()
     clock.follow(bench.advance_to)
-    board = bench.attach(load_profile("sma-reference"))
-    with (
-        tempfile.TemporaryDirectory() as folder,
-        Rig(config, transports={"board": board.transport(clock)}) as rig,
-    ):
+    transports = {
+        device.name: bench.attach(load_profile(device.profile), name=device.name).transport(clock)
+        for device in config.devices
+    }
+    with tempfile.TemporaryDirectory() as folder, Rig(config, transports=transports) as rig:
         path = Path(folder)
         excitation = rig.excitation(rig.heater.exchange(0.0).temperature_c)
         with record_excitation(path / "excitation.h5", rig, excitation) as recorder:
