@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smadrive.errors import ConfigError, DataError
+from smadrive.polyline import Polyline
 
 Array = NDArray[np.float64]
 
@@ -74,18 +75,11 @@ class Reference:
 
     def value_mm(self, time_s: float) -> float:
         """Wanted displacement at `time_s`; the ends are held."""
-        in_table_s = time_s - self._begun_s(time_s)
-        times_s, values_mm = self._table
-        if not times_s[0] < in_table_s < times_s[-1]:
-            return values_mm[0] if in_table_s <= times_s[0] else values_mm[-1]
-        at = bisect_right(times_s, in_table_s) - 1
-        slope = (values_mm[at + 1] - values_mm[at]) / (times_s[at + 1] - times_s[at])
-        return slope * (in_table_s - times_s[at]) + values_mm[at]
+        return self._table.at(time_s - self._begun_s(time_s))
 
     @cached_property
-    def _table(self) -> tuple[list[float], list[float]]:
-        """Times and values as plain floats: one value at a time is looked up there in a fifth of numpy's time."""
-        return self.times_s.tolist(), self.displacement_mm.tolist()
+    def _table(self) -> Polyline:
+        return Polyline(self.times_s.tolist(), self.displacement_mm.tolist())
 
     @cached_property
     def _turns(self) -> tuple[list[float], list[float]]:

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
+from smadrive.polyline import Polyline
 from smadrive.thermal import HeatBalance
 
 SPARE = 1.15
@@ -64,7 +65,11 @@ class Excitation:
 
     def temperature_c(self, time_s: float) -> float:
         """The wanted temperature at `time_s` after the start; the last turning point afterwards."""
-        return float(np.interp(time_s, self.times_s, self.turning_points_c))
+        return self._path_c.at(time_s)
+
+    @cached_property
+    def _path_c(self) -> Polyline:
+        return Polyline(self.times_s.tolist(), self.turning_points_c)
 
 
 def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a: float, found: Measurement) -> None:
