@@ -174,7 +174,7 @@ class RegisterBank:
 
 def _words_for(cell: Cell, value: Quantity, context: Context) -> tuple[int, ...]:
     """No reading as the sentinel that says "open" (or the first), a state by its number or its bit."""
-    if isinstance(value, int | float):
+    if isinstance(value, (int, float)):
         return cell.codec.saturated(value, context)
     register = cell.register
     if value is None:

@@ -56,13 +56,14 @@ class Codec:
         self._enum, self._bits = enum, bits
         self._sentinels = {self.pattern(pattern): reason for pattern, reason in invalid.items()}
         self._has_states = bool(enum or bits)
-        self._is_plain = not (self._sentinels or self._has_states or valid != (None, None) or kind in bus.NOT_A_NUMBER)
+        self._is_plain = not (self._has_states or valid != (None, None) or kind in bus.NOT_A_NUMBER)
+        """Every pattern that is no sentinel is a number, and every number a value."""
         self._state = lru_cache(STATES)(lambda words: self._decoded(words, ALONE))
 
     def decode(self, words: Sequence[int], context: Context = ALONE) -> Reading:
         """The reading in `words`, as they come from the bus."""
         if context is ALONE:
-            if self._is_plain:
+            if self._is_plain and not (self._sentinels and tuple(words) in self._sentinels):
                 raw = self._unpack(words)
                 return Reading(raw, raw * self._scale + self._offset)
             if self._has_states:
