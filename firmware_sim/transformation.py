@@ -78,7 +78,7 @@ class LoadedTransformation:
     def slope(self, *, rising: bool) -> float:
         """dξ/dT now, upward or downward."""
         shift = self._heating if rising else self._cooling
-        v = self._temperature_c - shift.of(self.phase)
+        v = self._temperature_c - (shift.at_rest_k + shift.per_phase_k * self.phase)
         slope = self._hysteresis.slope(self._state, v, rising)
         return slope / (1.0 + shift.per_phase_k * slope)
 
@@ -86,7 +86,7 @@ class LoadedTransformation:
         """Let the temperature move there, monotonically."""
         rising = temperature_c > self._temperature_c
         shift = self._heating if rising else self._cooling
-        v0 = self._temperature_c - shift.of(self.phase)
+        v0 = self._temperature_c - (shift.at_rest_k + shift.per_phase_k * self.phase)
         self._state = (
             self._pulled(shift, v0, temperature_c)
             if shift.per_phase_k
@@ -101,7 +101,7 @@ class LoadedTransformation:
         bounds = sorted((v0, v0 + temperature_c - self._temperature_c))
         v, state, phase = v0, self._state, self.phase
         for _ in range(MOST_STEPS):
-            short_k = temperature_c - shift.of(phase) - v
+            short_k = temperature_c - (shift.at_rest_k + shift.per_phase_k * phase) - v
             if abs(short_k) < CLOSE_K:
                 break
             bounds[short_k < 0] = v
@@ -122,9 +122,6 @@ class _Shift(NamedTuple):
 
     at_rest_k: float
     per_phase_k: float
-
-    def of(self, phase: float) -> float:
-        return self.at_rest_k + self.per_phase_k * phase
 
 
 def _shifts(bias: Bias, stroke_mm: float) -> tuple[_Shift, _Shift]:

@@ -167,8 +167,8 @@ class Supervisor:
         self._commands.append((measurement.time_s, measurement.commanded_a))
         while self._commands[0][0] < measurement.time_s - self._limits.settle_s:
             self._commands.popleft()
-        least_a = min(command for _, command in self._commands)
-        most_a = max(command for _, command in self._commands)
+        commanded_a = [command_a for _, command_a in self._commands]
+        least_a, most_a = min(commanded_a), max(commanded_a)
         lacking = measured_a < least_a - tolerance_a and not _is_excused(measurement, least_a)
         if self._mismatch.update(not isfinite(measured_a) or measured_a > most_a + tolerance_a or lacking):
             fault = Fault.CURRENT_MISMATCH if most_a > 0 else Fault.UNEXPECTED_HEATING
