@@ -135,9 +135,9 @@ class HeaterBoard:
         counter = int(readings["sample_counter"].raw)
         if counter != self._counter:
             self._counter, self._counter_since_s = counter, now_s
-        named = [fault for fault in readings["faults"].words if fault.startswith(("thermocouple", "cold_junction"))]
         invalid = readings["temperature"].invalid
         if invalid is not None:
+            named = [fault for fault in readings["faults"].words if fault.startswith(("thermocouple", "cold_junction"))]
             return ", ".join(named) or invalid
         stale_s = now_s - self._counter_since_s
         return f"no new conversion for {stale_s:.2f} s" if stale_s > STALE_S else None

@@ -1,9 +1,12 @@
-"""How fast a simulated bench runs ahead of real time: python tests/benchmarks/virtual_time.py --minutes 10
+"""How fast a simulated bench runs ahead of real time: taskset -c 0 python tests/benchmarks/virtual_time.py --minutes 10
 
 The shipped in-process rig at 20 Hz, in virtual time: plant, sensors, firmware, every register of every exchange through
 frames and codec, supervisor, controller, log. Once exciting, once tracking a sine with the inverse of the wire that the
 excitation identified. Processor time, the best of the rounds; every round has the same seed, so its log must be the
 same to the last bit. Function calls a tick are counted in a run of their own.
+
+On one core (`taskset`): with more, the threads of scipy's LAPACK wait for each other while the observer's gains are
+solved, a tenth of a second of processor time that belongs to no tick.
 """
 
 from __future__ import annotations
