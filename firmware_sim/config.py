@@ -8,7 +8,8 @@ from typing import Literal
 from pydantic import Field, model_validator
 
 from smadrive.configfile import Section, load_config
-from smadrive.shipped import shipped_file
+from smadrive.filekind import SIM
+from smadrive.shipped import config_file
 
 
 class Wire(Section):
@@ -148,5 +149,4 @@ class SimConfig(Section):
 
 def load_sim(name_or_path: str | Path) -> SimConfig:
     """The simulated rig at a path (`*.toml`), or the shipped one of that name; ConfigError names file, key and cure."""
-    path = Path(name_or_path)
-    return load_config(path if path.suffix == ".toml" else shipped_file("sims", str(name_or_path)), SimConfig)
+    return load_config(config_file(name_or_path, SIM), SimConfig)

@@ -24,8 +24,10 @@ from typing import Any, NamedTuple, get_type_hints
 
 from pydantic import ConfigDict, Field, create_model
 
-from smadrive.configfile import Section, load_config, nearest, validate
+from smadrive.configfile import Section, load_config, validate
 from smadrive.errors import ConfigError
+from smadrive.filekind import FAULTS, check_kind
+from smadrive.nearest import nearest
 
 Fault = Callable[..., None]
 _ROUNDING_S = 1e-9
@@ -80,6 +82,7 @@ class Timeline:
 
 def load_script(path: Path) -> FaultScript:
     """The file at `path`; ConfigError names file, key and cure."""
+    check_kind(path, FAULTS)
     return load_config(path, FaultScript)
 
 

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import difflib
 import tomllib
-from collections.abc import Iterable
 from pathlib import Path
 from types import NoneType
 from typing import Any, TypeVar
@@ -12,6 +10,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from smadrive.errors import ConfigError
+from smadrive.nearest import nearest
 
 
 class Section(BaseModel):
@@ -60,7 +59,10 @@ def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT
     except ValidationError as error:
         problems = [dict(problem) for problem in error.errors()]
         told = [problem for problem in problems if problem["type"] == "extra_forbidden"] or problems[:1]
-        complaints = "; ".join(f"{_place(problem)}: {_complaint(problem, kind)}" for problem in told)
+        places: dict[str, list[str]] = {}
+        for problem in told:
+            places.setdefault(_complaint(problem, kind), []).append(_place(problem))
+        complaints = "; ".join(f"{', '.join(where)}: {complaint}" for complaint, where in places.items())
         more = f" (and {len(problems) - len(told)} more)" if len(problems) > len(told) else ""
         raise ConfigError(f"{where}: {complaints}{more}") from None
 
@@ -77,13 +79,6 @@ def _complaint(problem: dict[str, Any], kind: type[BaseModel]) -> str:
     message = str(problem["msg"]).removeprefix("Value error, ")
     value = problem["input"]
     return message if isinstance(value, dict) else f"{message} (it is {value!r})"
-
-
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The tail of a message about an unknown `name`: the nearest known one, or all of them."""
-    names = sorted(known)
-    close = difflib.get_close_matches(name, names, n=1)
-    return f"; did you mean '{close[0]}'?" if close else f"; known are: {', '.join(names)}"
 
 
 def _known_keys(kind: type[BaseModel], path: tuple[Any, ...]) -> set[str]:

@@ -10,7 +10,8 @@ from pydantic import Field, ValidationInfo, field_validator, model_validator
 
 from smadrive.configfile import Section, load_config
 from smadrive.errors import ConfigError
-from smadrive.shipped import shipped_file
+from smadrive.filekind import RIG, WIRE
+from smadrive.shipped import config_file
 from smadrive.thermal import HeatBalance
 
 
@@ -185,14 +186,9 @@ def load_rig(name: str) -> RigConfig:
 
 def rig_file(name: str) -> Path:
     """Where that rig file is."""
-    return _file("rigs", name)
+    return config_file(name, RIG)
 
 
 def load_wire(name: str) -> WireConfig:
     """The wire file at the path `name`, or the shipped wire of that name."""
-    return load_config(_file("wires", name), WireConfig)
-
-
-def _file(kind: str, name: str) -> Path:
-    path = Path(name)
-    return path if path.suffix == ".toml" else shipped_file(kind, name)
+    return load_config(config_file(name, WIRE), WireConfig)

@@ -20,7 +20,7 @@ from smadrive.controllers import tracking_settings
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import Measurement
-from smadrive.outfile import LOG, check_output
+from smadrive.outfile import LOG, TABLE, check_output
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
 from smadrive.runfigures import TrackingFigures, tracking_figures
@@ -100,8 +100,9 @@ def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> floa
 
 def read_reference(text: str) -> Reference:
     """The reference of a CSV file, or of a one-line form."""
-    if Path(text).suffix.lower() == ".csv":
-        table = read_table(Path(text))
+    path = Path(text)
+    if TABLE.names(path) or path.is_file():
+        table = read_table(path)
         return Reference.from_samples(table.column("time_s"), table.column("displacement_mm"))
     return parse_reference(text)
 

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smadrive.errors import ConfigError, DataError
+from smadrive.nearest import nearest
 from smadrive.polyline import Polyline
 
 Array = NDArray[np.float64]
@@ -159,7 +160,7 @@ def parse_reference(spec: str) -> Reference:
     shape, _, arguments = spec.partition(":")
     make = SHAPES.get(shape)
     if make is None:
-        raise ConfigError(f"reference '{spec}': no shape '{shape}'; there are: {', '.join(SHAPES)}, or a CSV file")
+        raise ConfigError(f"reference '{spec}': '{shape}' is neither a shape nor a CSV file{nearest(shape, SHAPES)}")
     try:
         return make(**{key.strip(): float(value) for key, value in _pairs(arguments)})
     except ValueError as error:

@@ -5,11 +5,11 @@ from __future__ import annotations
 from collections.abc import Mapping
 from itertools import pairwise
 
-from smadrive.configfile import nearest
 from smadrive.device.functions import read_function, write_function
 from smadrive.device.registers import Register
 from smadrive.device.sections import Forbidden, SafeWrite, Timing, WriteOrder
 from smadrive.errors import ConfigError
+from smadrive.nearest import nearest
 
 Registers = Mapping[str, Register]
 

@@ -10,9 +10,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from smadrive.configfile import nearest
 from smadrive.device.readings import ALONE, Context, Reading
 from smadrive.device.registers import Register
+from smadrive.nearest import nearest
 
 CELSIUS, FAHRENHEIT = "degC", "degF"
 

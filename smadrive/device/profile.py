@@ -11,7 +11,7 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, field_validator, model_validator
 
-from smadrive.configfile import Section, load_config, nearest
+from smadrive.configfile import Section, load_config
 from smadrive.device import checks
 from smadrive.device.companions import check_companions
 from smadrive.device.registers import Register
@@ -31,9 +31,11 @@ from smadrive.device.sections import (
 from smadrive.device.variants import applied, expanded, refuse_ambiguity
 from smadrive.device.vectors import check_vector
 from smadrive.errors import ConfigError
+from smadrive.filekind import PROFILE
 from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.transport import SerialSettings
-from smadrive.shipped import shipped_file
+from smadrive.nearest import nearest
+from smadrive.shipped import config_file
 
 
 class Profile(Section):
@@ -189,8 +191,7 @@ def load_profile(name_or_path: str | Path) -> Profile:
     `NAME:REGISTER=RAW` is the model of a family that holds these raw values, as in `riden-rd60xx:model_id=60120`.
     """
     name, _, choice = str(name_or_path).partition(":")
-    path = Path(name)
-    profile = load_config(path if path.suffix == ".toml" else shipped_file("devices", name), Profile)
+    profile = load_config(config_file(name, PROFILE), Profile)
     return profile.chosen(choice) if choice else profile
 
 

@@ -10,9 +10,9 @@ from itertools import combinations
 
 from pydantic import ValidationError
 
-from smadrive.configfile import nearest
 from smadrive.device.registers import Register
 from smadrive.device.sections import Variant
+from smadrive.nearest import nearest
 
 
 def expanded(registers: Mapping[str, Register]) -> dict[str, Register]:

@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from smadrive.errors import CertificateError, ModelError
+from smadrive.filekind import MODEL, check_kind
 from smadrive.hysteresis.duhem import DuhemModel
 from smadrive.hysteresis.fuzzy import FuzzySets, GaussianSets, TrapezoidSets, TriangularSets
 from smadrive.hysteresis.mixture import GaussianMixture
@@ -39,6 +40,7 @@ def save_model(
 
 def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
     """Read a model. Raises ModelError for a file that is none, CertificateError for rules that are not certified."""
+    check_kind(Path(path), MODEL)
     try:
         text = Path(path).read_text(encoding="utf-8")
     except OSError as error:
@@ -71,7 +73,8 @@ def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> Du
     try:
         fields = _Fields(place, json.loads(text))
     except ValueError as error:
-        raise ModelError(f"{place}: not a JSON file: {error}; {CURE}") from error
+        damage = f": {error}" if text.lstrip().startswith(("{", "[")) else ""
+        raise ModelError(f"{place}: not a JSON file{damage}; {CURE}") from error
     if fields.value("schema") != SCHEMA_VERSION:
         raise ModelError(
             f"{place}: schema is {fields.value('schema')!r}; this version reads {SCHEMA_VERSION}; identify again"

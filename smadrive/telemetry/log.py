@@ -16,8 +16,9 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from smadrive.configfile import nearest
 from smadrive.errors import DataError
+from smadrive.filekind import LOG, check_kind
+from smadrive.nearest import nearest
 
 Array = NDArray[np.float64]
 
@@ -73,11 +74,13 @@ def read_log(path: Path) -> Log:
     """The log at `path`; DataError when it is missing or no log."""
     if not path.is_file():
         raise DataError(f"{path}: no such file")
+    check_kind(path, LOG)
     try:
         with h5py.File(path, "r", locking=False) as file:
             return _read(path, file["entry"])
     except (OSError, KeyError, RuntimeError) as error:
-        raise DataError(f"{path}: not a readable log of smadrive ({error})") from None
+        damage = f" ({error})" if h5py.is_hdf5(path) else ""
+        raise DataError(f"{path}: not a readable log of smadrive{damage}: {LOG.cure}") from None
 
 
 def _read(path: Path, entry: h5py.Group) -> Log:

@@ -13,8 +13,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from smadrive.configfile import nearest
 from smadrive.errors import DataError
+from smadrive.filekind import TABLE, check_kind
+from smadrive.nearest import nearest
 from smadrive.outfile import replacing
 
 Array = NDArray[np.float64]
@@ -49,6 +50,7 @@ class Table:
 
 def read_table(path: Path) -> Table:
     """The CSV file at `path`. DataError when it is missing, empty, without header, or ragged."""
+    check_kind(path, TABLE)
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
             rows = list(csv.reader(file, strict=True))

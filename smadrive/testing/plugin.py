@@ -20,9 +20,9 @@ import pytest
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
-from smadrive.configfile import nearest
 from smadrive.device.profile import load_profile
 from smadrive.errors import ConfigError
+from smadrive.nearest import nearest
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 

@@ -129,6 +129,11 @@ ANY_SINE = "sine:low_mm=2,high_mm=9,period_s=56"
 FAR = "sine:low_mm=2,high_mm=30,period_s=56"
 FAST = "trapezoid:low_mm=0.01,high_mm=0.03,rise_s=0.5"
 RUN = ("run", "in-process", "-o", "l.h5")
+WIRE, BOARD, SIM = (
+    CONFIGS / f"{name}.toml"
+    for name in ("wires/flexinol-lt-0.15mm", "devices/sma-reference", "sims/flexinol-lt-0.15mm")
+)
+A_RIG = "give such a .toml file, or the name of a shipped one: bench-supply, in-process, simulated, tclab\n"
 STRAIN = ("--output", "strain", "-o", "m.json")
 WRONG = [
     # what is wrong, the command, exit code, what the line says
@@ -138,7 +143,7 @@ WRONG = [
     ("nan in a cell", ("identify", "nan.csv", *STRAIN), 2, "line 3, column 'strain': 'nan'"),
     ("constant input", ("identify", "flat.csv", *STRAIN), 5, "constant"),
     ("no such model", ("simulate", "absent.json", "wire.csv", "-o", "o.csv"), 2, "absent.json"),
-    ("a model that is none", ("simulate", "wire.csv", "wire.csv", "-o", "o.csv"), 2, "not a JSON file"),
+    ("a model that is none", ("simulate", "text.md", "wire.csv", "-o", "o.csv"), 2, "text.md: not a JSON file; give"),
     ("unwritable model", ("identify", "wire.csv", "--output", "strain", "-o", "no/m.json"), 2, "no/m.json"),
     ("unknown rig", ("probe", "nosuch"), 2, "'nosuch' is neither a .toml file nor one of the shipped rigs"),
     ("missing rig", ("probe", "absent.toml"), 2, "absent.toml: no such file"),
@@ -147,7 +152,14 @@ WRONG = [
     ("milliamperes", ("probe", "milli.toml"), 2, "current_max_a = 600 is no limit for 'flexinol"),
     ("a wire in metres", ("probe", "metres.toml"), 2, "diameter_mm: Input should be greater than or equal to 0.01"),
     ("a number in quotes", ("probe", "quoted.toml"), 2, "limits: current_max_a = '0.6': put a number there, without"),
-    ("a model that is a log", (*RUN, "--model", "kept.h5", "--reference", ANY_SINE), 2, "kept.h5: not a JSON file"),
+    ("a model that is a log", (*RUN, "--model", "kept.h5", "--reference", ANY_SINE), 2, "kept.h5: is a log, and a mod"),
+    ("a model that is a rig", (*RUN, "--model", "rig.toml", "--reference", ANY_SINE), 2, "rig.toml: is a rig file, a"),
+    ("a reference that is a log", (*RUN, "--model", "loop.json", "--reference", "kept.h5"), 2, "is a log, and a table"),
+    ("a rig that is a wire", ("probe", WIRE), 2, f"is a wire file, and a rig file is wanted here: {A_RIG}"),
+    ("a rig that is a model", ("probe", "loop.json"), 2, "loop.json: is a model file, and a rig file is wanted here"),
+    ("a wire's name for a rig", ("probe", "flexinol-lt-0.15mm"), 2, "it is the name of a wire file and a simulat"),
+    ("a misspelt rig", ("probe", "simulatd"), 2, "simulated, tclab; did you mean 'simulated'?"),
+    ("a log that is a model", ("report", "loop.json"), 2, "loop.json: is a model file, and a log is wanted"),
     ("a model that is absent", (*RUN, "--model", "no.json", "--reference", ANY_SINE), 2, "no.json: cannot be read: No"),
     ("unknown wire", ("probe", "wire.toml"), 2, "'nitinol' is neither a .toml file nor one of the shipped wires"),
     ("no device there", ("probe", "port.toml"), 3, "/dev/ttyNONE: no such port"),
@@ -169,7 +181,7 @@ WRONG = [
     ("tuning in virtual time", ("tune", "in-process", "--model", "loop.json"), 2, "on sim:// time is virtual"),
     ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
     ("no log to replay", ("replay", "absent.h5"), 2, "absent.h5: no such file"),
-    ("a log that is none", ("replay", "wire.csv"), 2, "wire.csv: not a readable log"),
+    ("a log that is none", ("replay", "wire.csv"), 2, "wire.csv: is a table (CSV), and a log is wanted here"),
     ("unknown option", ("probe", "in-process", "--nosuch"), 2, "No such option"),
     ("no command", ("prob",), 2, "No such command"),
 ]  # fmt: skip
@@ -187,6 +199,8 @@ def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(dat
     wire = (CONFIGS / "wires" / "flexinol-lt-0.15mm.toml").read_text()
     (data / "metres-wire.toml").write_text(wire.replace("diameter_mm = 0.15", "diameter_mm = 0.15e-3"))
     (data / "limits.toml").write_text(rig_text("temperature_max_c = 135.0", "temperature_max_c = 110.0"))
+    (data / "rig.toml").write_text((CONFIGS / "rigs" / "simulated.toml").read_text())
+    (data / "text.md").write_text("# Notes\n\nNo, nothing.\n")
     (data / "wire.toml").write_text(rig_text('"flexinol-lt-0.15mm"', '"nitinol"'))
     (data / "port.toml").write_text(rig_text("/tmp/smadrive-sim", "/dev/ttyNONE"))  # noqa: S108
     (data / "other.toml").write_text(
@@ -197,7 +211,7 @@ def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(dat
     board = (CONFIGS / "devices" / "sma-reference.toml").read_text()
     (data / "board.toml").write_text(board.replace("[[0x534D, 0x534D]]", "[[7, 7]]"))
     (data / "folder.json").mkdir()
-    (data / "kept.h5").write_bytes(b"\x89HDF\r\n, a record")
+    (data / "kept.h5").write_bytes(b"\x89HDF\r\n\x1a\n, a record")
     (data / "link.html").symlink_to(data / "kept.h5")
     save_model(LOOP, data / "loop.json")
     before = contents(data)

@@ -10,12 +10,13 @@ from served import COMMAND, SIM, served
 from smadrive.device.device import Device
 from smadrive.device.profile import load_profile
 from smadrive.errors import DeadlineError
+from smadrive.filekind import RIG
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
 from smadrive.modbus.trace import TraceFile
-from smadrive.shipped import shipped_file
+from smadrive.shipped import config_file
 
 PROFILE = load_profile("sma-reference")
 NAMES = ("serial_number", "temperature", "sample_counter", "watchdog_s", "uptime")
@@ -65,7 +66,7 @@ def test_bad_input_is_one_clear_line(options, says):
 
 def probe(port, *options, cwd):
     """What `smadrive probe` says of the shipped rig, its board at this port."""
-    rig = shipped_file("rigs", "simulated").read_text(encoding="utf-8")
+    rig = config_file("simulated", RIG).read_text(encoding="utf-8")
     rig = rig.replace("/tmp/smadrive-sim?", f"{port}?latency_ms=2000&")  # noqa: S108  (on a busy machine, too)
     (cwd / "rig.toml").write_text(rig, encoding="utf-8")
     command = [sys.executable, "-m", "smadrive", "probe", "rig.toml", *options, "--json"]

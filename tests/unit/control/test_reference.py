@@ -60,7 +60,8 @@ def test_the_approach_is_smooth_and_not_scored():
 @pytest.mark.parametrize(
     ("spec", "told"),
     [
-        ("sinus:low_mm=1", "no shape 'sinus'; there are: sine, triangle, trapezoid, steps, staircase, chirp"),
+        ("sinus:low_mm=1", "'sinus' is neither a shape nor a CSV file; did you mean 'sine'?"),
+        ("square", "neither a shape nor a CSV file; known are: chirp, sine, staircase, steps, trapezoid, triangle"),
         ("sine:low=1,high=2,period_s=3", "keys of 'sine' are low_mm=, high_mm=, period_s=, cycles="),
         ("sine:low_mm=1,high_mm=2", "keys of 'sine'"),
         ("sine:low_mm=one,high_mm=2,period_s=3", "could not convert"),

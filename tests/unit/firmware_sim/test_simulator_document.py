@@ -10,7 +10,8 @@ from firmware_sim.device import Line
 from firmware_sim.timeline import load_script
 from smadrive.configfile import read_toml, validate
 from smadrive.device.profile import load_profile
-from smadrive.shipped import shipped_file
+from smadrive.filekind import SIM
+from smadrive.shipped import config_file
 
 PAGE = (Path(__file__).parents[3] / "docs" / "simulator.md").read_text(encoding="utf-8")
 
@@ -30,7 +31,7 @@ def test_the_example_can_be_played(rig, tmp_path):
 
 def test_the_bench_of_several_devices_is_one_that_loads():
     tables = tomllib.loads(re.search(r"```toml\n(\[\[devices.*?)```", PAGE, re.DOTALL)[1])
-    shipped = read_toml(shipped_file("sims", "flexinol-lt-0.15mm"))
+    shipped = read_toml(config_file("flexinol-lt-0.15mm", SIM))
     config = validate(shipped | tables, SimConfig, where="docs/simulator.md")
     bench = SimulatedBench(config)
     devices = [bench.attach(load_profile(placed.profile), placed.unit_id, placed.name) for placed in config.devices]

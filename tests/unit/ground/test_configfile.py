@@ -34,6 +34,7 @@ def test_a_valid_file_loads_and_is_immutable(tmp_path):
         ('nme = "x"\nparts = []', r"rig.toml: nme: unknown key; did you mean 'name'\? \(and 1 more\)"),
         ('name = "x"\nparts = []\nprats = 1', "prats: unknown key; did you mean 'parts'?"),
         ('name = "x"\n[[parts]]\ncurent_max_a = 1.0\ncurrent_max_a = 1.0', "did you mean 'current_max_a'"),
+        ('one = 1\nname = "x"\nparts = []\n[two]', "one, two: unknown key; known are: name, parts$"),
         ('nme = "x"\nprats = 1', "nme: unknown key; did you mean 'name'.; prats: unknown key; did you mean 'parts'."),
         ('name = "x"\n[[parts]]\ncurrent_max_a = "much"', "parts.0: current_max_a = 'much': put a number there"),
         (

@@ -111,7 +111,7 @@ def test_what_cannot_be_read_or_written_is_named(tmp_path):
     with pytest.raises(DataError, match="no such file"):
         read_log(tmp_path / "absent.h5")
     (tmp_path / "text.h5").write_text("time_s,temperature_c")
-    with pytest.raises(DataError, match="not a readable log"):
+    with pytest.raises(DataError, match="not a readable log of smadrive: give one"):
         read_log(tmp_path / "text.h5")
     h5py.File(tmp_path / "foreign.h5", "w").close()
     with pytest.raises(DataError, match="not a readable log"):

@@ -79,7 +79,7 @@ def test_a_change_is_in_force_at_once_and_makes_no_jump(bench):
         ("feedback", {"key": "closed_loop_s", "value": 0.0}, "greater than 0"),
         ("rule", {"index": 0, "direction": 1, "a": -1.0, "b": 0.5}, "no rules"),
         ("track", {"reference": "sine:low_mm=0,high_mm=20,period_s=10"}, "reaches from"),
-        ("track", {"reference": "square"}, "no shape"),
+        ("track", {"reference": "square"}, "neither a shape nor a CSV file"),
         ("undo", {}, "nothing to undo"),
         ("recall", {"slot": "A"}, "slot A is empty"),
         ("compare", {"on": True}, "slot A is empty"),

@@ -1,0 +1,110 @@
+"""What kind of file lies there: one that is given in place of another is called by what it is.
+
+A TOML file is known by keys that every file of its kind has and none of another kind, a model by those of its JSON,
+the rest by how they begin. A file that shows none of this, or that is damaged there, is of no known kind: whoever reads
+it says what is wrong with it.
+"""
+
+from __future__ import annotations
+
+import csv
+import json
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from smadrive.errors import ConfigError, DataError, ModelError
+
+HEAD_BYTES = 1 << 20
+"""Of a file so much is looked at; every config and every model is smaller."""
+
+HDF5 = b"\x89HDF\r\n\x1a\n"
+
+
+@dataclass(frozen=True)
+class FileKind:
+    """A kind of file: how messages call it, where to get one, what its reader raises.
+
+    `marks` are the keys that it is known by; `folder`, below `configs`, holds the shipped ones.
+    """
+
+    what: str
+    cure: str
+    error: type[ConfigError] = ConfigError
+    marks: frozenset[str] = frozenset()
+    folder: str = ""
+
+
+def _config(what: str, folder: str, *marks: str) -> FileKind:
+    return FileKind(what, "give such a .toml file", marks=frozenset(marks), folder=folder)
+
+
+RIG = _config("a rig file", "rigs", "limits", "excitation")
+WIRE = _config("a wire file", "wires", "diameter_mm", "length_mm")
+PROFILE = _config("a device profile", "devices", "profile", "roles")
+SIM = _config("a simulated device", "sims", "transformation", "thermocouple")
+FAULTS = _config("a script of faults", "", "faults")
+CONFIGS = (RIG, WIRE, PROFILE, SIM, FAULTS)
+
+MODEL = FileKind(
+    "a model file",
+    "give one (.json) that `smadrive identify` wrote",
+    ModelError,
+    marks=frozenset({"schema", "kind", "input_range"}),
+)
+LOG = FileKind("a log", "give one (.h5) that `excite`, `run` or `demo` wrote", DataError)
+TABLE = FileKind("a table (CSV)", "give a .csv with a header line", DataError)
+PAGE = FileKind("a page (HTML)", "give an .html file", DataError)
+
+
+def check_kind(path: Path, wanted: FileKind, cure: str = "") -> None:
+    """The error of `wanted` when the file is one of another kind, with its cure or the given one."""
+    found = _kind_of(path, wanted)
+    if found not in (None, wanted):
+        raise wanted.error(f"{path}: is {found.what}, and {wanted.what} is wanted here: {cure or wanted.cure}")
+
+
+def _kind_of(path: Path, wanted: FileKind) -> FileKind | None:
+    """The kind of the file, `wanted` before others; None when it is of none, or cannot be read."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(HEAD_BYTES)
+    except OSError:
+        return None
+    if head.startswith(HDF5):
+        return LOG
+    text = head.decode("utf-8", errors="replace").lstrip("\ufeff \t\r\n")
+    if text[:15].lower().startswith(("<!doctype html", "<html")):
+        return PAGE
+    if text.startswith("{"):
+        return _marked(_keys(json.loads, text), MODEL)
+    return _marked(_keys(tomllib.loads, text), wanted, *CONFIGS) or (TABLE if _is_table(text) else None)
+
+
+def _marked(keys: frozenset[str], *kinds: FileKind) -> FileKind | None:
+    return next((kind for kind in kinds if kind.marks and kind.marks <= keys), None)
+
+
+def _keys(parse: Any, text: str) -> frozenset[str]:
+    try:
+        return frozenset(parse(text))
+    except ValueError:
+        return frozenset()
+
+
+def _is_table(text: str) -> bool:
+    """A header line, and below it a line of as many cells with a number among them."""
+    try:
+        header, first = list(csv.reader(text.splitlines()[:2], strict=True))
+    except (ValueError, csv.Error):
+        return False
+    return len(header) == len(first) > 1 and any(map(_is_number, first))
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
