@@ -71,6 +71,8 @@ def main(
         start = WireState(measured.temperature_c, hysteresis.initial_state(measured.temperature_c, start_mm))
         rehearsed = rehearse(path, wire, HysteresisInverse(hysteresis), tracking_settings(config), start)
         rehearsed.check(config.limits.temperature_max_c, smooth=smooth)
+        for caveat in rehearsed.caveats:
+            output.say(f"beware: {caveat}")
         if not rehearsed.feasible:
             output.say(f"smoothed: {rehearsed}")
         experiment = rehearsed.nearest, hysteresis, wire.balance, HysteresisInverse(hysteresis)
@@ -88,7 +90,7 @@ def main(
     figures = tracking_figures(read_log(log_file), loop)
     output.table(HEADER, [table_row("tracking", figures)])
     output.say(f"log: {log_file}")
-    output.result(asdict(figures))
+    output.result({**asdict(figures), "caveats": list(rehearsed.caveats)})
 
 
 def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from smadrive.control.feedforward import DisplacementInverse
 from smadrive.control.reference import Reference
-from smadrive.control.tracking import TrackingController, TrackingSettings
+from smadrive.control.tracking import DISPLACEMENT_NOISE, TrackingController, TrackingSettings
 from smadrive.control.wire import WireModel, WireState
 from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
@@ -32,6 +32,9 @@ TOLERANCE = 0.02
 
 SUBSTEPS = 3
 """Steps of the wire per period of the loop."""
+
+VISIBLE = 6.0
+"""A reference that moves less than this many standard deviations of the displacement sensor is lost in its noise."""
 
 REASONS: dict[Limit, str] = {
     "cooling": "with no current at all the wire cools no faster",
@@ -57,7 +60,8 @@ class Feasibility:
 
     `nearest` is the reference that it can follow (the same one where it is feasible). At `at_s` it is `shortfall_mm`
     away from what was wanted, because of `limit`, wanted and reached rate there are `wanted_mm_per_s` and
-    `reached_mm_per_s`. `hottest_c` is the highest temperature that the run takes.
+    `reached_mm_per_s`. `hottest_c` is the highest temperature that the run takes, `span_mm` how far the reference moves
+    after its approach.
     """
 
     feasible: bool
@@ -69,6 +73,15 @@ class Feasibility:
     wanted_mm_per_s: float
     reached_mm_per_s: float
     hottest_c: float
+    span_mm: float
+
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """What lets doubt whether this reference is meant."""
+        if not 0.0 < self.span_mm < VISIBLE * DISPLACEMENT_NOISE * self.stroke_mm:
+            return ()
+        small = f"the reference moves by {self.span_mm:.2g} mm only, of a stroke of {self.stroke_mm:.3g} mm"
+        return (f"{small}: that is lost in the noise of a displacement sensor; is it in mm?",)
 
     @property
     def slower(self) -> float:
@@ -159,6 +172,7 @@ def _judge(reference: Reference, ticks: Array, stroke_mm: float) -> Feasibility:
         float(wanted_mm[span][-1] - wanted_mm[span][0]) / duration_s,
         float(reached_mm[span][-1] - reached_mm[span][0]) / duration_s,
         float(temperature_c.max()),
+        float(np.ptp(reference.displacement_mm[reference.times_s >= reference.scored_from_s])),
     )
 
 

@@ -109,6 +109,16 @@ def test_probe_and_off_answer_in_json(tmp_path):
     assert succeed("off", "in-process", cwd=tmp_path)["safe"] is True
 
 
+def test_run_doubts_a_reference_that_is_lost_in_noise(tmp_path):
+    wire = DuhemModel.gaussian(
+        mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 200)
+    )
+    save_model(wire, tmp_path / "wire.json")
+    metres = "sine:low_mm=0.002,high_mm=0.009,period_s=5,cycles=1"
+    ran = succeed("run", "in-process", "--model", "wire.json", "--reference", metres, "-o", "run.h5", cwd=tmp_path)
+    assert "is it in mm?" in ran["caveats"][0]
+
+
 def test_the_version_is_told(tmp_path):
     assert smadrive("--version", cwd=tmp_path).stdout == f"smadrive {version('smadrive')}\n"
 

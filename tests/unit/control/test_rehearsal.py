@@ -78,3 +78,18 @@ def test_too_hot_a_run_is_refused_with_the_cure():
     _, found = rehearsed("sine:low_mm=2.4,high_mm=9.6,period_s=56,cycles=1")
     with pytest.raises(ConfigError, match="temperature_max_c = 90: lower its highest displacement"):
         found.check(temperature_max_c=90.0)
+
+
+@pytest.mark.parametrize(
+    ("spec", "doubts"),
+    [
+        ("sine:low_mm=0.002,high_mm=0.009,period_s=20,cycles=1", 1),  # metres
+        ("sine:low_mm=2,high_mm=2.003,period_s=20,cycles=1", 1),
+        ("sine:low_mm=2,high_mm=2.2,period_s=20,cycles=1", 0),
+        ("trapezoid:low_mm=5,high_mm=5,rise_s=5,cycles=1", 0),  # to hold is meant
+    ],
+)
+def test_a_reference_that_is_lost_in_the_sensors_noise_is_doubted(spec, doubts):
+    _, found = rehearsed(spec)
+    assert len(found.caveats) == doubts
+    assert all("is it in mm?" in caveat and "of a stroke of 12 mm" in caveat for caveat in found.caveats)
