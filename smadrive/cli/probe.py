@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from math import isfinite
 from pathlib import Path
 from typing import Annotated
@@ -27,12 +28,17 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
     config = load_rig(rig)
     with Rig(config, trace_folder=trace) as open_rig:
         measurement = open_rig.heater.exchange(0.0)
-        identities = open_rig.identities
+        identities, tripped = open_rig.identities, open_rig.latch.told
     for name, identity in identities.items():
         output.say(f"{config.name}: {name} is a {identity}")
     output.table(("quantity", "value"), _rows(measurement))
+    latched = [*(f"{name} (on the device)" for name in measurement.device_faults), *filter(None, [tripped])]
+    for fault in latched:
+        output.say(f"latched: {fault}")
+    if latched:
+        output.say(f"clear it once its cause is gone: smadrive off {shlex.quote(rig)} --clear-faults")
     values = {name: value if _is_plain(value) else None for name, value in measurement._asdict().items()}
-    output.result({"rig": config.name, "devices": identities, **values})
+    output.result({"rig": config.name, "devices": identities, **values, "tripped": tripped})
 
 
 def _rows(measurement: Measurement) -> list[tuple[str, str]]:

@@ -39,18 +39,27 @@ def test_a_new_start_does_not_clear_a_trip():
             heat(rig)
 
 
+def smadrive(*arguments):
+    command = [sys.executable, "-m", "smadrive", *map(str, arguments)]
+    return subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+
+
 def off(rig_file, *options):
     """What `smadrive off` tells as JSON."""
-    command = [sys.executable, "-m", "smadrive", "off", str(rig_file), "--json", *options]
-    return json.loads(subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout)
+    return json.loads(smadrive("off", rig_file, "--json", *options))
 
 
-def test_off_tells_what_is_latched_and_clears_it(tmp_path):
+def test_probe_and_off_tell_what_is_latched_and_off_clears_it(tmp_path):
     rig_file = tmp_path / "rig.toml"
     shipped = (configs_dir() / "rigs" / "simulated.toml").read_text()
     with served() as (_, url):
         rig_file.write_text(re.sub('url = ".*"', f'url = "{url}"', shipped))
         TripLatch(f"{url} unit 1").latch(TripError("fault 8: reads too cold", 8))
+        told = smadrive("probe", rig_file)
+        assert "latched: fault 8: reads too cold\n" in told
+        assert f"once its cause is gone: smadrive off {rig_file} --clear-faults\n" in told
+        assert json.loads(smadrive("probe", rig_file, "--json"))["tripped"] == "fault 8: reads too cold"
         assert off(rig_file)["faults"] == ["fault 8: reads too cold"]
         assert off(rig_file, "--clear-faults")["faults"] == []
         assert off(rig_file)["faults"] == []
+        assert "latched" not in smadrive("probe", rig_file)
