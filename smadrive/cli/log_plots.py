@@ -79,7 +79,7 @@ def _heat(log: Log) -> Plot:
     return Plot(
         "Heat",
         figure,
-        "What the driver wanted, believed and measured, and the current it gave; shaded: something held it back.",
+        "What the driver wanted, believed and measured, and the current it gave; shaded: it was at a limit.",
     )
 
 

@@ -22,7 +22,12 @@ def write_log_report(path: Path, log: Log) -> RunSummary:
     """Write the page of `log` to `path`. DataError when the log tells too little, or the page cannot be written."""
     config, summary = logged_rig(log), run_summary(log)
     devices = ", ".join(f"{name}: {identity}" for name, identity in log.json("devices").items())
-    parts: list[Part] = [_state(log, summary), Tiles(list(_tiles(summary))), *log_plots(log), *_events(log)]
+    parts: list[Part] = [
+        _state(log, summary),
+        Tiles(list(_tiles(summary, config.limits.current_max_a))),
+        *log_plots(log),
+        *_events(log),
+    ]
     parts += [_provenance(log), *_background(log)]
     lead = f"{_clock(log.start_time)} · wire {config.wire} · {devices}"
     write_report(path, f"{config.name}: {TITLES.get(summary.kind, summary.kind)}", lead, parts)
@@ -45,14 +50,15 @@ def _state(log: Log, summary: RunSummary) -> State:
     )
 
 
-def _tiles(summary: RunSummary) -> Iterator[tuple[str, str]]:
+def _tiles(summary: RunSummary, limit_a: float) -> Iterator[tuple[str, str]]:
     if isfinite(summary.rms_percent):
         yield f"{summary.rms_percent:.2f} %", "RMS error, of the stroke"
         yield f"{summary.max_percent:.2f} %", "largest error"
     yield f"{summary.temperature_max_c:.1f} °C", "hottest reading"
-    yield f"{summary.current_max_a:.3f} A", "largest current"
+    yield f"{summary.current_max_a:.3f} A", f"largest current, the limit is {limit_a:g} A"
     yield f"{summary.energy_j:.0f} J", "heat given"
-    yield f"{summary.limited_percent:.1f} %", "of the time held back"
+    rarely = 0.0 < summary.limited_percent < 0.1
+    yield "< 0.1 %" if rarely else f"{summary.limited_percent:.1f} %", "of the time at a limit"
     yield f"{summary.ticks}", "ticks"
     yield f"{summary.missed_deadlines}", f"missed deadlines, worst {1e3 * summary.late_max_s:.1f} ms"
 

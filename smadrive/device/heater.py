@@ -25,6 +25,8 @@ ZERO_SHARE = 0.1
 CURRENT_GONE_S = 0.2
 """How long after switching off, beside the time in which the source settles, current may still be seen."""
 LOOK_AGAIN_S = 0.05
+AT_LIMIT = 1.0 - 1e-6
+"""A command from this part of the limit on is held back by it: controllers that know the limit ask for no more."""
 _NOTHING = Sample(nan, 0.0)
 
 
@@ -168,7 +170,7 @@ class Heater:
         if headroom_c < DERATE_C:
             most_a *= headroom_c / DERATE_C
             limit = "temperature"
-        return (most_a, (limit,)) if current_a > most_a else (max(current_a, 0.0), ())
+        return min(max(current_a, 0.0), most_a), (limit,) if current_a >= AT_LIMIT * most_a else ()
 
     def _measurement(self, supplied: Supplied, in_force_a: float, limits: tuple[str, ...]) -> Measurement:
         temperature = supplied.temperature if self._thermometer is None else self._thermometer.sample()

@@ -14,11 +14,13 @@ from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.reference import sine
+from smadrive.device.heater import AT_LIMIT
 from smadrive.errors import DeadlineError, TripError
 from smadrive.hysteresis import DuhemModel
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 from smadrive.runlog import record_excitation, record_tracking
+from smadrive.telemetry.log import read_log
 from smadrive.telemetry.table import read_table
 
 WIRE = DuhemModel.gaussian(
@@ -99,6 +101,19 @@ def test_a_complete_run_is_shown_with_everything_it_was_run_with(logs):
     ]
     for told in ("sim://flexinol-lt-0.15mm", "sma-reference (smadrive)", "limits.current_max_a", "numpy 2", "seed"):
         assert told in text
+
+
+def test_a_command_at_the_limit_counts_as_held_back(logs):
+    figures, text = report(logs, "complete.h5")
+    log = read_log(logs / "complete.h5")
+    at_limit = log.column("commanded_a") >= 0.6 * AT_LIMIT
+    assert at_limit.any()
+    np.testing.assert_array_equal(
+        log.column("limited")[1:] > 0, at_limit[:-1]
+    )  # a command is sent by the next exchange
+    assert figures["limited_percent"] == pytest.approx(100.0 * at_limit.sum() / at_limit.size)
+    assert ">0.0 %<" not in text
+    assert "limited by current_max for the first time" in text
 
 
 def test_a_killed_run_is_shown_as_far_as_it_went(logs):

@@ -48,6 +48,13 @@ def test_a_tick_is_one_transaction(heater, run, device):
     assert device.master.counters.requests == before + 20
 
 
+@pytest.mark.parametrize(("asked_a", "limits"), [(0.59, ()), (0.6 - 1e-15, ("current_max",)), (9.9, ("current_max",))])
+def test_a_command_at_the_limit_is_told_as_limited(heater, run, asked_a, limits):
+    heater.connect()
+    heater.arm(0.5)
+    assert run(asked_a, 0.2)[-1].host_limits == limits
+
+
 @pytest.mark.parametrize(("asked_a", "given_a"), [(9.9, 0.6), (-1.0, 0.0), (1e300, 0.6), (0.1234, 0.1234)])
 def test_the_current_is_held_to_the_limits(heater, run, rig, asked_a, given_a):
     heater.connect()
