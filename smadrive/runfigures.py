@@ -27,6 +27,11 @@ def error_percent(log: Log) -> Array:
     return np.where(log.column("time_s") >= logged_reference(log).scored_from_s, error, nan)
 
 
+def is_virtual(log: Log) -> bool:
+    """Whether the run was in virtual time: in real time every tick begins a little after its deadline."""
+    return not log.column("late_s").any()
+
+
 @dataclass(frozen=True)
 class TrackingFigures:
     """How a run went: error = reference - displacement in % of the stroke, after the approach."""

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from smadrive.hysteresis import HysteresisModel
 from smadrive.loggedrun import logged_reference, logged_rig, logged_wire
-from smadrive.runfigures import error_percent
+from smadrive.runfigures import error_percent, is_virtual
 from smadrive.telemetry.log import Log
 from smadrive.telemetry.plots import (
     COOLING,
@@ -120,17 +120,22 @@ def _branches(ax: Axes, model: HysteresisModel) -> None:
 
 def _timing(log: Log) -> Plot:
     time_s, period_ms = log.column("time_s"), 1e3 / logged_rig(log).rate_hz
-    figure, (upper, lower) = panels((1.5, 1.5))
-    line(upper, time_s, 1e3 * log.column("late_s"), color=MEASURED, lw=0.8)
-    upper.set(ylabel="late / ms", ylim=(0.0, max(1.0, 1.1e3 * log.column("late_s").max())))
+    figure, (*upper, lower) = panels((1.5,) if is_virtual(log) else (1.5, 1.5))
+    for ax in upper:
+        line(ax, time_s, 1e3 * log.column("late_s"), color=MEASURED, lw=0.8)
+        ax.set(ylabel="late / ms", ylim=(0.0, max(1.0, 1.1e3 * log.column("late_s").max())))
     line(lower, time_s[1:], 1e3 * np.diff(time_s), color=MEASURED, lw=0.8)
     lower.axhline(period_ms, color=WANTED, ls="--", lw=0.8)
     lower.set(ylabel="spacing / ms", xlabel="time / s", ylim=(0.0, None))
+    lateness = (
+        "Virtual time has no lateness: it waits for every tick. How far each measurement is from the one before"
+        if is_virtual(log)
+        else "How long after its deadline each tick began, and how far its measurement is from the one before"
+    )
     return Plot(
         "Loop timing",
         figure,
-        f"How long after its deadline each tick began, and how far its measurement is from the one before: "
-        f"{period_ms:g} ms when all is well; a lost exchange leaves a gap of two periods.",
+        f"{lateness}: {period_ms:g} ms when all is well; a lost exchange leaves a gap of two periods.",
     )
 
 

@@ -11,7 +11,7 @@ from typing import Any
 from smadrive.cli.log_plots import log_plots
 from smadrive.control.loop import UNCONFIRMED
 from smadrive.loggedrun import logged_rig
-from smadrive.runfigures import RunSummary, run_summary
+from smadrive.runfigures import RunSummary, is_virtual, run_summary
 from smadrive.telemetry.log import Log
 from smadrive.telemetry.report import Grid, Listing, Part, State, Tiles, write_report
 
@@ -24,7 +24,7 @@ def write_log_report(path: Path, log: Log) -> RunSummary:
     devices = ", ".join(f"{name}: {identity}" for name, identity in log.json("devices").items())
     parts: list[Part] = [
         _state(log, summary),
-        Tiles(list(_tiles(summary, config.limits.current_max_a))),
+        Tiles(list(_tiles(summary, config.limits.current_max_a, is_virtual=is_virtual(log)))),
         *log_plots(log),
         *_events(log),
     ]
@@ -50,7 +50,7 @@ def _state(log: Log, summary: RunSummary) -> State:
     )
 
 
-def _tiles(summary: RunSummary, limit_a: float) -> Iterator[tuple[str, str]]:
+def _tiles(summary: RunSummary, limit_a: float, *, is_virtual: bool) -> Iterator[tuple[str, str]]:
     if isfinite(summary.rms_percent):
         yield f"{summary.rms_percent:.2f} %", "RMS error, of the stroke"
         yield f"{summary.max_percent:.2f} %", "largest error"
@@ -60,7 +60,8 @@ def _tiles(summary: RunSummary, limit_a: float) -> Iterator[tuple[str, str]]:
     rarely = 0.0 < summary.limited_percent < 0.1
     yield "< 0.1 %" if rarely else f"{summary.limited_percent:.1f} %", "of the time at a limit"
     yield f"{summary.ticks}", "ticks"
-    yield f"{summary.missed_deadlines}", f"missed deadlines, worst {1e3 * summary.late_max_s:.1f} ms"
+    worst = "virtual time has none" if is_virtual else f"worst {1e3 * summary.late_max_s:.1f} ms"
+    yield f"{summary.missed_deadlines}", f"missed deadlines, {worst}"
 
 
 def _events(log: Log) -> Iterator[Grid]:

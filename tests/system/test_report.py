@@ -4,6 +4,7 @@ import json
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
@@ -11,6 +12,8 @@ import pytest
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
+from smadrive.cli.log_plots import log_plots
+from smadrive.cli.log_report import write_log_report
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.reference import sine
@@ -101,6 +104,18 @@ def test_a_complete_run_is_shown_with_everything_it_was_run_with(logs):
     ]
     for told in ("sim://flexinol-lt-0.15mm", "sma-reference (smadrive)", "limits.current_max_a", "numpy 2", "seed"):
         assert told in text
+
+
+def test_virtual_time_shows_no_lateness_and_real_time_does(logs, tmp_path):
+    virtual = read_log(logs / "complete.h5")
+    late_s = np.full_like(virtual.column("late_s"), 1e-5)
+    real = replace(virtual, columns={**virtual.columns, "late_s": late_s})
+    for log, panels, told in ((virtual, 1, "missed deadlines, virtual time has none"), (real, 2, "worst 0.0 ms")):
+        (timing,) = (plot for plot in log_plots(log) if plot.title == "Loop timing")
+        assert len(timing.figure.axes) == panels
+        assert ("Virtual time has no lateness" in timing.caption) == (panels == 1)
+        write_log_report(tmp_path / "page.html", log)
+        assert told in (tmp_path / "page.html").read_text()
 
 
 def test_a_command_at_the_limit_counts_as_held_back(logs):
