@@ -34,8 +34,14 @@ def write_fit_report(path: Path, fit: AnyFit, source: str, axes: tuple[str, str]
             [
                 (f"{fit.rms_percent:.3f} %", "RMS error, of the output span"),
                 (f"{fit.max_percent:.3f} %", "largest error"),
-                (f"{certificate.contraction_rate:.3g}", "contraction, per unit of input"),
-                (f"{100 * certificate.invertible_share:.1f} %", "of the loop uniquely invertible"),
+                (
+                    f"{certificate.contraction_rate:.3g}",
+                    "contraction, per unit of input; above 0 an unknown start is forgotten",
+                ),
+                (
+                    f"{100 * certificate.invertible_share:.1f} %",
+                    "of the loop has one input for an output; best is 100 %",
+                ),
             ]
         ),
         Plot("The loop", _loop(fit, measured, axes), "Grey: the record. Colours: the model on the same input."),

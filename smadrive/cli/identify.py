@@ -12,6 +12,7 @@ import typer
 from smadrive.cli.fit_report import write_fit_report
 from smadrive.cli.output import AsJson, Output
 from smadrive.errors import DataError
+from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
 from smadrive.identification.thermal_fit import ThermalFit
 from smadrive.identification.wire_fit import AnyFit, WireFit, identify_hysteresis, identify_wire
 from smadrive.loggedrun import excitation_record, nominal_balance
@@ -97,14 +98,33 @@ def _tell(output: Output, fit: AnyFit, thermal: ThermalFit | None) -> None:
         ("RMS error", f"{fit.rms_percent:.3f} %", "of the output span"),
         ("max error", f"{fit.max_percent:.3f} %", "of the output span"),
         *([("rules", str(rules(fit)), "")] if rules(fit) else []),
-        ("contraction", f"{fit.certificate.contraction_rate:.3g}", "per unit of input"),
-        ("certified", "yes" if fit.certificate.holds else "no", ", ".join(fit.certificate.shortcomings)),
+        *certificate_rows(fit.certificate),
     ]
     if thermal is not None:
         rows += _heat_rows(thermal)
-    output.table(("", "value", ""), rows)
+    output.table(("", "value", ""), rows, notes=True)
     for caveat in fit.caveats:
         output.say(f"beware: {caveat}")
+
+
+def certificate_rows(certificate: Certificate) -> list[tuple[str, str, str]]:
+    """Each figure of a certificate with what it means, and from where on it is good."""
+    left = 100 * certificate.loop_contraction
+    fades = "above 0, good: a wrong start is forgotten" if certificate.contracting else "not above 0, bad: it remembers"
+    stays = "good: the output stays in the stroke" if certificate.bounded else "bad: the output leaves the stroke"
+    verdict = "may drive a feedforward" if certificate.holds else ", ".join(certificate.shortcomings)
+    return [
+        ("contraction", f"{certificate.contraction_rate:.3g}", fades),
+        ("left after a loop", "< 0.01 %" if left < 0.01 else f"{left:.2g} %", "of a wrong start; less is better"),
+        ("bounded", _yes(certificate.bounded), stays),
+        ("invertible", f"{100 * certificate.invertible_share:.1f} %", "has one input for an output; best 100 %"),
+        ("turns back", f"{100 * certificate.turned_share:.1f} %", f"of a branch; bad above {100 * MOST_TURNED:g} %"),
+        ("certified", _yes(certificate.holds), verdict),
+    ]
+
+
+def _yes(holds: bool) -> str:
+    return "yes" if holds else "no"
 
 
 def _heat_rows(thermal: ThermalFit) -> list[tuple[str, str, str]]:

@@ -126,7 +126,9 @@ def _timing(log: Log) -> Plot:
         ax.set(ylabel="late / ms", ylim=(0.0, max(1.0, 1.1e3 * log.column("late_s").max())))
     line(lower, time_s[1:], 1e3 * np.diff(time_s), color=MEASURED, lw=0.8)
     lower.axhline(period_ms, color=WANTED, ls="--", lw=0.8)
-    lower.set(ylabel="spacing / ms", xlabel="time / s", ylim=(0.0, None))
+    lower.set(
+        ylabel="spacing / ms", xlabel="time / s", ylim=(0.0, 1.1e3 * np.diff(time_s).max(initial=0.001 * period_ms))
+    )
     lateness = (
         "Virtual time has no lateness: it waits for every tick. How far each measurement is from the one before"
         if is_virtual(log)

@@ -55,7 +55,7 @@ def _tiles(summary: RunSummary, limit_a: float, *, is_virtual: bool) -> Iterator
         yield f"{summary.rms_percent:.2f} %", "RMS error, of the stroke"
         yield f"{summary.max_percent:.2f} %", "largest error"
     yield f"{summary.temperature_max_c:.1f} °C", "hottest reading"
-    yield f"{summary.current_max_a:.3f} A", f"largest current, the limit is {limit_a:g} A"
+    yield f"{summary.current_max_a:.3f} A", f"largest current, limit {limit_a:g} A"
     yield f"{summary.energy_j:.0f} J", "heat given"
     rarely = 0.0 < summary.limited_percent < 0.1
     yield "< 0.1 %" if rarely else f"{summary.limited_percent:.1f} %", "of the time at a limit"

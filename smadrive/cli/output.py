@@ -30,13 +30,13 @@ class Output:
         if not self.quiet:
             self._console.print(text, markup=False)
 
-    def table(self, header: Sequence[str], rows: Iterable[Sequence[str]]) -> None:
-        """A table for a person: the first column names, the others are numbers."""
+    def table(self, header: Sequence[str], rows: Iterable[Sequence[str]], *, notes: bool = False) -> None:
+        """A table for a person: the first column names, the others are numbers; with `notes` the last is text, too."""
         if self.quiet:
             return
         table = Table(header_style="bold")
         for n, name in enumerate(header):
-            table.add_column(name, justify="right" if n else "left")
+            table.add_column(name, justify="left" if n == 0 or (notes and n == len(header) - 1) else "right")
         for row in rows:
             table.add_row(*row)
         self._console.print(table)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from smadrive.hysteresis.branch import Branch, BranchEngine
 
 _ROUNDING = 1e-9
-_MOST_TURNED = 0.2  # a saturated wire that expands turns by a tenth of its travel
+MOST_TURNED = 0.2  # a saturated wire that expands turns by a tenth of its travel
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,7 +66,7 @@ class Certificate:
             found.append(f"it does not contract (contraction_rate {self.contraction_rate:.3g})")
         if not self.bounded:
             found.append("its output is not bounded")
-        if self.turned_share > _MOST_TURNED:
+        if self.turned_share > MOST_TURNED:
             found.append(f"a branch comes back by {100 * self.turned_share:.0f} % of the travel")
         return tuple(found)
 

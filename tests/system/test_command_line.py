@@ -9,8 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from smadrive.cli.identify import certificate_rows
 from smadrive.control.reference import SHAPES
 from smadrive.hysteresis import DuhemModel, save_model
+from smadrive.hysteresis.certificate import Certificate
 
 ROOT = Path(__file__).parents[2]
 CONFIGS = ROOT / "configs"
@@ -90,6 +92,18 @@ def test_a_duhem_model_has_no_rules(data):
     assert found["kind"] == "duhem"
     assert found["rules"] == 0
     assert found["rms_percent"] < 1.0
+
+
+def test_every_figure_of_a_certificate_is_explained_and_judged():
+    good = {name: (value, note) for name, value, note in certificate_rows(LOOP.certificate())}
+    assert list(good) == ["contraction", "left after a loop", "bounded", "invertible", "turns back", "certified"]
+    assert all(len(note) > 20 for _, note in good.values())
+    assert "good: a wrong start is forgotten" in good["contraction"][1]
+    assert good["certified"] == ("yes", "may drive a feedforward")
+    bad = {name: (value, note) for name, value, note in certificate_rows(Certificate(-0.1, 2.0, False, 0.5, 0.3))}
+    assert "not above 0, bad" in bad["contraction"][1]
+    assert bad["bounded"] == ("no", "bad: the output leaves the stroke")
+    assert "a branch comes back by 30 %" in bad["certified"][1]
 
 
 @pytest.mark.parametrize("stress", ["100MPa", "172MPa"])
