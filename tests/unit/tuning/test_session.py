@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
 from smadrive.wirefile import parse_wire
 
 NONE_A = 0.002
@@ -32,6 +34,29 @@ def test_armed_it_holds_then_follows_a_reference_again_and_again(bench):
     assert bench.status["mode"] == "tracking"
     assert np.abs(error_mm(bench.between(60.0, 139.0))).max() < 0.03 * 12.0
     assert np.ptp([tick.command.wanted_mm for tick in bench.between(100.0, 139.0)]) == pytest.approx(7.0, abs=0.1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_cold_wire_is_armed_without_heat_and_approaches_smoothly_whatever_its_sensors_noise(bench, seed):
+    bench.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed)
+    bench.clock.follow(bench.device.bench.advance_to)
+    bench.at(1.0, "arm")
+    bench.at(5.0, "track", reference="sine")
+    bench.run(until_s=15.0)
+    assert bench.between(2.0, 5.0)[0].measurement.armed
+    assert currents(bench.between(0.0, 5.0)).max() < NONE_A
+    assert np.abs(error_mm(bench.between(5.0, 15.0))).max() < 0.01 * 12.0
+
+
+def test_a_warm_wire_is_held_where_it_is(bench):
+    bench.at(1.0, "arm")
+    bench.at(2.0, "track", reference="sine")
+    bench.do(20.0, bench.page.request_off)
+    bench.at(20.3, "arm")
+    bench.run(until_s=24.0)
+    held = bench.between(21.0, 24.0)
+    assert held[0].command.wanted_mm > 1.0
+    assert np.abs(error_mm(held)).max() < 0.03 * 12.0
 
 
 @pytest.mark.parametrize("way", ["counter", "message"])
