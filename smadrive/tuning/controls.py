@@ -27,7 +27,13 @@ from bokeh.models import (
 
 HANDS_OFF_S = 1.0
 
-COMPACT = ":host { font-size: 12px; } .bk-input, .bk-btn { min-height: 26px; padding: 2px 8px; }"
+ACCENT = "#0b8f87"
+"""The colour of what is on, measured, or meant to be pressed."""
+
+COMPACT = f"""
+:host {{ font-size: 12px; }} .bk-input, .bk-btn {{ min-height: 26px; padding: 2px 8px; }}
+.bk-btn-primary, .bk-btn-primary:is(:hover, :active, :focus) {{ background: {ACCENT}; border-color: {ACCENT}; }}
+"""
 
 LAWS = ("a_heating", "b_heating", "a_cooling", "b_cooling")
 
@@ -44,7 +50,14 @@ class Knob:
         self._turned_s = float("-inf")
         self._is_showing = False
         self._slider = Slider(
-            title=title, start=0.0, end=1.0, value=0.5, step=step, show_value=False, sizing_mode="stretch_width"
+            title=title,
+            start=0.0,
+            end=1.0,
+            value=0.5,
+            step=step,
+            show_value=False,
+            bar_color=ACCENT,
+            sizing_mode="stretch_width",
         )
         self._field = Spinner(value=0.5, step=step, width=84, format="0.[000]", align="end")
         for widget in (self._slider, self._field):

@@ -81,6 +81,28 @@ def test_everything_the_page_needs_comes_from_this_machine_and_the_plots_move(cl
     live.wait(lambda: newest(page, "time_s") > first + 1.0)
 
 
+@pytest.mark.parametrize("width", [700, 1000, 1280, 1600])
+def test_nothing_is_cut_off_however_wide_the_window(client, width):
+    page = client()
+    page.set_viewport_size({"width": width, "height": 800})
+    beyond = """() => [...document.querySelectorAll("header > *, .card")].filter(
+        element => element.getBoundingClientRect().right > innerWidth).length"""
+    assert page.evaluate(beyond) == 0
+    for card in page.locator(".card").all():
+        card.scroll_into_view_if_needed()
+        assert card.bounding_box()["height"] > 80
+    assert page.evaluate("document.documentElement.scrollWidth") <= width
+    page.get_by_text("Events", exact=True).scroll_into_view_if_needed()
+    assert page.locator("#off").bounding_box()["y"] < 40
+
+
+def test_what_is_turned_and_what_is_pressed_have_one_colour(client):
+    page = client()
+    colour = "element => getComputedStyle(element).backgroundColor"
+    assert page.locator(".noUi-connect").first.evaluate(colour) == "rgb(11, 143, 135)"
+    assert page.get_by_role("button", name="Arm", exact=True).evaluate(colour) == "rgb(11, 143, 135)"
+
+
 def test_arm_start_hold_and_disarm(client, live):
     page = client()
     heat(page, live)
