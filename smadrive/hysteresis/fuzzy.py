@@ -125,14 +125,13 @@ class GaussianSets:
 
 def hat_weights(v: FloatArray, centres: FloatArray) -> FloatArray:
     """Memberships of triangular sets with shoulders, shape v.shape + (sets,)."""
-    held = np.clip(v, centres[0], centres[-1])
+    held = np.clip(v, centres[0], centres[-1]).ravel()
     left = np.clip(np.searchsorted(centres, held, side="right") - 1, 0, len(centres) - 2)
     share = (held - centres[left]) / (centres[left + 1] - centres[left])
-    columns = np.arange(len(centres))
-    return np.asarray(
-        np.where(columns == left[..., None], 1 - share[..., None], 0.0)
-        + np.where(columns == left[..., None] + 1, share[..., None], 0.0)
-    )
+    weights, sample = np.zeros((len(held), len(centres))), np.arange(len(held))
+    weights[sample, left] = 1 - share
+    weights[sample, left + 1] = share
+    return weights.reshape(*np.shape(v), len(centres))
 
 
 def check_centres(centres: tuple[float, ...]) -> None:

@@ -13,12 +13,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.linalg.lapack import dtbtrs
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis.arrays import FloatArray
 from smadrive.hysteresis.branch import Branch, BranchEngine
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
 
 _LEGENDRE, _LEGENDRE_WEIGHTS = np.polynomial.legendre.leggauss(5)
 POINTS = (_LEGENDRE + 1) / 2
@@ -63,14 +68,17 @@ def cell_maps(
     return np.exp(end - start), shift if rising else -shift
 
 
-def march(start: float, gain: FloatArray, shift: FloatArray, *, rising: bool) -> FloatArray:
-    """The solution at every node from its value at the entry end of the grid."""
-    values, w = [start], start
+def march(start: ArrayLike, gain: FloatArray, shift: FloatArray, *, rising: bool) -> FloatArray:
+    """The solution at every node from its value at the entry end of the grid: one system with two diagonals.
+
+    gain (cells,); start and shift: a number and (cells,), or one of each per column, (columns,) and (cells, columns).
+    """
     step = 1 if rising else -1
-    for factor, offset in zip(gain[::step].tolist(), shift[::step].tolist(), strict=True):
-        w = factor * w + offset
-        values.append(w)
-    return np.array(values[::step])
+    entered = np.concatenate([np.reshape(start, (1, *shift.shape[1:])), shift[::step]])
+    diagonals = np.ones((2, len(entered)))
+    np.negative(gain[::step], out=diagonals[1, :-1])
+    values, _ = dtbtrs(diagonals, entered, uplo="L", diag="U")
+    return np.asarray(values.reshape(entered.shape)[::step])
 
 
 def uniform_grid(lower: float, upper: float, bins: int, kinks: FloatArray) -> FloatArray:

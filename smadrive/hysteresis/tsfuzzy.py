@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from smadrive.hysteresis.duhem import DuhemModel
 
 
+_PIECE = 2048  # nodes and points blended at once
+
 Law = tuple[FloatArray, FloatArray]
 """a and b of the rules of one direction."""
 
@@ -115,24 +117,31 @@ class MembershipGrid:
 
     def __init__(self, sets: FuzzySets, nodes: FloatArray) -> None:
         self._nodes = nodes
-        self.at_nodes = sets.weights(nodes)
-        self._at_points = sets.weights(quadrature_points(nodes))
+        self._weights = sets.weights(np.concatenate([nodes, quadrature_points(nodes).ravel()]))
+        self.at_nodes = self._weights[: len(nodes)]
 
     def closed_branches(self, heating_law: Law, cooling_law: Law) -> tuple[Branch, Branch]:
         """Both branches of the loop that a full sweep maps onto itself. ModelError for rules beyond all bounds."""
+        blended = self._blended(np.array([*heating_law, *cooling_law]))
+        at_nodes, inside = np.split(blended, [len(self._nodes)], axis=1)
         maps = []
-        for rising, (a, b) in ((True, heating_law), (False, cooling_law)):
-            cells = integrate_rate(self._nodes, self._at_points @ a)
-            maps.append((cells, *_contained(*cell_maps(self._nodes, cells, self._at_points @ b, rising=rising))))
+        for rising, (a, b) in ((True, inside[:2]), (False, inside[2:])):
+            cells = integrate_rate(self._nodes, a.reshape(len(self._nodes) - 1, -1))
+            bias = b.reshape(len(self._nodes) - 1, -1)
+            maps.append((cells, *_contained(*cell_maps(self._nodes, cells, bias, rising=rising))))
         (up, up_gain, up_shift), (down, down_gain, down_shift) = maps
         bottom = _closing_state(up_gain, up_shift, down_gain, down_shift)
         heating = march(bottom, up_gain, up_shift, rising=True)
         cooling = march(float(heating[-1]), down_gain, down_shift, rising=False)
         branches = []
-        for cells, target, (a, b) in ((up, heating, heating_law), (down, cooling, cooling_law)):
-            rate = self.at_nodes @ a
-            branches.append(Branch(cells.exponent, rate, target, rate * target + self.at_nodes @ b))
+        for cells, target, (rate, bias) in ((up, heating, at_nodes[:2]), (down, cooling, at_nodes[2:])):
+            branches.append(Branch(cells.exponent, rate, target, rate * target + bias))
         return branches[0], branches[1]
+
+    def _blended(self, values: FloatArray) -> FloatArray:
+        """Rows of one number per set, blended at all nodes and points; in pieces too small to start threads."""
+        pieces = [self._weights[start : start + _PIECE] for start in range(0, len(self._weights), _PIECE)]
+        return np.hstack([values @ piece.T for piece in pieces])
 
 
 def _closing_state(up_gain: FloatArray, up_shift: FloatArray, down_gain: FloatArray, down_shift: FloatArray) -> float:

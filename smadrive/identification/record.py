@@ -108,12 +108,10 @@ def _require_loop(path: FloatArray, span: float) -> None:
     edges = np.linspace(path.min(), path.max(), 101)
     for name, chosen in (("rising", moves > 0), ("falling", moves < 0)):
         low, high = np.minimum(path[:-1], path[1:])[chosen], np.maximum(path[:-1], path[1:])[chosen]
-        covered = np.zeros(100)
-        np.add.at(covered, np.clip(np.searchsorted(edges, low, side="right") - 1, 0, 99), 1)
-        np.add.at(covered, np.clip(np.searchsorted(edges, high, side="left") - 1, 0, 99), 1)
-        for start, end in zip(np.searchsorted(edges, low), np.searchsorted(edges, high), strict=True):
-            covered[start : max(end - 1, start)] += 1
-        share = float(np.mean(covered > 0))
+        first = np.clip(np.searchsorted(edges, low, side="right") - 1, 0, 99)
+        last = np.clip(np.searchsorted(edges, high, side="left") - 1, 0, 99)
+        begun, ended = np.bincount(first, minlength=101), np.bincount(np.maximum(last, first) + 1, minlength=101)
+        share = float(np.mean(np.cumsum(begun - ended)[:100] > 0))
         if share < _LEAST_COVERAGE:
             raise IdentificationError(
                 f"less than one full loop: the {name} input covers {100 * share:.0f} % of the input span of {span:g}, "
