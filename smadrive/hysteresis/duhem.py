@@ -19,7 +19,7 @@ from smadrive.errors import ModelError
 from smadrive.hysteresis.arrays import FloatArray
 from smadrive.hysteresis.branch import Branch
 from smadrive.hysteresis.certificate import Certificate, certify
-from smadrive.hysteresis.mixture import GaussianMixture
+from smadrive.hysteresis.mixture import GaussianMixture, MixtureLogs
 from smadrive.hysteresis.model import HysteresisModel, check_output_map
 from smadrive.hysteresis.tabulate import integrate_rate, quadrature_points, tabulate
 
@@ -52,7 +52,7 @@ class DuhemModel(HysteresisModel):
         _refuse_crossing(heating, cooling, lower, upper)
         self.heating = heating
         self.cooling = cooling
-        engine = tabulate(start, end, lambda nodes: duhem_branches(heating, cooling, nodes), _NO_KINKS)
+        engine = tabulate(start, end, self._branches, _NO_KINKS)
         super().__init__(engine, scale, offset, (lower, upper))
 
     @classmethod
@@ -104,49 +104,52 @@ class DuhemModel(HysteresisModel):
 
     def local_laws(self, v: FloatArray, *, rising: bool) -> tuple[FloatArray, FloatArray]:
         """a(v) and b(v) of dw/dv = a w + b: the derivation approach of the paper, Eq. (9), any shape of v."""
-        log_gap = _log_gap(self.heating, self.cooling, v)
+        heating, cooling = self.heating.logs(v), self.cooling.logs(v)
+        log_gap = _log_gap(heating, cooling)
         if rising:
-            rate = -np.exp(self.heating.log_pdf(v) - log_gap)
+            rate = -np.exp(heating.pdf - log_gap)
             return rate, -rate * self.cooling.cdf(v)
-        rate = np.exp(self.cooling.log_pdf(v) - log_gap)
+        rate = np.exp(cooling.pdf - log_gap)
         return rate, -rate * self.heating.cdf(v)
 
     def certificate(self) -> Certificate:
         """Contraction rate min g±/d over the loop, boundedness and invertible band."""
         return certify(self.engine)
 
+    def _branches(self, nodes: FloatArray) -> tuple[Branch, Branch]:
+        return duhem_branches(grid_logs(self.heating, nodes), grid_logs(self.cooling, nodes), nodes)
 
-def _log_gap(heating: GaussianMixture, cooling: GaussianMixture, v: FloatArray) -> FloatArray:
+
+def _log_gap(heating: MixtureLogs, cooling: MixtureLogs) -> FloatArray:
     """ln(h₋ - h₊), from the side where the two are small; -inf where the branches have crossed."""
-    low_heating, low_cooling = heating.log_cdf(v), cooling.log_cdf(v)
-    high_heating, high_cooling = heating.log_sf(v), cooling.log_sf(v)
-    below = low_cooling < high_heating
-    larger = np.where(below, low_cooling, high_heating)
-    ratio = np.where(below, low_heating - low_cooling, high_cooling - high_heating)
+    below = cooling.cdf < heating.sf
+    larger = np.where(below, cooling.cdf, heating.sf)
+    ratio = np.where(below, heating.cdf - cooling.cdf, cooling.sf - heating.sf)
     with np.errstate(divide="ignore"):
         return np.asarray(larger + np.log(-np.expm1(np.minimum(ratio, 0.0))))
 
 
+def grid_logs(mixture: GaussianMixture, nodes: FloatArray) -> MixtureLogs:
+    """Its logarithms at the nodes of a grid, then at the quadrature points of the cells."""
+    return mixture.logs(np.concatenate([nodes, quadrature_points(nodes).ravel()]))
+
+
 def duhem_branches(
-    heating: GaussianMixture, cooling: GaussianMixture, nodes: FloatArray, steepest: float = np.inf
+    heating: MixtureLogs, cooling: MixtureLogs, nodes: FloatArray, steepest: float = np.inf
 ) -> tuple[Branch, Branch]:
-    """Heating and cooling branch at the nodes of a grid.
+    """Heating and cooling branch at the nodes of a grid, from both mixtures' `grid_logs`.
 
     Branches that cross raise ModelError, unless the rate is held to `steepest`, as for the trial models of a fit.
     """
-    points = quadrature_points(nodes)
-    log_gap, inner_gap = _log_gap(heating, cooling, nodes), _log_gap(heating, cooling, points)
-    crossed = ~np.isfinite(log_gap)
+    log_gap, count = _log_gap(heating, cooling), len(nodes)
+    crossed = ~np.isfinite(log_gap[:count])
     if crossed.any() and not np.isfinite(steepest):
         raise ModelError(_crossing_message(float(nodes[np.argmax(crossed)]), float(nodes[0]), float(nodes[-1])))
-    limit = np.log(steepest)
     branches = []
-    for sign, mixture in ((-1.0, heating), (1.0, cooling)):
-        log_slope = mixture.log_pdf(nodes)
-        rate = sign * np.exp(np.minimum(log_slope - log_gap, limit))
-        inner_rate = sign * np.exp(np.minimum(mixture.log_pdf(points) - inner_gap, limit))
-        exponent = integrate_rate(nodes, inner_rate).exponent
-        branches.append(Branch(exponent, rate, mixture.cdf(nodes), np.exp(log_slope)))
+    for sign, logs in ((-1.0, heating), (1.0, cooling)):
+        rate = sign * np.exp(np.minimum(logs.pdf - log_gap, np.log(steepest)))
+        exponent = integrate_rate(nodes, rate[count:].reshape(count - 1, -1)).exponent
+        branches.append(Branch(exponent, rate[:count], np.exp(logs.cdf[:count]), np.exp(logs.pdf[:count])))
     return branches[0], branches[1]
 
 

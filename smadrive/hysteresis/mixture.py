@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import fsum, isfinite
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import log_ndtr, ndtr
@@ -17,6 +18,14 @@ from smadrive.errors import ModelError
 from smadrive.hysteresis.arrays import FloatArray
 
 _LOG_ROOT_TWO_PI = 0.5 * np.log(2 * np.pi)
+
+
+class MixtureLogs(NamedTuple):
+    """Logarithms of h, 1 - h and g at some inputs."""
+
+    cdf: FloatArray
+    sf: FloatArray
+    pdf: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,25 +59,20 @@ class GaussianMixture:
             max(m + sigmas * s for m, s in zip(self.means, self.sigmas, strict=True)),
         )
 
-    def _standard(self, v: FloatArray) -> FloatArray:
-        return np.asarray((np.asarray(v)[..., None] - np.array(self.means)) / np.array(self.sigmas))
-
     def cdf(self, v: FloatArray) -> FloatArray:
         """h(v)."""
-        return np.asarray(ndtr(self._standard(v)) @ np.array(self.weights))
+        return np.asarray(np.tensordot(np.array(self.weights), ndtr(self._standard(v)), axes=1))
 
-    def log_cdf(self, v: FloatArray) -> FloatArray:
-        """Logarithm of h(v)."""
-        return self._log_blend(log_ndtr(self._standard(v)))
+    def logs(self, v: FloatArray) -> MixtureLogs:
+        """Logarithms of h, 1 - h and g at v."""
+        standard, log_weights = self._standard(v), np.log(self._column(self.weights, v))
+        log_density = -0.5 * standard**2 - _LOG_ROOT_TWO_PI - np.log(self._column(self.sigmas, v))
+        parts = log_ndtr(standard), log_ndtr(-standard), log_density
+        return MixtureLogs(*(np.logaddexp.reduce(part + log_weights, axis=0) for part in parts))
 
-    def log_sf(self, v: FloatArray) -> FloatArray:
-        """Logarithm of 1 - h(v)."""
-        return self._log_blend(log_ndtr(-self._standard(v)))
+    def _standard(self, v: FloatArray) -> FloatArray:
+        """Distance from every mean in its standard deviations, (components, *v.shape)."""
+        return np.asarray((v - self._column(self.means, v)) / self._column(self.sigmas, v))
 
-    def log_pdf(self, v: FloatArray) -> FloatArray:
-        """Logarithm of g(v)."""
-        exponents = -0.5 * self._standard(v) ** 2 - _LOG_ROOT_TWO_PI
-        return self._log_blend(exponents - np.log(self.sigmas))
-
-    def _log_blend(self, logs: FloatArray) -> FloatArray:
-        return np.asarray(np.logaddexp.reduce(logs + np.log(self.weights), axis=-1))
+    def _column(self, values: tuple[float, ...], v: FloatArray) -> FloatArray:
+        return np.reshape(values, (-1, *(1 for _ in np.shape(v))))

@@ -9,7 +9,7 @@ linear algebra on a busy machine costs a hundred times more.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from scipy.linalg import LinAlgError, solve
 from smadrive.hysteresis.arrays import FloatArray
 
 _DIFFERENCE = 1e-6
-_BLOCK = 64  # rows
+_PIECE = 64  # rows
 _SMALLEST_DAMPING, _LARGEST_DAMPING = 1e-12, 1e8
 
 
@@ -31,21 +31,23 @@ class Minimum(NamedTuple):
 
 def minimise(
     residuals: Callable[[FloatArray], FloatArray],
-    jacobian: Callable[[FloatArray], FloatArray],
+    jacobian: Callable[[FloatArray], Iterable[FloatArray]],
     start: FloatArray,
     bounds: tuple[FloatArray, FloatArray],
     *,
     iterations: int,
     tolerance: float,
 ) -> Minimum:
-    """Descend from `start` until a step lowers the cost by less than `tolerance`, relatively, or no step lowers it."""
+    """Descend from `start` until a step lowers the cost by less than `tolerance`, relatively, or no step lowers it.
+
+    `jacobian` gives ∂r/∂x in blocks of rows.
+    """
     low, high = bounds
     x = np.clip(start, low, high)
     error = residuals(x)
     cost, damping = 0.5 * float(error @ error), 1e-3
     for _ in range(iterations):
-        slope = jacobian(x)
-        gradient, hessian = slope.T @ error, _gram(slope)
+        hessian, gradient = _normal_equations(jacobian(x), error)
         free = np.flatnonzero(~(((x <= low) & (gradient > 0)) | ((x >= high) & (gradient < 0))))
         before = cost
         while damping < _LARGEST_DAMPING:
@@ -70,12 +72,18 @@ def forward_differences(function: Callable[[FloatArray], FloatArray], x: FloatAr
     return np.column_stack([(function(moved) - base) / _DIFFERENCE for moved in x + _DIFFERENCE * np.eye(len(x))])
 
 
-def _gram(rows: FloatArray) -> FloatArray:
-    """JᵀJ, in blocks too small for linear algebra to start threads, which stall on a busy machine."""
-    padded = np.zeros((-(-len(rows) // _BLOCK) * _BLOCK, rows.shape[1]))
-    padded[: len(rows)] = rows
-    blocks = padded.reshape(-1, _BLOCK, rows.shape[1])
-    return np.asarray(np.matmul(blocks.transpose(0, 2, 1), blocks).sum(axis=0))
+def _normal_equations(blocks: Iterable[FloatArray], error: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """H and g, from pieces too small for linear algebra to start threads, which stall on a busy machine."""
+    hessian, gradient, start = np.zeros(()), np.zeros(()), 0
+    for rows in blocks:
+        errors, even = error[start : start + len(rows)], len(rows) - len(rows) % _PIECE
+        start += len(rows)
+        whole = rows[:even].reshape(-1, _PIECE, rows.shape[1]), errors[:even].reshape(-1, 1, _PIECE)
+        rest = rows[None, even:], errors[None, None, even:]
+        for pieces, their_errors in (whole, rest):
+            hessian = hessian + np.matmul(pieces.transpose(0, 2, 1), pieces).sum(axis=0)
+            gradient = gradient + np.matmul(their_errors, pieces).sum(axis=(0, 1))
+    return hessian, gradient
 
 
 def _step(hessian: FloatArray, gradient: FloatArray, damping: float) -> FloatArray:

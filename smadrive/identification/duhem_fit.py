@@ -9,7 +9,7 @@ measured in standard deviations, a penalty pushes them apart; it is raised until
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
-from functools import partial
+from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,8 +18,8 @@ from scipy.special import ndtri_exp, softmax
 
 from smadrive.errors import IdentificationError, ModelError
 from smadrive.hysteresis.branch import BranchEngine
-from smadrive.hysteresis.duhem import DuhemModel, duhem_branches
-from smadrive.hysteresis.mixture import GaussianMixture
+from smadrive.hysteresis.duhem import DuhemModel, duhem_branches, grid_logs
+from smadrive.hysteresis.mixture import GaussianMixture, MixtureLogs
 from smadrive.identification.bounded import Minimum, forward_differences, minimise
 from smadrive.identification.caveats import undetermined
 from smadrive.identification.quality import Fit, judge
@@ -122,24 +122,28 @@ class _Problem:
 
     def residuals(self, x: FloatArray) -> FloatArray:
         record = self.record
-        heating, cooling = self.mixtures(x)
+        heating, cooling = (_logs(mixture, record.input_range) for mixture in self.mixtures(x))
         scale, offset = self.output_map(x)
-        nodes = np.linspace(*record.input_range, _CELLS + 1)
+        nodes = _nodes(record.input_range)
         engine = BranchEngine(
             nodes, _CELLS, *duhem_branches(heating, cooling, nodes, _STEEPEST / (nodes[-1] - nodes[0]))
         )
         bounds = sorted(float(np.interp(record.v[0], nodes, m.target)) for m in (engine.heating, engine.cooling))
         start = min(max((record.mean_y[0] - offset) / scale, bounds[0]), bounds[1])
         error = (offset + scale * engine.trajectory(record.v, start) - record.mean_y) / record.output_span
-        gap = _probit(cooling, nodes[::4]) - _probit(heating, nodes[::4])
+        some = slice(0, len(nodes), 4)
+        gap = _probit(cooling.cdf[some], cooling.sf[some]) - _probit(heating.cdf[some], heating.sf[some])
         crossing = self.penalty * np.sqrt(len(record.path) / len(gap)) * np.maximum(_MARGIN - gap, 0)
         return np.concatenate([error * np.sqrt(record.count), crossing])
 
     def solve(self, x: FloatArray, iterations: int) -> Minimum:
         shape = len(x[:-2]) // 6
         low, high = (np.concatenate([np.tile(np.repeat(ends, shape), 2), rest]) for ends, rest in _BOUNDS)
-        jacobian = partial(forward_differences, self.residuals)
-        return minimise(self.residuals, jacobian, x, (low, high), iterations=iterations, tolerance=_TOLERANCE)
+        return minimise(self.residuals, self.jacobian, x, (low, high), iterations=iterations, tolerance=_TOLERANCE)
+
+    def jacobian(self, x: FloatArray) -> list[FloatArray]:
+        """∂r/∂x in one block."""
+        return [forward_differences(self.residuals, x)]
 
     def parameters(self, x: FloatArray) -> FloatArray:
         """Weights, means, sigmas of heating and of cooling, scale and offset."""
@@ -148,7 +152,7 @@ class _Problem:
 
     def standard_errors(self, x: FloatArray, residual: FloatArray) -> DuhemErrors:
         """Of the parameters at the minimum x, whose residual by sample is given in the unit of y."""
-        jacobian = forward_differences(self.residuals, x)[: len(self.record.v)]
+        jacobian = self.jacobian(x)[0][: len(self.record.v)]
         slopes = forward_differences(self.parameters, x)
         *branches, scale, offset = standard_errors(jacobian, slopes, residual / self.record.output_span)
         heating, cooling = (MixtureErrors(*map(tuple, one)) for one in np.reshape(branches, (2, 3, -1)).tolist())
@@ -192,7 +196,18 @@ class _Problem:
         return starts
 
 
-def _probit(mixture: GaussianMixture, v: FloatArray) -> FloatArray:
-    """Φ⁻¹(h(v)), exact in both tails."""
-    low, high = mixture.log_cdf(v), mixture.log_sf(v)
-    return np.where(low < high, ndtri_exp(np.minimum(low, high)), -ndtri_exp(np.minimum(low, high)))
+def _nodes(input_range: tuple[float, float]) -> FloatArray:
+    return np.linspace(*input_range, _CELLS + 1)
+
+
+@lru_cache(maxsize=4)
+def _logs(mixture: GaussianMixture, input_range: tuple[float, float]) -> MixtureLogs:
+    """Kept for a while: steps along the variables of one branch leave the other as it is."""
+    return grid_logs(mixture, _nodes(input_range))
+
+
+def _probit(log_cdf: FloatArray, log_sf: FloatArray) -> FloatArray:
+    """Φ⁻¹(h), exact in both tails."""
+    lower_half = log_cdf < log_sf
+    tail = ndtri_exp(np.minimum(log_cdf, log_sf))
+    return np.where(lower_half, tail, -tail)

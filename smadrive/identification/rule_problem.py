@@ -6,7 +6,9 @@ r = (error of the simulated output; stray of the rates and gaps from the Duhem f
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import softmax
@@ -14,6 +16,7 @@ from scipy.special import softmax
 from smadrive.hysteresis.arrays import FloatArray
 from smadrive.hysteresis.fuzzy import TriangularSets
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
+from smadrive.identification.blend import Blend
 from smadrive.identification.bounded import Minimum, minimise
 from smadrive.identification.confirmation import leave_one_out_ratio
 from smadrive.identification.monotone import least_slope_derivatives, least_slopes
@@ -27,6 +30,15 @@ _LEAST_RATE = 1e-3  # contraction per input span that every rule keeps
 _LARGEST_RATE = 300.0
 _SPARE_OUTPUT = 0.05  # of the outputs known: how far the bottom and the top of a model may lie outside
 _STRAY_GAP = 3.0  # how far the logarithms of the gaps may stray, in units of the tie
+
+
+class _Trial(NamedTuple):
+    """Variables, derivatives of their centres by the gaps' logits, tables of their rules, states at the samples."""
+
+    x: FloatArray
+    moves: FloatArray
+    tables: RuleTables
+    w: FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,7 +58,7 @@ class RuleProblem:
     turning: Turning
     monotony: float = 0.0
     depth: float = 1.0
-    _latest: list[tuple[FloatArray, RuleTables]] = field(default_factory=list, init=False)
+    _latest: list[_Trial] = field(default_factory=list, init=False)
 
     @classmethod
     def near(cls, record: Record, prior: Prior, centres: FloatArray, fit_centres: bool) -> RuleProblem:
@@ -72,17 +84,15 @@ class RuleProblem:
         slope = free * (np.diag(share) - np.outer(share, share))
         return centres, (upper - lower) * np.cumsum(slope, axis=0)[:-1]
 
-    def tables(self, x: FloatArray) -> RuleTables:
-        """The tables of x; those of the last x are kept, for the derivatives that follow the residuals."""
-        if not (self._latest and np.array_equal(self._latest[0][0], x)):
-            self._latest[:] = [(x.copy(), self._tabulated(x))]
-        return self._latest[0][1]
-
-    def _tabulated(self, x: FloatArray) -> RuleTables:
-        lower, upper = self.record.input_range
-        p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
-        rates = RuleRates(p_heating, q_heating, p_cooling, q_cooling, self.place(x)[0])
-        return RuleTables(rates, lower, upper)
+    def _trial(self, x: FloatArray) -> _Trial:
+        """What stands for x; that of the last x is kept, for the derivatives that follow the residuals."""
+        if not (self._latest and np.array_equal(self._latest[0].x, x)):
+            centres, moves = self.place(x)
+            p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
+            rates = RuleRates(p_heating, q_heating, p_cooling, q_cooling, centres)
+            tables = RuleTables(rates, *self.record.input_range)
+            self._latest[:] = [_Trial(x.copy(), moves, tables, tables.states(self.runs, float(x[-1])))]
+        return self._latest[0]
 
     def _rates(self, x: FloatArray) -> FloatArray:
         lower, upper = self.record.input_range
@@ -91,9 +101,9 @@ class RuleProblem:
     def residuals(self, x: FloatArray) -> FloatArray:
         """r(x)."""
         record, rates = self.record, 4 * len(self.centres)
-        w = self.tables(x).states(self.runs, float(x[-1]))
+        _, _, tables, w = self._trial(x)
         error = (x[-3] + (x[-2] - x[-3]) * w - record.mean_y / record.output_span) * np.sqrt(record.count)
-        stray = (x[:rates] - self.prior.at(self.place(x)[0])[0].ravel()) / self.reach
+        stray = (x[:rates] - self.prior.at(tables.rates.centres)[0].ravel()) / self.reach
         shift = (x[rates:-3] - self.start[rates:-3]) / _STRAY_GAP
         if not self.monotony:
             return np.concatenate([error, self.prior.weight * stray, self.prior.weight * shift])
@@ -110,39 +120,51 @@ class RuleProblem:
         rates, (low, _) = 4 * len(self.centres), self._bounds()
         free = np.ones(len(x), dtype=bool)
         free[:rates] = x[:rates] > low[:rates]
-        record = self.record
-        return leave_one_out_ratio(self.residuals(x), self.jacobian(x)[:, free], len(record.v), record.scatter)
+        jacobian = np.vstack([*self.jacobian(x)])[:, free]
+        return leave_one_out_ratio(self.residuals(x), jacobian, len(self.record.v), self.record.scatter)
 
     def _wrong_slopes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """How far the least slopes per input span fall below zero at the nodes, and their weights, (2, nodes)."""
-        tables, (lower, upper) = self.tables(x), self.record.input_range
+        tables, (lower, upper) = self._trial(x).tables, self.record.input_range
         missing = -least_slopes(tables, self.depth) * (upper - lower)
         weight = self.monotony * np.sqrt(self.record.count.sum()) * self.prior.slope_tie(tables.nodes)
         return missing, np.where((missing > 0) & ~self.turning.at(tables.nodes), weight, 0.0)
 
-    def jacobian(self, x: FloatArray) -> FloatArray:
-        """∂r/∂x."""
-        record, sets = self.record, len(self.centres)
-        lower, upper = record.input_range
-        tables = self.tables(x)
-        w = tables.states(self.runs, float(x[-1]))
-        dw = tables.jacobian(self.runs, float(x[-1]))
-        centres, moves = self.place(x)
-        dy = (x[-2] - x[-3]) * dw
-        rates, gaps = dy[:, : 4 * sets] / (upper - lower), dy[:, 4 * sets : 5 * sets] @ moves
-        error = np.column_stack([rates, gaps, 1 - w, w, dy[:, -1]]) * np.sqrt(record.count)[:, None]
-        slopes = self.prior.at(centres)[1]
-        tie = np.zeros((4 * sets + moves.shape[1], len(x)))
-        np.fill_diagonal(tie, self.prior.weight / np.concatenate([self.reach, np.full(moves.shape[1], _STRAY_GAP)]))
-        followed = np.vstack([slope[:, None] * moves for slope in slopes])
-        tie[: 4 * sets, 4 * sets : -3] = -self.prior.weight * followed / self.reach[:, None]
-        if not self.monotony:
-            return np.vstack([error, tie])
-        return np.vstack([error, tie, self._wrong_slope_derivatives(x, moves)])
+    def jacobian(self, x: FloatArray) -> Iterator[FloatArray]:
+        """∂r/∂x, in blocks of rows."""
+        yield from self._error_derivatives(x).blocks()
+        yield self._stray_derivatives(x)
+        if self.monotony:
+            yield self._wrong_slope_derivatives(x)
 
-    def _wrong_slope_derivatives(self, x: FloatArray, moves: FloatArray) -> FloatArray:
+    def _error_derivatives(self, x: FloatArray) -> Blend:
+        record, sets, scale = self.record, len(self.centres), x[-2] - x[-3]
+        lower, upper = record.input_range
+        _, moves, tables, w = self._trial(x)
+        dw = tables.jacobian(self.runs, w)
+        known = len(dw.rows)
+        rows = np.zeros((known + 2, len(x)))
+        np.multiply(dw.rows[:, : 4 * sets], scale / (upper - lower), out=rows[:known, : 4 * sets])
+        np.matmul(scale * dw.rows[:, 4 * sets : 5 * sets], moves, out=rows[:known, 4 * sets : -3])
+        np.multiply(dw.rows[:, -1], scale, out=rows[:known, -1])
+        rows[known, -3] = rows[known + 1, -2] = 1.0
+        ends = np.broadcast_to(np.array([known, known + 1], dtype=np.int32), (len(w), 2))
+        shares = np.column_stack([dw.shares, 1 - w, w]) * np.sqrt(record.count)[:, None]
+        return Blend(np.hstack([dw.places, ends]), shares, rows)
+
+    def _stray_derivatives(self, x: FloatArray) -> FloatArray:
+        _, moves, tables, _ = self._trial(x)
+        sets, gaps = len(self.centres), moves.shape[1]
+        tie = np.zeros((4 * sets + gaps, len(x)))
+        np.fill_diagonal(tie, self.prior.weight / np.concatenate([self.reach, np.full(gaps, _STRAY_GAP)]))
+        followed = np.vstack([slope[:, None] * moves for slope in self.prior.at(tables.rates.centres)[1]])
+        tie[: 4 * sets, 4 * sets : -3] = -self.prior.weight * followed / self.reach[:, None]
+        return tie
+
+    def _wrong_slope_derivatives(self, x: FloatArray) -> FloatArray:
         sets, (lower, upper) = len(self.centres), self.record.input_range
-        derivatives, weight = least_slope_derivatives(self.tables(x), self.depth), self._wrong_slopes(x)[1].ravel()
+        _, moves, tables, _ = self._trial(x)
+        derivatives, weight = least_slope_derivatives(tables, self.depth), self._wrong_slopes(x)[1].ravel()
         derivatives = derivatives.reshape(len(weight), -1)
         rows = np.zeros((len(weight), len(x)))
         rows[:, : 4 * sets] = -weight[:, None] * derivatives[:, : 4 * sets]

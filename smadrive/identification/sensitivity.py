@@ -16,11 +16,13 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smadrive.hysteresis.arrays import FloatArray
 from smadrive.hysteresis.branch import Branch, BranchEngine
 from smadrive.hysteresis.fuzzy import hat_weights
 from smadrive.hysteresis.tabulate import WEIGHTS, cell_maps, integrate_rate, march, quadrature_points, uniform_grid
+from smadrive.identification.blend import Blend
 
 BINS = 240  # table cells of a trial model
 
@@ -100,76 +102,61 @@ class RuleTables:
         """State w at every sample."""
         return self.engine.trajectory(runs.v, w_start)
 
-    def jacobian(self, runs: Runs, w_start: float) -> FloatArray:
-        """∂w at every sample with respect to (RuleRates in order, w_start): (samples, 5 · sets + 1)."""
+    def jacobian(self, runs: Runs, w: FloatArray) -> Blend:
+        """∂w at every sample, whose states are w, by (RuleRates in order, w at the start): (samples, 5 · sets + 1).
+
+        With the excess e = w - P at the start of a run and its decay D since, ∂w = ∂P + D e ∂Λ + D (∂e - e ∂Λ at the
+        start): ∂P and ∂Λ blend two nodes each, the last bracket is one more row for each run.
+        """
         up, down = self.sensitivities
-        target, exponent = self.engine.evaluate(runs.v[1:], runs.rising)
-        start_rising = runs.rising[runs.starts]
-        start_target, start_exponent = self.engine.evaluate(runs.v[runs.starts], start_rising)
-        d_target, d_exponent = self._interpolate(up, down, runs.v[1:], runs.rising)
-        d_start_target, d_start_exponent = self._interpolate(up, down, runs.v[runs.starts], start_rising)
-        decay = np.exp(exponent - start_exponent[runs.run])
-        d_exponent -= d_start_exponent[runs.run]
-        result = np.zeros((len(runs.v), d_target.shape[1] + 1))
-        result[0, -1] = 1.0
-        w, dw = w_start, result[0].copy()
-        for number, (start, end) in enumerate(zip(runs.starts, runs.ends, strict=True)):
-            moves = slice(start, end)
-            excess = w - start_target[number]
-            dw[:-1] -= d_start_target[number]
-            rows = result[start + 1 : end + 1]
-            np.multiply(decay[moves, None], dw, out=rows)
-            rows[:, :-1] += d_target[moves] + (excess * decay[moves])[:, None] * d_exponent[moves]
-            w = float(target[end - 1] + excess * decay[end - 1])
-            dw = rows[-1].copy()
-        return result
+        rows = np.zeros((4 * len(self.nodes) + 1 + len(runs.starts), up.target.shape[1] + 1))
+        tables, first, entries = np.split(rows, [4 * len(self.nodes), 4 * len(self.nodes) + 1])
+        np.concatenate([down.target, up.target, down.exponent, up.exponent], out=tables[:, :-1])
+        first[0, -1] = 1.0
+        start_v, start_rising = runs.v[runs.starts], runs.rising[runs.starts]
+        target, exponent = self.engine.evaluate(start_v, start_rising)
+        excess = w[runs.starts] - target
+        decay = np.exp(self.engine.evaluate(runs.v[1:], runs.rising)[1] - exponent[runs.run])
+        moves = self._blend(runs.v[1:], runs.rising, excess[runs.run] * decay, rows)
+        entered, last = self._blend(start_v, start_rising, excess, rows).at(slice(None)), runs.ends - 1
+        gained = moves.at(last) - decay[last, None] * entered
+        np.subtract(march(first[0], decay[last], gained, rising=True)[:-1], entered, out=entries)
+        places = np.column_stack([moves.places, (len(tables) + 1 + runs.run).astype(np.int32)])
+        shares = np.column_stack([moves.shares, decay])
+        first_places = np.full((1, 5), len(tables), dtype=np.int32)
+        return Blend(np.vstack([first_places, places]), np.vstack([np.eye(1, 5), shares]), rows)
 
     def _sensitivity(self, branch: Branch, weight: FloatArray, *, rising: bool) -> Sensitivity:
         rates, mu, width = self.rates, self.at_points, np.diff(self.nodes)
         sets = len(rates.centres)
         p, q = (rates.p_heating, rates.q_heating) if rising else (rates.p_cooling, rates.q_cooling)
-        first = 0 if rising else 2 * sets
-        columns = (slice(first, first + sets), slice(first + sets, first + 2 * sets), slice(4 * sets, 5 * sets))
         w = self.engine.evaluate(self.points.ravel(), np.full(self.points.size, rising))[0].reshape(self.points.shape)
         middle = (self.nodes[1:] + self.nodes[:-1]) / 2
-        p_slope, q_slope = (self._slopes(rate, middle) for rate in (p, q))
-        sign = 1.0 if rising else -1.0
-        drives = (1 - w, -w, -(p_slope[:, None] * (1 - w) - q_slope[:, None] * w))
-        rate_drives = (-np.ones_like(w), -np.ones_like(w), np.broadcast_to((p_slope + q_slope)[:, None], w.shape))
-        forced = np.zeros((len(width), 5 * sets))
-        turned = np.zeros((len(width), 5 * sets))
-        for column, drive, rate_drive in zip(columns, drives, rate_drives, strict=True):
-            forced[:, column] = np.einsum("cq,cqs->cs", weight * drive, mu)  # the sign and the way down cancel
-            turned[:, column] = sign * np.einsum("cq,cqs->cs", WEIGHTS * width[:, None] * rate_drive, mu)
+        p_slope, q_slope = (self._slopes(rate, middle)[:, None] for rate in (p, q))
+        drives = np.stack([1 - w, -w, q_slope * w - p_slope * (1 - w)], axis=1)  # by p, q and centres
+        forced = (weight[:, None] * drives) @ mu  # the sign and the way down cancel
+        met = (WEIGHTS @ mu) * width[:, None]
+        turned = np.hstack([-met, -met, (p_slope + q_slope) * met])
         change = np.diff(branch.exponent)
         gain = np.exp(change if rising else -change)
-        return Sensitivity(
-            _march_rows(gain, forced, rising=rising), np.vstack([np.zeros(5 * sets), np.cumsum(turned, axis=0)])
-        )
+        target, exponent = np.zeros((2, len(self.nodes), 5 * sets))
+        own_rates = np.arange(2 * sets) + (0 if rising else 2 * sets)
+        mine = np.concatenate([own_rates, np.arange(4 * sets, 5 * sets)])
+        target[:, mine] = march(np.zeros(3 * sets), gain, forced.reshape(len(width), -1), rising=rising)
+        exponent[1:, mine] = np.cumsum(turned if rising else -turned, axis=0)
+        return Sensitivity(target, exponent)
 
     def _slopes(self, rate: FloatArray, v: FloatArray) -> FloatArray:
         """Derivative of the blended rate; zero on the shoulders."""
         slopes = np.concatenate([[0.0], np.diff(rate) / np.diff(self.rates.centres), [0.0]])
         return np.asarray(slopes[np.searchsorted(self.rates.centres, v)])
 
-    def _interpolate(
-        self, up: Sensitivity, down: Sensitivity, v: FloatArray, rising: np.ndarray
-    ) -> tuple[FloatArray, FloatArray]:
-        cell = np.clip(np.searchsorted(self.nodes, v, side="right") - 1, 0, len(self.nodes) - 2)
-        share = ((v - self.nodes[cell]) / (self.nodes[cell + 1] - self.nodes[cell]))[:, None]
-        results = []
-        for rise, fall in ((up.target, down.target), (up.exponent, down.exponent)):
-            table = np.vstack([fall, rise])
-            row = cell + len(self.nodes) * rising
-            results.append(table[row] * (1 - share) + table[row + 1] * share)
-        return results[0], results[1]
-
-
-def _march_rows(gain: FloatArray, forced: FloatArray, *, rising: bool) -> FloatArray:
-    values = np.zeros((len(gain) + 1, forced.shape[1]))
-    cells = range(len(gain)) if rising else range(len(gain) - 1, -1, -1)
-    for cell in cells:
-        source, sink = (cell, cell + 1) if rising else (cell + 1, cell)
-        np.multiply(values[source], gain[cell], out=values[sink])
-        values[sink] += forced[cell]
-    return values
+    def _blend(self, v: FloatArray, rising: NDArray[np.bool_], excess: FloatArray, rows: FloatArray) -> Blend:
+        """∂P + excess ∂Λ at inputs v, from rows: ∂P at the nodes, cooling then heating, and ∂Λ likewise."""
+        nodes = len(self.nodes)
+        cell = np.clip(np.searchsorted(self.nodes, v, side="right") - 1, 0, nodes - 2)
+        share = (v - self.nodes[cell]) / (self.nodes[cell + 1] - self.nodes[cell])
+        target = cell + nodes * rising
+        places = np.column_stack([target, target + 1, target + 2 * nodes, target + 2 * nodes + 1])
+        shares = np.column_stack([1 - share, share, excess * (1 - share), excess * share])
+        return Blend(places.astype(np.int32), shares, rows)
