@@ -147,11 +147,13 @@ def _largest_share(mu: FloatArray, gain: FloatArray, loss: FloatArray, far: Floa
 
     Only rules shrink that have the wrong sign themselves: their neighbours' targets would run ahead of them.
     """
-    wrong = np.outer(1 - far, gain) < np.outer(far, loss)
     room, need = (mu @ gain) * (1 - far), (mu @ loss) * far
-    its_need = ((mu * wrong) @ loss) * far
+    short = need > room
+    mu_short, far_short = mu[short], far[short]
+    wrong = np.outer(1 - far_short, gain) < np.outer(far_short, loss)
+    its_need = ((mu_short * wrong) @ loss) * far_short
     with np.errstate(divide="ignore", invalid="ignore"):
-        share = np.where(need > room, (1 - (need - room) / its_need) * (1 - _MARGIN), 1.0)
-    active = np.where(wrong & (mu > 0), share[:, None], 1.0)
-    least = np.clip(active.min(axis=0), 0.0, 1.0)
+        share = (1 - (need - room)[short] / its_need) * (1 - _MARGIN)
+    active = np.where(wrong & (mu_short > 0), share[:, None], 1.0)
+    least = np.clip(active.min(axis=0, initial=1.0), 0.0, 1.0)
     return np.asarray(np.where((mu[turns] > 0).any(axis=0), 1.0, least))

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from operator import itemgetter
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -69,8 +69,8 @@ def identify_tsfuzzy(
     problems = [RuleProblem.near(record, prior, centres, fit_centres) for centres in placements]
     tries = [(problem, problem.solve(problem.start, *_TRY)) for problem in problems]
     problem, best = min(tries, key=lambda pair: pair[1].cost)
-    problem, best = _monotone(*_confirmed(*_polished(problem, best.x)))
-    return _fit(problem, best.x)
+    solution = _monotone(*_confirmed(*_polished(problem, best.x)))
+    return judge(solution.deepest[0], record, solution.y0)
 
 
 def _polished(problem: RuleProblem, x: FloatArray) -> tuple[RuleProblem, Minimum]:
@@ -84,44 +84,52 @@ def _polished(problem: RuleProblem, x: FloatArray) -> tuple[RuleProblem, Minimum
     return problem, best
 
 
-def _monotone(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimum]:
+class _Solution:
+    """A minimum, and the models that it gives when what is left of slopes of the wrong sign goes."""
+
+    def __init__(self, problem: RuleProblem, x: FloatArray) -> None:
+        self.problem, self.x = problem, x
+        self.y0, self.misfit = problem.first_output(x), problem.misfit(x)
+        self._trimmed: dict[float, tuple[TSFuzzyDuhem, float]] = {}
+
+    @cached_property
+    def _model(self) -> TSFuzzyDuhem:
+        return self.problem.model(self.x)
+
+    def trimmed(self, depth: float) -> tuple[TSFuzzyDuhem, float]:
+        """The model without slopes of the wrong sign to this depth of the loop, and its misfit."""
+        if depth not in self._trimmed:
+            model = monotone(self._model, depth, self.problem.turning)
+            self._trimmed[depth] = model, self.problem.record.misfit(model, self.y0)
+        return self._trimmed[depth]
+
+    @cached_property
+    def deepest(self) -> tuple[TSFuzzyDuhem, float]:
+        """The model trimmed as deep in the loop as that costs little; its branches always."""
+        *depths, last = [depth for depth in _DEPTHS if depth <= self.problem.depth]
+        bearable = _AS_GOOD * self.misfit
+        return self.trimmed(next((depth for depth in depths if self.trimmed(depth)[1] <= bearable), last))
+
+
+def _monotone(problem: RuleProblem, best: Minimum) -> _Solution:
     """Slopes of the wrong sign weigh more and more, until what is left of them can go at little cost.
 
     Where more weight costs more than that, the solution that is best without what is left of them.
     """
-    tried: list[tuple[float, RuleProblem, Minimum]] = []
+    tried: list[_Solution] = []
     as_good = _AS_GOOD * problem.misfit(best.x)
     for heavier in (*_HEAVIER, *_HEAVIEST, None):
-        if _misfit(problem, best.x, problem.depth) <= as_good:
-            return problem, best
-        tried.append((_misfit(problem, best.x, _depth(problem, best.x)), problem, best))
-        costly = problem.misfit(best.x) > as_good
-        settled = min(tried, key=itemgetter(0))[0] <= as_good
+        solution = _Solution(problem, best.x)
+        if solution.trimmed(problem.depth)[1] <= as_good:
+            return solution
+        tried.append(solution)
+        costly = solution.misfit > as_good
+        settled = min(one.deepest[1] for one in tried) <= as_good
         if heavier is None or (settled and (costly or heavier in _HEAVIEST)):
             break
         problem = replace(problem, monotony=heavier)
         best = problem.solve(best.x, *_POLISH)
-    return min(tried, key=itemgetter(0))[1:]
-
-
-def _fit(problem: RuleProblem, x: FloatArray) -> Fit[TSFuzzyDuhem]:
-    """The fit of x without slopes of the wrong sign, as deep in the loop as that costs little; its branches always."""
-    return judge(_right(problem, x, _depth(problem, x)), problem.record, problem.first_output(x))
-
-
-def _depth(problem: RuleProblem, x: FloatArray) -> float:
-    """Of the loop, to which what is left of slopes of the wrong sign can go at little cost."""
-    bearable = _AS_GOOD * problem.misfit(x)
-    depths = [depth for depth in _DEPTHS if depth <= problem.depth]
-    return next((depth for depth in depths[:-1] if _misfit(problem, x, depth) <= bearable), depths[-1])
-
-
-def _misfit(problem: RuleProblem, x: FloatArray, depth: float) -> float:
-    return problem.record.misfit(_right(problem, x, depth), problem.first_output(x))
-
-
-def _right(problem: RuleProblem, x: FloatArray, depth: float) -> TSFuzzyDuhem:
-    return monotone(problem.model(x), depth, problem.turning)
+    return min(tried, key=lambda one: one.deepest[1])
 
 
 def _confirmed(problem: RuleProblem, best: Minimum) -> tuple[RuleProblem, Minimum]:
