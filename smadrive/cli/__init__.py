@@ -8,6 +8,7 @@ zero before it ends; what comes after the first does not interrupt the switching
 from __future__ import annotations
 
 import importlib
+import os
 import signal
 import sys
 from importlib.metadata import version
@@ -17,6 +18,7 @@ from typing import Annotated
 import typer
 
 from smadrive.errors import SmadriveError
+from smadrive.onethread import ONE_THREAD
 
 INTERRUPTED = 130
 INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -40,6 +42,7 @@ COMMANDS = {
 
 def main() -> None:
     """Entry point of the command `smadrive`."""
+    os.environ |= {**ONE_THREAD, **os.environ}
     for number in INTERRUPTS:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup: go on without a terminal
             signal.signal(number, _interrupt)

@@ -20,13 +20,11 @@ from types import TracebackType
 from typing import Any, Self
 
 from smadrive.errors import ConfigError
+from smadrive.onethread import ONE_THREAD
 
 END_WITHIN_S = 3.0
 RESTART_S = 0.5
 """Pause before a new start: a process that dies at once must not keep the machine busy."""
-
-ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "OMP_NUM_THREADS", "MKL_NUM_THREADS"), "1")
-"""For matrices of four rows the threads of a linear algebra library wait for each other, and keep every core busy."""
 
 
 class Beside:

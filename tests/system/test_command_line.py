@@ -251,3 +251,19 @@ def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(dat
 
 def contents(folder):
     return {file.name: file.read_bytes() if file.is_file() else None for file in folder.iterdir()}
+
+
+def test_its_linear_algebra_starts_no_threads_that_would_keep_cores_from_the_loop(tmp_path):
+    script = (
+        "import os, sys\n"
+        "from smadrive.cli import main\n"
+        "sys.argv = ['smadrive', 'identify', '--help']\n"
+        "try:\n"
+        "    main()\n"
+        "except SystemExit:\n"
+        "    print('numpy' in sys.modules, len(os.listdir('/proc/self/task')))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True, env={"HOME": "/"}
+    )
+    assert done.stdout.splitlines()[-1] == "True 1"
