@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from smadrive.cli.log_plots import NOT_SCORED, draw_error
 from smadrive.identification.wire_fit import WireFit
 from smadrive.runfigures import TrackingFigures
 from smadrive.telemetry.log import Log
@@ -102,13 +103,11 @@ def _tracking_plot(arms: Sequence[ArmView]) -> Plot:
 def _error_plot(arms: Sequence[ArmView]) -> Plot:
     figure, axes = panels((1.9,) * len(arms))
     for ax, (name, log, figures), colour in zip(axes, arms, ARM_COLOURS, strict=True):
-        error = log.columns["reference_mm"] - log.columns["displacement_mm"]
-        line(ax, log.column("time_s"), error, color=colour, lw=0.8)
-        ax.axhline(0.0, color=WANTED, lw=0.5)
-        ax.set_ylabel("error / mm")
-        ax.set_title(f"{name}: {figures.rms_percent:.2f} % RMS", loc="left", fontsize=10)
+        draw_error(ax, log, colour)
+        told = f"{name}: {figures.rms_percent:.2f} % RMS, {figures.max_percent:.2f} % max"
+        ax.set_title(told, loc="left", fontsize=10)
     axes[-1].set_xlabel("time / s")
-    return Plot("Error", figure, "Mind the scales: each run has its own.")
+    return Plot("Error", figure, f"{NOT_SCORED} Mind the scales: each run has its own.")
 
 
 def _temperature_plot(arms: Sequence[ArmView]) -> Plot:

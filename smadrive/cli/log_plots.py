@@ -28,6 +28,8 @@ from smadrive.telemetry.report import Plot
 
 Array = NDArray[np.float64]
 
+NOT_SCORED = "The approach (grey) brings the wire to the reference and is not scored."
+
 PLANE_POINTS = 6000
 """The plane is drawn with at most this many of the recorded points."""
 
@@ -43,22 +45,24 @@ def log_plots(log: Log) -> Iterator[Plot]:
 
 
 def _tracking(log: Log) -> Plot:
-    time_s, error = log.column("time_s"), error_percent(log)
+    time_s = log.column("time_s")
     figure, (upper, lower) = panels((3.0, 1.7))
     line(upper, time_s, log.columns["displacement_mm"], color=MEASURED, lw=1.8, label="measured")
     line(upper, time_s, log.columns["estimated_mm"], color=ESTIMATED, lw=0.9, label="estimated")
     line(upper, time_s, log.columns["reference_mm"], color=WANTED, ls="--", lw=1.0, label="reference")
     upper.set_ylabel("displacement / mm")
     legend(upper)
-    line(lower, time_s, error, color=MEASURED, lw=0.9)
-    lower.axhline(0.0, color=WANTED, lw=0.6)
-    lower.axvspan(0.0, logged_reference(log).scored_from_s, color="#f0f2f5", lw=0)
-    lower.set(ylabel="error / % of stroke", xlabel="time / s")
-    return Plot(
-        "Tracking",
-        figure,
-        "Error = reference − displacement. The approach (grey) brings the wire to the reference and is not scored.",
-    )
+    draw_error(lower, log, MEASURED)
+    lower.set_xlabel("time / s")
+    return Plot("Tracking", figure, f"Error = reference − displacement. {NOT_SCORED}")
+
+
+def draw_error(ax: Axes, log: Log, colour: str) -> None:
+    """The error that is scored, and the approach, shaded, that is not."""
+    line(ax, log.column("time_s"), error_percent(log), color=colour, lw=0.9)
+    ax.axhline(0.0, color=WANTED, lw=0.6)
+    ax.axvspan(0.0, logged_reference(log).scored_from_s, color="#f0f2f5", lw=0)
+    ax.set_ylabel("error / % of stroke")
 
 
 def _heat(log: Log) -> Plot:

@@ -11,6 +11,7 @@ import typer
 
 from smadrive.cli.log_report import write_log_report
 from smadrive.cli.output import AsJson, Output
+from smadrive.filekind import LOG, check_kind
 from smadrive.outfile import PAGE, TABLE, check_output
 from smadrive.telemetry.log import read_log
 from smadrive.telemetry.table import write_table
@@ -27,6 +28,7 @@ def main(
     """Show the run in LOG, complete or cut, on one self-contained page: plots, figures, faults, provenance."""
     output = Output(as_json)
     page = report_file or log_file.with_suffix(".html")
+    check_kind(log_file, LOG)
     check_output(page, PAGE, log_file)
     if csv_file is not None:
         check_output(csv_file, TABLE, log_file)

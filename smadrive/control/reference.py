@@ -8,16 +8,17 @@ begins, which is driven but not scored.
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from inspect import Parameter, signature
 from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smadrive.errors import ConfigError, DataError
-from smadrive.nearest import nearest
+from smadrive.nearest import meant, nearest
 from smadrive.polyline import Polyline
 
 Array = NDArray[np.float64]
@@ -155,24 +156,37 @@ def _minimum_jerk(from_mm: float, to_mm: float, within_s: float) -> Array:
 def parse_reference(spec: str) -> Reference:
     """A reference from its one-line form, e.g. `sine:low_mm=2,high_mm=9,period_s=56,cycles=2`.
 
-    Shapes and their keys are the functions of this file; ConfigError names the shapes, or the keys, that exist.
+    Shapes and their keys are the functions of this file; ConfigError names what is unknown or missing, and what there
+    is: the shapes, or the keys.
     """
     shape, _, arguments = spec.partition(":")
     make = SHAPES.get(shape)
     if make is None:
         raise ConfigError(f"reference '{spec}': '{shape}' is neither a shape nor a CSV file{nearest(shape, SHAPES)}")
+    pairs = [part.partition("=") for part in arguments.split(",") if part]
+    given = {key.strip(): value for key, _, value in pairs}
+    keys = signature(make).parameters
+    wrong = _wrong_keys(given, keys)
+    if wrong:
+        told = ", ".join(_told(key) for key in keys.values())
+        raise ConfigError(f"reference '{spec}': {wrong}; the keys of '{shape}' are {told}")
     try:
-        return make(**{key.strip(): float(value) for key, value in _pairs(arguments)})
+        return make(**{key: float(value) for key, value in given.items()})
     except ValueError as error:
         raise ConfigError(f"reference '{spec}': {error}") from None
-    except TypeError:
-        keys = [f"{name}=" for name in make.__code__.co_varnames[: make.__code__.co_kwonlyargcount]]
-        raise ConfigError(f"reference '{spec}': the keys of '{shape}' are {', '.join(keys)}") from None
 
 
-def _pairs(arguments: str) -> list[tuple[str, str]]:
-    pairs = [part.partition("=") for part in arguments.split(",") if part]
-    return [(key, value) for key, _, value in pairs]
+def _wrong_keys(given: Collection[str], keys: Mapping[str, Parameter]) -> str:
+    """What is wrong with the keys that were given; nothing: empty."""
+    for key in given:
+        if key not in keys:
+            return f"unknown key '{key}'{meant(key, keys)}"
+    missing = [name for name, key in keys.items() if key.default is key.empty and name not in given]
+    return f"missing: {', '.join(missing)}" if missing else ""
+
+
+def _told(key: Parameter) -> str:
+    return f"{key.name}=" if key.default is key.empty else f"{key.name}= (optional: {key.default:g})"
 
 
 def sine(*, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0) -> Reference:

@@ -184,6 +184,8 @@ WRONG = [
     ("a wire's name for a rig", ("probe", "flexinol-lt-0.15mm"), 2, "it is the name of a wire file and a simulat"),
     ("a misspelt rig", ("probe", "simulatd"), 2, "simulated, tclab; did you mean 'simulated'?"),
     ("a log that is a model", ("report", "loop.json"), 2, "loop.json: is a model file, and a log is wanted"),
+    ("a log that is a page", ("report", "page.html"), 2, "page.html: is a page (HTML), and a log is wanted here: give"),
+    ("a key of no reference", (*RUN, "--model", "loop.json", "--reference", "sine:low=2"), 2, "unknown key 'low'; did"),
     ("a model that is absent", (*RUN, "--model", "no.json", "--reference", ANY_SINE), 2, "no.json: cannot be read: No"),
     ("unknown wire", ("probe", "wire.toml"), 2, "'nitinol' is neither a .toml file nor one of the shipped wires"),
     ("no device there", ("probe", "port.toml"), 3, "/dev/ttyNONE: no such port"),
@@ -237,6 +239,7 @@ def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(dat
     (data / "folder.json").mkdir()
     (data / "kept.h5").write_bytes(b"\x89HDF\r\n\x1a\n, a record")
     (data / "link.html").symlink_to(data / "kept.h5")
+    (data / "page.html").write_text("<!doctype html>\n<title>a run</title>\n")
     save_model(LOOP, data / "loop.json")
     before = contents(data)
     done = smadrive(*arguments, cwd=data)

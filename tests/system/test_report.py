@@ -12,16 +12,19 @@ import pytest
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
+from smadrive.cli.demo_report import _error_plot
 from smadrive.cli.log_plots import log_plots
 from smadrive.cli.log_report import write_log_report
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward import HysteresisInverse
+from smadrive.control.loop import LoopFigures
 from smadrive.control.reference import sine
 from smadrive.device.heater import AT_LIMIT
 from smadrive.errors import DeadlineError, TripError
 from smadrive.hysteresis import DuhemModel
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
+from smadrive.runfigures import tracking_figures
 from smadrive.runlog import record_excitation, record_tracking
 from smadrive.telemetry.log import read_log
 from smadrive.telemetry.table import read_table
@@ -104,6 +107,18 @@ def test_a_complete_run_is_shown_with_everything_it_was_run_with(logs):
     ]
     for told in ("sim://flexinol-lt-0.15mm", "sma-reference (smadrive)", "limits.current_max_a", "numpy 2", "seed"):
         assert told in text
+
+
+def test_the_demo_shows_the_error_that_its_table_scores(logs):
+    log = read_log(logs / "complete.h5")
+    figures = tracking_figures(log, LoopFigures())
+    plot = _error_plot([("inverse", log, figures), ("plain map", log, figures)])
+    for panel in plot.figure.axes:
+        shown, (approach,) = panel.lines[0].get_ydata(), panel.patches
+        assert np.nanmax(np.abs(shown)) == pytest.approx(figures.max_percent)
+        assert approach.get_width() == 5.0
+        assert panel.get_ylabel() == "error / % of stroke"
+    assert "The approach (grey)" in plot.caption
 
 
 def test_virtual_time_shows_no_lateness_and_real_time_does(logs, tmp_path):
