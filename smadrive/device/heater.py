@@ -163,8 +163,10 @@ class Heater:
     def _allowed(self, current_a: float) -> tuple[float, tuple[str, ...]]:
         """The current that may flow, and what limits it."""
         headroom_c = self.limits.temperature_max_c - self._temperature_c
-        if not (self.source.armed and headroom_c > 0.0 and isfinite(current_a)):
+        if not (self.source.armed and isfinite(current_a)):
             return 0.0, ()
+        if not headroom_c > 0.0:  # too hot, or the temperature unknown
+            return 0.0, ("temperature",) if current_a > 0.0 else ()
         most_a = self.limits.current_max_a
         limit = "current_max"
         if headroom_c < DERATE_C:

@@ -168,8 +168,9 @@ def test_a_converter_that_stands_still_is_not_believed(heater, run, rig):
     last = run(0.2, 0.7)[-1]
     assert math.isnan(last.temperature_c)
     assert "no new conversion for 0.7" in last.temperature_fault
-    run(0.2, 0.05)
+    assert run(0.2, 0.05)[-1].host_limits == ("temperature",)
     assert rig.firmware.commanded_a == 0.0
+    assert run(0.0, 0.05)[-1].host_limits == ()
 
 
 def test_a_device_that_restarts_is_not_heated_on(heater, run, rig):
