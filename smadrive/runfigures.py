@@ -16,6 +16,9 @@ from smadrive.telemetry.log import Log
 
 Array = NDArray[np.float64]
 
+FEW_MISSING = 0.03
+"""A sensor loses a sample now and then; a larger share of them lets doubt the figures."""
+
 
 def error_percent(log: Log) -> Array:
     """Reference - displacement of every row, in % of the stroke; NaN during the approach and where nothing is measured.
@@ -34,7 +37,10 @@ def is_virtual(log: Log) -> bool:
 
 @dataclass(frozen=True)
 class TrackingFigures:
-    """How a run went: error = reference - displacement in % of the stroke, after the approach."""
+    """How a run went: error = reference - displacement in % of the stroke, after the approach, where it was measured.
+
+    NaN where nothing measured the displacement.
+    """
 
     rms_percent: float
     max_percent: float
@@ -45,11 +51,22 @@ class TrackingFigures:
 
 
 def tracking_figures(log: Log, loop: LoopFigures) -> TrackingFigures:
-    """The figures of a recorded tracking run. DataError when the rig has no displacement sensor to judge it by."""
-    rms, largest = _rms_and_max(error_percent(log)[log.column("time_s") >= logged_reference(log).scored_from_s])
-    if not np.isfinite(rms):
-        raise DataError(f"{log.path}: no displacement was measured: the tracking error is unknown")
+    """The figures of a recorded tracking run. DataError when the log is of none."""
+    rms, largest = _rms_and_max(error_percent(log))
     return TrackingFigures(rms, largest, loop.ticks, loop.missed_deadlines, loop.trips, str(log.path))
+
+
+def tracking_caveats(log: Log) -> tuple[str, ...]:
+    """What lets doubt how well the figures of a tracking run tell its error. DataError when the log is of none."""
+    error = error_percent(log)[log.column("time_s") >= logged_reference(log).scored_from_s]
+    missing = int(np.count_nonzero(np.isnan(error)))
+    if missing == error.size:
+        return ("the tracking error is unknown: no displacement was measured (no displacement sensor that works)",)
+    if missing <= FEW_MISSING * error.size:
+        return ()
+    percent = 100.0 * missing / error.size
+    lost = f"{missing} of {error.size} samples of the displacement are missing ({percent:.0f} %)"
+    return (f"{lost}: the error is that of the others",)
 
 
 @dataclass(frozen=True)
@@ -84,7 +101,7 @@ def run_summary(log: Log) -> RunSummary:
         log.about["kind"],
         time_s.size,
         float(time_s[-1]),
-        *_rms_and_max(error[np.isfinite(error)]),
+        *_rms_and_max(error),
         int(np.count_nonzero(late_s > LATE_FRACTION / logged_rig(log).rate_hz)),
         float(late_s.max()),
         _largest(log.columns["temperature_c"]),
@@ -95,9 +112,9 @@ def run_summary(log: Log) -> RunSummary:
 
 
 def _rms_and_max(values: Array) -> tuple[float, float]:
-    if values.size == 0:
-        return nan, nan
-    return float(np.sqrt(np.mean(values**2))), float(np.max(np.abs(values)))
+    """Of the values that are known; NaN when none is."""
+    known = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(known**2))) if known.size else nan, _largest(np.abs(known))
 
 
 def _largest(values: Array) -> float:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterable, Mapping, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -42,9 +43,9 @@ class Output:
         self._console.print(table)
 
     def result(self, values: Mapping[str, Any]) -> None:
-        """The JSON object for a program."""
+        """The JSON object for a program; JSON has no NaN: what is not known becomes null."""
         if self.quiet:
-            json.dump(values, sys.stdout, indent=2)
+            json.dump(_known(values), sys.stdout, indent=2, allow_nan=False)
             print()
 
     def progress(self) -> Progress:
@@ -59,6 +60,17 @@ class Output:
             console=console,
             disable=self.quiet or not console.is_terminal,
         )
+
+
+def _known(value: Any) -> Any:
+    match value:
+        case float():
+            return value if isfinite(value) else None
+        case Mapping():
+            return {name: _known(inner) for name, inner in value.items()}
+        case list() | tuple():
+            return [_known(inner) for inner in value]
+    return value
 
 
 def make_empty_folder(folder: Path) -> Path:

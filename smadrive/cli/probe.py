@@ -37,8 +37,7 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
         output.say(f"latched: {fault}")
     if latched:
         output.say(f"clear it once its cause is gone: smadrive off {shlex.quote(rig)} --clear-faults")
-    values = {name: value if _is_plain(value) else None for name, value in measurement._asdict().items()}
-    output.result({"rig": config.name, "devices": identities, **values, "tripped": tripped})
+    output.result({"rig": config.name, "devices": identities, **measurement._asdict(), "tripped": tripped})
 
 
 def _rows(measurement: Measurement) -> list[tuple[str, str]]:
@@ -52,8 +51,3 @@ def _rows(measurement: Measurement) -> list[tuple[str, str]]:
         ("faults", ", ".join(measurement.device_faults) or "none"),
         ("limited by", ", ".join(measurement.device_limits + measurement.host_limits) or "nothing"),
     ]
-
-
-def _is_plain(value: object) -> bool:
-    """JSON has no NaN: a quantity that was not measured becomes null."""
-    return not isinstance(value, float) or isfinite(value)

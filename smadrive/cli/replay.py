@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
 
@@ -40,8 +40,8 @@ def main(
             "model_file": None if model is None else str(model),
             "ticks": int(again.time_s.size),
             "exact": again.exact,
-            "differences": {name: _finite(asdict(difference)) for name, difference in again.differences.items()},
-            "prediction_percent": _finite(predictions),
+            "differences": {name: asdict(difference) for name, difference in again.differences.items()},
+            "prediction_percent": predictions,
         }
     )
 
@@ -87,8 +87,3 @@ def _rows(again: Replay) -> list[tuple[str, ...]]:
         else:
             rows.append((name, "none", "none", "never"))
     return rows
-
-
-def _finite(values: dict[str, Any]) -> dict[str, Any]:
-    """JSON has no NaN and no infinity: both become null."""
-    return {name: value if isfinite(value) else None for name, value in values.items()}

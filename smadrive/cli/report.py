@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from math import isfinite
 from pathlib import Path
 from typing import Annotated
 
@@ -39,7 +38,6 @@ def main(
         if csv_file is not None:
             write_table(csv_file, {}, log.columns)
     output.say(f"report: {page}" + ("" if csv_file is None else f"   CSV: {csv_file}"))
-    figures = {name: _finite(value) for name, value in asdict(summary).items()}
     output.result(
         {
             "log_file": str(log_file),
@@ -47,12 +45,7 @@ def main(
             "csv_file": None if csv_file is None else str(csv_file),
             "complete": bool(log.end_time) and not log.ended_by,
             "ended_by": log.ended_by if log.end_time else "a kill, or it still runs",
-            **figures,
+            **asdict(summary),
             "events": [event._asdict() for event in log.events],
         }
     )
-
-
-def _finite(value: float | str) -> float | str | None:
-    """JSON has no NaN: what is not known becomes null."""
-    return value if isinstance(value, str) or isfinite(value) else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import asdict
-from math import isfinite
+from math import isfinite, isnan
 from pathlib import Path
 from typing import Annotated
 
@@ -12,18 +12,19 @@ import typer
 from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile, TraceFolder
+from smadrive.control.faults import Fault
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.reference import SHAPES, Reference, parse_reference
 from smadrive.control.rehearsal import rehearse
 from smadrive.control.wire import WireModel, WireState, travel_mm
 from smadrive.controllers import tracking_settings
-from smadrive.errors import ConfigError
+from smadrive.errors import ConfigError, SafetyError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import Measurement
 from smadrive.outfile import LOG, TABLE, check_output
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
-from smadrive.runfigures import TrackingFigures, tracking_figures
+from smadrive.runfigures import TrackingFigures, tracking_caveats, tracking_figures
 from smadrive.runlog import record_tracking
 from smadrive.telemetry.log import read_log
 from smadrive.telemetry.table import read_table
@@ -65,6 +66,7 @@ def main(
     wanted.check_within(travel_mm(hysteresis))
     with Rig(config, trace_folder=trace) as bench:
         measured = bench.heater.exchange(0.0)
+        check_thermocouple(measured)
         start_mm = start_displacement_mm(hysteresis, measured)
         path = wanted.with_approach(start_mm, APPROACH_S)
         wire = WireModel(hysteresis, balance or bench.nominal_balance)
@@ -87,10 +89,20 @@ def main(
             ) as record,
         ):
             loop = bench.track(*experiment, record)
-    figures = tracking_figures(read_log(log_file), loop)
+    log = read_log(log_file)
+    figures, doubts = tracking_figures(log, loop), tracking_caveats(log)
     output.table(HEADER, [table_row("tracking", figures)])
+    for caveat in doubts:
+        output.say(f"beware: {caveat}")
     output.say(f"log: {log_file}")
-    output.result({**asdict(figures), "caveats": list(rehearsed.caveats)})
+    output.result({**asdict(figures), "caveats": [*rehearsed.caveats, *doubts]})
+
+
+def check_thermocouple(measured: Measurement) -> None:
+    """SafetyError with the cure when the temperature that the run begins at is not known."""
+    if not isfinite(measured.temperature_c):
+        _, problem, cure = Fault.SENSOR_INVALID.value
+        raise SafetyError(f"not heated: {problem} ({measured.temperature_fault or 'no reading'}): {cure}")
 
 
 def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
@@ -113,11 +125,15 @@ def table_row(name: str, figures: TrackingFigures) -> tuple[str, ...]:
     """One line of the table of figures."""
     return (
         name,
-        f"{figures.rms_percent:.2f} %",
-        f"{figures.max_percent:.2f} %",
+        _percent(figures.rms_percent),
+        _percent(figures.max_percent),
         str(figures.trips),
         str(figures.missed_deadlines),
     )
+
+
+def _percent(value: float) -> str:
+    return "unknown" if isnan(value) else f"{value:.2f} %"
 
 
 def model_file(config: RigConfig, option: Path | None) -> Path:

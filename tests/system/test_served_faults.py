@@ -1,6 +1,8 @@
 """Faults by script in the served process: the driver behind a real port and a real socket."""
 
+import re
 import subprocess
+import sys
 from functools import partial
 
 import pytest
@@ -8,10 +10,12 @@ from served import COMMAND, SIM, advance, served
 
 from smadrive.device.profile import load_profile
 from smadrive.errors import ExceptionReply, ProtocolError, TransportError
+from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
+from smadrive.shipped import configs_dir
 
 READ = requests.read_holding(0, 2)
 RIGHT = (0x534D, 1)
@@ -83,6 +87,25 @@ def test_a_scripted_bus_fails_on_time_and_the_driver_gets_over_it(scripted):
         except ProtocolError:
             assert url.startswith("tcp://")
         assert read() == RIGHT
+
+
+def test_a_run_with_an_open_thermocouple_is_refused_before_anything_is_rehearsed_or_written(tmp_path):
+    script, rig, wire, log = (tmp_path / name for name in ("faults.toml", "rig.toml", "wire.json", "run.h5"))
+    script.write_text('[[faults]]\nat_s = 0.0\nname = "open_thermocouple"\n', encoding="utf-8")
+    model = DuhemModel.gaussian(
+        mu_heating=90, mu_cooling=70, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 200)
+    )
+    save_model(model, wire)
+    with served("--faults", str(script), "--pty", str(tmp_path / "port")) as (_, url):
+        rig.write_text(re.sub('url = ".*"', f'url = "{url}"', (configs_dir() / "rigs" / "simulated.toml").read_text()))
+        run = ("run", rig, "--model", wire, "--reference", "sine:low_mm=2,high_mm=9,period_s=40", "-o", log)
+        done = subprocess.run(
+            [sys.executable, "-m", "smadrive", *map(str, run)], capture_output=True, text=True, check=False
+        )
+    assert done.returncode == 4
+    (told,) = done.stderr.splitlines()
+    assert "gives no valid reading (thermocouple_open): check the bead, the plug and the polarity" in told
+    assert not log.exists()
 
 
 def test_a_script_that_makes_no_sense_is_one_clear_line(tmp_path):

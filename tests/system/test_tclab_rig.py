@@ -18,6 +18,7 @@ from smadrive.control.reference import sine
 from smadrive.control.wire import travel_mm
 from smadrive.device.profile import load_profile
 from smadrive.errors import ConfigError, TripError
+from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.identification.wire_fit import identify_wire
 from smadrive.loggedrun import excitation_record, nominal_balance
 from smadrive.rig import Rig
@@ -56,6 +57,25 @@ def test_it_is_excited_identified_and_tracks(tmp_path):
     figures = tracking_figures(read_log(tracked), loop)
     assert figures.trips == 0
     assert figures.rms_percent <= 3.0
+
+
+def test_without_a_displacement_sensor_it_runs_and_its_error_is_unknown(tmp_path):
+    rig = tmp_path / "rig.toml"
+    rig.write_text(_toml(load_rig("tclab"), SIM))
+    wire = DuhemModel.gaussian(
+        mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 200)
+    )
+    save_model(wire, tmp_path / "wire.json")
+    reference = ("--reference", "sine:low_mm=2,high_mm=9,period_s=40,cycles=1")
+    run = ("run", str(rig), "--model", str(tmp_path / "wire.json"), *reference)
+    done = smadrive(*run, "-o", str(tmp_path / "a.h5"), "--json")
+    assert done.returncode == 0, done.stderr
+    figures = json.loads(done.stdout)
+    assert (figures["rms_percent"], figures["max_percent"], figures["trips"]) == (None, None, 0)
+    assert "no displacement sensor" in figures["caveats"][0]
+    told = smadrive(*run, "-o", str(tmp_path / "b.h5")).stdout
+    assert "unknown" in told
+    assert "no displacement sensor" in told
 
 
 def test_its_lines_are_traced_for_people_and_not_served_again(tmp_path):
