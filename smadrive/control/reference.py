@@ -26,6 +26,11 @@ Array = NDArray[np.float64]
 TABLE_STEP_S = 0.02
 """Curved shapes are tabulated this finely: below the error of any thermocouple, above any loop period in use."""
 
+LONGEST_S = 86_400.0
+"""A day: at 20 Hz its rehearsal takes some three minutes and 1.3 GB, and more with every second."""
+
+MOST_PIECES = LONGEST_S / TABLE_STEP_S
+
 TRAVEL_SLACK = 0.005
 """Share of the travel by which a reference may exceed it: the noise of the sensor that the travel was read with."""
 
@@ -44,7 +49,10 @@ class Reference:
 
     @classmethod
     def from_samples(cls, times_s: ArrayLike, displacement_mm: ArrayLike) -> Reference:
-        """Through the samples, straight between them. DataError for NaN, lengths that differ, time going backwards."""
+        """Through the samples, straight between them.
+
+        DataError for NaN, lengths that differ, time going backwards, and more than `LONGEST_S`.
+        """
         times = np.asarray(times_s, dtype=np.float64)
         values = np.asarray(displacement_mm, dtype=np.float64)
         if times.shape != values.shape or times.ndim != 1 or times.size < 2:
@@ -55,6 +63,7 @@ class Reference:
                 raise DataError(
                     f"reference: {name} of sample {bad[0] + 1} is {column[bad[0]]}: every value must be finite"
                 )
+        _check_length(float(times.max()) - float(times.min()))
         backwards = np.flatnonzero(np.diff(times) <= 0)
         if backwards.size:
             n = int(backwards[0])
@@ -191,6 +200,7 @@ def _told(key: Parameter) -> str:
 
 def sine(*, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0) -> Reference:
     """A sine between `low_mm` and `high_mm` that begins at `low_mm`."""
+    _check_length(period_s * cycles)
     times = np.linspace(0.0, period_s * cycles, max(3, int(period_s * cycles / TABLE_STEP_S)))
     swing = 0.5 * (1.0 - np.cos(2.0 * np.pi * times / _positive("period_s", period_s)))
     return Reference.from_samples(times, low_mm + (high_mm - low_mm) * swing)
@@ -198,6 +208,7 @@ def sine(*, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0)
 
 def triangle(*, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0) -> Reference:
     """Straight up and down between `low_mm` and `high_mm`."""
+    _check_length(period_s * cycles, 2 * cycles)
     corners = np.arange(int(2 * cycles) + 1)
     values = np.where(corners % 2 == 0, low_mm, high_mm)
     return Reference.from_samples(corners * 0.5 * _positive("period_s", period_s), values)
@@ -207,6 +218,7 @@ def staircase(
     *, low_mm: float, high_mm: float, steps: float = 4.0, dwell_s: float = 10.0, rise_s: float = 2.0
 ) -> Reference:
     """`steps` equal levels up and down again, each held `dwell_s`, with straight rises of `rise_s` between them."""
+    _check_length(2 * steps * (dwell_s + rise_s), 2 * steps)
     count = int(_positive("steps", steps))
     up = np.linspace(low_mm, high_mm, count + 1)
     levels = np.concatenate((up, up[-2::-1]))
@@ -217,6 +229,7 @@ def staircase(
 
 def steps(*, low_mm: float, high_mm: float, dwell_s: float = 10.0, cycles: float = 2.0) -> Reference:
     """Jumps up and down between `low_mm` and `high_mm`, each held `dwell_s`: for a wire, to be smoothed before."""
+    _check_length(2 * cycles * dwell_s, 2 * cycles)
     levels = np.where(np.arange(int(2 * _positive("cycles", cycles)) + 1) % 2 == 0, low_mm, high_mm)
     starts = np.arange(levels.size) * _positive("dwell_s", dwell_s)
     times = np.column_stack((starts, starts + dwell_s - TABLE_STEP_S)).ravel()
@@ -227,6 +240,7 @@ def trapezoid(
     *, low_mm: float, high_mm: float, rise_s: float = 10.0, dwell_s: float = 5.0, cycles: float = 2.0
 ) -> Reference:
     """Straight up within `rise_s`, held `dwell_s`, straight down, held as long."""
+    _check_length(2 * cycles * (dwell_s + rise_s), 2 * cycles)
     levels = np.where(np.arange(int(2 * _positive("cycles", cycles)) + 1) % 2 == 0, low_mm, high_mm)
     starts = np.arange(levels.size) * (_positive("dwell_s", dwell_s) + _positive("rise_s", rise_s))
     times = np.column_stack((starts, starts + dwell_s)).ravel()
@@ -235,12 +249,24 @@ def trapezoid(
 
 def chirp(*, low_mm: float, high_mm: float, start_hz: float, end_hz: float, duration_s: float = 120.0) -> Reference:
     """A swing between `low_mm` and `high_mm` whose frequency rises evenly from `start_hz` to `end_hz`."""
+    _check_length(duration_s)
     rate_hz_per_s = (_positive("end_hz", end_hz) - _positive("start_hz", start_hz)) / _positive(
         "duration_s", duration_s
     )
     times = np.linspace(0.0, duration_s, max(3, int(duration_s / TABLE_STEP_S)))
     turns = (start_hz + 0.5 * rate_hz_per_s * times) * times
     return Reference.from_samples(times, low_mm + (high_mm - low_mm) * 0.5 * (1.0 - np.cos(2.0 * np.pi * turns)))
+
+
+def _check_length(duration_s: float, pieces: float = 0.0) -> None:
+    """DataError when a reference lasts too long to be rehearsed, or has too many pieces; before its table is made."""
+    if duration_s > LONGEST_S:
+        raise DataError(
+            f"reference: it lasts {duration_s:g} s, the longest that is rehearsed and run at once is {LONGEST_S:g} s, "
+            "a day: shorten it; is its time in seconds?"
+        )
+    if pieces > MOST_PIECES:
+        raise DataError(f"reference: it has {pieces:g} pieces, at most {MOST_PIECES:g} can be: lower their number")
 
 
 def _positive(name: str, value: float) -> float:

@@ -92,11 +92,40 @@ def test_a_wrong_line_is_refused_with_what_exists(spec, told):
         ([0, 1, 2], [0, np.nan, 2], "displacement_mm of sample 2 is nan"),
         ([0, 1], [0, 1, 2], "one length"),
         ([0], [0], "one length >= 2"),
+        ([0, 86_401], [0, 1], "lasts 86401 s, the longest .* is 86400 s, a day: shorten it"),
+        ([0, 1e300], [0, 1], "lasts 1e.300 s"),
+        ([-1.7e308, 1.7e308], [0, 1], "lasts inf s"),
     ],
 )
 def test_samples_that_make_no_path_are_refused(times, values, told):
     with pytest.raises(DataError, match=told):
         Reference.from_samples(times, values)
+
+
+@pytest.mark.parametrize(
+    "spec",
+    [
+        "sine:period_s=1e7",
+        "sine:period_s=56,cycles=inf",
+        "triangle:period_s=1e7",
+        "triangle:period_s=1e-9,cycles=1e12",
+        "staircase:steps=1e12",
+        "staircase:steps=1e12,dwell_s=1e-12,rise_s=1e-12",
+        "steps:cycles=1e12",
+        "steps:cycles=1e12,dwell_s=1e-9",
+        "trapezoid:rise_s=1e9",
+        "trapezoid:cycles=inf",
+        "chirp:start_hz=1,end_hz=2,duration_s=1e9",
+    ],
+)
+def test_a_reference_that_is_too_long_is_refused_before_its_table_is_made(spec):
+    with pytest.raises(DataError, match=r"(lasts|has) .*(a day: shorten it|lower their number)"):
+        parse_reference(f"{spec},low_mm=1,high_mm=2")
+
+
+def test_a_day_can_be_run():
+    assert Reference.from_samples([0, 43_200, 86_400], [0, 1, 0]).with_approach(0.5, 10.0).duration_s == 86_410.0
+    assert parse_reference("sine:low_mm=1,high_mm=2,period_s=43200").duration_s == 86_400.0
 
 
 def test_a_reference_beyond_the_travel_of_the_wire_is_refused():
