@@ -10,6 +10,7 @@ from typing import Any, TypeVar
 from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 
 from smadrive.errors import ConfigError
+from smadrive.filekind import check_regular
 from smadrive.nearest import nearest
 
 
@@ -33,15 +34,18 @@ ConfigT = TypeVar("ConfigT", bound=BaseModel)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of the file; ConfigError when it is missing, unreadable or no TOML."""
+    """The tables of the file; ConfigError when it is missing, unreadable, no regular file or no TOML."""
+    check_regular(path, ConfigError)
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({error})") from None
     except tomllib.TOMLDecodeError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from None
+    except RecursionError:
+        raise ConfigError(f"{path}: nested too deeply for a config file: remove the inner brackets") from None
 
 
 def load_config(path: Path, kind: type[ConfigT]) -> ConfigT:

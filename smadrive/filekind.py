@@ -2,13 +2,15 @@
 
 A TOML file is known by keys that every file of its kind has and none of another kind, a model by those of its JSON,
 the rest by how they begin. A file that shows none of this, or that is damaged there, is of no known kind: whoever reads
-it says what is wrong with it.
+it says what is wrong with it. Only a regular file is ever opened: a pipe waits for a writer, a device may never end.
 """
 
 from __future__ import annotations
 
 import csv
 import json
+import os
+import stat
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
@@ -58,8 +60,33 @@ TABLE = FileKind("a table (CSV)", "give a .csv with a header line", DataError)
 PAGE = FileKind("a page (HTML)", "give an .html file", DataError)
 
 
+_IRREGULAR = {
+    stat.S_IFDIR: "a folder",
+    stat.S_IFCHR: "a device",
+    stat.S_IFBLK: "a device",
+    stat.S_IFIFO: "a pipe",
+    stat.S_IFSOCK: "a socket",
+}
+
+
+def irregular_kind(found: os.stat_result) -> str | None:
+    """What that is which is no regular file; None when it is one."""
+    return None if stat.S_ISREG(found.st_mode) else _IRREGULAR.get(stat.S_IFMT(found.st_mode), "something else")
+
+
+def check_regular(path: Path, error: type[ConfigError | DataError | ModelError]) -> None:
+    """The given error when something other than a regular file is at `path`; whether anything is, its reader tells."""
+    try:
+        kind = irregular_kind(path.stat())
+    except (OSError, ValueError):
+        return
+    if kind:
+        raise error(f"{path}: is {kind}, no regular file: give the path of a file")
+
+
 def check_kind(path: Path, wanted: FileKind, cure: str = "") -> None:
-    """The error of `wanted` when the file is one of another kind, with its cure or the given one."""
+    """The error of `wanted` when the file is one of another kind, with its cure or the given one, or no regular one."""
+    check_regular(path, wanted.error)
     found = _kind_of(path, wanted)
     if found not in (None, wanted):
         raise wanted.error(f"{path}: is {found.what}, and {wanted.what} is wanted here: {cure or wanted.cure}")
@@ -89,7 +116,7 @@ def _marked(keys: frozenset[str], *kinds: FileKind) -> FileKind | None:
 def _keys(parse: Any, text: str) -> frozenset[str]:
     try:
         return frozenset(parse(text))
-    except ValueError:
+    except (ValueError, RecursionError):
         return frozenset()
 
 

@@ -20,14 +20,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from smadrive.errors import DataError
-
-_KINDS = {
-    stat.S_IFDIR: "a folder",
-    stat.S_IFCHR: "a device",
-    stat.S_IFBLK: "a device",
-    stat.S_IFIFO: "a pipe",
-    stat.S_IFSOCK: "a socket",
-}
+from smadrive.filekind import irregular_kind
 
 
 @dataclass(frozen=True)
@@ -111,8 +104,7 @@ def _replaceable(path: Path) -> os.stat_result | None:
         found = path.stat()
     except FileNotFoundError:
         return None
-    if not stat.S_ISREG(found.st_mode):
-        kind = _KINDS.get(stat.S_IFMT(found.st_mode), "no regular file")
+    if kind := irregular_kind(found):
         raise DataError(f"{path}: cannot be written: it is {kind}, which a file must not replace: choose another name")
     if not os.access(path, os.W_OK):
         raise DataError(f"{path}: cannot be written: it is write-protected: choose another name or allow writing")

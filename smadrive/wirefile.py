@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping
-from dataclasses import asdict
+from dataclasses import asdict, fields
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem, load_model, save_model
-from smadrive.hysteresis.modelfile import model_text, parse_model
+from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem, save_model
+from smadrive.hysteresis.modelfile import Fields, model_text, parse_model, read_model
 from smadrive.thermal import HeatBalance
 
 
@@ -31,8 +31,8 @@ def save_wire(
 
 def load_wire_file(path: Path) -> tuple[DuhemModel | TSFuzzyDuhem, HeatBalance | None]:
     """The certified model of the file, and its heat balance if it has one. ModelError, CertificateError."""
-    model = load_model(path)
-    return model, _balance(path.read_text(encoding="utf-8"), str(path))
+    text = read_model(path)
+    return parse_model(text, place=str(path)), _balance(text, str(path))
 
 
 def wire_text(model: HysteresisModel, balance: HeatBalance) -> str:
@@ -42,17 +42,27 @@ def wire_text(model: HysteresisModel, balance: HeatBalance) -> str:
 
 def parse_wire(text: str, place: str) -> tuple[HysteresisModel, HeatBalance]:
     """What `wire_text` wrote. ModelError, CertificateError."""
-    balance = _balance(text, place)
+    model, balance = parse_model(text, place=place), _balance(text, place)
     if balance is None:
         raise ModelError(f"{place}: tells no heat balance; record it again")
-    return parse_model(text, place=place), balance
+    return model, balance
 
 
 def _balance(text: str, place: str) -> HeatBalance | None:
-    numbers = json.loads(text).get("provenance", {}).get("heat_balance")
-    if numbers is None:
+    """The heat balance in the provenance of a model's text, if it tells one."""
+    document = json.loads(text)
+    if "provenance" not in document:
         return None
+    provenance = Fields(place, document).inner("provenance")
+    if provenance.document.get("heat_balance") is None:
+        return None
+    told = provenance.inner("heat_balance")
+    names = [field.name for field in fields(HeatBalance)]
+    unknown = sorted(told.document.keys() - names)
+    if unknown:
+        raise ModelError(f"{told.place}: unknown key '{unknown[0]}'; identify the wire again")
     try:
-        return HeatBalance(**numbers)
-    except TypeError as error:
-        raise ModelError(f"{place}: provenance.heat_balance: {error}; identify the wire again") from None
+        return HeatBalance(**{name: told.number(name) for name in names})
+    except ModelError as error:
+        message = str(error)
+        raise ModelError(message if message.startswith(place) else f"{place}: {message}") from None

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import os
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -40,14 +41,18 @@ def save_model(
 
 def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
     """Read a model. Raises ModelError for a file that is none, CertificateError for rules that are not certified."""
+    return parse_model(read_model(path), place=str(path), allow_uncertified=allow_uncertified)
+
+
+def read_model(path: str | os.PathLike[str]) -> str:
+    """The text of a model file. Raises ModelError for what is none, or cannot be read."""
     check_kind(Path(path), MODEL)
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        return Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}; check the path") from error
     except UnicodeDecodeError as error:
         raise ModelError(f"{path}: not a JSON file but a binary one; {CURE}") from error
-    return parse_model(text, place=str(path), allow_uncertified=allow_uncertified)
 
 
 def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: str) -> str:
@@ -71,10 +76,12 @@ def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: 
 def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
     """The model that `model_text` wrote. Raises ModelError, CertificateError; `place` is how they call the text."""
     try:
-        fields = _Fields(place, json.loads(text))
+        fields = Fields(place, json.loads(text))
     except ValueError as error:
         damage = f": {error}" if text.lstrip().startswith(("{", "[")) else ""
         raise ModelError(f"{place}: not a JSON file{damage}; {CURE}") from error
+    except RecursionError:
+        raise ModelError(f"{place}: nested too deeply for a model file; {CURE}") from None
     if fields.value("schema") != SCHEMA_VERSION:
         raise ModelError(
             f"{place}: schema is {fields.value('schema')!r}; this version reads {SCHEMA_VERSION}; identify again"
@@ -118,36 +125,46 @@ def _sets_json(sets: FuzzySets) -> dict[str, Any]:
     return {**shape, "centres": list(sets.centres)}
 
 
-class _Fields:
-    """A JSON object that knows where it stands, so that every refusal names file and key."""
+class Fields:
+    """A JSON object that knows where it stands, so that every refusal names file and key (ModelError)."""
 
     def __init__(self, place: str, document: Any) -> None:
+        """`place` is how errors call the object."""
         if not isinstance(document, dict):
             raise ModelError(f"{place}: expected a JSON object, found {type(document).__name__}; {CURE}")
         self.place, self.document = place, document
 
     def value(self, key: str) -> Any:
+        """Whatever stands at `key`."""
         if key not in self.document:
             raise ModelError(f"{self.place}: key '{key}' is missing; {CURE}")
         return self.document[key]
 
     def number(self, key: str) -> float:
+        """The number at `key`."""
         value = self.value(key)
-        if isinstance(value, bool) or not isinstance(value, int | float):
-            raise ModelError(f"{self.place}: {key} = {value!r} is not a number; put a number there")
+        if not _is_finite(value):
+            raise ModelError(f"{self.place}: {key} = {value!r} is not a number; put a finite number there")
         return float(value)
 
     def numbers(self, key: str) -> tuple[float, ...]:
+        """The list of numbers at `key`."""
         values = self.value(key)
-        if not isinstance(values, list) or any(isinstance(x, bool) or not isinstance(x, int | float) for x in values):
-            raise ModelError(f"{self.place}: {key} = {values!r} is not a list of numbers; put one there")
+        if not isinstance(values, list) or not all(map(_is_finite, values)):
+            raise ModelError(f"{self.place}: {key} = {values!r} is not a list of finite numbers; put one there")
         return tuple(map(float, values))
 
-    def inner(self, key: str) -> _Fields:
-        return _Fields(f"{self.place}: {key}", self.value(key))
+    def inner(self, key: str) -> Fields:
+        """The object at `key`."""
+        return Fields(f"{self.place}: {key}", self.value(key))
 
 
-def _build(fields: _Fields) -> DuhemModel | TSFuzzyDuhem:
+def _is_finite(value: Any) -> bool:
+    """Whether a value of JSON, whose whole numbers have no end, is a number that a float can be."""
+    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
+
+
+def _build(fields: Fields) -> DuhemModel | TSFuzzyDuhem:
     ends = fields.numbers("input_range")
     if len(ends) != 2:
         raise ModelError(f"{fields.place}: input_range has {len(ends)} numbers; give lower and upper end")
@@ -168,11 +185,11 @@ def _build(fields: _Fields) -> DuhemModel | TSFuzzyDuhem:
     raise ModelError(f"{fields.place}: kind = {kind!r} is unknown; it must be 'duhem' or 'tsfuzzy'")
 
 
-def _mixture(fields: _Fields) -> GaussianMixture:
+def _mixture(fields: Fields) -> GaussianMixture:
     return GaussianMixture(fields.numbers("weights"), fields.numbers("means"), fields.numbers("sigmas"))
 
 
-def _sets(fields: _Fields) -> FuzzySets:
+def _sets(fields: Fields) -> FuzzySets:
     shape, centres = fields.value("shape"), fields.numbers("centres")
     if shape == "triangular":
         return TriangularSets(centres)

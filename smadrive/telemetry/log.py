@@ -72,9 +72,9 @@ class Log:
 
 def read_log(path: Path) -> Log:
     """The log at `path`; DataError when it is missing or no log."""
-    if not path.is_file():
-        raise DataError(f"{path}: no such file")
     check_kind(path, LOG)
+    if not path.exists():
+        raise DataError(f"{path}: no such file")
     try:
         with h5py.File(path, "r", locking=False) as file:
             return _read(path, file["entry"])

@@ -42,7 +42,7 @@ def _model_text(wire: str, source: str, events: list[str]) -> str:
 
 def _rig_text(rig_file: Path, model_file: Path, feedback: dict[str, float], source: str) -> str:
     """The rig file as it was, comments and all, with the new model and feedback."""
-    document = tomlkit.parse(rig_file.read_text(encoding="utf-8"))
+    document = tomlkit.parse(rig_file.read_text(encoding="utf-8-sig"))
     document["model"] = str(model_file.resolve())
     section = document.setdefault("feedback", tomlkit.table())
     for key, value in feedback.items():

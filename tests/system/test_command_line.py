@@ -1,6 +1,7 @@
 """The commands as a user types them: files in, files out, and one clear line for everything that is wrong."""
 
 import json
+import os
 import subprocess
 import sys
 from importlib.metadata import version
@@ -206,6 +207,10 @@ WRONG = [
     ("a demo among other files", ("demo", "-o", "."), 2, "is not empty"),
     ("tuning in virtual time", ("tune", "in-process", "--model", "loop.json"), 2, "on sim:// time is virtual"),
     ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
+    ("a rig that is a pipe", ("probe", "pipe.toml"), 2, "pipe.toml: is a pipe, no regular file: give the path of a f"),
+    ("an endless table", ("simulate", "loop.json", "/dev/zero", "-o", "o.csv"), 2, "/dev/zero: is a device, no regu"),
+    ("a log that is a folder", ("report", "folder.json"), 2, "folder.json: is a folder, no regular file"),
+    ("a reference that is a pipe", (*RUN, "--model", "loop.json", "--reference", "pipe.csv"), 2, "is a pipe, no reg"),
     ("no log to replay", ("replay", "absent.h5"), 2, "absent.h5: no such file"),
     ("a log that is none", ("replay", "wire.csv"), 2, "wire.csv: is a table (CSV), and a log is wanted here"),
     ("unknown option", ("probe", "in-process", "--nosuch"), 2, "No such option"),
@@ -237,6 +242,8 @@ def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(dat
     board = (CONFIGS / "devices" / "sma-reference.toml").read_text()
     (data / "board.toml").write_text(board.replace("[[0x534D, 0x534D]]", "[[7, 7]]"))
     (data / "folder.json").mkdir()
+    for name in ("pipe.toml", "pipe.csv"):
+        os.mkfifo(data / name)
     (data / "kept.h5").write_bytes(b"\x89HDF\r\n\x1a\n, a record")
     (data / "link.html").symlink_to(data / "kept.h5")
     (data / "page.html").write_text("<!doctype html>\n<title>a run</title>\n")

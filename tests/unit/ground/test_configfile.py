@@ -1,5 +1,7 @@
 """Every way in which a config file can be wrong is told in one line that names file, key and cure."""
 
+import os
+
 import pytest
 
 from smadrive.configfile import Section, load_config
@@ -44,12 +46,23 @@ def test_a_valid_file_loads_and_is_immutable(tmp_path):
         ('name = "x"\n[[parts]]\ncurrent_max_a = true', "current_max_a = True: put a number there"),
         ('name = "x"\n[[parts]]\ncurrent_max_a = nan', "finite number"),
         ("name = ", "not valid TOML"),
+        ("name = " + "[" * 10_000, "rig.toml: nested too deeply for a config file"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path, text, told):
     with pytest.raises(ConfigError, match=told) as caught:
         load(tmp_path, text)
     assert "\n" not in str(caught.value)
+
+
+def test_a_byte_order_mark_is_no_part_of_it(tmp_path):
+    assert load(tmp_path, '\ufeffname = "x"\nparts = []').name == "x"
+
+
+def test_a_pipe_is_not_waited_for(tmp_path):
+    os.mkfifo(tmp_path / "rig.toml")
+    with pytest.raises(ConfigError, match=r"rig\.toml: is a pipe, no regular file"):
+        load_config(tmp_path / "rig.toml", Outer)
 
 
 def test_a_missing_file_is_named(tmp_path):

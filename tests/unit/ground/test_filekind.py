@@ -1,5 +1,8 @@
 """A file is known by what is in it, and one of another kind than was wanted is called by its own."""
 
+import os
+from pathlib import Path
+
 import pytest
 
 from smadrive.errors import DataError, ModelError
@@ -40,3 +43,20 @@ def test_what_is_of_no_known_kind_is_left_to_its_reader(tmp_path, content):
     path.write_bytes(content)
     check_kind(path, PROFILE)
     check_kind(tmp_path / "absent", PROFILE)
+
+
+@pytest.mark.parametrize("wanted", [PROFILE, MODEL, TABLE, LOG])
+def test_what_is_no_regular_file_is_called_by_what_it_is_and_never_opened(tmp_path, wanted):
+    pipe, folder = tmp_path / "pipe", tmp_path / "folder"
+    os.mkfifo(pipe)
+    folder.mkdir()
+    for path, told in ((pipe, "a pipe"), (folder, "a folder"), (Path("/dev/zero"), "a device")):
+        with pytest.raises(wanted.error, match=f"{path}: is {told}, no regular file"):
+            check_kind(path, wanted)
+
+
+@pytest.mark.parametrize("content", ["a = " + "[" * 100_000, '{"a": ' + "[" * 100_000])
+def test_what_is_nested_too_deeply_is_of_no_known_kind(tmp_path, content):
+    path = tmp_path / "file"
+    path.write_text(content)
+    check_kind(path, PROFILE)

@@ -47,6 +47,7 @@ def test_a_failed_write_leaves_the_old_file(model, path):
         ({"scale": None}, "'scale' is missing"),
         ({"scale": "wide"}, "scale = 'wide' is not a number"),
         ({"scale": 0}, "scale is 0"),
+        ({"scale": 10**400}, "is not a number; put a finite number there"),
         ({"input_range": [1, 2, 3]}, "input_range has 3 numbers"),
         ({"input_range": [5, -5]}, "increasing"),
     ],
@@ -69,6 +70,15 @@ def test_missing_and_foreign_files_are_refused(path):
     path.write_text("[1, 2]")
     with pytest.raises(ModelError, match="expected a JSON object"):
         load_model(path)
+    path.write_text("[" * 100_000)
+    with pytest.raises(ModelError, match="nested too deeply for a model file"):
+        load_model(path)
+
+
+def test_a_byte_order_mark_is_no_part_of_it(model, path):
+    save_model(model, path)
+    path.write_text("\ufeff" + path.read_text())
+    assert load_model(path).input_range == model.input_range
 
 
 def test_expanding_rules_need_permission(path):

@@ -1,0 +1,61 @@
+"""The heat balance in a model's provenance: all of its numbers, or a refusal."""
+
+import json
+
+import pytest
+
+from smadrive.errors import ModelError
+from smadrive.hysteresis import DuhemModel
+from smadrive.thermal import HeatBalance
+from smadrive.wirefile import load_wire_file, parse_wire, save_wire
+
+WIRE = DuhemModel.gaussian(
+    mu_heating=90, mu_cooling=70, sigma_heating=5, sigma_cooling=5, scale=10, input_range=(0, 200)
+)
+BALANCE = HeatBalance(0.02, 0.01, 0.1, 22.0, 10.0, 0.1, 0.1)
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "wire.json"
+    save_wire(path, WIRE, BALANCE, {}, source="a test")
+    return path
+
+
+def test_it_comes_back(path):
+    assert load_wire_file(path)[1] == BALANCE
+    path.write_text("\ufeff" + path.read_text())
+    assert load_wire_file(path)[1] == BALANCE
+
+
+def test_a_model_may_have_none(path):
+    save_wire(path, WIRE, None, {}, source="a test")
+    assert load_wire_file(path)[1] is None
+
+
+@pytest.mark.parametrize(
+    ("provenance", "told"),
+    [
+        ({"ambient_c": "22"}, "provenance: heat_balance: ambient_c = '22' is not a number"),
+        ({"ambient_c": float("nan")}, "ambient_c = nan is not a number"),
+        ({"ambient_c": None}, "ambient_c = None is not a number"),
+        ({"loss_w_per_k": True}, "loss_w_per_k = True is not a number"),
+        ({"loss_w_per_k": -1.0}, "heat balance: loss_w_per_k must be positive, it is -1"),
+        ({"colour": 1.0}, "unknown key 'colour'"),
+    ],
+)
+def test_a_wrong_number_is_refused_when_it_is_read(path, provenance, told):
+    document = json.loads(path.read_text())
+    document["provenance"]["heat_balance"] |= provenance
+    path.write_text(json.dumps(document))
+    for read in (load_wire_file, lambda path: parse_wire(path.read_text(), str(path))):
+        with pytest.raises(ModelError, match=told) as caught:
+            read(path)
+        assert str(caught.value).startswith(str(path))
+
+
+@pytest.mark.parametrize("provenance", [None, [], "a test", {"heat_balance": 3}])
+def test_a_provenance_of_another_shape_is_refused(path, provenance):
+    path.write_text(json.dumps(json.loads(path.read_text()) | {"provenance": provenance}))
+    with pytest.raises(ModelError, match="expected a JSON object"):
+        load_wire_file(path)
