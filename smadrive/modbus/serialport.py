@@ -79,7 +79,10 @@ def _cure(port: str, error: Exception) -> str:
         group = _group_of(port)
         return f"{port}: not permitted; join the group that owns it: sudo usermod -aG {group} $USER, then log in again"
     if code in (errno.EAGAIN, errno.EBUSY):
-        return f"{port}: busy: another program holds the port; close it (lsof {port} names it)"
+        return (
+            f"{port}: busy: another program holds the port; close it (lsof {port} names it). A smadrive that runs or "
+            "tunes there switches the heater off at Ctrl-C in its terminal, or at OFF (POST /off) of its page"
+        )
     return f"{port}: cannot be opened as a serial port ({error})"
 
 
