@@ -26,8 +26,8 @@ def main(
 ) -> None:
     """Show the run in LOG, complete or cut, on one self-contained page: plots, figures, faults, provenance."""
     output = Output(as_json)
-    page = report_file or log_file.with_suffix(".html")
     check_kind(log_file, LOG)
+    page = report_file or log_file.with_suffix(".html")
     check_output(page, PAGE, log_file)
     if csv_file is not None:
         check_output(csv_file, TABLE, log_file)

@@ -210,6 +210,7 @@ WRONG = [
     ("a rig that is a pipe", ("probe", "pipe.toml"), 2, "pipe.toml: is a pipe, no regular file: give the path of a f"),
     ("an endless table", ("simulate", "loop.json", "/dev/zero", "-o", "o.csv"), 2, "/dev/zero: is a device, no regu"),
     ("a log that is a folder", ("report", "folder.json"), 2, "folder.json: is a folder, no regular file"),
+    ("a log that is this folder", ("report", "."), 2, ".: is a folder, no regular file"),
     ("a reference that is a pipe", (*RUN, "--model", "loop.json", "--reference", "pipe.csv"), 2, "is a pipe, no reg"),
     ("no log to replay", ("replay", "absent.h5"), 2, "absent.h5: no such file"),
     ("a log that is none", ("replay", "wire.csv"), 2, "wire.csv: is a table (CSV), and a log is wanted here"),
