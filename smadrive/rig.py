@@ -18,6 +18,7 @@ from smadrive.control.controller import Controller
 from smadrive.control.faults import CLEAR
 from smadrive.control.feedforward import DisplacementInverse
 from smadrive.control.loop import ControlLoop, LoopFigures, Tick, ends_safe
+from smadrive.control.placement import PlausibleDisplacement
 from smadrive.control.plausibility import IDENTIFIED, NOMINAL, PlausibleTemperature, Uncertainty
 from smadrive.control.reference import Reference
 from smadrive.control.supervisor import SafetyLimits, Supervisor
@@ -121,12 +122,19 @@ class Rig:
         record: Record,
     ) -> LoopFigures:
         """Follow a displacement reference with the given inverse; every tick goes to `record`."""
-        return self.drive(tracking_controller(self.config, reference, model, balance, inverse), balance, record)
+        controller = tracking_controller(self.config, reference, model, balance, inverse)
+        return self.drive(controller, balance, record, model)
 
-    def drive(self, controller: Controller, balance: HeatBalance, record: Record) -> LoopFigures:
-        """Arm, run a controller on the wire of this heat balance to its end, disarm; every tick goes to `record`."""
+    def drive(
+        self, controller: Controller, balance: HeatBalance, record: Record, model: HysteresisModel | None = None
+    ) -> LoopFigures:
+        """Arm, run a controller on the wire of this heat balance to its end, disarm; every tick goes to `record`.
+
+        With the wire's `model` a displacement that it cannot have is a fault.
+        """
         known = NOMINAL if balance is self.nominal_balance else IDENTIFIED
-        return self._run(controller, self._plausible(balance, known), record)
+        placed = None if model is None else PlausibleDisplacement(model, balance.thermocouple_lag_s)
+        return self._run(controller, self._plausible(balance, known), record, placed)
 
     def clear_faults(self) -> Measurement:
         """Clear what is latched, on the devices and here; SafetyError names what persists."""
@@ -153,7 +161,13 @@ class Rig:
         lag_s = LAG_FACTOR * balance.thermocouple_lag_s + self.heater.temperature_period_s
         return PlausibleTemperature(balance, uncertainty, lag_s)
 
-    def _run(self, controller: Controller, plausible: PlausibleTemperature, record: Record) -> LoopFigures:
+    def _run(
+        self,
+        controller: Controller,
+        plausible: PlausibleTemperature,
+        record: Record,
+        placed: PlausibleDisplacement | None = None,
+    ) -> LoopFigures:
         if self.latch.told is not None:
             raise SafetyError(f"refused to arm: the last run tripped: {self.latch.told}. {CLEAR}")
         self._check_rate()
@@ -169,7 +183,7 @@ class Rig:
             tracking_max_mm=limits.tracking_max_mm or inf,
             tracking_for_s=limits.tracking_for_s,
         )
-        supervisor = Supervisor(guarded, plausible)
+        supervisor = Supervisor(guarded, plausible, placed)
         loop = ControlLoop(self.heater, controller, supervisor, self.clock, self.period_s, record)
         try:
             return loop.run(limits.watchdog_s)

@@ -63,6 +63,12 @@ class Fault(Enum):
         "restart the converter; check the bead and the plug",
     )
 
+    DISPLACEMENT_IMPLAUSIBLE = (
+        17,
+        "the displacement is none that the wire can have at its temperature",
+        "is the sensor alive, in millimetres and zero at the cold wire? is the wire blocked, slack or another one?",
+    )
+
     def __init__(self, number: int, cause: str, remedy: str) -> None:
         self.number = number
         self.cause = cause

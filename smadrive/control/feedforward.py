@@ -28,6 +28,16 @@ TURN_S = 1.0
 WAITING_RANGE_C = 0.5
 """How far below (above) its present temperature a wire that leads the reference is held while it waits, K."""
 
+COLD_END = 0.003
+"""Up to this fraction of the stroke no sensor tells a wire from a cold one, and every cold wire is there.
+
+Held at such a displacement, it needs no heat; by the noise of its estimate it would be driven to the foot of its
+branch, tens of kelvin away, again and again.
+"""
+
+COLDER_C = 5.0
+"""So far below the model's range is a cold wire wanted: no noise of its thermometer then asks for heat, K."""
+
 MAP_LEVELS = 50
 """Entries of the plain map: a table, as one would write it down."""
 
@@ -60,11 +70,13 @@ class HysteresisInverse:
     def __init__(self, model: HysteresisModel) -> None:
         self._model = model
         self._inverse = InverseFeedforward(model)
-        cold_mm, hot_mm = travel_mm(model)
-        self._travel_mm = hot_mm - cold_mm
+        self._cold_mm, hot_mm = travel_mm(model)
+        self._travel_mm = hot_mm - self._cold_mm
 
     def target(self, state: HysteresisState, wanted_mm: float, direction: int, rate_mm_per_s: float = 0.0) -> Target:
         """See DisplacementInverse; what is out of reach gives the end of the model's range, held."""
+        if (wanted_mm - self._cold_mm) / self._travel_mm <= COLD_END:
+            return Target(self._model.input_range[0] - COLDER_C, 0.0)
         lead = direction * (state.y - wanted_mm) / self._travel_mm
         made_up = max(direction * rate_mm_per_s / self._travel_mm * TURN_S, 0.0)
         if 0.0 <= lead <= REVERSAL_TOLERANCE + made_up:

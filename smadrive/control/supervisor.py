@@ -11,12 +11,16 @@ from dataclasses import dataclass, field
 from math import inf, isfinite
 
 from smadrive.control.faults import CLEAR, Fault, Trip
+from smadrive.control.placement import PlausibleDisplacement
 from smadrive.control.plausibility import FROZEN_C, PlausibleTemperature
 from smadrive.errors import SafetyError
 from smadrive.measurement import Measurement
 
 LATE_TICKS = 20
 """So many missed deadlines in a row are a fault."""
+
+MISPLACED_S = 2.0
+"""A displacement outside its band is a fault after this time and three lags of the thermocouple."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,12 +66,19 @@ class _Debounce:
 class Supervisor:
     """Checks each measurement and each silence; the first fault is latched as `trip`.
 
-    `plausible`, where it is given, checks the reading against the heat that went in.
+    `plausible`, where it is given, checks the reading against the heat that went in, `placed` the displacement against
+    the model of the wire.
     """
 
-    def __init__(self, limits: SafetyLimits, plausible: PlausibleTemperature | None = None) -> None:
+    def __init__(
+        self,
+        limits: SafetyLimits,
+        plausible: PlausibleTemperature | None = None,
+        placed: PlausibleDisplacement | None = None,
+    ) -> None:
         self._limits = limits
         self._plausible = plausible
+        self._placed = placed
         self.trip: Trip | None = None
         self._hot = _Debounce(2, 3)
         self._cold = _Debounce(3, 5)
@@ -80,6 +91,7 @@ class Supervisor:
         self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
         self._following_s: float | None = None
+        self._placed_s: float | None = None
         self._late_ticks = 0
 
     def update(self, measurement: Measurement, wanted_mm: float) -> Trip | None:
@@ -92,6 +104,7 @@ class Supervisor:
         self._check_current(measurement)
         self._check_heat(measurement, dt_s)
         self._check_displacement(measurement, wanted_mm)
+        self._check_placement(measurement)
         return self.trip
 
     def check_fresh(self, now_s: float) -> Trip | None:
@@ -139,6 +152,9 @@ class Supervisor:
                 f"refused to arm: {measurement.current_a:.3f} A flow although none was commanded; "
                 f"{Fault.UNEXPECTED_HEATING.remedy}"
             )
+        misplaced = self._misplaced(measurement)
+        if misplaced is not None:
+            raise SafetyError(f"refused to arm: {misplaced}; {Fault.DISPLACEMENT_IMPLAUSIBLE.remedy}")
         if self._plausible is not None:
             self._plausible.start(temperature_c)
 
@@ -205,6 +221,24 @@ class Supervisor:
         elif measurement.time_s - self._following_s > limits.tracking_for_s:
             detail = f"{wanted_mm:.3f} mm wanted, {measured_mm:.3f} mm measured for {limits.tracking_for_s:g} s"
             self._raise(Fault.TRACKING_LOST, measurement.time_s, detail)
+
+    def _check_placement(self, measurement: Measurement) -> None:
+        """A thermocouple that lags excuses it for a while."""
+        misplaced = self._misplaced(measurement)
+        if self._placed is None or self._placed_s is None or misplaced is None:
+            self._placed_s = measurement.time_s
+        elif measurement.time_s - self._placed_s > MISPLACED_S + 3.0 * self._placed.lag_s:
+            self._raise(Fault.DISPLACEMENT_IMPLAUSIBLE, measurement.time_s, misplaced)
+
+    def _misplaced(self, measurement: Measurement) -> str | None:
+        """What is wrong with the displacement at this temperature; None when it fits, or cannot be judged."""
+        temperature_c, displacement_mm = measurement.temperature_c, measurement.displacement_mm
+        if self._placed is None or not (isfinite(temperature_c) and isfinite(displacement_mm)):
+            return None
+        low_mm, high_mm = self._placed.band_mm(temperature_c)
+        if low_mm <= displacement_mm <= high_mm:
+            return None
+        return f"{displacement_mm:.3f} mm measured, {low_mm:.2f} to {high_mm:.2f} mm possible at {temperature_c:.1f} °C"
 
     def _raise(self, fault: Fault, time_s: float, detail: str) -> None:
         if self.trip is None:

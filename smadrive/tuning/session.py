@@ -12,8 +12,8 @@ from math import isfinite
 
 from smadrive.control.controller import Command
 from smadrive.control.loop import Tick, ends_safe
+from smadrive.control.placement import PlausibleDisplacement
 from smadrive.control.reference import Reference, parse_reference
-from smadrive.control.tracking import DISPLACEMENT_NOISE
 from smadrive.control.wire import travel_mm
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.measurement import Measurement
@@ -30,9 +30,6 @@ from smadrive.tuning.workshop import Workshop, tuned_controller
 
 APPROACH_S = 10.0
 """How long the wire takes to come to the beginning of a reference, and back to it where its ends differ."""
-
-NOISES = 3.0
-"""So many standard deviations of the displacement sensor from where a cold wire stands, it is taken for a cold one."""
 
 RETRY_S = 1.0
 """How often an unconfirmed safe state is tried again."""
@@ -130,7 +127,7 @@ class TuningSession:
                     self._adapting.switch(True, self.bench.in_force)
                 self._answer(arming, None)
                 arming = None
-                self._rig.drive(self._live, self._balance, self._take)
+                self._rig.drive(self._live, self._balance, self._take, self.bench.in_force.model)
             self._status.tell(self._now_s, "heater off, confirmed")
         except SmadriveError as error:
             self._failed(error, arming)
@@ -254,17 +251,14 @@ class TuningSession:
         return wanted.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)
 
     def _displacement_mm(self, measured: Measurement) -> float:
-        """Where the wire is. One that the sensor cannot tell from a cold one is held a little short of the cold end.
+        """Where the wire is, by its sensor, but held to what the model can reach at its temperature.
 
-        So no heat is asked for, and the approach to a reference begins with none: held at its reading, a cold wire
-        would be heated to the foot of its branch or not, by the sign of the noise.
+        A sensor without its zero must not heat a cold wire.
         """
-        model = self.bench.in_force.model
-        cold_mm, (begins_mm, ends_mm) = model.initial_state(measured.temperature_c).y, travel_mm(model)
-        noise_mm = DISPLACEMENT_NOISE * (ends_mm - begins_mm)
-        if abs(measured.displacement_mm - cold_mm) > NOISES * abs(noise_mm):
-            return measured.displacement_mm
-        return cold_mm - noise_mm
+        model, temperature_c = self.bench.in_force.model, measured.temperature_c
+        cold_mm = model.initial_state(temperature_c).y
+        placed = PlausibleDisplacement(model, self._balance.thermocouple_lag_s)
+        return placed.nearest_mm(temperature_c, _known(measured.displacement_mm, cold_mm))
 
     def _answer(self, request: AnyRequest | None, refused: str | None) -> None:
         if request is not None:

@@ -137,6 +137,30 @@ def test_an_open_thermocouple_trips_and_ends_with_zero_current(bench):
     assert not hasattr(trip, "__notes__")
 
 
+@pytest.mark.parametrize("at_s", [0.0, 30.0, 45.0])
+def test_a_displacement_that_stands_still_while_the_wire_goes_through_its_loop_trips(excited, bench, at_s):
+    stick = bench.device.bench.known_faults()["stick_displacement"]
+    with pytest.raises(TripError) as caught, bench.rig as rig:
+        track(rig, excited, lambda tick: stick() if at_s <= tick.time_s < at_s + 0.05 else None)
+    assert caught.value.number == Fault.DISPLACEMENT_IMPLAUSIBLE.number
+    assert bench.device.bench.plant.current_a == 0.0
+    assert bench.device.bench.plant.temperature_c < 110.0
+
+
+def test_a_displacement_that_spikes_now_and_then_does_not_trip(excited, bench):
+    bench.device.bench.known_faults()["spike_displacement"](height_mm=50.0)
+    with bench.rig as rig:
+        assert track(rig, excited, lambda _: None).trips == 0
+
+
+def track(rig, excited, record):
+    """A sine with the wire identified before."""
+    wire = excited[1]
+    model = wire.hysteresis.model
+    reference = sine(low_mm=2.0, high_mm=9.0, period_s=56.0, cycles=1).with_approach(travel_mm(model)[0], 10.0)
+    return rig.track(reference, model, wire.thermal.balance, HysteresisInverse(model), record)
+
+
 def test_a_dead_bus_trips_says_that_off_is_unconfirmed_and_the_watchdog_switches_off(bench):
     trip = excite_and_break(bench, lambda: bench.device.faults.drop(10_000))
     assert trip.number == Fault.STALE_DATA.number

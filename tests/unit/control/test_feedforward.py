@@ -3,9 +3,15 @@
 import numpy as np
 import pytest
 
-from smadrive.control.feedforward import WAITING_RANGE_C, DisplacementFeedforward, HysteresisInverse, StaticMap
+from smadrive.control.feedforward import (
+    COLDER_C,
+    WAITING_RANGE_C,
+    DisplacementFeedforward,
+    HysteresisInverse,
+    StaticMap,
+)
 from smadrive.control.observer import WireEstimate
-from smadrive.control.wire import WireModel
+from smadrive.control.wire import WireModel, travel_mm
 from smadrive.errors import DataError
 from smadrive.hysteresis import DuhemModel
 from smadrive.thermal import HeatBalance
@@ -59,10 +65,20 @@ def test_a_wire_that_the_reference_will_soon_catch_up_with_is_not_driven_back(mo
 
 
 def test_waiting_where_the_branch_is_flat_is_bounded():
-    state = LOOP.initial_state(40.0)
-    held = HysteresisInverse(LOOP).target(state, state.y - 1e-9, direction=1)
-    assert held.temperature_c == pytest.approx(40.0 - WAITING_RANGE_C)
+    state = LOOP.initial_state(120.0)
+    held = HysteresisInverse(LOOP).target(state, state.y - 1e-7, direction=1)
+    assert held.temperature_c == pytest.approx(120.0 - WAITING_RANGE_C)
     assert held.k_per_mm == 0.0
+
+
+@pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
+def test_a_wire_that_is_wanted_cold_gets_no_heat_whatever_the_noise_of_its_estimate(model):
+    cold_mm, inverse = travel_mm(model)[0], HysteresisInverse(model)
+    for share in (-0.003, -0.001, 0.0, 0.001, 0.003):
+        state = model.initial_state(22.0, cold_mm + share * model.scale)
+        held = inverse.target(state, cold_mm + 0.002 * model.scale, direction=1)
+        assert held == (model.input_range[0] - COLDER_C, 0.0)
+    assert inverse.target(state, cold_mm + 0.01 * model.scale, direction=1).temperature_c > 50.0
 
 
 def test_the_power_holds_the_wanted_temperature_and_pays_for_the_transformation():

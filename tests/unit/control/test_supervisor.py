@@ -5,8 +5,10 @@ from math import nan
 import pytest
 
 from smadrive.control.faults import Fault
+from smadrive.control.placement import PlausibleDisplacement
 from smadrive.control.supervisor import SafetyLimits, Supervisor
 from smadrive.errors import SafetyError
+from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
 
 LIMITS = SafetyLimits(temperature_max_c=120.0, stale_after_s=0.3, current_tolerance_a=0.05)
@@ -16,9 +18,9 @@ def sample(n=0, temperature_c=60.0, current_a=0.2, commanded_a=0.2, armed=True, 
     return Measurement(0.05 * n, temperature_c, current_a, 3.3, commanded_a=commanded_a, armed=armed, **rest)
 
 
-def trips_after(samples, limits=LIMITS, wanted_mm=nan):
+def trips_after(samples, limits=LIMITS, wanted_mm=nan, placed=None):
     """How many samples it took to trip, and on what; None when it never did."""
-    supervisor = Supervisor(limits)
+    supervisor = Supervisor(limits, placed=placed)
     for n, one in enumerate(samples, start=1):
         if trip := supervisor.update(one, wanted_mm):
             return n, trip.fault
@@ -163,3 +165,35 @@ def test_a_loop_that_is_always_late_is_stopped():
 def test_arming_is_refused_while_current_flows():
     with pytest.raises(SafetyError, match=r"0.300 A flow although none was commanded"):
         Supervisor(LIMITS).check_may_arm(sample(current_a=0.3, commanded_a=0.0))
+
+
+@pytest.fixture
+def placed():
+    """Rises by 12 mm at 90 °C, falls at 69 °C; its thermocouple lags by 0.5 s."""
+    model = DuhemModel.gaussian(
+        mu_heating=90.0, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(20.0, 140.0)
+    )
+    return PlausibleDisplacement(model, lag_s=0.5)
+
+
+@pytest.mark.parametrize(("temperature_c", "displacement_mm"), [(115.0, 0.0), (30.0, 12.0), (80.0, 999.0)])
+def test_a_displacement_that_the_wire_cannot_have_is_a_fault_when_no_lag_excuses_it_any_more(
+    placed, temperature_c, displacement_mm
+):
+    samples = [sample(n, temperature_c=temperature_c, displacement_mm=displacement_mm) for n in range(100)]
+    after, fault = trips_after(samples, placed=placed)
+    assert fault is Fault.DISPLACEMENT_IMPLAUSIBLE
+    assert 0.05 * after == pytest.approx(2.0 + 3 * 0.5, abs=0.2)
+
+
+def test_a_displacement_that_is_wrong_for_a_while_or_not_measured_is_none(placed):
+    there = [sample(n, temperature_c=80.0, displacement_mm=999.0 if n % 50 else 6.0) for n in range(500)]
+    assert trips_after(there, placed=placed) is None
+    assert trips_after([sample(n, temperature_c=115.0) for n in range(500)], placed=placed) is None
+
+
+def test_a_sensor_without_its_zero_is_not_armed(placed):
+    rest = {"current_a": 0.0, "commanded_a": 0.0, "temperature_c": 22.0}
+    Supervisor(LIMITS, placed=placed).check_may_arm(sample(displacement_mm=0.5, **rest))
+    with pytest.raises(SafetyError, match=r"refused to arm: 6\.000 mm measured, -1\.\d+ to 1\.\d+ mm possible"):
+        Supervisor(LIMITS, placed=placed).check_may_arm(sample(displacement_mm=6.0, **rest))

@@ -101,9 +101,15 @@ class Bench:
         return [tick for tick in self.ticks if from_s <= tick.measurement.time_s < to_s]
 
 
-def true_wire():
+def true_wire(offset_mm=0.0):
     return DuhemModel.gaussian(
-        mu_heating=89.9, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(0.0, 200.0)
+        mu_heating=89.9,
+        mu_cooling=69.0,
+        sigma_heating=5.0,
+        sigma_cooling=5.0,
+        scale=12.0,
+        offset=offset_mm,
+        input_range=(0.0, 200.0),
     )
 
 
@@ -116,6 +122,19 @@ def control():
 @pytest.fixture
 def bench(control):
     return Bench(true_wire(), control)
+
+
+@pytest.fixture
+def bench_without_zero(control):
+    """Makes a bench whose sensor reads so many mm too much for its model, with noise of its own."""
+
+    def make(zero_mm, seed=3):
+        bench = Bench(true_wire(-zero_mm), control)
+        bench.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed)
+        bench.clock.follow(bench.device.bench.advance_to)
+        return bench
+
+    return make
 
 
 @pytest.fixture

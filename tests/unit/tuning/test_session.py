@@ -48,6 +48,26 @@ def test_a_cold_wire_is_armed_without_heat_and_approaches_smoothly_whatever_its_
     assert np.abs(error_mm(bench.between(5.0, 15.0))).max() < 0.01 * 12.0
 
 
+@pytest.mark.parametrize("noise_seed", range(3))
+@pytest.mark.parametrize("zero_mm", [-0.6, -0.05, 0.05, 0.6])
+def test_a_cold_wire_is_held_without_heat_although_its_sensor_has_lost_its_zero(
+    bench_without_zero, zero_mm, noise_seed
+):
+    bench = bench_without_zero(zero_mm, noise_seed)
+    bench.at(1.0, "arm")
+    bench.run(until_s=20.0)
+    assert bench.between(2.0, 20.0)[0].measurement.armed
+    assert currents(bench.between(0.0, 20.0)).max() < NONE_A
+
+
+def test_a_sensor_that_is_far_from_where_the_wire_can_be_is_not_armed(bench_without_zero):
+    bench = bench_without_zero(6.0)
+    bench.at(1.0, "arm")
+    bench.run(until_s=3.0)
+    assert "mm possible at 2" in bench.status["fault"]
+    assert currents(bench.ticks).max() < NONE_A
+
+
 def test_a_warm_wire_is_held_where_it_is(bench):
     bench.at(1.0, "arm")
     bench.at(2.0, "track", reference="sine")
