@@ -14,6 +14,7 @@ from typing import Any
 from bokeh.models import (
     Button,
     ColumnDataSource,
+    CustomJS,
     DataTable,
     NumberEditor,
     NumberFormatter,
@@ -218,7 +219,7 @@ class Controls:
         for law in LAWS:
             title = law.replace("_", " ")
             columns.append(TableColumn(field=law, title=title, formatter=fine, editor=NumberEditor(), width=80))
-        return DataTable(
+        table = DataTable(
             source=self._rules,
             columns=columns,
             editable=True,
@@ -231,6 +232,9 @@ class Controls:
             autosize_mode="force_fit",
             stylesheets=[".slick-cell, .slick-header-column { font-size: 11.5px; }"],
         )
+        # A table draws its rows anew when its view changes, and that changes with the number of rows alone: it is told.
+        self._rules.js_on_change("data", CustomJS(args={"view": table.view}, code="view.change.emit()"))
+        return table
 
 
 def _set(widget: Any, **values: Any) -> None:

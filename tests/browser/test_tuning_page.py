@@ -193,6 +193,31 @@ def test_a_rule_is_edited_in_the_table(client, live):
     assert live.in_force.model.heating_law[0][2] == -0.05
 
 
+def cells(page, column):
+    """The figures that a column of the table of rules shows in its first rows."""
+    return [float(text) for text in page.locator(f".slick-cell.l{column}").all_inner_texts()[:4]]
+
+
+def test_the_table_shows_the_rules_in_force(client, live):
+    page = client()
+    turn(page, "μ heating", 99.0)
+    live.wait(lambda: live.in_force.shape.mu_heating == 99.0)
+    centres, a = live.in_force.model.sets.centres[:4], live.in_force.model.cooling_law[0][:4]
+    live.wait(lambda: cells(page, 0) == pytest.approx(list(centres), abs=0.051))
+    live.wait(lambda: cells(page, 3) == pytest.approx(list(a), abs=0.000051))
+
+
+def test_a_rule_that_is_refused_comes_back_in_the_table(client, live):
+    page = client()
+    before = live.in_force
+    editor = opened_editor(page, page.locator(".slick-row").nth(2).locator(".slick-cell").nth(1))
+    editor.fill("5")
+    editor.press("Enter")
+    page.get_by_text("rule: ").first.wait_for()
+    assert live.in_force is before
+    live.wait(lambda: cells(page, 1)[2] == pytest.approx(before.model.heating_law[0][2], abs=0.000051))
+
+
 def test_saving_writes_files_that_load_and_none_is_written_over(client, live):
     page = client()
     turn(page, "closed loop", 0.4)
