@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import isfinite
 
-from rich.console import Console
+from rich.console import Console, RichCast
 from rich.live import Live
 from rich.text import Text
 
@@ -63,21 +63,21 @@ class RunView:
     def _add_values(self, text: Text, tick: Tick) -> None:
         measured, command = tick.measurement, tick.command
         limits = ", ".join(measured.device_limits + measured.host_limits)
-        temperature = measured.temperature_fault or _number(measured.temperature_c, 1, "°C")
+        temperature = measured.temperature_fault or number(measured.temperature_c, 1, "°C")
         for row in (
             (
-                ("reference", _number(command.wanted_mm, 3, "mm")),
-                ("displacement", _number(measured.displacement_mm, 3, "mm")),
-                ("error", _number(command.wanted_mm - measured.displacement_mm, 3, "mm")),
+                ("reference", number(command.wanted_mm, 3, "mm")),
+                ("displacement", number(measured.displacement_mm, 3, "mm")),
+                ("error", number(command.wanted_mm - measured.displacement_mm, 3, "mm")),
             ),
             (
-                ("wanted", _number(command.wanted_c, 1, "°C")),
+                ("wanted", number(command.wanted_c, 1, "°C")),
                 ("temperature", temperature),
                 ("late", f"{1e3 * tick.late_s:.1f} ms"),
             ),
             (
-                ("current", _number(measured.current_a, 3, "A")),
-                ("limit", _number(self._current_max_a, 3, "A")),
+                ("current", number(measured.current_a, 3, "A")),
+                ("limit", number(self._current_max_a, 3, "A")),
                 ("limited by", limits or "nothing"),
             ),
         ):
@@ -101,14 +101,22 @@ def watched(
         recorder.tick(tick)
         view.latest = tick
 
+    with drawing(view, console):
+        yield record
+
+
+@contextmanager
+def drawing(view: RichCast, console: Console) -> Iterator[None]:
+    """Draw `view` while the block lasts, beside a loop in this process."""
     before_s = sys.getswitchinterval()
     sys.setswitchinterval(GIVE_WAY_S)
     try:
         with Live(view, console=console, refresh_per_second=DRAWN_PER_S, transient=True):
-            yield record
+            yield
     finally:
         sys.setswitchinterval(before_s)
 
 
-def _number(value: float, digits: int, unit: str) -> str:
+def number(value: float, digits: int, unit: str) -> str:
+    """A value with its unit, a dash where it is not known."""
     return f"{value:.{digits}f} {unit}" if isfinite(value) else "–"

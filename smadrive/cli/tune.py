@@ -13,8 +13,8 @@ import typer
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile
 from smadrive.cli.run import model_file, read_reference
+from smadrive.cli.tune_live import TuneView, watched
 from smadrive.clock import VirtualClock
-from smadrive.control.loop import Tick
 from smadrive.control.reference import Reference, sine
 from smadrive.control.wire import travel_mm
 from smadrive.errors import ConfigError
@@ -60,15 +60,19 @@ def main(
         Rig(config) as bench,
     ):
         _check_real_time(bench)
-        session = TuningSession(bench, tuning, balance or bench.nominal_balance, references, channel, workshop, _forget)
         page = PageProcess(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
+        view = TuneView(config.name, page, channel)
+        session = TuningSession(
+            bench, tuning, balance or bench.nominal_balance, references, channel, workshop, view.tick
+        )
         with page:
-            output.say(f"{config.name}: {page.url}\nheater off; Ctrl-C ends")
+            output.say(f"{config.name}: {page.url}")
             output.result({"url": page.url, "pid": page.pid})
             if browser and not as_json:
                 webbrowser.open(page.url)
             be_punctual()
-            session.run()
+            with watched(view, output):
+                session.run()
 
 
 def _check_real_time(bench: Rig) -> None:
@@ -77,10 +81,6 @@ def _check_real_time(bench: Rig) -> None:
             f"rig '{bench.config.name}': on sim:// time is virtual, nobody could watch it: serve the simulated device "
             "with `firmware-sim SIM --pty PATH`, and give serial://PATH as its url"
         )
-
-
-def _forget(tick: Tick) -> None:
-    """What a tick is recorded to without a log."""
 
 
 def _references(given: list[str], wire: HysteresisModel) -> dict[str, Reference]:

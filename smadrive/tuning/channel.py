@@ -3,6 +3,7 @@
     control → page   samples    a ring of rows in shared memory; the page copies what is new, the oldest is overwritten
     control → page   status     one JSON document in shared memory, replaced as a whole
     page → control   off        a counter in shared memory: switching off needs no queue, no room, no answer
+    page → control   pages      two numbers in shared memory: how many pages are open, and whether one controls
     both ways        messages   datagrams on a socket pair, each whole or not there; a full queue refuses, never waits
 
 The memory has no name: both processes hold its file descriptor, so nothing is left behind whoever dies, when and how.
@@ -48,7 +49,7 @@ STATUS_BYTES = 1 << 17
 MESSAGE_BYTES = 1 << 16
 MESSAGES_PER_TICK = 4
 
-_WRITTEN, _OFF, _VERSION, _LENGTH, _HEADER = 0, 1, 2, 3, 8
+_WRITTEN, _OFF, _VERSION, _LENGTH, _PAGES, _CONTROLLED, _HEADER = 0, 1, 2, 3, 4, 5, 8
 _SIZE = 8 * _HEADER + STATUS_BYTES + 8 * CAPACITY * (1 + len(COLUMNS))
 
 Rows = NDArray[np.float64]
@@ -89,6 +90,7 @@ class ControlEnd(Channel):
         self.page_socket, own = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         super().__init__(anonymous_memory(_SIZE), own)
         self._off_seen = 0
+        self.published: dict[str, Any] = {}
 
     def __enter__(self) -> Self:
         """Use as a context: the sockets and the memory are closed at its end; what is still mapped stays usable."""
@@ -112,12 +114,18 @@ class ControlEnd(Channel):
         self._header[_WRITTEN] = number + 1
 
     def publish(self, status: dict[str, Any]) -> None:
-        """Replace the status; one that is too long is a defect and raises ValueError."""
+        """Replace the status; one that is too long is a defect and raises ValueError. `published` is the latest."""
+        self.published = status
         text = np.frombuffer(json.dumps(status).encode(), np.uint8)
         self._header[_VERSION] += 1  # odd while it is being written
         self._status[: text.size] = text
         self._header[_LENGTH] = text.size
         self._header[_VERSION] += 1
+
+    @property
+    def pages(self) -> tuple[int, bool]:
+        """How many pages are open, and whether one of them controls."""
+        return int(self._header[_PAGES]), bool(self._header[_CONTROLLED])
 
     def off_requested(self) -> bool:
         """Whether the page has asked to switch off since this was last asked."""
@@ -132,6 +140,10 @@ class PageEnd(Channel):
     def request_off(self) -> None:
         """Ask to switch off; the loop sees it at its next tick."""
         self._header[_OFF] += 1
+
+    def tell_pages(self, count: int, *, is_controlled: bool) -> None:
+        """How many pages are open, and whether one of them controls."""
+        self._header[_PAGES], self._header[_CONTROLLED] = count, is_controlled
 
     @property
     def written(self) -> int:

@@ -25,26 +25,36 @@ class Desk:
     def __init__(self, channel: PageEnd, token: str) -> None:
         self.channel = channel
         self._token = token
+        self._clients: set[str] = set()
         self._controlling: str | None = None
         self._number = 0
         self._asked: dict[int, Answered] = {}
         self._version = -1
         self.status: dict[str, Any] = {}
+        self._tell()  # a page process that was started anew has no client yet
 
     def may_control(self, token: str) -> bool:
         """Whether this is the token."""
         return secrets.compare_digest(token.encode(), self._token.encode())
 
+    def enter(self, client: str) -> None:
+        """`client` has opened a page."""
+        self._clients.add(client)
+        self._tell()
+
     def claim(self, client: str) -> bool:
         """Whether `client` controls; it does from now on if nobody else does."""
         if self._controlling is None:
             self._controlling = client
+            self._tell()
         return self._controlling == client
 
-    def release(self, client: str) -> None:
-        """`client` has left."""
+    def leave(self, client: str) -> None:
+        """`client` has closed it."""
+        self._clients.discard(client)
         if self._controlling == client:
             self._controlling = None
+        self._tell()
 
     def ask(self, client: str, act: str, answered: Answered, **values: Any) -> None:
         """Send a request of the controlling client; that of another is refused here."""
@@ -56,6 +66,9 @@ class Desk:
         if not self.channel.send({"number": self._number, "act": act, **values}):
             del self._asked[self._number]
             answered("the control process does not take requests now: try again")
+
+    def _tell(self) -> None:
+        self.channel.tell_pages(len(self._clients), is_controlled=self._controlling is not None)
 
     def read(self) -> None:
         """Take what the control process has published and answered since."""

@@ -64,9 +64,10 @@ class Page:
         doc.title = f"smadrive · {status['rig']}"
         doc.template = (HERE / "page.html").read_text(encoding="utf-8")
         doc.template_variables["rig"] = status["rig"]
+        desk.enter(self._client)
         self._draw()
         doc.add_periodic_callback(self._draw, FRAME_MS)
-        doc.on_session_destroyed(lambda _: desk.release(self._client))
+        doc.on_session_destroyed(lambda _: desk.leave(self._client))
 
     def _draw(self) -> None:
         self._seen, rows = self._desk.channel.since(self._seen)

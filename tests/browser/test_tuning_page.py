@@ -263,6 +263,15 @@ def test_a_second_client_watches_until_the_first_leaves(client, live):
     assert outsider.get_by_role("button", name="Arm", exact=True).is_disabled()
 
 
+def test_the_terminal_is_told_of_the_pages_that_are_open(client, live):
+    live.wait(lambda: live.channel.pages == (0, False))
+    page = client()
+    client(token=False)
+    live.wait(lambda: live.channel.pages == (2, True))
+    page.close()
+    live.wait(lambda: live.channel.pages == (1, False))
+
+
 def test_a_killed_page_comes_back_and_the_loop_has_not_noticed(client, live):
     page = client()
     heat(page, live)

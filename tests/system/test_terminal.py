@@ -2,16 +2,28 @@
 
 import os
 import pty
+import signal
 import subprocess
 import sys
+import tomllib
+import urllib.request
+from itertools import takewhile
+from pathlib import Path
 
 import pytest
 
 from smadrive.cli.live import RunView
 from smadrive.control.controller import Command
 from smadrive.control.loop import Tick
+from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.measurement import Measurement
 from smadrive.telemetry.recorder import Recorder
+from smadrive.testing.simulator import ServedSimulator
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+WIRE = DuhemModel.gaussian(
+    mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 130)
+)
 
 
 def on_a_terminal(*arguments, cwd):
@@ -48,6 +60,29 @@ def test_without_a_terminal_stderr_stays_quiet(tmp_path):
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stderr == ""
     assert done.stdout.startswith("l.h5: ")
+
+
+def test_tune_tells_what_it_does_and_who_looks_on(tmp_path):
+    save_model(WIRE, tmp_path / "wire.json")
+    with ServedSimulator("flexinol-lt-0.15mm", real_time=True) as simulator:
+        rig = (CONFIGS / "rigs" / "simulated.toml").read_text()
+        url = tomllib.loads(rig)["devices"][0]["url"]
+        (tmp_path / "rig.toml").write_text(rig.replace(url, simulator.url))
+        command = [sys.executable, "-m", "smadrive", "tune", "rig.toml", "--model", "wire.json"]
+        with subprocess.Popen(
+            [*command, "--port", "0", "--no-browser"], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+        ) as process:
+            page = process.stdout.readline().split()[-1]
+            alone = process.stdout.readline()
+            with urllib.request.urlopen(page) as reply:  # noqa: S310
+                reply.read()
+            opened = list(takewhile(lambda line: "no page is open" not in line, process.stdout))
+            process.send_signal(signal.SIGINT)
+            process.communicate()
+    assert process.returncode == 130
+    assert "heater off; no page is open; Ctrl-C ends (" in alone
+    assert opened
+    assert all("heater off; 1 page is open, " in line for line in opened)
 
 
 @pytest.fixture
