@@ -92,8 +92,9 @@ class ExcitationConfig(Section):
 
 
 class FeedbackConfig(Section):
-    """How fast the temperature loop is, three periods at the fastest if left out; the gains follow from the balance.
+    """How fast the temperature loop is; the gains follow from the heat balance.
 
+    `closed_loop_s` is `LOOP_PERIODS` periods at the fastest if it is left out.
     `feedforward_share` of the feedforward's power is used: all of it, or less to see what the feedback does alone.
     `adapt` lets the tuning page's session adapt the rules to the measured displacement as soon as it is armed.
     """
@@ -105,7 +106,7 @@ class FeedbackConfig(Section):
     adapt: bool = False
 
 
-LOOP_PERIODS = 3.0
+LOOP_PERIODS = 2.5
 """A temperature loop that shall settle in fewer of its own periods overshoots where the wire heats at full current."""
 
 AMPLE = 20.0

@@ -31,9 +31,12 @@ WAITING_RANGE_C = 0.5
 COLD_END = 0.003
 """Up to this fraction of the stroke no sensor tells a wire from a cold one, and every cold wire is there.
 
-Held at such a displacement, it needs no heat; by the noise of its estimate it would be driven to the foot of its
-branch, tens of kelvin away, again and again.
+Held at such a displacement, or about to be, it needs no heat; by the noise of its estimate it would be driven to the
+foot of its branch, tens of kelvin away, again and again.
 """
+
+FOOT_S = 2.0
+"""About what it takes a cold wire to come to the foot of its branch: so long before it is to move, it is heated."""
 
 COLDER_C = 5.0
 """So far below the model's range is a cold wire wanted: no noise of its thermometer then asks for heat, K."""
@@ -75,7 +78,8 @@ class HysteresisInverse:
 
     def target(self, state: HysteresisState, wanted_mm: float, direction: int, rate_mm_per_s: float = 0.0) -> Target:
         """See DisplacementInverse; what is out of reach gives the end of the model's range, held."""
-        if (wanted_mm - self._cold_mm) / self._travel_mm <= COLD_END:
+        soon = max(rate_mm_per_s / self._travel_mm, 0.0) * FOOT_S
+        if (wanted_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
             return Target(self._model.input_range[0] - COLDER_C, 0.0)
         lead = direction * (state.y - wanted_mm) / self._travel_mm
         made_up = max(direction * rate_mm_per_s / self._travel_mm * TURN_S, 0.0)

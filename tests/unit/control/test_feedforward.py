@@ -79,6 +79,9 @@ def test_a_wire_that_is_wanted_cold_gets_no_heat_whatever_the_noise_of_its_estim
         held = inverse.target(state, cold_mm + 0.002 * model.scale, direction=1)
         assert held == (model.input_range[0] - COLDER_C, 0.0)
     assert inverse.target(state, cold_mm + 0.01 * model.scale, direction=1).temperature_c > 50.0
+    cold = model.initial_state(22.0, cold_mm - 0.001 * model.scale)
+    leaving = inverse.target(cold, cold_mm + 0.002 * model.scale, direction=1, rate_mm_per_s=0.01 * model.scale)
+    assert leaving.temperature_c > 50.0
 
 
 def test_the_power_holds_the_wanted_temperature_and_pays_for_the_transformation():
