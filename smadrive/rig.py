@@ -38,6 +38,9 @@ Record = Callable[[Tick], None]
 LAG_FACTOR = 3.0
 """How much later than nominal the thermocouple may follow before its reading counts as implausible."""
 
+MISPLACED_S = 2.0
+"""For how long, besides that lag, a displacement may be one that the wire cannot have."""
+
 STALE_PERIODS = 3.0
 """Measurements may be this many periods apart, however short `stale_after_s`."""
 
@@ -111,7 +114,7 @@ class Rig:
         """Run the identification experiment; every tick goes to `record`."""
         balance = self.nominal_balance
         controller = excitation_controller(self.config, excitation, balance)
-        return self._run(controller, self._plausible(balance, NOMINAL), record)
+        return self._run(controller, self._supervisor(balance, NOMINAL), record)
 
     def track(
         self,
@@ -133,8 +136,7 @@ class Rig:
         With the wire's `model` a displacement that it cannot have is a fault.
         """
         known = NOMINAL if balance is self.nominal_balance else IDENTIFIED
-        placed = None if model is None else PlausibleDisplacement(model, balance.thermocouple_lag_s)
-        return self._run(controller, self._plausible(balance, known), record, placed)
+        return self._run(controller, self._supervisor(balance, known, model), record)
 
     def clear_faults(self) -> Measurement:
         """Clear what is latched, on the devices and here; SafetyError names what persists."""
@@ -156,22 +158,11 @@ class Rig:
                 f"{balance.time_constant_s:.2g} s: read it at least every {most_s:.2g} s, or take a faster thermometer"
             )
 
-    def _plausible(self, balance: HeatBalance, uncertainty: Uncertainty) -> PlausibleTemperature:
+    def _supervisor(
+        self, balance: HeatBalance, uncertainty: Uncertainty, model: HysteresisModel | None = None
+    ) -> Supervisor:
         self._check_thermometer(balance)
-        lag_s = LAG_FACTOR * balance.thermocouple_lag_s + self.heater.temperature_period_s
-        return PlausibleTemperature(balance, uncertainty, lag_s)
-
-    def _run(
-        self,
-        controller: Controller,
-        plausible: PlausibleTemperature,
-        record: Record,
-        placed: PlausibleDisplacement | None = None,
-    ) -> LoopFigures:
-        if self.latch.told is not None:
-            raise SafetyError(f"refused to arm: the last run tripped: {self.latch.told}. {CLEAR}")
-        self._check_rate()
-        limits = self.config.limits
+        limits, lag_s = self.config.limits, LAG_FACTOR * balance.thermocouple_lag_s
         guarded = SafetyLimits(
             limits.temperature_max_c,
             limits.temperature_min_c,
@@ -182,11 +173,18 @@ class Rig:
             displacement_max_mm=inf if limits.displacement_max_mm is None else limits.displacement_max_mm,
             tracking_max_mm=limits.tracking_max_mm or inf,
             tracking_for_s=limits.tracking_for_s,
+            misplaced_for_s=MISPLACED_S + lag_s,
         )
-        supervisor = Supervisor(guarded, plausible, placed)
+        plausible = PlausibleTemperature(balance, uncertainty, lag_s + self.heater.temperature_period_s)
+        return Supervisor(guarded, plausible, None if model is None else PlausibleDisplacement(model))
+
+    def _run(self, controller: Controller, supervisor: Supervisor, record: Record) -> LoopFigures:
+        if self.latch.told is not None:
+            raise SafetyError(f"refused to arm: the last run tripped: {self.latch.told}. {CLEAR}")
+        self._check_rate()
         loop = ControlLoop(self.heater, controller, supervisor, self.clock, self.period_s, record)
         try:
-            return loop.run(limits.watchdog_s)
+            return loop.run(self.config.limits.watchdog_s)
         except TripError as trip:
             self.latch.latch(trip)
             raise

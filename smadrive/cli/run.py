@@ -101,8 +101,8 @@ def main(
 def check_thermocouple(measured: Measurement) -> None:
     """SafetyError with the cure when the temperature that the run begins at is not known."""
     if not isfinite(measured.temperature_c):
-        _, problem, cure = Fault.SENSOR_INVALID.value
-        raise SafetyError(f"not heated: {problem} ({measured.temperature_fault or 'no reading'}): {cure}")
+        fault, reason = Fault.SENSOR_INVALID, measured.temperature_fault or "no reading"
+        raise SafetyError(f"not heated: {fault.cause} ({reason}): {fault.remedy}")
 
 
 def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:

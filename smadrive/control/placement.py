@@ -9,6 +9,8 @@ is blocked or slack. Nothing else tells: a driver that believes such a sensor he
 
 from __future__ import annotations
 
+from math import isfinite
+
 import numpy as np
 
 from smadrive.hysteresis import HysteresisModel
@@ -25,23 +27,33 @@ POINTS = 400
 
 
 class PlausibleDisplacement:
-    """The band above for the wire of `model`, whose thermocouple lags by `lag_s`."""
+    """The band above for the wire of `model`."""
 
-    def __init__(self, model: HysteresisModel, lag_s: float) -> None:
-        warming_c = np.linspace(*model.input_range, POINTS)
+    def __init__(self, model: HysteresisModel) -> None:
+        low_c, high_c = model.input_range
+        warming_c = np.linspace(low_c, high_c, POINTS)
         loop_mm = model.simulate(np.concatenate([warming_c, warming_c[::-1]]))
-        self._branches = [Polyline(warming_c, branch) for branch in (loop_mm[:POINTS], loop_mm[POINTS:][::-1])]
-        self._margin_mm = MARGIN * float(np.ptp(loop_mm))
-        self.lag_s = lag_s
+        branches_mm = loop_mm[:POINTS], loop_mm[POINTS:][::-1]
+        around_c = np.linspace(low_c - UNSURE_C, high_c + UNSURE_C, POINTS)
+        shifted_c = around_c - UNSURE_C, around_c + UNSURE_C
+        ends_mm = [np.interp(at_c, warming_c, branch_mm) for branch_mm in branches_mm for at_c in shifted_c]
+        margin_mm = MARGIN * float(np.ptp(loop_mm))
+        self._branches = [Polyline(warming_c, branch_mm) for branch_mm in branches_mm]
+        self._low = Polyline(around_c, np.min(ends_mm, axis=0) - margin_mm)
+        self._high = Polyline(around_c, np.max(ends_mm, axis=0) + margin_mm)
 
     def band_mm(self, temperature_c: float) -> tuple[float, float]:
         """The least and the greatest displacement at a reading of `temperature_c`."""
-        ends = [
-            branch.at(at_c)
-            for branch in self._branches
-            for at_c in (temperature_c - UNSURE_C, temperature_c + UNSURE_C)
-        ]
-        return min(ends) - self._margin_mm, max(ends) + self._margin_mm
+        return self._low.at(temperature_c), self._high.at(temperature_c)
+
+    def misplaced(self, temperature_c: float, displacement_mm: float) -> str | None:
+        """What is wrong with a displacement at this reading; None when it fits, or one of them is unknown."""
+        if not (isfinite(temperature_c) and isfinite(displacement_mm)):
+            return None
+        low_mm, high_mm = self.band_mm(temperature_c)
+        if low_mm <= displacement_mm <= high_mm:
+            return None
+        return f"{displacement_mm:.3f} mm measured, {low_mm:.2f} to {high_mm:.2f} mm possible at {temperature_c:.1f} °C"
 
     def nearest_mm(self, temperature_c: float, displacement_mm: float) -> float:
         """What comes nearest to `displacement_mm` of all that a wire can have at just this temperature."""

@@ -19,16 +19,14 @@ from smadrive.measurement import Measurement
 LATE_TICKS = 20
 """So many missed deadlines in a row are a fault."""
 
-MISPLACED_S = 2.0
-"""A displacement outside its band is a fault after this time and three lags of the thermocouple."""
-
 
 @dataclass(frozen=True, slots=True)
 class SafetyLimits:
     """What the supervisor guards; all limits are of the rig's config.
 
     `settle_s` is how long the heat source takes to reach a commanded current: the measured one must lie within what was
-    commanded in that time, give or take `current_tolerance_a`.
+    commanded in that time, give or take `current_tolerance_a`. `misplaced_for_s` is for how long a lagging thermocouple
+    may excuse a displacement that the wire cannot have at its reading.
     """
 
     temperature_max_c: float
@@ -40,6 +38,7 @@ class SafetyLimits:
     displacement_max_mm: float = inf
     tracking_max_mm: float = inf
     tracking_for_s: float = 2.0
+    misplaced_for_s: float = 2.0
 
 
 @dataclass(slots=True)
@@ -223,22 +222,16 @@ class Supervisor:
             self._raise(Fault.TRACKING_LOST, measurement.time_s, detail)
 
     def _check_placement(self, measurement: Measurement) -> None:
-        """A thermocouple that lags excuses it for a while."""
         misplaced = self._misplaced(measurement)
-        if self._placed is None or self._placed_s is None or misplaced is None:
+        if self._placed_s is None or misplaced is None:
             self._placed_s = measurement.time_s
-        elif measurement.time_s - self._placed_s > MISPLACED_S + 3.0 * self._placed.lag_s:
+        elif measurement.time_s - self._placed_s > self._limits.misplaced_for_s:
             self._raise(Fault.DISPLACEMENT_IMPLAUSIBLE, measurement.time_s, misplaced)
 
     def _misplaced(self, measurement: Measurement) -> str | None:
-        """What is wrong with the displacement at this temperature; None when it fits, or cannot be judged."""
-        temperature_c, displacement_mm = measurement.temperature_c, measurement.displacement_mm
-        if self._placed is None or not (isfinite(temperature_c) and isfinite(displacement_mm)):
+        if self._placed is None:
             return None
-        low_mm, high_mm = self._placed.band_mm(temperature_c)
-        if low_mm <= displacement_mm <= high_mm:
-            return None
-        return f"{displacement_mm:.3f} mm measured, {low_mm:.2f} to {high_mm:.2f} mm possible at {temperature_c:.1f} °C"
+        return self._placed.misplaced(measurement.temperature_c, measurement.displacement_mm)
 
     def _raise(self, fault: Fault, time_s: float, detail: str) -> None:
         if self.trip is None:

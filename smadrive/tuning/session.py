@@ -257,7 +257,7 @@ class TuningSession:
         """
         model, temperature_c = self.bench.in_force.model, measured.temperature_c
         cold_mm = model.initial_state(temperature_c).y
-        placed = PlausibleDisplacement(model, self._balance.thermocouple_lag_s)
+        placed = PlausibleDisplacement(model)
         return placed.nearest_mm(temperature_c, _known(measured.displacement_mm, cold_mm))
 
     def _answer(self, request: AnyRequest | None, refused: str | None) -> None:

@@ -11,7 +11,7 @@ from smadrive.errors import SafetyError
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
 
-LIMITS = SafetyLimits(temperature_max_c=120.0, stale_after_s=0.3, current_tolerance_a=0.05)
+LIMITS = SafetyLimits(temperature_max_c=120.0, stale_after_s=0.3, current_tolerance_a=0.05, misplaced_for_s=3.5)
 
 
 def sample(n=0, temperature_c=60.0, current_a=0.2, commanded_a=0.2, armed=True, **rest):
@@ -169,11 +169,11 @@ def test_arming_is_refused_while_current_flows():
 
 @pytest.fixture
 def placed():
-    """Rises by 12 mm at 90 °C, falls at 69 °C; its thermocouple lags by 0.5 s."""
+    """Rises by 12 mm at 90 °C, falls at 69 °C."""
     model = DuhemModel.gaussian(
         mu_heating=90.0, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(20.0, 140.0)
     )
-    return PlausibleDisplacement(model, lag_s=0.5)
+    return PlausibleDisplacement(model)
 
 
 @pytest.mark.parametrize(("temperature_c", "displacement_mm"), [(115.0, 0.0), (30.0, 12.0), (80.0, 999.0)])
@@ -183,7 +183,7 @@ def test_a_displacement_that_the_wire_cannot_have_is_a_fault_when_no_lag_excuses
     samples = [sample(n, temperature_c=temperature_c, displacement_mm=displacement_mm) for n in range(100)]
     after, fault = trips_after(samples, placed=placed)
     assert fault is Fault.DISPLACEMENT_IMPLAUSIBLE
-    assert 0.05 * after == pytest.approx(2.0 + 3 * 0.5, abs=0.2)
+    assert 0.05 * after == pytest.approx(LIMITS.misplaced_for_s, abs=0.2)
 
 
 def test_a_displacement_that_is_wrong_for_a_while_or_not_measured_is_none(placed):
