@@ -112,7 +112,7 @@ def test_its_wire_is_identified_and_tracked_from_cold(tmp_path):
     wire = load_sim("flexinol-lt-0.15mm")
     assert balance.thermocouple_lag_s == pytest.approx(wire.thermocouple.lag_s, abs=0.05)
     assert balance.heat_capacity_j_per_k == pytest.approx(wire.wire.heat_capacity_j_per_k, rel=0.05)
-    reference = sine(low_mm=2.0, high_mm=9.0, period_s=80.0, cycles=1.5).with_approach(travel_mm(model)[0], 10.0)
+    reference = sine(low_mm=2.0, high_mm=9.0, period_s=56.0, cycles=1.5).with_approach(travel_mm(model)[0], 10.0)
     experiment = (reference, model, balance, HysteresisInverse(model))
     with Rig(bench_supply) as rig, record_tracking(run, rig, *experiment) as recorder:
         loop = rig.track(*experiment, recorder.tick)
