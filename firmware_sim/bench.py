@@ -110,7 +110,7 @@ class SimulatedBench:
 
     def known_faults(self) -> dict[str, Callable[..., None]]:
         """Everything that a script can do; the faults of a named device begin with its name and a point."""
-        known = self.sensors.faults.by_name() | self.plant.faults.by_name()
+        known = self.sensors.faults.by_name() | self.plant.faults.by_name() | self.plant.ageing.by_name()
         for device in self.devices:
             prefix = f"{device.name}." if device.name else ""
             known |= {prefix + name: fault for name, fault in device.faults.by_name().items()}

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from math import expm1, inf
 
+from firmware_sim.ageing import Ageing
 from firmware_sim.config import SimConfig
 from firmware_sim.physicalfaults import HeaterFaults
 from firmware_sim.transformation import LoadedTransformation
@@ -20,7 +21,7 @@ SUBSTEP_K = 1.0
 
 
 class Plant:
-    """A wire that starts at ambient temperature, all martensite. `faults` are those of its heater."""
+    """A wire that starts at ambient temperature, all martensite. `faults` are its heater's; `ageing` changes it."""
 
     def __init__(self, config: SimConfig) -> None:
         wire = config.wire
@@ -28,6 +29,7 @@ class Plant:
         self.current_a = 0.0
         self.voltage_v = 0.0
         self.faults = HeaterFaults()
+        self.ageing = Ageing()
         self._transformation = LoadedTransformation(config.transformation, config.bias, wire.stroke_mm, wire.ambient_c)
         self._ambient_c, self._loss_w_per_k = wire.ambient_c, wire.loss_w_per_k
         self._heat_capacity_j_per_k = wire.heat_capacity_j_per_k
@@ -45,7 +47,7 @@ class Plant:
     @property
     def displacement_mm(self) -> float:
         """Contraction of the wire."""
-        return self._stroke_mm * self._transformation.phase
+        return self._stroke_mm * (1.0 - self.ageing.fade) * self._transformation.phase
 
     def _resistance_ohm(self) -> float:
         return self._cold_ohm * (1.0 + self._change * self._transformation.phase)
@@ -53,6 +55,7 @@ class Plant:
     def advance(self, current_a: float, dt_s: float, voltage_max_v: float = inf) -> None:
         """Let `current_a` flow for `dt_s`, or as much of it as `voltage_max_v` drives."""
         self.faults.pass_time(dt_s)
+        self.ageing.pass_time(dt_s)
         self._drive(current_a, voltage_max_v)
         while dt_s > 1e-12:
             dt_s -= self._substep(dt_s)
@@ -75,6 +78,6 @@ class Plant:
         rate_per_s = self._loss_w_per_k / (self._heat_capacity_j_per_k + self._latent_j * slope_per_k)
         dt_s = min(remaining_s, SUBSTEP_S, SUBSTEP_K / (abs(offset_c) * rate_per_s + 1e-9))
         self.temperature_c -= offset_c * expm1(-dt_s * rate_per_s)
-        self._transformation.move_to(self.temperature_c)
+        self._transformation.move_to(self.temperature_c - self.ageing.shift_c)
         self.resistance_ohm = self._resistance_ohm()
         return dt_s

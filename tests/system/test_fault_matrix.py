@@ -99,7 +99,7 @@ def boards():
 
 
 def unsteady():
-    """What a thermocouple or a contact may do that no bit tells."""
+    """What a thermocouple, a contact or the wire may do that no bit tells."""
     lies = (Fault.READS_TOO_COLD, Fault.READS_TOO_HOT, Fault.OVER_TEMPERATURE, Fault.UNDER_TEMPERATURE)
     latched = (Fault.DEVICE_FAULT,)
     return [
@@ -112,6 +112,7 @@ def unsteady():
         Case("limit_voltage", (*latched, Fault.CURRENT_MISMATCH), 30.0, {"voltage_v": 2.5}, harmless=True),
         Case("stick_displacement", (), harmless=True),
         Case("spike_displacement", (), parameters={"height_mm": 5.0}, harmless=True),
+        Case("age_wire", parameters={"shift_c": 3.0, "fade": 0.05, "over_s": 10.0}),
     ]
 
 

@@ -36,6 +36,19 @@ def test_the_vendors_current_contracts_it_in_about_a_second(plant):
     assert until(plant, 0.41, lambda p: p.phase > 0.9) == pytest.approx(1.0, rel=0.5)
 
 
+def test_it_ages_linearly_and_for_good(plant):
+    plant.ageing.age_wire(shift_c=3.0, over_s=10.0, fade=0.05)
+    plant.advance(0.0, 5.0)
+    assert (plant.ageing.shift_c, plant.ageing.fade) == pytest.approx((1.5, 0.025))
+    plant.advance(0.0, 20.0)
+    assert (plant.ageing.shift_c, plant.ageing.fade) == pytest.approx((3.0, 0.05))
+    young = Plant(CONFIG)
+    for wire, at_c in ((young, 90.0), (plant, 93.0)):
+        until(wire, 0.3, lambda one, at_c=at_c: one.temperature_c >= at_c)
+    assert plant.phase == pytest.approx(young.phase, abs=0.02)
+    assert plant.displacement_mm == pytest.approx(0.95 * CONFIG.wire.stroke_mm * plant.phase)
+
+
 def test_without_transformation_it_follows_the_exact_solution(plant):
     wire = CONFIG.wire
     plant.advance(0.1, 2.0)

@@ -43,7 +43,10 @@ class Ended(BaseException):
 
 
 class Bench:
-    """The session, the page's end of its channel, the simulated device, and the ticks that were recorded."""
+    """The session, the page's end of its channel, the simulated device, and the ticks that were recorded.
+
+    `wire` is what was true at each of them: time, temperature and displacement of the plant.
+    """
 
     def __init__(self, model, control):
         self.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=3)
@@ -53,6 +56,7 @@ class Bench:
         self.page = PageEnd(self.control.memory_fd, self.control.page_socket)
         self.model = model
         self.ticks = []
+        self.wire = []
         self.answers = {}
         self._script = []
         self._number = 0
@@ -74,6 +78,8 @@ class Bench:
 
         def record(tick):
             self.ticks.append(tick)
+            plant = self.device.bench.plant
+            self.wire.append((tick.measurement.time_s, plant.temperature_c, plant.displacement_mm))
             while script and script[0][0] <= tick.measurement.time_s:
                 script.pop(0)[1]()
             self._read()
