@@ -29,6 +29,9 @@ from smadrive.rigconfig import load_rig
 RIG = "in-process"
 SIM = "flexinol-lt-0.15mm"
 
+PARTS = ("rig", "sim", "seed")
+"""What the marker can say."""
+
 
 class SimulatedFaults:
     """The faults of a simulated bench as methods; `bench` itself tells what is really the case.
@@ -55,7 +58,7 @@ class SimulatedFaults:
 
 def pytest_configure(config: pytest.Config) -> None:
     """Make the marker known."""
-    config.addinivalue_line("markers", "sma(rig, sim, seed): which simulated rig the fixture sma_rig is.")
+    config.addinivalue_line("markers", f"sma({', '.join(PARTS)}): which simulated rig the fixture sma_rig is.")
 
 
 @pytest.fixture
@@ -80,5 +83,13 @@ def sma_rig(request: pytest.FixtureRequest, sma_faults: SimulatedFaults) -> Iter
 
 
 def _said(request: pytest.FixtureRequest) -> dict[str, Any]:
+    """What the marker says; ConfigError for what it cannot say, lest a misspelt rig be the default one."""
     marker = request.node.get_closest_marker("sma")
-    return {} if marker is None else marker.kwargs
+    if marker is None:
+        return {}
+    if marker.args:
+        raise ConfigError(f"marker 'sma': {marker.args[0]!r} has no name; write rig=, sim= or seed= before it")
+    for name in marker.kwargs:
+        if name not in PARTS:
+            raise ConfigError(f"marker 'sma': unknown part '{name}'{nearest(name, PARTS)}")
+    return marker.kwargs

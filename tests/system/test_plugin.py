@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+import pytest
+
 pytest_plugins = ["pytester"]
 
 GUIDE = (Path(__file__).parents[2] / "docs" / "testing.md").read_text()
@@ -15,6 +17,14 @@ def test_a_rig_of_ones_own(sma_rig, sma_faults):
     assert sma_rig.config.name == "mine"
     with pytest.raises(AttributeError, match="did you mean 'open_thermocouple'"):
         sma_faults.open_termocouple()
+"""
+
+MISTAKEN = """
+import pytest
+
+@pytest.mark.sma({said})
+def test_never_runs(sma_rig):
+    pass
 """
 
 
@@ -31,3 +41,18 @@ def test_a_rig_file_of_ones_own_is_simulated_whatever_it_names(pytester):
     pytester.makeconftest(CONFTEST)
     pytester.makepyfile(BY_NAME.format(rig=own))
     pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(passed=1)
+
+
+@pytest.mark.parametrize(
+    ("said", "told"),
+    [
+        ('rigg="in-process"', "*unknown part 'rigg'; did you mean 'rig'?*"),
+        ('"in-process"', "*'in-process' has no name; write rig=, sim= or seed= before it*"),
+    ],
+)
+def test_a_mistaken_marker_gives_no_rig_at_all(pytester, said, told):
+    pytester.makeconftest(CONFTEST)
+    pytester.makepyfile(MISTAKEN.format(said=said))
+    result = pytester.runpytest_subprocess("-p", "no:cacheprovider")
+    result.assert_outcomes(errors=1)
+    result.stdout.fnmatch_lines([told])
