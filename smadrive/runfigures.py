@@ -59,6 +59,8 @@ def tracking_figures(log: Log, loop: LoopFigures) -> TrackingFigures:
 def tracking_caveats(log: Log) -> tuple[str, ...]:
     """What lets doubt how well the figures of a tracking run tell its error. DataError when the log is of none."""
     error = error_percent(log)[log.column("time_s") >= logged_reference(log).scored_from_s]
+    if error.size == 0:
+        return ("the tracking error is unknown: the run ended in its approach, which is not scored",)
     missing = int(np.count_nonzero(np.isnan(error)))
     if missing == error.size:
         return ("the tracking error is unknown: no displacement was measured (no displacement sensor that works)",)

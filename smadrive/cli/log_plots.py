@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from smadrive.hysteresis import HysteresisModel
 from smadrive.loggedrun import logged_reference, logged_rig, logged_wire
-from smadrive.runfigures import error_percent, is_virtual
+from smadrive.runfigures import error_percent, is_virtual, tracking_caveats
 from smadrive.telemetry.log import Log
 from smadrive.telemetry.plots import (
     COOLING,
@@ -46,15 +46,18 @@ def log_plots(log: Log) -> Iterator[Plot]:
 
 def _tracking(log: Log) -> Plot:
     time_s = log.column("time_s")
-    figure, (upper, lower) = panels((3.0, 1.7))
+    is_scored = np.isfinite(error_percent(log)).any()
+    figure, (upper, *lower) = panels((3.0, 1.7) if is_scored else (3.0,))
     line(upper, time_s, log.columns["displacement_mm"], color=MEASURED, lw=1.8, label="measured")
     line(upper, time_s, log.columns["estimated_mm"], color=ESTIMATED, lw=0.9, label="estimated")
     line(upper, time_s, log.columns["reference_mm"], color=WANTED, ls="--", lw=1.0, label="reference")
     upper.set_ylabel("displacement / mm")
     legend(upper)
-    draw_error(lower, log, MEASURED)
-    lower.set_xlabel("time / s")
-    return Plot("Tracking", figure, f"Error = reference − displacement. {NOT_SCORED}")
+    for ax in lower:
+        draw_error(ax, log, MEASURED)
+    figure.axes[-1].set_xlabel("time / s")
+    error = f"Error = reference − displacement. {NOT_SCORED}"
+    return Plot("Tracking", figure, error if is_scored else f"No error is shown: {tracking_caveats(log)[0]}.")
 
 
 def draw_error(ax: Axes, log: Log, colour: str) -> None:

@@ -11,7 +11,7 @@ from typing import Any
 from smadrive.cli.log_plots import log_plots
 from smadrive.control.loop import UNCONFIRMED
 from smadrive.loggedrun import logged_rig
-from smadrive.runfigures import RunSummary, is_virtual, run_summary
+from smadrive.runfigures import RunSummary, is_virtual, run_summary, tracking_caveats
 from smadrive.telemetry.log import Log
 from smadrive.telemetry.report import Grid, Listing, Part, State, Tiles, write_report
 
@@ -24,6 +24,7 @@ def write_log_report(path: Path, log: Log) -> RunSummary:
     devices = ", ".join(f"{name}: {identity}" for name, identity in log.json("devices").items())
     parts: list[Part] = [
         _state(log, summary),
+        *_caveats(log),
         Tiles(list(_tiles(summary, config.limits.current_max_a, is_virtual=is_virtual(log)))),
         *log_plots(log),
         *_events(log),
@@ -48,6 +49,13 @@ def _state(log: Log, summary: RunSummary) -> State:
         "odd" if log.ended_by.startswith("interruption") and not unconfirmed else "bad",
         " — ".join([f"Ended after {summary.duration_s:.1f} s by {log.ended_by}", *unconfirmed]),
     )
+
+
+def _caveats(log: Log) -> Iterator[State]:
+    """What lets doubt the figures, as `run` tells it on the terminal."""
+    if "reference" in log.about:
+        for caveat in tracking_caveats(log):
+            yield State("odd", f"Beware: {caveat}.")
 
 
 def _tiles(summary: RunSummary, limit_a: float, *, is_virtual: bool) -> Iterator[tuple[str, str]]:

@@ -133,6 +133,28 @@ def test_virtual_time_shows_no_lateness_and_real_time_does(logs, tmp_path):
         assert told in (tmp_path / "page.html").read_text()
 
 
+def test_an_error_that_is_unknown_is_told_and_not_drawn(logs, tmp_path):
+    complete = read_log(logs / "complete.h5")
+    unmeasured = replace(
+        complete, columns={**complete.columns, "displacement_mm": np.full_like(complete.column("time_s"), np.nan)}
+    )
+    tripped = replace(complete, columns={name: column[:40] for name, column in complete.columns.items()})
+    for log, told in ((unmeasured, "no displacement was measured"), (tripped, "the run ended in its approach")):
+        tracking = next(plot for plot in log_plots(log) if plot.title == "Tracking")
+        (displacement,) = tracking.figure.axes
+        assert displacement.get_xlim()[1] < 1.1 * log.column("time_s")[-1]
+        assert displacement.get_xlabel() == "time / s"
+        assert told in tracking.caption
+        write_log_report(tmp_path / "page.html", log)
+        text = (tmp_path / "page.html").read_text()
+        assert f"Beware: the tracking error is unknown: {told}" in text.partition("<h2>")[0]
+
+
+def test_the_head_doubts_nothing_where_nothing_is_in_doubt(logs):
+    _, text = report(logs, "complete.h5")
+    assert "Beware" not in text
+
+
 def test_a_command_at_the_limit_counts_as_held_back(logs):
     figures, text = report(logs, "complete.h5")
     log = read_log(logs / "complete.h5")

@@ -1,6 +1,7 @@
 """The figures of a run come from what was measured, and tell what was not."""
 
 import json
+from dataclasses import replace
 from math import isnan, nan
 from pathlib import Path
 
@@ -47,3 +48,11 @@ def test_without_any_the_error_is_unknown():
     log = log_of(range(100))
     assert isnan(tracking_figures(log, LoopFigures()).rms_percent)
     assert "unknown: no displacement was measured" in tracking_caveats(log)[0]
+
+
+def test_a_run_that_ended_in_its_approach_is_not_told_to_lack_a_sensor():
+    log = log_of([])
+    ended = replace(log, columns={name: column[:APPROACH] for name, column in log.columns.items()})
+    assert tracking_caveats(ended) == (
+        "the tracking error is unknown: the run ended in its approach, which is not scored",
+    )
