@@ -84,7 +84,7 @@ def sma_rig(request: pytest.FixtureRequest, sma_faults: SimulatedFaults) -> Iter
 
 def _said(request: pytest.FixtureRequest) -> dict[str, Any]:
     """What the marker says; ConfigError for what it cannot say, lest a misspelt rig be the default one."""
-    marker = request.node.get_closest_marker("sma")
+    marker: pytest.Mark | None = request.node.get_closest_marker("sma")
     if marker is None:
         return {}
     if marker.args:
@@ -92,4 +92,4 @@ def _said(request: pytest.FixtureRequest) -> dict[str, Any]:
     for name in marker.kwargs:
         if name not in PARTS:
             raise ConfigError(f"marker 'sma': unknown part '{name}'{nearest(name, PARTS)}")
-    return marker.kwargs
+    return dict(marker.kwargs)
