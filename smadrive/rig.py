@@ -180,7 +180,7 @@ class Rig:
 
     def _run(self, controller: Controller, supervisor: Supervisor, record: Record) -> LoopFigures:
         if self.latch.told is not None:
-            raise SafetyError(f"refused to arm: the last run tripped: {self.latch.told}. {CLEAR}")
+            raise SafetyError(f"refused to arm: the last run tripped ({self.latch.told}). {CLEAR}")
         self._check_rate()
         loop = ControlLoop(self.heater, controller, supervisor, self.clock, self.period_s, record)
         try:

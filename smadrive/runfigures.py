@@ -57,7 +57,15 @@ def tracking_figures(log: Log, loop: LoopFigures) -> TrackingFigures:
 
 
 def tracking_caveats(log: Log) -> tuple[str, ...]:
-    """What lets doubt how well the figures of a tracking run tell its error. DataError when the log is of none."""
+    """What lets doubt what the figures of a tracking run tell of it. DataError when the log is of none.
+
+    First what was known before the run, a reference that was smoothed for instance; then what its samples tell.
+    """
+    told_before = tuple(log.json("caveats")) if "caveats" in log.about else ()
+    return (*told_before, *_doubtful_samples(log))
+
+
+def _doubtful_samples(log: Log) -> tuple[str, ...]:
     error = error_percent(log)[log.column("time_s") >= logged_reference(log).scored_from_s]
     if error.size == 0:
         return ("the tracking error is unknown: the run ended in its approach, which is not scored",)

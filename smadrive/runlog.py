@@ -94,18 +94,23 @@ def record_tracking(
     """The log of a tracking run; `notes` are texts that the rig does not know of, as a seed."""
     about = {
         "kind": "tracking",
-        "reference": json.dumps(
-            {
-                "times_s": reference.times_s.tolist(),
-                "displacement_mm": reference.displacement_mm.tolist(),
-                "scored_from_s": reference.scored_from_s,
-                "endless": reference.endless,
-            }
-        ),
+        "reference": reference_text(reference),
         "wire": wire_text(model, balance),
         "inverse": "hysteresis" if isinstance(inverse, HysteresisInverse) else "plain map",
     }
     return _open(path, rig, {**about, **notes}, reference.duration_s)
+
+
+def reference_text(reference: Reference) -> str:
+    """JSON of a reference, approach included."""
+    return json.dumps(
+        {
+            "times_s": reference.times_s.tolist(),
+            "displacement_mm": reference.displacement_mm.tolist(),
+            "scored_from_s": reference.scored_from_s,
+            "endless": reference.endless,
+        }
+    )
 
 
 def _open(path: Path, rig: Rig, about: Mapping[str, str], duration_s: float) -> TickRecorder:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import asdict
 from math import isfinite, isnan
 from pathlib import Path
@@ -25,7 +26,7 @@ from smadrive.outfile import LOG, TABLE, check_output
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
 from smadrive.runfigures import TrackingFigures, tracking_caveats, tracking_figures
-from smadrive.runlog import record_tracking
+from smadrive.runlog import record_tracking, reference_text
 from smadrive.telemetry.log import read_log
 from smadrive.telemetry.table import read_table
 from smadrive.wirefile import load_wire_file
@@ -75,11 +76,15 @@ def main(
         rehearsed.check(config.limits.temperature_max_c, smooth=smooth)
         for caveat in rehearsed.caveats:
             output.say(f"beware: {caveat}")
-        if not rehearsed.feasible:
-            output.say(f"smoothed: {rehearsed}")
         experiment = rehearsed.nearest, hysteresis, wire.balance, HysteresisInverse(hysteresis)
         with (
-            record_tracking(log_file, bench, *experiment) as recorder,
+            record_tracking(
+                log_file,
+                bench,
+                *experiment,
+                given_reference=reference_text(path),
+                caveats=json.dumps(rehearsed.caveats),
+            ) as recorder,
             watched(
                 recorder,
                 "tracking",
@@ -95,7 +100,7 @@ def main(
     for caveat in doubts:
         output.say(f"beware: {caveat}")
     output.say(f"log: {log_file}")
-    output.result({**asdict(figures), "caveats": [*rehearsed.caveats, *doubts]})
+    output.result({**asdict(figures), "caveats": doubts})
 
 
 def check_thermocouple(measured: Measurement) -> None:

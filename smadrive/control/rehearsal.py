@@ -33,6 +33,9 @@ TOLERANCE = 0.02
 SUBSTEPS = 3
 """Steps of the wire per period of the loop."""
 
+JUMP = 20.0
+"""A reference that is so many times too fast jumps; no slowing down helps it."""
+
 VISIBLE = 6.0
 """A reference that moves less than this many standard deviations of the displacement sensor is lost in its noise."""
 
@@ -77,11 +80,14 @@ class Feasibility:
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """What lets doubt whether this reference is meant."""
-        if not 0.0 < self.span_mm < VISIBLE * DISPLACEMENT_NOISE * self.stroke_mm:
-            return ()
-        small = f"the reference moves by {self.span_mm:.2g} mm only, of a stroke of {self.stroke_mm:.3g} mm"
-        return (f"{small}: that is lost in the noise of a displacement sensor; is it in mm?",)
+        """What lets doubt whether what is run is what is meant."""
+        told = []
+        if 0.0 < self.span_mm < VISIBLE * DISPLACEMENT_NOISE * self.stroke_mm:
+            small = f"the reference moves by {self.span_mm:.2g} mm only, of a stroke of {self.stroke_mm:.3g} mm"
+            told.append(f"{small}: that is lost in the noise of a displacement sensor; is it in mm?")
+        if not self.feasible:
+            told.append(f"smoothed, and every error is against the smoothed reference, not the given one: {self}")
+        return tuple(told)
 
     @property
     def slower(self) -> float:
@@ -105,10 +111,8 @@ class Feasibility:
         With `smooth` the nearest feasible one is run instead, and only its temperature is judged.
         """
         if not (self.feasible or smooth):
-            raise ConfigError(
-                f"reference: {self}: slow it down about {self.slower:.1f} times, or run the nearest that the wire can "
-                "follow (--smooth)"
-            )
+            cure = "" if self.slower > JUMP else f"slow it down about {self.slower:.1f} times, or "
+            raise ConfigError(f"reference: {self}: {cure}run the nearest that the wire can follow (--smooth)")
         if self.hottest_c > temperature_max_c:
             raise ConfigError(
                 f"reference: it takes a wire of {self.hottest_c:.0f} °C, temperature_max_c = {temperature_max_c:g}: "

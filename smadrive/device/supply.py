@@ -57,16 +57,7 @@ class BenchSupply:
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:  # noqa: ARG002  (a supply has no watchdog)
         """Set the protections, the voltage limit and zero current, confirmed by read-back."""
         self._protect("ocp", limits.current_max_a)
-        voltage = self.device.profile.roles.heater_voltage
-        if voltage is not None:
-            if not isfinite(limits.voltage_max_v):
-                raise ConfigError(
-                    f"'{self.device.profile.profile.id}' needs a voltage limit: set voltage_max_v in [limits], some "
-                    "1.25 times what current_max_a needs across the wire"
-                )
-            self._protect("ovp", limits.voltage_max_v)
-            self.device.write(voltage, limits.voltage_max_v)
-            self._voltage_max_v = limits.voltage_max_v
+        self._limit_voltage(limits.voltage_max_v)
         self.device.write(self._names["heater_current"], 0.0)
 
     def arm(self) -> None:
@@ -100,6 +91,25 @@ class BenchSupply:
         name = self._names.get("faults")
         if name is not None and self.device.profile.register(name).writable:
             self.device.write(name, 0)
+
+    def _limit_voltage(self, limit_v: float) -> None:
+        """ConfigError when a supply that can be limited is given no limit, or one that cannot is given one."""
+        profile, is_limited = self.device.profile, isfinite(limit_v)
+        name = profile.roles.heater_voltage
+        if name is None and is_limited:
+            raise ConfigError(
+                f"'{profile.profile.id}' binds no heater_voltage, so that voltage_max_v = {limit_v:g} would limit "
+                "nothing: bind it in [roles], or set the limit at the supply and leave voltage_max_v out"
+            )
+        if name is not None and not is_limited:
+            raise ConfigError(
+                f"'{profile.profile.id}' needs a voltage limit: set voltage_max_v in [limits], some 1.25 times what "
+                "current_max_a needs across the wire"
+            )
+        if name is not None:
+            self._protect("ovp", limit_v)
+            self.device.write(name, limit_v)
+            self._voltage_max_v = limit_v
 
     def _protect(self, role: str, limit: float) -> None:
         """Let the supply itself switch off above the limit, where it can."""

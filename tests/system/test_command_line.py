@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from importlib.metadata import version
@@ -14,6 +15,7 @@ from smadrive.cli.identify import certificate_rows
 from smadrive.control.reference import SHAPES
 from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.hysteresis.certificate import Certificate
+from smadrive.telemetry.log import read_log
 
 ROOT = Path(__file__).parents[2]
 CONFIGS = ROOT / "configs"
@@ -124,14 +126,35 @@ def test_probe_and_off_answer_in_json(tmp_path):
     assert succeed("off", "in-process", cwd=tmp_path)["safe"] is True
 
 
-def test_run_doubts_a_reference_that_is_lost_in_noise(tmp_path):
+@pytest.fixture
+def track(tmp_path):
+    """Tracks a reference on the rig in process; what `run` answers, and its log."""
     wire = DuhemModel.gaussian(
         mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 200)
     )
     save_model(wire, tmp_path / "wire.json")
-    metres = "sine:low_mm=0.002,high_mm=0.009,period_s=5,cycles=1"
-    ran = succeed("run", "in-process", "--model", "wire.json", "--reference", metres, "-o", "run.h5", cwd=tmp_path)
+
+    def track(reference, *options):
+        run = ("run", "in-process", "--model", "wire.json", "--reference", reference, "-o", "run.h5", *options)
+        return succeed(*run, cwd=tmp_path), read_log(tmp_path / "run.h5")
+
+    return track
+
+
+def test_run_doubts_a_reference_that_is_lost_in_noise(track):
+    ran, _ = track("sine:low_mm=0.002,high_mm=0.009,period_s=5,cycles=1")
     assert "is it in mm?" in ran["caveats"][0]
+
+
+def test_a_smoothed_run_tells_how_far_it_is_from_what_was_asked_for_and_keeps_that(track):
+    ran, log = track("sine:low_mm=2,high_mm=9,period_s=3,cycles=2", "--smooth")
+    assert re.match(
+        r"smoothed, and every error is against the smoothed.* mm \(\d\d % of its stroke\)", ran["caveats"][0]
+    )
+    assert ran["rms_percent"] < 2.0
+    given, run = (log.json(name) for name in ("given_reference", "reference"))
+    spans_mm = [np.ptp(np.array(told["displacement_mm"])[np.array(told["times_s"]) > 12.0]) for told in (given, run)]
+    assert spans_mm[1] < spans_mm[0] - 1.0
 
 
 def test_the_version_is_told(tmp_path):

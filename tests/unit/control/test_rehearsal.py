@@ -49,6 +49,12 @@ def test_a_fall_faster_than_cooling_is_refused_with_the_rates_and_the_cure():
         found.check(temperature_max_c=90.0, smooth=True)
 
 
+def test_a_jump_is_not_cured_by_slowing_it_down():
+    _, found = rehearsed("steps:low_mm=3,high_mm=8,dwell_s=50")
+    with pytest.raises(ConfigError, match=r"no faster: run the nearest that the wire can follow \(--smooth\)"):
+        found.check(temperature_max_c=135.0)
+
+
 def test_slowed_down_as_told_it_passes_or_nearly():
     _, found = rehearsed("trapezoid:low_mm=2.4,high_mm=9.6,rise_s=1.5,dwell_s=8,cycles=1")
     _, slower = rehearsed(f"trapezoid:low_mm=2.4,high_mm=9.6,rise_s={1.3 * found.slower * 1.5},dwell_s=8,cycles=1")

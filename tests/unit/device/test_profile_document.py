@@ -1,13 +1,20 @@
-"""docs/device-profiles.md tells every key that a profile may have, and no other; its example loads."""
+"""docs/device-profiles.md tells every key that a profile may have, and no other; its example drives a supply."""
 
 import re
 import tomllib
 
 import pytest
 
+from firmware_sim.bench import SimulatedBench
+from firmware_sim.config import load_sim
 from smadrive.device import sections
+from smadrive.device.device import Device
+from smadrive.device.heatsource import HeaterLimits
 from smadrive.device.profile import Profile, load_profile
 from smadrive.device.registers import Register
+from smadrive.device.supply import BenchSupply
+from smadrive.errors import ConfigError
+from smadrive.modbus.master import Master
 from smadrive.shipped import configs_dir
 
 DOCUMENT = (configs_dir().parent / "docs" / "device-profiles.md").read_text(encoding="utf-8")
@@ -51,7 +58,17 @@ def test_every_table_is_told():
     assert told | {"schema"} == {field.alias or name for name, field in Profile.model_fields.items()}
 
 
-def test_the_example_loads(tmp_path):
+def test_the_example_is_a_supply_that_can_be_driven_and_simulated(tmp_path, clock):
     path = tmp_path / "my-supply.toml"
     path.write_text(EXAMPLE, encoding="utf-8")
-    assert load_profile(path).profile.id == "my-supply"
+    simulated = SimulatedBench(load_sim("flexinol-lt-0.15mm")).attach(load_profile(path))
+    clock.follow(simulated.bench.advance_to)
+    supply = BenchSupply(Device(load_profile(path), Master(simulated.transport(clock))))
+    supply.connect()
+    with pytest.raises(ConfigError, match="voltage_max_v = 9 would limit nothing"):
+        supply.configure(HeaterLimits(0.4, 120.0, voltage_max_v=9.0), watchdog_s=1.0)
+    supply.configure(HeaterLimits(0.4, 120.0), watchdog_s=1.0)
+    supply.arm()
+    supply.exchange(0.2)
+    clock.sleep_until(clock.now_s() + 1.0)
+    assert supply.exchange(0.0).current_a == pytest.approx(0.2, abs=0.01)
