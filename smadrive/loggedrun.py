@@ -15,6 +15,9 @@ from smadrive.telemetry.log import Log
 from smadrive.thermal import HeatBalance
 from smadrive.wirefile import parse_wire
 
+WHOLE = 0.98
+"""Share of an experiment from which on it counts as complete."""
+
 
 def excitation_record(log: Log) -> ExcitationRecord:
     """The columns of a recorded excitation, all of them finite; DataError otherwise."""
@@ -36,6 +39,14 @@ def logged_excitation(log: Log) -> Excitation:
     """The experiment that was run. DataError when it was another one."""
     told = log.json("excitation")
     return Excitation(tuple(told["turning_points_c"]), told["rate_c_per_s"])
+
+
+def excitation_caveats(log: Log) -> tuple[str, ...]:
+    """What lets doubt a model that is identified from this log. DataError when the log is of another experiment."""
+    wanted_s, done_s = logged_excitation(log).duration_s, float(log.column("time_s")[-1])
+    if done_s > WHOLE * wanted_s:
+        return ()
+    return (f"the experiment ended after {done_s:.0f} of its {wanted_s:.0f} s: the wire may do what it never showed",)
 
 
 def logged_reference(log: Log) -> Reference:

@@ -173,6 +173,14 @@ class RigConfig(Section):
                 f"which {held_a:.2g} A hold at temperature_max_c = {limits.temperature_max_c:g}: is it in amperes?"
             )
 
+    def in_folder(self, folder: Path) -> RigConfig:
+        """The same rig with the files that it names, not those that ship, looked for from `folder`."""
+        devices = [device.model_copy(update={"profile": looked_for(folder, device.profile)}) for device in self.devices]
+        model = None if self.model is None else str(folder / self.model)
+        return self.model_copy(
+            update={"wire": looked_for(folder, self.wire), "model": model, "devices": tuple(devices)}
+        )
+
     def at(self, url: str) -> RigConfig:
         """The same rig with its devices at another address."""
         return self.model_copy(
@@ -180,9 +188,16 @@ class RigConfig(Section):
         )
 
 
+def looked_for(folder: Path, name: str) -> str:
+    """A path from `folder`, with the choice that may follow it, or the name of a shipped file as it is."""
+    path = name.partition(":")[0]
+    return str(folder / name) if path.endswith(".toml") else name
+
+
 def load_rig(name: str) -> RigConfig:
-    """The rig file at the path `name`, or the shipped rig of that name."""
-    return load_config(rig_file(name), RigConfig)
+    """The rig file at the path `name`, or the shipped rig of that name; the files it names count from its folder."""
+    path = rig_file(name)
+    return load_config(path, RigConfig).in_folder(path.parent)
 
 
 def rig_file(name: str) -> Path:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
@@ -14,8 +15,8 @@ from smadrive.cli.output import AsJson, Output
 from smadrive.errors import DataError
 from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
 from smadrive.identification.thermal_fit import ThermalFit
-from smadrive.identification.wire_fit import AnyFit, WireFit, identify_hysteresis, identify_wire
-from smadrive.loggedrun import excitation_record, nominal_balance
+from smadrive.identification.wire_fit import AnyFit, identify_hysteresis, identify_wire
+from smadrive.loggedrun import excitation_caveats, excitation_record, nominal_balance
 from smadrive.outfile import LOG, MODEL, PAGE, TABLE, check_output
 from smadrive.telemetry.log import read_log
 from smadrive.telemetry.table import read_table
@@ -45,11 +46,14 @@ def main(
     if plot is not None:
         check_output(plot, PAGE, data)
     thermal = balance = None
+    told: tuple[str, ...] = ()
     with output.progress() as progress:
         progress.add_task(f"fitting {data.name}", total=None)
         if LOG.names(data):
-            wire = _from_log(data, kind, sets)
+            log = read_log(data)
+            wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets)
             fit, thermal, balance = wire.hysteresis, wire.thermal, wire.thermal.balance
+            told = excitation_caveats(log)
         elif not TABLE.names(data):
             raise DataError(f"{data}: neither a log nor a CSV: give the log (.h5) of `smadrive excite`, or a .csv")
         else:
@@ -61,7 +65,8 @@ def main(
     if plot is not None:
         axes = ("wire temperature, °C", "displacement, mm") if LOG.names(data) else (input_column, output_column)
         write_fit_report(plot, fit, str(data), axes)
-    _tell(output, fit, thermal)
+    caveats = (*told, *fit.caveats)
+    _tell(output, fit, thermal, caveats)
     output.say(f"model: {model_file}{', in place of the one that was there' if replaced else ''}")
     output.result(
         {
@@ -71,7 +76,7 @@ def main(
             "max_percent": fit.max_percent,
             "model_file": str(model_file),
             "certificate": certificate(fit),
-            "caveats": list(fit.caveats),
+            "caveats": caveats,
             **({} if plot is None else {"plot_file": str(plot)}),
             **({} if thermal is None else {"heat_balance": asdict(thermal.balance), "within": thermal.within}),
         }
@@ -88,12 +93,7 @@ def certificate(fit: AnyFit) -> dict[str, float | bool]:
     return {**asdict(fit.certificate), "holds": fit.certificate.holds}
 
 
-def _from_log(path: Path, kind: Kind, sets: int) -> WireFit:
-    log = read_log(path)
-    return identify_wire(excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets)
-
-
-def _tell(output: Output, fit: AnyFit, thermal: ThermalFit | None) -> None:
+def _tell(output: Output, fit: AnyFit, thermal: ThermalFit | None, caveats: Iterable[str]) -> None:
     rows = [
         ("RMS error", f"{fit.rms_percent:.3f} %", "of the output span"),
         ("max error", f"{fit.max_percent:.3f} %", "of the output span"),
@@ -103,7 +103,7 @@ def _tell(output: Output, fit: AnyFit, thermal: ThermalFit | None) -> None:
     if thermal is not None:
         rows += _heat_rows(thermal)
     output.table(("", "value", ""), rows, notes=True)
-    for caveat in fit.caveats:
+    for caveat in caveats:
         output.say(f"beware: {caveat}")
 
 

@@ -172,8 +172,8 @@ def _check_told(within: dict[str, float]) -> None:
     for name, plain in NAMES.items():
         if within[name] > UNCERTAIN.get(name, np.inf):
             raise IdentificationError(
-                f"thermal fit: the record tells the {plain} only to within ±{100.0 * within[name]:.0f} %, "
-                f"±{100.0 * UNCERTAIN[name]:.0f} % are needed: excite for longer, over the whole transformation, and "
+                f"thermal fit: the record tells the {plain} only to within ±{100.0 * within[name]:.3g} %, "
+                f"±{100.0 * UNCERTAIN[name]:.3g} % are needed: excite for longer, over the whole transformation, and "
                 "with a quieter thermocouple"
             )
 

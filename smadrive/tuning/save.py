@@ -12,6 +12,7 @@ import tomlkit
 
 from smadrive.errors import ConfigError
 from smadrive.outfile import replacing
+from smadrive.rigconfig import looked_for
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
 
@@ -41,9 +42,14 @@ def _model_text(wire: str, source: str, events: list[str]) -> str:
 
 
 def _rig_text(rig_file: Path, model_file: Path, feedback: dict[str, float], source: str) -> str:
-    """The rig file as it was, comments and all, with the new model and feedback."""
+    """The rig file as it was, comments and all, with the new model and feedback; the files it names stay the same."""
     document = tomlkit.parse(rig_file.read_text(encoding="utf-8-sig"))
-    document["model"] = str(model_file.resolve())
+    document["model"] = model_file.name
+    folder = rig_file.parent.resolve()
+    if folder != model_file.parent.resolve():
+        document["wire"] = looked_for(folder, document["wire"])
+        for device in document["devices"]:
+            device["profile"] = looked_for(folder, device["profile"])
     section = document.setdefault("feedback", tomlkit.table())
     for key, value in feedback.items():
         section[key] = value

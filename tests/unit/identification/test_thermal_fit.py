@@ -77,7 +77,7 @@ def test_a_record_that_only_hints_at_a_parameter_is_refused_with_the_figures(rec
     measured, _ = record
     noise = np.random.default_rng(4).normal(0, 25.0, measured.time_s.size)
     hinting = dataclasses.replace(measured, temperature_c=measured.temperature_c + noise)
-    with pytest.raises(IdentificationError, match=r"only to within ±\d+ %, ±\d+ % are needed: excite for longer"):
+    with pytest.raises(IdentificationError, match=r"only to within ±[\d.]+ %, ±\d+ % are needed: excite for longer"):
         identify_thermal(hinting, NOMINAL)
 
 

@@ -1,0 +1,51 @@
+"""A rig file and the files that it names."""
+
+import json
+
+import pytest
+import tomlkit
+
+from smadrive.rigconfig import load_rig, load_wire, rig_file
+from smadrive.shipped import configs_dir
+from smadrive.tuning.save import save_tuning
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A folder with a rig that names a wire and a profile beside it, and a model that is not there yet."""
+    document = tomlkit.parse(rig_file("in-process").read_text(encoding="utf-8"))
+    wire = (configs_dir() / "wires" / f"{document['wire']}.toml").read_text(encoding="utf-8")
+    profile = document["devices"][0]["profile"]
+    there = tmp_path / "bench"
+    there.mkdir()
+    (there / "mine.toml").write_text(wire, encoding="utf-8")
+    (there / f"{profile}.toml").write_text((configs_dir() / "devices" / f"{profile}.toml").read_text(encoding="utf-8"))
+    document.update({"wire": "mine.toml", "model": "m.json"})
+    document["devices"][0]["profile"] = f"{profile}.toml"
+    (there / "rig.toml").write_text(tomlkit.dumps(document), encoding="utf-8")
+    return there
+
+
+def test_what_it_names_lies_in_its_own_folder_wherever_one_works(folder, monkeypatch):
+    monkeypatch.chdir(folder.parent)
+    rig = load_rig("bench/rig.toml")
+    assert load_wire(rig.wire).heat_balance().heat_capacity_j_per_k > 0.0
+    assert (rig.model, rig.devices[0].profile) == ("bench/m.json", "bench/sma-reference.toml")
+    monkeypatch.chdir(folder)
+    assert load_rig("rig.toml").wire == "mine.toml"
+
+
+def test_shipped_ones_are_named_as_they_are():
+    assert load_rig("in-process").wire == tomlkit.parse(rig_file("in-process").read_text(encoding="utf-8"))["wire"]
+
+
+@pytest.mark.parametrize("place", ["bench", "elsewhere"])
+def test_a_saved_tuning_finds_them_too(folder, place):
+    to = folder.parent / place
+    to.mkdir(exist_ok=True)
+    tuning = {"wire": json.dumps({"provenance": {}}), "change": "none", "feedback": {"closed_loop_s": 0.5}}
+    model, rig = save_tuning(to, "tuned", folder / "rig.toml", {"tuning": tuning, "rig": "r", "events": []})
+    saved = load_rig(str(rig))
+    assert saved.model == str(model)
+    assert load_wire(saved.wire).heat_balance().heat_capacity_j_per_k > 0.0
+    assert saved.feedback.closed_loop_s == 0.5
