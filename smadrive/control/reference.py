@@ -119,10 +119,14 @@ class Reference:
         return self.cycle(time_s) * self.cycle_s if self.endless else 0.0
 
     def check_within(self, ends_mm: tuple[float, float]) -> None:
-        """ConfigError when the reference leaves the wire's travel, whose two ends are `ends_mm` in either order."""
+        """ConfigError when the reference leaves the wire's travel, whose two ends are `ends_mm` in either order.
+
+        Its approach may: it begins where the wire was, and is followed as far as the wire reaches.
+        """
         low, high = min(ends_mm), max(ends_mm)
         slack = TRAVEL_SLACK * (high - low)
-        for name, value in (("lowest", self.displacement_mm.min()), ("highest", self.displacement_mm.max())):
+        scored_mm = self.displacement_mm[self.times_s >= self.scored_from_s]
+        for name, value in (("lowest", scored_mm.min()), ("highest", scored_mm.max())):
             if not low - slack <= value <= high + slack:
                 raise ConfigError(
                     f"reference: its {name} value is {value:.3g} mm; the identified wire reaches from {low:.3g} to "

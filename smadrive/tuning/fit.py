@@ -1,7 +1,9 @@
 """A model from what the loop has just recorded: "fit to the last N seconds".
 
 It runs in a process of its own below the loop's priority, and only proposes: what it finds goes through the same checks
-as any other change.
+as any other change. A running reference drives the wire through a part of its travel only, and a model of that part
+alone could not tell where a cold wire is. So the record is completed by the model in force where it is silent: beyond
+the temperatures that were driven, with far fewer samples than were measured.
 """
 
 from __future__ import annotations
@@ -14,7 +16,10 @@ from multiprocessing import get_context
 import numpy as np
 from numpy.typing import NDArray
 
+from smadrive.control.wire import travel_mm
 from smadrive.errors import IdentificationError
+from smadrive.hysteresis import HysteresisModel
+from smadrive.identification.record import prepare
 from smadrive.identification.wire_fit import Kind, identify_hysteresis
 from smadrive.tuning.channel import COLUMNS, Rows
 from smadrive.wirefile import parse_wire, wire_text
@@ -22,6 +27,12 @@ from smadrive.wirefile import parse_wire, wire_text
 NICENESS = 10
 MOST_SAMPLES = 12000
 """More are thinned."""
+
+SILENT_SAMPLES = 50
+"""Taken from the model in force for each branch and each end of the travel."""
+
+LEAST_MOVED = 0.1
+"""Share of the travel; less is rather noise than a loop."""
 
 Array = NDArray[np.float64]
 
@@ -41,22 +52,64 @@ class Fitter:
 
         IdentificationError when they do not determine one.
         """
-        wire_c, reached_mm = (rows[:, COLUMNS.index(name)] for name in ("estimated_c", "displacement_mm"))
-        times_s = rows[:, COLUMNS.index("time_s")]
-        used = (times_s > times_s[-1] - seconds) & np.isfinite(wire_c) & np.isfinite(reached_mm)
-        if not used.any():
-            raise IdentificationError(
-                f"no displacement was measured on a heated wire within the last {seconds:g} s: nothing to fit"
-            )
-        step = max(1, int(used.sum()) // MOST_SAMPLES)
-        return self._pool.submit(fit_wire, wire_c[used][::step], reached_mm[used][::step], wire)
+        return self._pool.submit(fit_wire, *heated_loop(rows, seconds, wire), wire)
+
+
+def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
+    """Wire temperature and displacement of the last `seconds`, heated and measured, without a warm-up before them.
+
+    IdentificationError when they are no full loop.
+    """
+    wire_c, reached_mm = (rows[:, COLUMNS.index(name)] for name in ("estimated_c", "displacement_mm"))
+    times_s = rows[:, COLUMNS.index("time_s")]
+    used = (times_s > times_s[-1] - seconds) & np.isfinite(wire_c) & np.isfinite(reached_mm)
+    if not used.any():
+        raise IdentificationError(
+            f"no displacement was measured on a heated wire within the last {seconds:g} s: nothing to fit"
+        )
+    driven = _warmed_up(wire_c[used])
+    wire_c, reached_mm = wire_c[used][driven:], reached_mm[used][driven:]
+    try:
+        _check_loop(wire_c, reached_mm, parse_wire(wire, place="the wire in force")[0])
+    except IdentificationError as error:
+        raise IdentificationError(
+            f"the last {seconds:g} s cannot be fitted: {error}; let a reference go up and down once more, then fit "
+            "again, to as many seconds as that takes at least"
+        ) from None
+    step = max(1, wire_c.size // MOST_SAMPLES)
+    return wire_c[::step], reached_mm[::step]
+
+
+def _warmed_up(wire_c: Array) -> int:
+    """The first sample as warm as the wire was where it had cooled most: what is before was left for good."""
+    coolest_c = wire_c[np.argmax(np.maximum.accumulate(wire_c) - wire_c)]
+    return int(np.argmax(wire_c >= coolest_c))
+
+
+def _check_loop(wire_c: Array, reached_mm: Array, model: HysteresisModel) -> None:
+    """What was measured must be a loop by itself: what completes it would hide that it is none."""
+    cold_mm, hot_mm = travel_mm(model)
+    moved_mm = float(np.ptp(reached_mm))
+    if moved_mm < LEAST_MOVED * abs(hot_mm - cold_mm):
+        raise IdentificationError(f"the wire moved by {moved_mm:.2g} mm only")
+    prepare(wire_c, reached_mm, dead_band=None)
 
 
 def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> str:
     """`wire` with its model fitted to other data; see Fitter."""
-    _, balance = parse_wire(wire, place="the wire in force")
+    model, balance = parse_wire(wire, place="the wire in force")
     document = json.loads(wire)
     kind: Kind = document["kind"]
     sets = len(document["sets"]["centres"]) if kind == "tsfuzzy" else 0
-    fit = identify_hysteresis(wire_c, reached_mm, kind, sets)
+    silent_c, expected_mm = _silent(model, float(wire_c.min()), float(wire_c.max()))
+    fit = identify_hysteresis(np.concatenate((wire_c, silent_c)), np.concatenate((reached_mm, expected_mm)), kind, sets)
     return wire_text(fit.model, balance)
+
+
+def _silent(model: HysteresisModel, low_c: float, high_c: float) -> tuple[Array, Array]:
+    """What `model` does beyond the two temperatures: on to its hot end and back, then to its cold end and back."""
+    cold_c, hot_c = model.input_range
+    hot = np.linspace(high_c, max(hot_c, high_c), SILENT_SAMPLES)
+    cold = np.linspace(low_c, min(cold_c, low_c), SILENT_SAMPLES)
+    path_c = np.concatenate((hot, hot[::-1], cold, cold[::-1]))
+    return path_c, model.simulate(np.concatenate(([cold_c], path_c)))[1:]

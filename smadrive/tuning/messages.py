@@ -109,6 +109,13 @@ class SetModel(Request):
         return f"model: {self.source}"
 
 
+class Unfit(Request):
+    """Tell that nothing could be fitted: refused with its `reason`, which all pages then see among the events."""
+
+    act: Literal["unfit"]
+    reason: str = Field(max_length=2000)
+
+
 class Step(Request):
     """One change back, or forth again."""
 
@@ -153,6 +160,7 @@ AnyRequest = Annotated[
     | SetFeedback
     | SetRule
     | SetModel
+    | Unfit
     | Step
     | Keep
     | Recall

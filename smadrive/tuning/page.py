@@ -144,7 +144,7 @@ class Page:
         try:
             fitting = self._fitter.fit(rows, seconds, wire)
         except SmadriveError as error:
-            self._note = f"fit: {error}"
+            self._unfit(str(error))
             return
         self._note = f"fitting the last {seconds:g} s …"
         fitting.add_done_callback(lambda done: self._doc.add_next_tick_callback(partial(self._fitted, seconds, done)))
@@ -153,7 +153,11 @@ class Page:
         try:
             self._ask("model", text=fitting.result(), source=f"fit to the last {seconds:g} s")
         except (SmadriveError, BrokenExecutor) as error:
-            self._note = f"fit: {error}"
+            self._unfit(str(error))
+
+    def _unfit(self, reason: str) -> None:
+        """Have it told among the events of all pages."""
+        self._desk.ask(self._client, "unfit", partial(self._answered, "fit"), reason=reason)
 
     def _save(self, name: str) -> None:
         try:

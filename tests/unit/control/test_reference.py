@@ -138,6 +138,13 @@ def test_a_reference_beyond_the_travel_of_the_wire_is_refused():
         reference.check_within((3.0, 12.0))
 
 
+def test_an_approach_may_begin_where_another_model_does_not_reach():
+    reference = parse_reference("sine:low_mm=2,high_mm=9,period_s=56").with_approach(-0.002, 10.0).without_end(10.0)
+    reference.check_within((1.95, 9.01))
+    with pytest.raises(ConfigError, match="lowest value is 2 mm"):
+        reference.check_within((2.5, 9.01))
+
+
 def test_without_end_it_begins_again_after_the_approach():
     once = parse_reference("sine:low_mm=2,high_mm=9,period_s=20,cycles=1").with_approach(0.5, 10.0)
     reference = once.without_end(return_s=5.0)

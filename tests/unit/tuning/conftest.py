@@ -120,6 +120,12 @@ def true_wire(offset_mm=0.0):
 
 
 @pytest.fixture
+def true_model():
+    """What the simulated wire does."""
+    return true_wire()
+
+
+@pytest.fixture
 def control():
     with ControlEnd() as control:
         yield control
