@@ -57,7 +57,7 @@ def _tracking(log: Log) -> Plot:
         draw_error(ax, log, MEASURED)
     figure.axes[-1].set_xlabel("time / s")
     error = f"Error = reference − displacement. {NOT_SCORED}"
-    return Plot("Tracking", figure, error if is_scored else f"No error is shown: {tracking_caveats(log)[0]}.")
+    return Plot("Tracking", figure, error if is_scored else f"No error is shown: {tracking_caveats(log)[-1]}.")
 
 
 def draw_error(ax: Axes, log: Log, colour: str) -> None:

@@ -136,7 +136,9 @@ def test_virtual_time_shows_no_lateness_and_real_time_does(logs, tmp_path):
 def test_an_error_that_is_unknown_is_told_and_not_drawn(logs, tmp_path):
     complete = read_log(logs / "complete.h5")
     unmeasured = replace(
-        complete, columns={**complete.columns, "displacement_mm": np.full_like(complete.column("time_s"), np.nan)}
+        complete,
+        columns={**complete.columns, "displacement_mm": np.full_like(complete.column("time_s"), np.nan)},
+        about={**complete.about, "caveats": json.dumps(["its reference was smoothed"])},
     )
     tripped = replace(complete, columns={name: column[:40] for name, column in complete.columns.items()})
     for log, told in ((unmeasured, "no displacement was measured"), (tripped, "the run ended in its approach")):
