@@ -88,7 +88,8 @@ def scores_html(comparison: dict[str, Any]) -> str:
     cells = []
     for slot in ("A", "B"):
         mean_percent, cycles = comparison["scores"][slot]
-        score = f"{mean_percent:.2f} % RMS, {cycles} cycles" if cycles else "not scored"
+        turns = f"{cycles} turn{'s' if cycles > 1 else ''}"
+        score = f"{mean_percent:.2f} % RMS, {turns}" if cycles else "not scored"
         kept = comparison["slots"].get(slot)
         driving = " driving" if comparison["turn"] == slot else ""
         cells.append(f'<div class="slot{driving}"><b>{slot}</b> {escape(kept or "empty")}<br>{score}</div>')
