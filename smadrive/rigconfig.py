@@ -161,7 +161,17 @@ class RigConfig(Section):
                 f"limits.watchdog_s = {limits.watchdog_s:g} is shorter than two periods of the loop "
                 f"({2.0 / self.rate_hz:g} s at rate_hz = {self.rate_hz:g}): raise it"
             )
+        self.check_feedback(self.feedback)
         return self
+
+    def check_feedback(self, feedback: FeedbackConfig) -> None:
+        """ConfigError for gains faster than the ticks: they would switch between no current and the full one."""
+        for name in ("closed_loop_s", "integral_s"):
+            if getattr(feedback, name) < 1.0 / self.rate_hz:
+                raise ConfigError(
+                    f"rig '{self.name}': feedback.{name} = {getattr(feedback, name):g} is shorter than a period of the "
+                    f"loop ({1.0 / self.rate_hz:g} s at rate_hz = {self.rate_hz:g}): raise it"
+                )
 
     def check_wire(self, balance: HeatBalance) -> None:
         """ConfigError when `current_max_a` cannot be meant for the wire of this heat balance: it would be no limit."""

@@ -29,6 +29,9 @@ TABLE_STEP_S = 0.02
 LONGEST_S = 86_400.0
 """A day: at 20 Hz its rehearsal takes some three minutes and 1.3 GB, and more with every second."""
 
+SHORTEST_S = 0.1
+"""No wire follows anything within less."""
+
 MOST_PIECES = LONGEST_S / TABLE_STEP_S
 
 TRAVEL_SLACK = 0.005
@@ -51,7 +54,7 @@ class Reference:
     def from_samples(cls, times_s: ArrayLike, displacement_mm: ArrayLike) -> Reference:
         """Through the samples, straight between them.
 
-        DataError for NaN, lengths that differ, time going backwards, and more than `LONGEST_S`.
+        DataError for NaN, lengths that differ, time going backwards, less than `SHORTEST_S` and more than `LONGEST_S`.
         """
         times = np.asarray(times_s, dtype=np.float64)
         values = np.asarray(displacement_mm, dtype=np.float64)
@@ -68,6 +71,11 @@ class Reference:
         if backwards.size:
             n = int(backwards[0])
             raise DataError(f"reference: time goes from {times[n]:g} s to {times[n + 1]:g} s: it must increase")
+        if times[-1] - times[0] < SHORTEST_S:
+            raise DataError(
+                f"reference: it lasts {times[-1] - times[0]:g} s, the shortest that can be run is {SHORTEST_S:g} s: "
+                "slow it down; is its time in seconds?"
+            )
         return cls(times - times[0], values)
 
     @property

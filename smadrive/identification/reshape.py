@@ -13,6 +13,7 @@ boundedness survive, being signs of the rates; slopes that this turned the wrong
 from __future__ import annotations
 
 from dataclasses import replace
+from math import nan, sqrt
 from typing import NamedTuple
 
 import numpy as np
@@ -83,12 +84,14 @@ def reshaped(model: Model, shape: BranchShape) -> Model:
     """`model` with its branches moved to `shape`. ModelError for a shape that no wire has."""
     _check(model, shape)
     now = shape_of(model)
+    _check_widths(now.sigma_heating, now.sigma_cooling)
     heating = _Move(now.mu_heating, now.sigma_heating, shape.mu_heating, shape.sigma_heating)
     cooling = _Move(now.mu_cooling, now.sigma_cooling, shape.mu_cooling, shape.sigma_cooling)
     if isinstance(model, DuhemModel):
         mixtures = _moved_mixture(model.heating, heating), _moved_mixture(model.cooling, cooling)
         return DuhemModel(*mixtures, shape.scale, model.offset, model.input_range)
     reached = _moments_of_rules(_moved_rules(model, heating, cooling), model.engine.nodes)
+    _check_widths(*(sigma for _, sigma in reached))
     heating, cooling = (  # what the coarse grid of rules made of the move: aim beside it by as much
         move.aimed(*moments) for move, moments in zip((heating, cooling), reached, strict=True)
     )
@@ -122,10 +125,18 @@ def _check(model: Model, shape: BranchShape) -> None:
         raise ModelError(f"scale = {shape.scale:g}: it must not be zero nor change its sign (it was {model.scale:g})")
 
 
+def _check_widths(*sigmas: float) -> None:
+    if not all(sigma > 0.0 for sigma in sigmas):
+        raise ModelError("these rules have no branch that rises from one end to the other: take back what changed them")
+
+
 def _moments(nodes: FloatArray, branch: Branch) -> tuple[float, float]:
+    """Mean and standard deviation of where it rises; NaN and 0 where it does not rise."""
     rise, middle = np.diff(branch.target), (nodes[1:] + nodes[:-1]) / 2
+    if not rise.sum() > 0.0:
+        return nan, 0.0
     mean = float(middle @ rise / rise.sum())
-    return mean, float(np.sqrt((middle - mean) ** 2 @ rise / rise.sum()))
+    return mean, sqrt(max(0.0, float((middle - mean) ** 2 @ rise / rise.sum())))
 
 
 def _moved_mixture(mixture: GaussianMixture, move: _Move) -> GaussianMixture:

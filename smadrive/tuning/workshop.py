@@ -73,6 +73,7 @@ class Workshop(Protocol):
 def prepare(order: Order) -> Prepared:
     """Change, check, and build the controller that will take over. ConfigError, ModelError, CertificateError."""
     tuning = order.tuning if order.change is None else order.tuning.changed(order.change)
+    order.config.check_feedback(tuning.feedback)
     tuning.check(order.config.limits, order.reference)
     if order.reference is None:
         return Prepared(tuning, None, None)

@@ -92,3 +92,19 @@ def test_shapes_that_no_wire_has_are_refused(rules, kind, move, complaint):
     model = rules if kind == "rules" else duhem(SHAPE)
     with pytest.raises(ModelError, match=complaint):
         reshaped(model, shape_of(model)._replace(**move))
+
+
+def test_rules_without_a_branch_cannot_be_moved(rules):
+    (a_heating, _), (a_cooling, b_cooling) = rules.heating_law, rules.cooling_law
+    never_rises = TSFuzzyDuhem(
+        rules.sets,
+        a_heating=a_heating,
+        b_heating=np.zeros_like(a_heating),
+        a_cooling=a_cooling,
+        b_cooling=b_cooling,
+        scale=rules.scale,
+        input_range=rules.input_range,
+    )
+    assert shape_of(never_rises).sigma_heating == 0.0
+    with pytest.raises(ModelError, match="take back what changed them"):
+        reshaped(never_rises, SHAPE)
