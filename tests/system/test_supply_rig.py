@@ -24,7 +24,7 @@ PROFILES = {"supply": "riden-rd60xx", "reader": "autonics-tk", "laser": "baumer-
 
 def rig_of(devices, rate_hz=4.0, **limits):
     """The shipped in-process rig with other devices."""
-    base = load_rig("in-process").model_dump(exclude_none=True)
+    base = load_rig("in-process").model_dump(exclude_none=True, exclude={"feedback"})
     base["devices"] = devices
     base["rate_hz"] = rate_hz
     base["limits"] |= {"voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0} | limits
