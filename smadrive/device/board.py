@@ -56,7 +56,7 @@ class HeaterBoard:
 
     @property
     def armed(self) -> bool:
-        """Whether the board was armed at the last exchange."""
+        """Whether the board was armed at every exchange since `arm`."""
         return self._armed
 
     def connect(self) -> None:

@@ -62,7 +62,7 @@ class Heater:
 
     @property
     def armed(self) -> bool:
-        """Whether the source was armed at the last exchange."""
+        """Whether the source was armed at every exchange since `arm`."""
         return self.source.armed
 
     @property
@@ -118,23 +118,20 @@ class Heater:
         return measurement
 
     def disarm(self) -> Measurement:
-        """Enter the safe state and measure; SafetyError when the source still claims to be armed."""
+        """Enter the safe state and measure."""
         self.enter_safe_state()
-        measurement = self.exchange(0.0)
-        if measurement.armed:
-            raise SafetyError("the device stays armed after its safe state was written: cut the heater's supply")
-        return measurement
+        return self.exchange(0.0)
 
     def enter_safe_state(self) -> None:
         """Zero current and heater off, confirmed by read-back; tried several times, raises when unconfirmed.
 
-        SafetyError when current flows all the same.
+        SafetyError when current flows all the same, or the source claims to be armed still.
         """
         self._sent_a = 0.0
         self.source.enter_safe_state()
         if self._guard is not None:
             self._guard.rest()
-        self._see_current_gone()
+        self._see_it_off()
 
     def clear_faults(self) -> Measurement:
         """Clear the latched faults; SafetyError names those that persist. Nothing is armed afterwards."""
@@ -145,19 +142,21 @@ class Heater:
             raise SafetyError(f"not cleared, the cause persists: {', '.join(measurement.device_faults)}")
         return measurement
 
-    def _see_current_gone(self) -> None:
+    def _see_it_off(self) -> None:
         give_up_s = self._clock.now_s() + self.source.settle_s + CURRENT_GONE_S
         while True:
             try:
-                current_a = self.source.exchange(0.0).current_a
+                supplied = self.source.exchange(0.0)
             except (TransportError, ProtocolError):
                 if self._clock.now_s() >= give_up_s:
                     raise
                 continue
-            if current_a <= min(CURRENT_ZERO_A, ZERO_SHARE * self.limits.current_max_a):
+            flows = not supplied.current_a <= min(CURRENT_ZERO_A, ZERO_SHARE * self.limits.current_max_a)
+            if not (flows or supplied.armed):
                 return
             if self._clock.now_s() >= give_up_s:
-                raise SafetyError(f"{current_a:.3f} A still flow although the heater is off: cut its supply")
+                what = f"{supplied.current_a:.3f} A still flow" if flows else "the device claims to be armed"
+                raise SafetyError(f"{what} although the heater is off: cut its supply")
             self._clock.sleep_until(self._clock.now_s() + LOOK_AGAIN_S)
 
     def _allowed(self, current_a: float) -> tuple[float, tuple[str, ...]]:
@@ -191,7 +190,7 @@ class Heater:
             device_faults=supplied.faults,
             device_limits=supplied.limits,
             host_limits=limits,
-            armed=supplied.armed,
+            armed=supplied.armed and self.source.armed,  # on again is not armed again: nothing would be sent
             commanded_a=in_force_a,
             temperature_age_s=now_s - temperature.time_s,
             displacement_age_s=now_s - displacement.time_s,

@@ -38,7 +38,7 @@ class HeaterLimits:
 class Supplied(NamedTuple):
     """What a heat source says after a command: what it drove in the period that ends, and how it stands.
 
-    `temperature` and `displacement` are None where the source measures no such thing.
+    `armed` is what it says of itself now, whoever armed it. `temperature` and `displacement` are None where the source measures no such thing.
     """
 
     current_a: float = nan
@@ -65,7 +65,7 @@ class HeatSource(Protocol):
 
     @property
     def armed(self) -> bool:
-        """Whether it was armed at the last exchange."""
+        """Whether it was armed at every exchange since `arm`: one that was not takes an `arm` to heat again."""
         ...
 
     def connect(self) -> None:

@@ -46,7 +46,7 @@ class BenchSupply:
 
     @property
     def armed(self) -> bool:
-        """Whether the output was on at the last exchange."""
+        """Whether the output was on at every exchange since `arm`."""
         return self._armed
 
     def connect(self) -> None:

@@ -155,7 +155,7 @@ class TCLab:
 
     @property
     def armed(self) -> bool:
-        """Whether it was armed at the last exchange."""
+        """Whether it was armed at every exchange since `arm`."""
         return self._armed
 
     def connect(self) -> None:

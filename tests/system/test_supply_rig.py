@@ -155,6 +155,25 @@ def test_a_supply_that_lost_its_output_is_noticed(bench):
     assert caught.value.number == Fault.DISARMED.number
 
 
+def test_an_output_that_blinks_between_two_exchanges_is_noticed(bench):
+    """Armed no more, the driver would send no current for the rest of the run, and call that a run."""
+    supply = bench.devices["supply"].firmware
+    blinked = []
+
+    def record(tick):
+        if blinked == ["off"]:
+            supply.write({"heater_enable": 1})
+            blinked.append("on")
+        if tick.time_s > 5.0 and not blinked:
+            supply.write({"heater_enable": 0})
+            blinked.append("off")
+
+    with pytest.raises(TripError) as caught, bench.rig as rig:
+        rig.excite(rig.excitation(22.0), record)
+    assert caught.value.number == Fault.DISARMED.number
+    assert not supply.on
+
+
 def test_a_rate_that_the_devices_cannot_keep_is_refused_with_the_one_they_can():
     bench = Bench(rig_of(devices(), rate_hz=20.0))
     with pytest.raises(ConfigError, match=r"need 0\.1\d\d s for one tick, .* set rate_hz to"), bench.rig as rig:
