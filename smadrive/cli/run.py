@@ -13,13 +13,13 @@ import typer
 from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile, TraceFolder
-from smadrive.control.faults import Fault
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.reference import SHAPES, Reference, parse_reference
 from smadrive.control.rehearsal import rehearse
+from smadrive.control.supervisor import check_thermocouple
 from smadrive.control.wire import WireModel, WireState, travel_mm
 from smadrive.controllers import tracking_settings
-from smadrive.errors import ConfigError, SafetyError
+from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import Measurement
 from smadrive.outfile import LOG, TABLE, check_output
@@ -101,13 +101,6 @@ def main(
         output.say(f"beware: {caveat}")
     output.say(f"log: {log_file}")
     output.result({**asdict(figures), "caveats": doubts})
-
-
-def check_thermocouple(measured: Measurement) -> None:
-    """SafetyError with the cure when the temperature that the run begins at is not known."""
-    if not isfinite(measured.temperature_c):
-        fault, reason = Fault.SENSOR_INVALID, measured.temperature_fault or "no reading"
-        raise SafetyError(f"not heated: {fault.cause} ({reason}): {fault.remedy}")
 
 
 def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:

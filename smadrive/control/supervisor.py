@@ -132,9 +132,7 @@ class Supervisor:
         if measurement.device_faults:
             latched = ", ".join(measurement.device_faults)
             raise SafetyError(f"refused to arm: latched on the device: {latched}. {CLEAR}")
-        if measurement.temperature_fault or not isfinite(measurement.temperature_c):
-            reason = measurement.temperature_fault or "no reading"
-            raise SafetyError(f"refused to arm: thermocouple: {reason}; {Fault.SENSOR_INVALID.remedy}")
+        check_thermocouple(measurement)
         limits, temperature_c = self._limits, measurement.temperature_c
         if temperature_c > limits.temperature_max_c:
             raise SafetyError(
@@ -236,6 +234,13 @@ class Supervisor:
     def _raise(self, fault: Fault, time_s: float, detail: str) -> None:
         if self.trip is None:
             self.trip = Trip(fault, time_s, detail)
+
+
+def check_thermocouple(measurement: Measurement) -> None:
+    """SafetyError with the cure when the temperature of the wire is not known."""
+    if measurement.temperature_fault or not isfinite(measurement.temperature_c):
+        reason = measurement.temperature_fault or "no reading"
+        raise SafetyError(f"refused to arm: thermocouple: {reason}; {Fault.SENSOR_INVALID.remedy}")
 
 
 def _is_excused(measurement: Measurement, commanded_a: float) -> bool:

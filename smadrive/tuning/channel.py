@@ -45,9 +45,12 @@ COLUMNS = (
 CAPACITY = 1 << 15
 """Rows kept: 27 minutes at 20 Hz."""
 
-STATUS_BYTES = 1 << 17
+STATUS_BYTES = 1 << 18
 MESSAGE_BYTES = 1 << 16
 MESSAGES_PER_TICK = 4
+MOST_QUEUED = 1 << 12
+"""More than any system queues."""
+
 
 _WRITTEN, _OFF, _VERSION, _LENGTH, _PAGES, _CONTROLLED, _HEADER = 0, 1, 2, 3, 4, 5, 8
 _SIZE = 8 * _HEADER + STATUS_BYTES + 8 * CAPACITY * (1 + len(COLUMNS))

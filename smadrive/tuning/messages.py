@@ -5,6 +5,7 @@ A request carries a number by which its answer is known: `{"number": 7, "refused
 
 from __future__ import annotations
 
+import reprlib
 from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter, ValidationError
@@ -179,4 +180,4 @@ def parse_request(message: bytes) -> AnyRequest:
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"][1:]) or "request"
-        raise ConfigError(f"{key}: {first['msg']} (it is {first['input']!r})") from None
+        raise ConfigError(f"{key}: {first['msg']} (it is {reprlib.repr(first['input'])})") from None

@@ -14,13 +14,14 @@ from smadrive.control.controller import Command
 from smadrive.control.loop import Tick, ends_safe
 from smadrive.control.placement import PlausibleDisplacement
 from smadrive.control.reference import Reference, parse_reference
+from smadrive.control.supervisor import check_thermocouple
 from smadrive.control.wire import travel_mm
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
 from smadrive.thermal import HeatBalance
 from smadrive.tuning.adapting import Adapting
-from smadrive.tuning.channel import MESSAGES_PER_TICK, ControlEnd
+from smadrive.tuning.channel import MESSAGES_PER_TICK, MOST_QUEUED, ControlEnd
 from smadrive.tuning.live import LiveController
 from smadrive.tuning.messages import Adapt, AnyRequest, Arm, ClearFaults, Off, Step, Unfit, parse_request
 from smadrive.tuning.status import STATUS_S, Status
@@ -119,6 +120,7 @@ class TuningSession:
         try:
             with ends_safe(self._rig.heater):
                 measured = self._rig.heater.exchange(0.0)
+                check_thermocouple(measured)
                 hold = self._path(None, self.bench.in_force, self._displacement_mm(measured))
                 controller = tuned_controller(self.bench.in_force, hold, self._rig.config, self._balance)
                 self._live = LiveController(controller, hold, self._serve)
@@ -181,6 +183,8 @@ class TuningSession:
         """What the page has asked since the last tick, what the workshop has finished, and the status for the page."""
         if self._channel.off_requested():
             self._off()
+            for message in self._channel.received(MOST_QUEUED):  # what was asked before OFF must not come after it
+                self._receive(message, is_late=True)
         for message in self._channel.received(MESSAGES_PER_TICK):
             self._receive(message)
         for event in self.bench.turn(self._live, self._now_s):
@@ -194,13 +198,15 @@ class TuningSession:
         self._published_s = self._now_s
         self._channel.publish(self._status.document(self._live, is_safe=self._is_safe, adapts=self._adapting.is_on))
 
-    def _receive(self, message: bytes) -> None:
+    def _receive(self, message: bytes, *, is_late: bool = False) -> None:
         try:
             request = parse_request(message)
         except ConfigError as error:
             self._status.tell(self._now_s, f"refused: {error}")
             return
         try:
+            if is_late:
+                raise ConfigError("the heater was switched off meanwhile: ask again")
             self._do(request)
         except SmadriveError as error:
             self._answer(request, str(error))

@@ -20,6 +20,9 @@ STATUS_S = 0.1
 EVENTS = 40
 """How many events a page can look back."""
 
+LONGEST_EVENT = 400
+"""Characters; all events together must have room in the status."""
+
 
 class Status:
     """Collects what there is to tell: events, the open fault, a lost connection, the last measurement."""
@@ -45,7 +48,9 @@ class Status:
         self._told: tuple[Tuning, dict[str, Any]] | None = None
 
     def tell(self, time_s: float, event: str) -> None:
-        """Add an event."""
+        """Add an event, the beginning of it if it is long."""
+        if len(event) > LONGEST_EVENT:
+            event = event[: LONGEST_EVENT - 1] + "…"
         self.events.append((round(time_s, 2), event))
 
     def document(self, live: LiveController | None, *, is_safe: bool, adapts: bool) -> dict[str, Any]:

@@ -93,8 +93,8 @@ class Workbench:
     def adapt(self, adaptation: Adaptation, live: LiveController) -> None:
         """Put the adapted rules in force, unless something else is on its way."""
         if self._job is None and not self._waiting and not self.comparison.is_on:
-            change, reference = Adapted(adaptation), live.reference
-            self._queue(Job(None, lambda: (self.in_force, change, reference), self._put_as_change, ""))
+            change = Adapted(adaptation)
+            self._queue(Job(None, lambda: (self.in_force, change, live.reference), self._put_as_change, ""))
 
     def answers(self) -> Iterator[tuple[AnyRequest, str | None]]:
         """The requests that are done, None, or refused, with the reason."""
@@ -154,7 +154,6 @@ class Workbench:
         self._waiting.append(job)
 
     def _job_of(self, request: AnyRequest, live: LiveController | None) -> Job:
-        reference = None if live is None else live.reference
         match request:
             case Track(reference=name):
                 return self._follow(request, name, live, f"following {name}")
@@ -163,13 +162,17 @@ class Workbench:
             case Step(act=act):
                 step = -1 if act == "undo" else 1
                 changed = self.history.undo_name if step < 0 else self.history.redo_name
-                return Job(request, lambda: (self._past(step), None, reference), self._go(step), f"{act}: {changed}")
+                return Job(
+                    request, lambda: (self._past(step), None, _running(live)), self._go(step), f"{act}: {changed}"
+                )
             case Recall(slot=slot):
                 tuning = replace(self.comparison.slot(slot), change=f"slot {slot}")
-                return Job(request, lambda: (tuning, None, reference), self._put_as_change, f"slot {slot} in force")
+                return Job(
+                    request, lambda: (tuning, None, _running(live)), self._put_as_change, f"slot {slot} in force"
+                )
             case _ if isinstance(request, CHANGES):
                 change = request
-                return Job(request, lambda: (self.in_force, change, reference), self._put_as_change, change.told)
+                return Job(request, lambda: (self.in_force, change, _running(live)), self._put_as_change, change.told)
             case _:
                 raise ConfigError(f"'{request.act}' is not done here")
 
@@ -205,11 +208,10 @@ class Workbench:
         return install
 
     def _compare(self, request: Compare, live: LiveController | None) -> None:
-        reference = None if live is None else live.reference
         if not request.on:
             self.comparison.stop()
             before = self.history.now
-            self._queue(Job(request, lambda: (before, None, reference), self._put, "comparison ended"))
+            self._queue(Job(request, lambda: (before, None, _running(live)), self._put, "comparison ended"))
             return
         if live is None or not live.reference.endless:
             raise ConfigError("a comparison needs a running reference: arm, then start one")
@@ -238,6 +240,11 @@ class Workbench:
 
     def _keep_ready(self, prepared: Prepared, live: LiveController | None) -> None:  # noqa: ARG002
         self._next = prepared
+
+
+def _running(live: LiveController | None) -> Reference | None:
+    """What is followed now; to be asked when a job begins, since the one before it may have changed that."""
+    return None if live is None else live.reference
 
 
 def _is_same_thing(waiting: AnyRequest, request: AnyRequest | None) -> bool:

@@ -236,6 +236,44 @@ def test_the_rules_follow_a_wire_that_changed_and_one_undo_takes_it_back(ruled_b
     assert not ruled_bench.status["adapts"]
 
 
+def test_nothing_that_was_asked_before_off_comes_after_it(bench):
+    bench.at(1.0, "arm")
+    bench.at(2.0, "track", reference="sine")
+    bench.do(20.0, bench.page.request_off)
+    again = [bench.at(22.0, "arm") for _ in range(6)]
+    bench.do(22.0, bench.page.request_off)
+    bench.run(until_s=30.0)
+    assert bench.status["mode"] == "off"
+    assert currents(bench.between(20.5, 30.0)).max() < NONE_A
+    assert all("switched off meanwhile" in bench.answers[arm] for arm in again)
+
+
+@pytest.mark.parametrize(("first", "mode"), [(("hold", {}), "holding"), (("track", {"reference": "sine"}), "tracking")])
+def test_a_slider_that_moves_right_after_it_does_not_take_hold_or_start_back(bench, first, mode):
+    bench.at(1.0, "arm")
+    if mode == "holding":
+        bench.at(2.0, "track", reference="sine")
+    bench.at(20.0, first[0], **first[1])
+    bench.at(20.0, "shape", key="mu_heating", value=90.2)
+    bench.run(until_s=30.0)
+    assert bench.status["mode"] == mode
+    assert bench.status["tuning"]["shape"]["mu_heating"] == pytest.approx(90.2)
+
+
+def test_long_texts_do_not_end_it(bench):
+    for n in range(8):
+        bench.at(1.0 + 0.2 * n, "track", reference="x" * 60000)
+    bench.run(until_s=5.0)
+    assert len(bench.status["events"]) == 8
+
+
+def test_a_wire_of_unknown_temperature_is_not_armed(bench):
+    bench.do(0.5, bench.device.bench.sensors.faults.open_thermocouple)
+    arm = bench.at(1.0, "arm")
+    bench.run(until_s=2.0)
+    assert "refused to arm: thermocouple: thermocouple_open; check the bead" in bench.answers[arm]
+
+
 def test_a_model_without_rules_cannot_be_adapted(bench):
     asked = bench.at(1.0, "adapt", on=True)
     bench.run(until_s=2.0)
