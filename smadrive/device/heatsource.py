@@ -38,7 +38,8 @@ class HeaterLimits:
 class Supplied(NamedTuple):
     """What a heat source says after a command: what it drove in the period that ends, and how it stands.
 
-    `armed` is what it says of itself now, whoever armed it. `temperature` and `displacement` are None where the source measures no such thing.
+    `armed` is what it says of itself now, whoever armed it. `temperature` and `displacement` are None where the source
+    measures no such thing.
     """
 
     current_a: float = nan
