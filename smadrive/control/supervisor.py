@@ -239,8 +239,8 @@ class Supervisor:
 def check_thermocouple(measurement: Measurement) -> None:
     """SafetyError with the cure when the temperature of the wire is not known."""
     if measurement.temperature_fault or not isfinite(measurement.temperature_c):
-        reason = measurement.temperature_fault or "no reading"
-        raise SafetyError(f"refused to arm: thermocouple: {reason}; {Fault.SENSOR_INVALID.remedy}")
+        fault, reason = Fault.SENSOR_INVALID, measurement.temperature_fault or "no reading"
+        raise SafetyError(f"refused to arm: {fault.cause} ({reason}): {fault.remedy}")
 
 
 def _is_excused(measurement: Measurement, commanded_a: float) -> bool:
