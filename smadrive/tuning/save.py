@@ -12,7 +12,7 @@ import tomlkit
 
 from smadrive.errors import ConfigError
 from smadrive.outfile import replacing
-from smadrive.rigconfig import looked_for
+from smadrive.rigconfig import load_rig, looked_for
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
 
@@ -20,7 +20,8 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
 def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any]) -> tuple[Path, Path]:
     """Write NAME.json and NAME.toml into `folder` from the status of the session; their paths.
 
-    ConfigError for a name that is none or taken, DataError when a file cannot be written.
+    ConfigError for a name that is none or taken and for a rig file that is gone, DataError when a file cannot be
+    written. Either both files are written or none.
     """
     if not _NAME.fullmatch(name):
         raise ConfigError(f"'{name}' is no name for a file: use letters, digits, '.', '-' and '_'")
@@ -30,8 +31,14 @@ def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any])
             raise ConfigError(f"{path} exists: choose another name")
     tuning, saved = status["tuning"], datetime.now(UTC).isoformat(timespec="seconds")
     source = f"tuned on rig '{status['rig']}', {saved}; last change: {tuning['change']}"
-    _write(model_file, _model_text(tuning["wire"], source, [text for _, text in status["events"]]))
-    _write(new_rig_file, _rig_text(rig_file, model_file, tuning["feedback"], source))
+    model_text = _model_text(tuning["wire"], source, [text for _, text in status["events"]])
+    rig_text = _rig_text(rig_file, model_file, tuning["feedback"], source)
+    _write(model_file, model_text)
+    try:
+        _write(new_rig_file, rig_text)
+    except BaseException:
+        model_file.unlink(missing_ok=True)
+        raise
     return model_file, new_rig_file
 
 
@@ -43,6 +50,10 @@ def _model_text(wire: str, source: str, events: list[str]) -> str:
 
 def _rig_text(rig_file: Path, model_file: Path, feedback: dict[str, float], source: str) -> str:
     """The rig file as it was, comments and all, with the new model and feedback; the files it names stay the same."""
+    try:
+        load_rig(str(rig_file))
+    except ConfigError as error:
+        raise ConfigError(f"the rig file is not as it was: {error}: put it back, then save again") from None
     document = tomlkit.parse(rig_file.read_text(encoding="utf-8-sig"))
     document["model"] = model_file.name
     folder = rig_file.parent.resolve()

@@ -1,10 +1,12 @@
 """A rig file and the files that it names."""
 
 import json
+import os
 
 import pytest
 import tomlkit
 
+from smadrive.errors import ConfigError, DataError
 from smadrive.rigconfig import load_rig, load_wire, rig_file
 from smadrive.shipped import configs_dir
 from smadrive.tuning.save import save_tuning
@@ -39,13 +41,42 @@ def test_shipped_ones_are_named_as_they_are():
     assert load_rig("in-process").wire == tomlkit.parse(rig_file("in-process").read_text(encoding="utf-8"))["wire"]
 
 
+TUNED = {
+    "tuning": {"wire": json.dumps({"provenance": {}}), "change": "none", "feedback": {"closed_loop_s": 0.5}},
+    "rig": "r",
+    "events": [],
+}
+
+
 @pytest.mark.parametrize("place", ["bench", "elsewhere"])
 def test_a_saved_tuning_finds_them_too(folder, place):
     to = folder.parent / place
     to.mkdir(exist_ok=True)
-    tuning = {"wire": json.dumps({"provenance": {}}), "change": "none", "feedback": {"closed_loop_s": 0.5}}
-    model, rig = save_tuning(to, "tuned", folder / "rig.toml", {"tuning": tuning, "rig": "r", "events": []})
+    model, rig = save_tuning(to, "tuned", folder / "rig.toml", TUNED)
     saved = load_rig(str(rig))
     assert saved.model == str(model)
     assert load_wire(saved.wire).heat_balance().heat_capacity_j_per_k > 0.0
     assert saved.feedback.closed_loop_s == 0.5
+
+
+@pytest.mark.parametrize(
+    "text", [None, b"rate_hz = ", b"rate_hz = 20.0", b"\xff"], ids=["gone", "torn", "none", "bytes"]
+)
+def test_a_tuning_is_saved_whole_or_not_at_all(folder, text):
+    rig = folder / "rig.toml"
+    before = rig.read_bytes()
+    rig.unlink()
+    if text is not None:
+        rig.write_bytes(text)
+    with pytest.raises(ConfigError, match=r"rig\.toml.*put it back, then save again"):
+        save_tuning(folder, "tuned", rig, TUNED)
+    assert not (folder / "tuned.json").exists()
+    rig.write_bytes(before)
+    assert all(path.exists() for path in save_tuning(folder, "tuned", rig, TUNED))
+
+
+def test_a_model_without_its_rig_is_taken_away_again(folder):
+    (folder / f".tuned.toml.{os.getpid()}.partial").mkdir()
+    with pytest.raises(DataError, match=r"tuned\.toml: cannot be written"):
+        save_tuning(folder, "tuned", folder / "rig.toml", TUNED)
+    assert not (folder / "tuned.json").exists()
