@@ -101,7 +101,7 @@ class FeedbackConfig(Section):
 
     closed_loop_s: float = Field(default=0.25, gt=0)
     integral_s: float = Field(default=2.0, gt=0)
-    noise_c: float = Field(default=0.1, gt=0)
+    noise_c: float = Field(default=0.1, ge=1e-3, le=10)
     feedforward_share: float = Field(default=1.0, ge=0, le=1.5)
     adapt: bool = False
 

@@ -2,8 +2,8 @@
 
 A supply has no watchdog, measures no temperature and answers slowly; its current is a setting that anyone may also turn
 at its front panel. So every exchange begins by reading the setting back, together with the measurements that belong to
-it, and a setting that is not the commanded one is an error. Its voltage limit is given by the rig: with a wire that
-comes off its clamps a supply goes to that voltage.
+it, and a setting that is not the commanded one is an error. Its voltage limit is given by the rig, and read back as
+well: with a wire that comes off its clamps a supply goes to that voltage.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from math import inf, isfinite
 from smadrive.device.device import Device
 from smadrive.device.heatsource import HeaterLimits, Supplied
 from smadrive.device.readings import Reading
-from smadrive.errors import ConfigError, SafetyError
+from smadrive.errors import ConfigError, ReadBackError, SafetyError
 
 _NEEDED = ("heater_current", "heater_enable", "measured_current", "measured_voltage")
-_OPTIONAL = ("regulation", "faults")
+_OPTIONAL = ("heater_voltage", "regulation", "faults")
 
 AT_LIMIT = 0.98
 """Part of the voltage limit from which a supply without a CC/CV flag is taken to hold the voltage."""
@@ -43,6 +43,7 @@ class BenchSupply:
         self._reads = tuple(self._names.values())
         self._armed = False
         self._voltage_max_v = inf
+        self._voltage_set: Reading | None = None
 
     @property
     def armed(self) -> bool:
@@ -70,6 +71,7 @@ class BenchSupply:
     def exchange(self, current_a: float) -> Supplied:
         """Measure what came of the limit in force, then set the next; ReadBackError when it is not what was set."""
         readings = self.device.command(self._names["heater_current"], current_a, self._reads)
+        self._check_voltage_limit(readings)
         on = self._on(readings)
         self._armed = self._armed and on
         voltage_v = readings[self._names["measured_voltage"]].value
@@ -84,6 +86,7 @@ class BenchSupply:
     def enter_safe_state(self) -> None:
         """See HeatSource."""
         self._armed = False
+        self._voltage_set = None
         self.device.enter_safe_state()
 
     def clear_faults(self) -> None:
@@ -95,7 +98,7 @@ class BenchSupply:
     def _limit_voltage(self, limit_v: float) -> None:
         """ConfigError when a supply that can be limited is given no limit, or one that cannot is given one."""
         profile, is_limited = self.device.profile, isfinite(limit_v)
-        name = profile.roles.heater_voltage
+        name = self._names.get("heater_voltage")
         if name is None and is_limited:
             raise ConfigError(
                 f"'{profile.profile.id}' binds no heater_voltage, so that voltage_max_v = {limit_v:g} would limit "
@@ -110,6 +113,18 @@ class BenchSupply:
             self._protect("ovp", limit_v)
             self.device.write(name, limit_v)
             self._voltage_max_v = limit_v
+            self._voltage_set = self.device.read((name,))[name]
+
+    def _check_voltage_limit(self, readings: dict[str, Reading]) -> None:
+        """ReadBackError when somebody changed it since it was set."""
+        if self._voltage_set is None:
+            return
+        name = self._names["heater_voltage"]
+        if readings[name].raw != self._voltage_set.raw:
+            raise ReadBackError(
+                f"unit {self.device.unit_id}, register '{name}': the voltage limit was set to "
+                f"{self._voltage_set.value:g} V, reads back {readings[name].value:g} V: did somebody turn its knob?"
+            )
 
     def _protect(self, role: str, limit: float) -> None:
         """Let the supply itself switch off above the limit, where it can."""

@@ -122,12 +122,15 @@ def test_its_wire_is_identified_and_tracked_from_cold(tmp_path):
     assert ahead_mm[tracked.column("time_s") < 10.0].max() < 0.5
 
 
-def test_a_knob_that_somebody_turned_is_an_error(bench):
+@pytest.mark.parametrize(
+    ("name", "turned"), [("i_set", {"heater_current": 0.55}), ("v_set", {"heater_voltage": 16.0, "ovp": 60.0})]
+)
+def test_a_knob_that_somebody_turned_is_an_error(bench, name, turned):
     def record(tick):
         if tick.time_s > 5.0:
-            bench.devices["supply"].firmware.write({"heater_current": 0.55})
+            bench.devices["supply"].firmware.write(turned)
 
-    with pytest.raises(TripError, match=r"i_set.*did somebody turn its knob") as caught, bench.rig as rig:
+    with pytest.raises(TripError, match=rf"{name}.*did somebody turn its knob") as caught, bench.rig as rig:
         rig.excite(rig.excitation(22.0), record)
     assert caught.value.number == Fault.COMMAND_REFUSED.number
     assert bench.devices["supply"].firmware.current_a == 0.0

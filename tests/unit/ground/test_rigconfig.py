@@ -80,3 +80,12 @@ def test_a_model_without_its_rig_is_taken_away_again(folder):
     with pytest.raises(DataError, match=r"tuned\.toml: cannot be written"):
         save_tuning(folder, "tuned", folder / "rig.toml", TUNED)
     assert not (folder / "tuned.json").exists()
+
+
+@pytest.mark.parametrize("noise_c", [0.0, 1e-300, 100.0, 1e300])
+def test_a_noise_that_no_thermocouple_has_is_refused(folder, noise_c):
+    document = tomlkit.parse((folder / "rig.toml").read_text(encoding="utf-8"))
+    document["feedback"] = {"noise_c": noise_c}
+    (folder / "rig.toml").write_text(tomlkit.dumps(document), encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"feedback\.noise_c"):
+        load_rig(str(folder / "rig.toml"))
