@@ -31,6 +31,7 @@ from smadrive.measurement import Measurement
 from smadrive.modbus.transport import Transport
 from smadrive.rigconfig import RigConfig, load_wire
 from smadrive.rigdevices import open_devices
+from smadrive.samewire import check_same_wire
 from smadrive.thermal import HeatBalance
 
 Record = Callable[[Tick], None]
@@ -133,10 +134,15 @@ class Rig:
     ) -> LoopFigures:
         """Arm, run a controller on the wire of this heat balance to its end, disarm; every tick goes to `record`.
 
-        With the wire's `model` a displacement that it cannot have is a fault.
+        With the wire's `model` a displacement that it cannot have is a fault. ConfigError as of `check_balance`.
         """
+        self.check_balance(balance)
         known = NOMINAL if balance is self.nominal_balance else IDENTIFIED
         return self._run(controller, self._supervisor(balance, known, model), record)
+
+    def check_balance(self, balance: HeatBalance) -> None:
+        """ConfigError when this heat balance cannot be that of the rig's wire; see check_same_wire."""
+        check_same_wire(balance, self.nominal_balance, self.config.wire)
 
     def clear_faults(self) -> Measurement:
         """Clear what is latched, on the devices and here; SafetyError names what persists."""

@@ -11,8 +11,8 @@ The thermocouple, a bead on the wire, follows with a first-order lag: lag · dT_
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from math import exp, sqrt
+from dataclasses import dataclass, fields
+from math import exp, isfinite, sqrt
 
 from smadrive.errors import ModelError
 
@@ -21,7 +21,7 @@ from smadrive.errors import ModelError
 class HeatBalance:
     """Parameters of the heat balance above. Every model of this module is a method of it.
 
-    Raises ModelError when a parameter that must be positive is not.
+    Raises ModelError when a parameter that must be positive is not, or is no finite number.
     """
 
     heat_capacity_j_per_k: float
@@ -42,6 +42,9 @@ class HeatBalance:
             value = getattr(self, name)
             if not value >= 0:
                 raise ModelError(f"heat balance: {name} must not be negative, it is {value:g}")
+        for field in fields(self):
+            if not isfinite(value := getattr(self, field.name)):
+                raise ModelError(f"heat balance: {field.name} must be finite, it is {value:g}")
         if not self.resistance_change > -1:
             raise ModelError(f"heat balance: resistance_change must exceed -1, it is {self.resistance_change:g}")
 

@@ -71,6 +71,7 @@ def main(
         start_mm = start_displacement_mm(hysteresis, measured)
         path = wanted.with_approach(start_mm, APPROACH_S)
         wire = WireModel(hysteresis, balance or bench.nominal_balance)
+        bench.check_balance(wire.balance)
         start = WireState(measured.temperature_c, hysteresis.initial_state(measured.temperature_c, start_mm))
         rehearsed = rehearse(path, wire, HysteresisInverse(hysteresis), tracking_settings(config), start)
         rehearsed.check(config.limits.temperature_max_c, smooth=smooth)

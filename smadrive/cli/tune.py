@@ -60,11 +60,11 @@ def main(
         Rig(config) as bench,
     ):
         _check_real_time(bench)
+        balance = balance or bench.nominal_balance
+        bench.check_balance(balance)
         page = PageProcess(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
         view = TuneView(config.name, page, channel)
-        session = TuningSession(
-            bench, tuning, balance or bench.nominal_balance, references, channel, workshop, view.tick
-        )
+        session = TuningSession(bench, tuning, balance, references, channel, workshop, view.tick)
         with page:
             output.say(f"{config.name}: {page.url}")
             output.result({"url": page.url, "pid": page.pid})

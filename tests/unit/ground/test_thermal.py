@@ -55,7 +55,14 @@ def test_a_thermocouple_without_lag_reads_the_wire():
 
 @pytest.mark.parametrize(
     ("field", "value"),
-    [("heat_capacity_j_per_k", 0.0), ("loss_w_per_k", -1.0), ("latent_heat_j", np.nan), ("resistance_change", -1.0)],
+    [
+        ("heat_capacity_j_per_k", 0.0),
+        ("heat_capacity_j_per_k", np.inf),
+        ("loss_w_per_k", -1.0),
+        ("latent_heat_j", np.nan),
+        ("ambient_c", np.nan),
+        ("resistance_change", -1.0),
+    ],
 )
 def test_impossible_wires_are_refused_by_name(field, value):
     with pytest.raises(ModelError, match=field):
