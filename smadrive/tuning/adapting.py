@@ -2,7 +2,8 @@
 
 The temperature it learns from is estimated without the displacement: an observer that sees both would explain a wrong
 model by a wrong temperature. It goes on from whatever model is in force: after a change by hand it starts afresh from
-that. Undo takes all of it back and ends it.
+that. Undo takes all of it back and ends it. When it finds its sensor lying, what it learnt by the lie is in force
+already: its rules of well before are handed out once more, and then it has ended.
 """
 
 from __future__ import annotations
@@ -34,6 +35,7 @@ class Adapting:
         self._adaptation: Adaptation | None = None
         self._started_from: Tuning | None = None
         self._published_s = 0.0
+        self._ended: Adaptation | None = None
 
     @property
     def is_on(self) -> bool:
@@ -44,7 +46,7 @@ class Adapting:
         """On, from the rules in force, or off. ConfigError for a model without rules."""
         if on and not isinstance(tuning.model, TSFuzzyDuhem):
             raise ConfigError("a Duhem model has no rules to adapt: identify with --kind tsfuzzy")
-        self._adaptation = self._started_from = None
+        self._adaptation = self._started_from = self._ended = None
         if on and isinstance(tuning.model, TSFuzzyDuhem):
             self._adaptation, self._started_from = Adaptation(tuning.model, self._noise_c), tuning
             wire = WireModel(tuning.model, self._balance)
@@ -60,8 +62,8 @@ class Adapting:
         self._adaptation.update(self._wire_c(tick.measurement), tick.measurement.displacement_mm)
         if self._adaptation.lying is None:
             return None
-        why, self._adaptation = self._adaptation.lying, None
-        return f"adaptation ended: {why}"
+        self._ended, self._adaptation = self._adaptation, None
+        return f"adaptation ended: {self._ended.lying}; its rules of well before are put in force"
 
     def _wire_c(self, measured: Measurement) -> float:
         """The wire's temperature by heat and thermocouple alone."""
@@ -75,7 +77,13 @@ class Adapting:
 
     def due(self, time_s: float) -> Adaptation | None:
         """The adaptation whose rules are to be put in force now."""
+        if self._ended is not None:
+            return self._ended
         if self._adaptation is None or time_s - self._published_s < PUBLISH_S:
             return None
         self._published_s = time_s
         return self._adaptation
+
+    def taken(self) -> None:
+        """What was due is on its way into force: what an ended adaptation leaves is handed out no more."""
+        self._ended = None

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import json
 import os
-from concurrent.futures import Future, ProcessPoolExecutor
+from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from multiprocessing import get_context
 
 import numpy as np
@@ -41,7 +41,7 @@ class Fitter:
     """Does one fit at a time."""
 
     def __init__(self) -> None:
-        self._pool = ProcessPoolExecutor(1, get_context("spawn"), initializer=os.nice, initargs=(NICENESS,))
+        self._pool = _new_pool()
 
     def close(self) -> None:
         """End the process; a fit that still runs is given up."""
@@ -52,7 +52,16 @@ class Fitter:
 
         IdentificationError when they do not determine one.
         """
-        return self._pool.submit(fit_wire, *heated_loop(rows, seconds, wire), wire)
+        loop = heated_loop(rows, seconds, wire)
+        try:
+            return self._pool.submit(fit_wire, *loop, wire)
+        except BrokenExecutor:  # its process died with an earlier fit, and was told there
+            self._pool = _new_pool()
+            return self._pool.submit(fit_wire, *loop, wire)
+
+
+def _new_pool() -> ProcessPoolExecutor:
+    return ProcessPoolExecutor(1, get_context("spawn"), initializer=os.nice, initargs=(NICENESS,))
 
 
 def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
@@ -62,6 +71,8 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
     """
     wire_c, reached_mm = (rows[:, COLUMNS.index(name)] for name in ("estimated_c", "displacement_mm"))
     times_s = rows[:, COLUMNS.index("time_s")]
+    if not times_s.size:
+        raise IdentificationError("nothing was recorded yet: arm and start a reference, then fit")
     used = (times_s > times_s[-1] - seconds) & np.isfinite(wire_c) & np.isfinite(reached_mm)
     if not used.any():
         raise IdentificationError(

@@ -152,8 +152,10 @@ class Page:
     def _fitted(self, seconds: float, fitting: Future[str]) -> None:
         try:
             self._ask("model", text=fitting.result(), source=f"fit to the last {seconds:g} s")
-        except (SmadriveError, BrokenExecutor) as error:
+        except SmadriveError as error:
             self._unfit(str(error))
+        except BrokenExecutor:
+            self._unfit(f"the fit to the last {seconds:g} s died with its process: fit again")
 
     def _unfit(self, reason: str) -> None:
         """Have it told among the events of all pages."""

@@ -176,8 +176,8 @@ class TuningSession:
         if ended is not None:
             self._status.tell(self._now_s, ended)
         adaptation = self._adapting.due(self._now_s)
-        if adaptation is not None:
-            self.bench.adapt(adaptation, self._live)
+        if adaptation is not None and self.bench.adapt(adaptation, self._live):
+            self._adapting.taken()
 
     def _serve(self) -> None:
         """What the page has asked since the last tick, what the workshop has finished, and the status for the page."""

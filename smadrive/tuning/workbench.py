@@ -90,11 +90,13 @@ class Workbench:
         if not self._is_building and self._waiting:
             yield from self._begin(self._waiting.popleft())
 
-    def adapt(self, adaptation: Adaptation, live: LiveController) -> None:
-        """Put the adapted rules in force, unless something else is on its way."""
-        if self._job is None and not self._waiting and not self.comparison.is_on:
-            change = Adapted(adaptation)
-            self._queue(Job(None, lambda: (self.in_force, change, live.reference), self._put_as_change, ""))
+    def adapt(self, adaptation: Adaptation, live: LiveController) -> bool:
+        """Put the adapted rules in force, unless something else is on its way; whether that was begun."""
+        if self._job is not None or self._waiting or self.comparison.is_on:
+            return False
+        change = Adapted(adaptation)
+        self._queue(Job(None, lambda: (self.in_force, change, live.reference), self._put_as_change, ""))
+        return True
 
     def answers(self) -> Iterator[tuple[AnyRequest, str | None]]:
         """The requests that are done, None, or refused, with the reason."""

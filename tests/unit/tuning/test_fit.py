@@ -5,6 +5,7 @@ import pytest
 
 from smadrive.control.wire import travel_mm
 from smadrive.errors import IdentificationError
+from smadrive.tuning.channel import COLUMNS
 from smadrive.tuning.fit import fit_wire, heated_loop
 from smadrive.wirefile import parse_wire
 
@@ -75,3 +76,8 @@ def test_a_fit_that_was_refused_stands_among_the_events(bench):
     bench.run(until_s=2.0)
     assert "cannot be fitted" in bench.answers[asked]
     assert "refused: the last 120 s cannot be fitted: no loop" in [event for _, event in bench.status["events"]]
+
+
+def test_nothing_recorded_is_nothing_to_fit():
+    with pytest.raises(IdentificationError, match="nothing was recorded yet"):
+        heated_loop(np.empty((0, len(COLUMNS))), 120.0, "")
