@@ -1,14 +1,17 @@
 """The online adaptation of a session: fed at every tick, its rules put in force every `PUBLISH_S` as any other change.
 
 The temperature it learns from is estimated without the displacement: an observer that sees both would explain a wrong
-model by a wrong temperature. It goes on from whatever model is in force: after a change by hand it starts afresh from
-that. Undo takes all of it back and ends it. When it finds its sensor lying, what it learnt by the lie is in force
-already: its rules of well before are handed out once more, and then it has ended.
+model by a wrong temperature. It is estimated from the session's first tick on: begun while the wire heats up, it would
+start at a thermocouple that lags 15 K behind, and bend the rules until it had found the wire.
+
+The adaptation goes on from whatever model is in force: after a change by hand it starts afresh from that. Undo takes
+all of it back and ends it. When it finds its sensor lying, what it learnt by the lie is in force already: its rules of
+well before are handed out once more, and then it has ended.
 """
 
 from __future__ import annotations
 
-from math import nan
+from math import isfinite, nan
 
 from smadrive.control.loop import Tick
 from smadrive.control.observer import WireEstimate, WireObserver
@@ -26,10 +29,11 @@ PUBLISH_S = 2.0
 class Adapting:
     """The switch and what hangs on it."""
 
-    def __init__(self, balance: HeatBalance, period_s: float, noise_c: float) -> None:
+    def __init__(self, tuning: Tuning, balance: HeatBalance, period_s: float, noise_c: float) -> None:
         self._balance = balance
         self._period_s = period_s
         self._noise_c = noise_c
+        self._observer = self._observer_of(tuning)
         self._estimate: WireEstimate | None = None
         self._time_s = 0.0
         self._adaptation: Adaptation | None = None
@@ -49,29 +53,38 @@ class Adapting:
         self._adaptation = self._started_from = self._ended = None
         if on and isinstance(tuning.model, TSFuzzyDuhem):
             self._adaptation, self._started_from = Adaptation(tuning.model, self._noise_c), tuning
-            wire = WireModel(tuning.model, self._balance)
-            self._observer = WireObserver(wire, self._period_s, self._noise_c, abs(tuning.model.scale))
-            self._estimate = None
+            self._observer = self._observer_of(tuning)
+            self._estimate = None if self._estimate is None else self._observer.adopt(self._estimate)
 
-    def update(self, tick: Tick, tuning: Tuning) -> str | None:
-        """Learn from a tick; why it has ended, None while it goes on or is off."""
-        if self._adaptation is None:
+    def _observer_of(self, tuning: Tuning) -> WireObserver:
+        wire = WireModel(tuning.model, self._balance)
+        return WireObserver(wire, self._period_s, self._noise_c, abs(tuning.model.scale))
+
+    def update(self, tick: Tick, tuning: Tuning, *, is_heating: bool) -> str | None:
+        """Learn from a tick, while the loop runs; why it has ended, None while it goes on or is off."""
+        wire_c = self._wire_c(tick.measurement)
+        if self._adaptation is None or not is_heating:
             return None
         if tuning.change != ADAPTED and tuning is not self._started_from:
             self.switch(True, tuning)
-        self._adaptation.update(self._wire_c(tick.measurement), tick.measurement.displacement_mm)
+        self._adaptation.update(wire_c, tick.measurement.displacement_mm)
         if self._adaptation.lying is None:
             return None
         self._ended, self._adaptation = self._adaptation, None
         return f"adaptation ended: {self._ended.lying}; its rules of well before are put in force"
 
     def _wire_c(self, measured: Measurement) -> float:
-        """The wire's temperature by heat and thermocouple alone."""
+        """The wire's temperature by heat and thermocouple alone; NaN while that is not known."""
         dt_s, self._time_s = measured.time_s - self._time_s, measured.time_s
+        power_w = measured.current_a * measured.voltage_v
+        if not isfinite(power_w):
+            self._estimate = None
+            return nan
         if self._estimate is None:
+            if not isfinite(measured.temperature_c):
+                return nan
             self._estimate = self._observer.start(measured.temperature_c, measured.displacement_mm)
         else:
-            power_w = measured.current_a * measured.voltage_v
             self._estimate = self._observer.update(self._estimate, measured.temperature_c, nan, power_w, dt_s)
         return self._estimate.temperature_c
 

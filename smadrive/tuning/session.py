@@ -56,7 +56,7 @@ class TuningSession:
         self._record = record
         self.bench = Workbench(self._path, rig.config, balance, tuning, workshop)
         self._live: LiveController | None = None
-        self._adapting = Adapting(balance, rig.period_s, rig.config.feedback.noise_c)
+        self._adapting = Adapting(tuning, balance, rig.period_s, rig.config.feedback.noise_c)
         self._status = Status(rig, list(references), balance, self.bench)
         self._began_s = rig.clock.now_s()
         self._arming: Arm | None = None
@@ -170,11 +170,11 @@ class TuningSession:
         self._record(tick)
 
     def _adapt(self, tick: Tick) -> None:
-        if self._live is None:
-            return
-        ended = self._adapting.update(tick, self.bench.in_force)
+        ended = self._adapting.update(tick, self.bench.in_force, is_heating=self.is_heating)
         if ended is not None:
             self._status.tell(self._now_s, ended)
+        if self._live is None:
+            return
         adaptation = self._adapting.due(self._now_s)
         if adaptation is not None and self.bench.adapt(adaptation, self._live):
             self._adapting.taken()

@@ -3,6 +3,7 @@
 import json
 from contextlib import suppress
 
+import numpy as np
 import pytest
 
 from firmware_sim.bench import simulated_device
@@ -102,6 +103,18 @@ class Bench:
     @property
     def status(self):
         return self.page.status(seen=-1)[1]
+
+    def rms_percent(self, models, over_s=40.0):
+        """How far each model is off the true wire in the time before its own, all together, in % of the stroke."""
+        times_s, wire_c, reached_mm = np.array(self.wire).T
+        errors = []
+        for time_s, model in models:
+            there = (times_s > time_s - over_s) & (times_s <= time_s)
+            state = model.initial_state(wire_c[there][0], reached_mm[there][0])
+            for v, mm in zip(wire_c[there].tolist(), reached_mm[there].tolist(), strict=True):
+                state = model.step(state, v)
+                errors.append(100.0 * (state.y - mm) / 12.0)
+        return float(np.sqrt(np.mean(np.square(errors))))
 
     def between(self, from_s, to_s):
         return [tick for tick in self.ticks if from_s <= tick.measurement.time_s < to_s]

@@ -1,6 +1,10 @@
-"""What is left in force when the adaptation ends."""
+"""What the adaptation puts in force on a healthy wire, and what is left when it ends."""
 
+import numpy as np
 import pytest
+
+from smadrive.hysteresis import TSFuzzyDuhem
+from smadrive.hysteresis.fuzzy import TriangularSets
 
 
 def test_when_its_sensor_is_found_lying_the_rules_of_well_before_are_put_in_force(ruled_bench):
@@ -20,3 +24,19 @@ def test_when_its_sensor_is_found_lying_the_rules_of_well_before_are_put_in_forc
     assert in_force.change == "adaptation"
     assert in_force.model.scale != pytest.approx(spoilt[0].scale, rel=1e-3), "what was learnt by the lie is in force"
     assert not ruled_bench.status["adapts"]
+
+
+@pytest.mark.parametrize("at_s", [2.5, 3.0, 3.5])
+def test_switched_on_while_a_healthy_wire_heats_up_it_leaves_the_rules(bench, at_s):
+    """The wire rises by 50 K within a second then, and its thermocouple shows it later."""
+    sets = TriangularSets(tuple(np.linspace(50.0, 110.0, 31).tolist()))
+    bench.model = TSFuzzyDuhem.from_duhem(bench.model, sets)
+    bench.at(1.0, "arm")
+    bench.at(2.0, "track", reference="sine")
+    bench.at(at_s, "adapt", on=True)
+    bench.run(until_s=20.0)
+    assert bench.status["adapts"], bench.status["events"]
+    after = bench.session.bench.in_force
+    assert after.change == "adaptation"
+    before, adapted = (bench.rms_percent([(20.0, model)], over_s=20.0) for model in (bench.model, after.model))
+    assert adapted < before + 0.2, (adapted, before)

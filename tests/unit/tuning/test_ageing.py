@@ -1,21 +1,6 @@
 """A wire that ages while it works, and rules that follow it: all the way, from its registers to those in force."""
 
-import numpy as np
-
-STROKE_MM, MINUTES, SINE_S = 12.0, 6, 40.0
-
-
-def rms_percent(wire, models):
-    """How far each model is off the true wire over the sine before its time, all together, in % of the stroke."""
-    times_s, wire_c, reached_mm = np.array(wire).T
-    errors = []
-    for time_s, model in models:
-        there = (times_s > time_s - SINE_S) & (times_s <= time_s)
-        state = model.initial_state(wire_c[there][0], reached_mm[there][0])
-        for v, mm in zip(wire_c[there].tolist(), reached_mm[there].tolist(), strict=True):
-            state = model.step(state, v)
-            errors.append(100.0 * (state.y - mm) / STROKE_MM)
-    return float(np.sqrt(np.mean(np.square(errors))))
+MINUTES = 6
 
 
 def test_adapted_rules_have_at_most_a_third_of_the_error_of_those_that_were_left_alone(ruled_bench):
@@ -30,7 +15,7 @@ def test_adapted_rules_have_at_most_a_third_of_the_error_of_those_that_were_left
     ruled_bench.run(until_s=minutes_s[-1] + 1.0)
     assert ruled_bench.status["adapts"]
     assert all(model.certificate().holds for model in in_force)
-    left_alone = rms_percent(ruled_bench.wire, [(time_s, ruled_bench.model) for time_s in minutes_s])
-    adapted = rms_percent(ruled_bench.wire, list(zip(minutes_s, in_force, strict=True)))
+    left_alone = ruled_bench.rms_percent([(time_s, ruled_bench.model) for time_s in minutes_s])
+    adapted = ruled_bench.rms_percent(list(zip(minutes_s, in_force, strict=True)))
     assert left_alone > 5.0
     assert adapted < left_alone / 3.0, (adapted, left_alone)
