@@ -84,7 +84,7 @@ class Adapting:
             if not isfinite(measured.temperature_c):
                 return nan
             self._estimate = self._observer.start(measured.temperature_c, measured.displacement_mm)
-        else:
+        elif dt_s > 0.0:
             self._estimate = self._observer.update(self._estimate, measured.temperature_c, nan, power_w, dt_s)
         return self._estimate.temperature_c
 

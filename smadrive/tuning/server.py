@@ -75,6 +75,8 @@ def serve(told: dict[str, Any]) -> None:
     def document(doc: Document) -> None:
         Page(doc, desk, fitter, folder, rig_file)
 
+    while not desk.status:  # it is being replaced just now; a page that is asked for at once needs one
+        desk.read()
     server = Server(
         {"/": Application(FunctionHandler(document))},
         address=ADDRESS,

@@ -286,6 +286,28 @@ def test_a_killed_page_comes_back_and_the_loop_has_not_noticed(client, live):
     live.wait(lambda: not live.session.is_heating)
 
 
+def test_a_page_that_is_asked_for_as_soon_as_its_server_listens_is_there(live):
+    address = urllib.parse.urlsplit(live.page.url)
+    for _ in range(3):
+        restarts = live.page.restarts
+        os.kill(live.page.pid, signal.SIGKILL)
+        live.wait(lambda restarts=restarts: live.page.restarts > restarts)
+        assert _first_answer(address) == http.client.OK
+
+
+def _first_answer(address):
+    """The status of the first answer that a server gives which is just starting."""
+    while True:
+        connection = http.client.HTTPConnection(address.netloc)
+        try:
+            connection.request("GET", f"/?{address.query}")
+            return connection.getresponse().status
+        except ConnectionError:
+            time.sleep(0.001)
+        finally:
+            connection.close()
+
+
 def test_a_frozen_page_holds_nothing_up(client, live):
     page = client()
     heat(page, live)

@@ -3,8 +3,16 @@
 import numpy as np
 import pytest
 
+from smadrive.control.controller import Command
+from smadrive.control.loop import Tick
 from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.hysteresis.fuzzy import TriangularSets
+from smadrive.measurement import Measurement
+from smadrive.rigconfig import FeedbackConfig
+from smadrive.tuning.adapting import Adapting
+from smadrive.tuning.tuning import Tuning
+
+from .conftest import BALANCE
 
 
 def test_when_its_sensor_is_found_lying_the_rules_of_well_before_are_put_in_force(ruled_bench):
@@ -40,3 +48,11 @@ def test_switched_on_while_a_healthy_wire_heats_up_it_leaves_the_rules(bench, at
     assert after.change == "adaptation"
     before, adapted = (bench.rms_percent([(20.0, model)], over_s=20.0) for model in (bench.model, after.model))
     assert adapted < before + 0.2, (adapted, before)
+
+
+def test_two_ticks_of_one_instant_are_no_error(ruled_bench):
+    tuning = Tuning.of(ruled_bench.model, FeedbackConfig(), "as identified")
+    adapting = Adapting(tuning, BALANCE, 0.05, 0.1)
+    measured = Measurement(1.0, 22.0, 0.1, 1.65, displacement_mm=0.0)
+    for _ in range(2):
+        assert adapting.update(Tick(1.0, 0.0, measured, Command(0.1)), tuning, is_heating=True) is None
