@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.demo_report import write_demo_report
-from smadrive.cli.identify import certificate, rules
+from smadrive.cli.identify import fit_result
 from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output, make_empty_folder
 from smadrive.cli.run import APPROACH_S, HEADER, table_row
@@ -70,6 +70,7 @@ def main(
     """Excite a simulated wire, identify it from the record, track with and without the inverse, write a report."""
     output = Output(as_json)
     folder = make_empty_folder(folder or _unused_folder())
+    model_file, report = folder / "model.json", folder / "report.html"
     with ServedSimulator(SIM, real_time=real_time, seed=seed, log=folder / "firmware.log") as simulator:
         config = load_rig(RIG).at(simulator.url)
         output.say(f"firmware-sim serves the simulated wire at {simulator.url}")
@@ -77,34 +78,21 @@ def main(
             session = _Session(bench, folder, seed, output)
             excitation = session.excite()
             wire = session.identify(excitation)
-            save_wire(
-                folder / "model.json",
-                wire.hysteresis.model,
-                wire.thermal.balance,
-                {"rms_percent": wire.hysteresis.rms_percent, "max_percent": wire.hysteresis.max_percent},
-                source=str(excitation.path),
-            )
+            figures = {"rms_percent": wire.hysteresis.rms_percent, "max_percent": wire.hysteresis.max_percent}
+            save_wire(model_file, wire.hysteresis.model, wire.thermal.balance, figures, source=str(excitation.path))
             inverses: dict[str, DisplacementInverse] = {
                 WITH: HysteresisInverse(wire.hysteresis.model),
                 WITHOUT: StaticMap(wire.thermal.wire_temperature_c, excitation.column("displacement_mm")),
             }
             arms = [session.track(name, inverse, wire) for name, inverse in inverses.items()]
-    report = folder / "report.html"
     write_demo_report(report, wire, excitation, [(arm.name, arm.log, arm.figures) for arm in arms])
     output.table(HEADER, [table_row(arm.name, arm.figures) for arm in arms])
-    output.say(f"report: {report}   model: {folder / 'model.json'}   logs: {folder}/*.h5")
+    output.say(f"report: {report}   model: {model_file}   logs: {folder}/*.h5")
     output.result(
         {
             "inverse": asdict(arms[0].figures),
             "plain_map": asdict(arms[1].figures),
-            "identify": {
-                "kind": "tsfuzzy",
-                "rules": rules(wire.hysteresis),
-                "rms_percent": wire.hysteresis.rms_percent,
-                "max_percent": wire.hysteresis.max_percent,
-                "model_file": str(folder / "model.json"),
-                "certificate": certificate(wire.hysteresis),
-            },
+            "identify": fit_result(wire.hysteresis, "tsfuzzy", model_file),
             "excitation_log_file": str(excitation.path),
             "report_file": str(report),
         }

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict
+from dataclasses import asdict, dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -45,59 +45,74 @@ def main(
     check_output(model_file, MODEL, data)
     if plot is not None:
         check_output(plot, PAGE, data)
-    thermal = balance = None
-    told: tuple[str, ...] = ()
     with output.progress() as progress:
         progress.add_task(f"fitting {data.name}", total=None)
-        if LOG.names(data):
-            log = read_log(data)
-            wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets)
-            fit, thermal, balance = wire.hysteresis, wire.thermal, wire.thermal.balance
-            told = excitation_caveats(log)
-        elif not TABLE.names(data):
-            raise DataError(f"{data}: neither a log nor a CSV: give the log (.h5) of `smadrive excite`, or a .csv")
-        else:
-            table = read_table(data)
-            fit = identify_hysteresis(table.column(input_column), table.column(output_column), kind.value, sets)
+        found = _fitted(data, (input_column, output_column), kind, sets)
+    fit, thermal = found.fit, found.thermal
+    balance = None if thermal is None else thermal.balance
     figures = {"rms_percent": fit.rms_percent, "max_percent": fit.max_percent}
     replaced = model_file.exists()
     save_wire(model_file, fit.model, balance, figures, source=str(data))
     if plot is not None:
-        axes = ("wire temperature, °C", "displacement, mm") if LOG.names(data) else (input_column, output_column)
-        write_fit_report(plot, fit, str(data), axes)
-    caveats = (*told, *fit.caveats)
-    _tell(output, fit, thermal, caveats)
+        write_fit_report(plot, fit, str(data), found.axes)
+    _tell(output, fit, thermal, found.caveats)
     output.say(f"model: {model_file}{', in place of the one that was there' if replaced else ''}")
     output.result(
         {
-            "kind": kind.value,
-            "rules": rules(fit),
-            "rms_percent": fit.rms_percent,
-            "max_percent": fit.max_percent,
-            "model_file": str(model_file),
-            "certificate": certificate(fit),
-            "caveats": caveats,
+            **fit_result(fit, kind.value, model_file),
+            "caveats": found.caveats,
             **({} if plot is None else {"plot_file": str(plot)}),
             **({} if thermal is None else {"heat_balance": asdict(thermal.balance), "within": thermal.within}),
         }
     )
 
 
-def rules(fit: AnyFit) -> int:
+@dataclass(frozen=True)
+class _Found:
+    """What a record tells: a log also the heat balance, and what to beware of in its experiment."""
+
+    fit: AnyFit
+    thermal: ThermalFit | None
+    caveats: tuple[str, ...]
+    axes: tuple[str, str]
+
+
+def _fitted(data: Path, columns: tuple[str, str], kind: Kind, sets: int) -> _Found:
+    if LOG.names(data):
+        log = read_log(data)
+        wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets)
+        caveats = (*excitation_caveats(log), *wire.hysteresis.caveats)
+        return _Found(wire.hysteresis, wire.thermal, caveats, ("wire temperature, °C", "displacement, mm"))
+    if not TABLE.names(data):
+        raise DataError(f"{data}: neither a log nor a CSV: give the log (.h5) of `smadrive excite`, or a .csv")
+    table = read_table(data)
+    v, y = (table.column(name) for name in columns)
+    fit = identify_hysteresis(v, y, kind.value, sets)
+    return _Found(fit, None, fit.caveats, columns)
+
+
+def fit_result(fit: AnyFit, kind: str, model_file: Path) -> dict[str, object]:
+    """What a program is told of a fit and where its model is."""
+    return {
+        "kind": kind,
+        "rules": _rules(fit),
+        "rms_percent": fit.rms_percent,
+        "max_percent": fit.max_percent,
+        "model_file": str(model_file),
+        "certificate": {**asdict(fit.certificate), "holds": fit.certificate.holds},
+    }
+
+
+def _rules(fit: AnyFit) -> int:
     """Number of rules of a fitted model; 0 for a Duhem model, which has none."""
     return len(getattr(fit.model, "rules", ()))
-
-
-def certificate(fit: AnyFit) -> dict[str, float | bool]:
-    """The certificate as plain values."""
-    return {**asdict(fit.certificate), "holds": fit.certificate.holds}
 
 
 def _tell(output: Output, fit: AnyFit, thermal: ThermalFit | None, caveats: Iterable[str]) -> None:
     rows = [
         ("RMS error", f"{fit.rms_percent:.3f} %", "of the output span"),
         ("max error", f"{fit.max_percent:.3f} %", "of the output span"),
-        *([("rules", str(rules(fit)), "")] if rules(fit) else []),
+        *([("rules", str(_rules(fit)), "")] if _rules(fit) else []),
         *certificate_rows(fit.certificate),
     ]
     if thermal is not None:
