@@ -56,6 +56,12 @@ def tracking_figures(log: Log, loop: LoopFigures) -> TrackingFigures:
     return TrackingFigures(rms, largest, loop.ticks, loop.missed_deadlines, loop.trips, str(log.path))
 
 
+def tripped_figures(log: Log) -> TrackingFigures:
+    """The figures of a tracking run that a trip cut: of the ticks before it. DataError when the log is of none."""
+    rms, largest = _rms_and_max(error_percent(log))
+    return TrackingFigures(rms, largest, log.column("time_s").size, _missed_deadlines(log), 1, str(log.path))
+
+
 def tracking_caveats(log: Log) -> tuple[str, ...]:
     """What lets doubt what the figures of a tracking run tell of it. DataError when the log is of none.
 
@@ -101,7 +107,7 @@ class RunSummary:
 
 def run_summary(log: Log) -> RunSummary:
     """The summary of `log`. DataError when nothing was recorded."""
-    time_s, late_s = log.column("time_s"), log.column("late_s")
+    time_s = log.column("time_s")
     if time_s.size == 0:
         raise DataError(f"{log.path}: no tick was recorded: there is nothing to report")
     tracked = "reference" in log.about
@@ -112,13 +118,17 @@ def run_summary(log: Log) -> RunSummary:
         time_s.size,
         float(time_s[-1]),
         *_rms_and_max(error),
-        int(np.count_nonzero(late_s > LATE_FRACTION / logged_rig(log).rate_hz)),
-        float(late_s.max()),
+        _missed_deadlines(log),
+        float(log.column("late_s").max()),
         _largest(log.columns["temperature_c"]),
         _largest(log.columns["current_a"]),
         float(np.nansum(power_w[1:] * np.diff(time_s))),
         100.0 * float(np.mean(log.column("limited"))),
     )
+
+
+def _missed_deadlines(log: Log) -> int:
+    return int(np.count_nonzero(log.column("late_s") > LATE_FRACTION / logged_rig(log).rate_hz))
 
 
 def _rms_and_max(values: Array) -> tuple[float, float]:

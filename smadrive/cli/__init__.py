@@ -17,6 +17,7 @@ from typing import Annotated
 
 import typer
 
+from smadrive.cli.stdout import open_stdout
 from smadrive.errors import SmadriveError
 from smadrive.onethread import ONE_THREAD
 
@@ -43,6 +44,7 @@ COMMANDS = {
 def main() -> None:
     """Entry point of the command `smadrive`."""
     os.environ |= {**ONE_THREAD, **os.environ}
+    open_stdout()
     for number in INTERRUPTS:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup: go on without a terminal
             signal.signal(number, _interrupt)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from dataclasses import asdict
 from math import isfinite, isnan
 from pathlib import Path
@@ -14,20 +15,21 @@ from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile, TraceFolder
 from smadrive.control.feedforward import HysteresisInverse
+from smadrive.control.loop import LoopFigures
 from smadrive.control.reference import SHAPES, Reference, parse_reference
-from smadrive.control.rehearsal import rehearse
+from smadrive.control.rehearsal import Feasibility, rehearse
 from smadrive.control.supervisor import check_thermocouple
 from smadrive.control.wire import WireModel, WireState, travel_mm
 from smadrive.controllers import tracking_settings
-from smadrive.errors import ConfigError
+from smadrive.errors import ConfigError, TripError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import Measurement
 from smadrive.outfile import LOG, TABLE, check_output
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
-from smadrive.runfigures import TrackingFigures, tracking_caveats, tracking_figures
+from smadrive.runfigures import TrackingFigures, tracking_caveats, tracking_figures, tripped_figures
 from smadrive.runlog import record_tracking, reference_text
-from smadrive.telemetry.log import read_log
+from smadrive.telemetry.log import Log, read_log
 from smadrive.telemetry.table import read_table
 from smadrive.wirefile import load_wire_file
 
@@ -65,43 +67,59 @@ def main(
     hysteresis, balance = load_wire_file(model_file(config, model))
     wanted = read_reference(reference)
     wanted.check_within(travel_mm(hysteresis))
-    with Rig(config, trace_folder=trace) as bench:
-        measured = bench.heater.exchange(0.0)
-        check_thermocouple(measured)
-        start_mm = start_displacement_mm(hysteresis, measured)
-        path = wanted.with_approach(start_mm, APPROACH_S)
-        wire = WireModel(hysteresis, balance or bench.nominal_balance)
-        bench.check_balance(wire.balance)
-        start = WireState(measured.temperature_c, hysteresis.initial_state(measured.temperature_c, start_mm))
-        rehearsed = rehearse(path, wire, HysteresisInverse(hysteresis), tracking_settings(config), start)
-        rehearsed.check(config.limits.temperature_max_c, smooth=smooth)
-        for caveat in rehearsed.caveats:
-            output.say(f"beware: {caveat}")
-        experiment = rehearsed.nearest, hysteresis, wire.balance, HysteresisInverse(hysteresis)
-        with (
-            record_tracking(
-                log_file,
-                bench,
-                *experiment,
-                given_reference=reference_text(path),
-                caveats=json.dumps(rehearsed.caveats),
-            ) as recorder,
-            watched(
-                recorder,
-                "tracking",
-                rehearsed.nearest.duration_s,
-                config.limits.current_max_a,
-                quiet=output.quiet,
-            ) as record,
-        ):
-            loop = bench.track(*experiment, record)
-    log = read_log(log_file)
-    figures, doubts = tracking_figures(log, loop), tracking_caveats(log)
+    try:
+        with Rig(config, trace_folder=trace) as bench:
+            wire = WireModel(hysteresis, balance or bench.nominal_balance)
+            given, rehearsed = _rehearsed(bench, wanted, wire)
+            rehearsed.check(config.limits.temperature_max_c, smooth=smooth)
+            _beware(rehearsed.caveats, output)
+            loop = _recorded(log_file, bench, wire, given, rehearsed, quiet=output.quiet)
+    except TripError as trip:
+        try:
+            _tell(read_log(log_file), None, output, tripped=str(trip))
+        finally:
+            raise trip  # whatever becomes of what is told, this is how it ended
+    _tell(read_log(log_file), loop, output, tripped=None)
+
+
+def _rehearsed(bench: Rig, wanted: Reference, wire: WireModel) -> tuple[Reference, Feasibility]:
+    """What is wanted from where the wire is now, and how near the wire comes to it. Nothing is heated."""
+    measured = bench.heater.exchange(0.0)
+    check_thermocouple(measured)
+    start_mm = start_displacement_mm(wire.model, measured)
+    given = wanted.with_approach(start_mm, APPROACH_S)
+    bench.check_balance(wire.balance)
+    start = WireState(measured.temperature_c, wire.model.initial_state(measured.temperature_c, start_mm))
+    return given, rehearse(given, wire, HysteresisInverse(wire.model), tracking_settings(bench.config), start)
+
+
+def _recorded(
+    log_file: Path, bench: Rig, wire: WireModel, given: Reference, rehearsed: Feasibility, *, quiet: bool
+) -> LoopFigures:
+    """Track the nearest reference, logged to `log_file` and shown unless `quiet`. TripError when tripped."""
+    experiment = rehearsed.nearest, wire.model, wire.balance, HysteresisInverse(wire.model)
+    asked, caveats = reference_text(given), json.dumps(rehearsed.caveats)
+    duration_s, limit_a = rehearsed.nearest.duration_s, bench.config.limits.current_max_a
+    with (
+        record_tracking(log_file, bench, *experiment, given_reference=asked, caveats=caveats) as recorder,
+        watched(recorder, "tracking", duration_s, limit_a, quiet=quiet) as record,
+    ):
+        return bench.track(*experiment, record)
+
+
+def _tell(log: Log, loop: LoopFigures | None, output: Output, *, tripped: str | None) -> None:
+    """The figures of the run, to its end or to the trip that cut it."""
+    figures = tripped_figures(log) if loop is None else tracking_figures(log, loop)
+    doubts = tracking_caveats(log)
     output.table(HEADER, [table_row("tracking", figures)])
-    for caveat in doubts:
+    _beware(doubts, output)
+    output.say(f"log: {log.path}")
+    output.result({**asdict(figures), "caveats": doubts, "tripped": tripped})
+
+
+def _beware(caveats: Iterable[str], output: Output) -> None:
+    for caveat in caveats:
         output.say(f"beware: {caveat}")
-    output.say(f"log: {log_file}")
-    output.result({**asdict(figures), "caveats": doubts})
 
 
 def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:

@@ -18,6 +18,7 @@ from rich.text import Text
 from smadrive.cli.live import drawing, number
 from smadrive.cli.output import Output
 from smadrive.control.loop import Tick
+from smadrive.errors import ConfigError
 from smadrive.tuning.channel import ControlEnd
 from smadrive.tuning.process import PageProcess
 
@@ -115,11 +116,11 @@ def watched(view: TuneView, output: Output) -> Iterator[None]:
 
 @contextmanager
 def _lines(changes: Changes) -> Iterator[None]:
-    """Look for changes until the block ends; a stdout that nobody reads any more ends that alone."""
+    """Look for changes until the block ends; a stdout that takes no more ends that alone."""
     is_ending = threading.Event()
 
     def look() -> None:
-        with suppress(OSError):
+        with suppress(OSError, ConfigError):
             changes.tell()
             while not is_ending.wait(LOOKED_S):
                 changes.tell()

@@ -25,10 +25,9 @@ LOOP = DuhemModel.gaussian(
 )
 
 
-def smadrive(*arguments, cwd):
-    return subprocess.run(
-        [sys.executable, "-m", "smadrive", *map(str, arguments)], cwd=cwd, capture_output=True, text=True, check=False
-    )
+def smadrive(*arguments, cwd, stdout=subprocess.PIPE, env=None):
+    command = [sys.executable, "-m", "smadrive", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False, env=env)
 
 
 def succeed(*arguments, cwd):
@@ -155,6 +154,50 @@ def test_a_smoothed_run_tells_how_far_it_is_from_what_was_asked_for_and_keeps_th
     given, run = (log.json(name) for name in ("given_reference", "reference"))
     spans_mm = [np.ptp(np.array(told["displacement_mm"])[np.array(told["times_s"]) > 12.0]) for told in (given, run)]
     assert spans_mm[1] < spans_mm[0] - 1.0
+
+
+def test_a_run_that_trips_answers_with_what_it_did_until_then_and_with_the_trip(track, tmp_path):
+    ran, _ = track(ANY_SINE)
+    assert ran["tripped"] is None
+    tight = rig_text("watchdog_s = 0.5", "watchdog_s = 0.5\ndisplacement_max_mm = 5.0", rig="in-process")
+    (tmp_path / "tight.toml").write_text(tight)
+    run = ("run", "tight.toml", "--model", "wire.json", "--reference", ANY_SINE, "-o", "short.h5")
+    done = smadrive(*run, "--json", cwd=tmp_path)
+    assert done.returncode == 4, done.stderr
+    told, log = json.loads(done.stdout), read_log(tmp_path / "short.h5")
+    assert told.keys() == ran.keys()
+    assert told["trips"] == 1
+    assert told["tripped"].startswith("fault 11: the displacement left")
+    assert told["tripped"] in done.stderr
+    assert told["ticks"] == log.column("time_s").size < ran["ticks"]
+    assert 0.0 < told["rms_percent"] < 2.0
+    with Path("/dev/full").open("w") as full:
+        unread = smadrive(*run[:-1], "unread.h5", "--json", cwd=tmp_path, stdout=full)
+    assert (unread.returncode, len(unread.stderr.splitlines())) == (4, 1)
+    assert "fault 11" in unread.stderr
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    "arguments", [("--help",), ("--version",), ("probe", "in-process"), ("off", "in-process", "--json")]
+)
+def test_an_output_that_cannot_be_written_is_told_and_one_that_nobody_reads_is_not(tmp_path, arguments, unbuffered):
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    with Path("/dev/full").open("w") as full:
+        done = smadrive(*arguments, cwd=tmp_path, stdout=full, env=environment)
+    assert done.returncode == 2
+    assert done.stderr.startswith("smadrive: standard output cannot be written (No space left on device)")
+    assert len(done.stderr.splitlines()) == 1
+    reading, writing = os.pipe()
+    os.close(reading)
+    assert smadrive(*arguments, cwd=tmp_path, stdout=writing, env=environment).stderr == ""
+    os.close(writing)
+
+
+def test_without_a_standard_output_a_command_does_its_work(tmp_path):
+    command = ["sh", "-c", '"$0" -m smadrive off in-process --json >&-', sys.executable]
+    done = subprocess.run(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_the_version_is_told(tmp_path):
