@@ -96,7 +96,8 @@ class FeedbackConfig(Section):
 
     `closed_loop_s` is `LOOP_PERIODS` periods at the fastest if it is left out.
     `feedforward_share` of the feedforward's power is used: all of it, or less to see what the feedback does alone.
-    `adapt` lets the tuning page's session adapt the rules to the measured displacement as soon as it is armed.
+    `adapt` lets the tuning page's session adapt the rules to the measured displacement as soon as it is armed;
+    nothing else adapts them.
     """
 
     closed_loop_s: float = Field(default=0.25, gt=0)

@@ -36,6 +36,10 @@ from smadrive.wirefile import load_wire_file
 APPROACH_S = 10.0
 """How long the wire takes to come to the beginning of the reference; not scored."""
 
+NOT_ADAPTED = (
+    "adapt = true under [feedback] is for `smadrive tune` alone: this run leaves the rules of the model as they are"
+)
+
 HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")
 
 
@@ -72,8 +76,9 @@ def main(
             wire = WireModel(hysteresis, balance or bench.nominal_balance)
             given, rehearsed = _rehearsed(bench, wanted, wire)
             rehearsed.check(config.limits.temperature_max_c, smooth=smooth)
-            _beware(rehearsed.caveats, output)
-            loop = _recorded(log_file, bench, wire, given, rehearsed, quiet=output.quiet)
+            caveats = (*rehearsed.caveats, *([NOT_ADAPTED] if config.feedback.adapt else []))
+            _beware(caveats, output)
+            loop = _recorded(log_file, bench, wire, given, rehearsed.nearest, caveats, quiet=output.quiet)
     except TripError as trip:
         try:
             _tell(read_log(log_file), None, output, tripped=str(trip))
@@ -94,15 +99,22 @@ def _rehearsed(bench: Rig, wanted: Reference, wire: WireModel) -> tuple[Referenc
 
 
 def _recorded(
-    log_file: Path, bench: Rig, wire: WireModel, given: Reference, rehearsed: Feasibility, *, quiet: bool
+    log_file: Path,
+    bench: Rig,
+    wire: WireModel,
+    given: Reference,
+    nearest: Reference,
+    caveats: tuple[str, ...],
+    *,
+    quiet: bool,
 ) -> LoopFigures:
-    """Track the nearest reference, logged to `log_file` and shown unless `quiet`. TripError when tripped."""
-    experiment = rehearsed.nearest, wire.model, wire.balance, HysteresisInverse(wire.model)
-    asked, caveats = reference_text(given), json.dumps(rehearsed.caveats)
-    duration_s, limit_a = rehearsed.nearest.duration_s, bench.config.limits.current_max_a
+    """Track the reference `nearest` to what was given, logged to `log_file`, shown unless `quiet`. TripError."""
+    experiment = nearest, wire.model, wire.balance, HysteresisInverse(wire.model)
     with (
-        record_tracking(log_file, bench, *experiment, given_reference=asked, caveats=caveats) as recorder,
-        watched(recorder, "tracking", duration_s, limit_a, quiet=quiet) as record,
+        record_tracking(
+            log_file, bench, *experiment, given_reference=reference_text(given), caveats=json.dumps(caveats)
+        ) as recorder,
+        watched(recorder, "tracking", nearest.duration_s, bench.config.limits.current_max_a, quiet=quiet) as record,
     ):
         return bench.track(*experiment, record)
 

@@ -133,8 +133,8 @@ def track(tmp_path):
     )
     save_model(wire, tmp_path / "wire.json")
 
-    def track(reference, *options):
-        run = ("run", "in-process", "--model", "wire.json", "--reference", reference, "-o", "run.h5", *options)
+    def track(reference, *options, rig="in-process"):
+        run = ("run", rig, "--model", "wire.json", "--reference", reference, "-o", "run.h5", *options)
         return succeed(*run, cwd=tmp_path), read_log(tmp_path / "run.h5")
 
     return track
@@ -175,6 +175,14 @@ def test_a_run_that_trips_answers_with_what_it_did_until_then_and_with_the_trip(
         unread = smadrive(*run[:-1], "unread.h5", "--json", cwd=tmp_path, stdout=full)
     assert (unread.returncode, len(unread.stderr.splitlines())) == (4, 1)
     assert "fault 11" in unread.stderr
+
+
+def test_a_run_says_that_only_the_tuning_page_adapts_the_rules(track, tmp_path):
+    adapting = rig_text("[excitation]", "[feedback]\nadapt = true\n\n[excitation]", rig="in-process")
+    (tmp_path / "adapting.toml").write_text(adapting)
+    ran, log = track("sine:low_mm=2,high_mm=9,period_s=20,cycles=1", rig="adapting.toml")
+    assert "is for `smadrive tune` alone" in ran["caveats"][0]
+    assert log.json("caveats") == ran["caveats"]
 
 
 @pytest.mark.parametrize("unbuffered", ["", "1"])
