@@ -110,11 +110,11 @@ class SetModel(Request):
         return f"model: {self.source}"
 
 
-class Unfit(Request):
-    """Tell that nothing could be fitted: refused with its `reason`, which all pages then see among the events."""
+class Note(Request):
+    """Have a text stand among the events, which all pages see."""
 
-    act: Literal["unfit"]
-    reason: str = Field(max_length=2000)
+    act: Literal["note"]
+    text: str = Field(max_length=2000)
 
 
 class Step(Request):
@@ -161,7 +161,7 @@ AnyRequest = Annotated[
     | SetFeedback
     | SetRule
     | SetModel
-    | Unfit
+    | Note
     | Step
     | Keep
     | Recall

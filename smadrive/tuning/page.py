@@ -158,8 +158,12 @@ class Page:
             self._unfit(f"the fit to the last {seconds:g} s died with its process: fit again")
 
     def _unfit(self, reason: str) -> None:
-        """Have it told among the events of all pages."""
-        self._desk.ask(self._client, "unfit", partial(self._answered, "fit"), reason=reason)
+        """Have it told among the events of all pages; on this one it stands whatever becomes of that."""
+
+        def noted(_refused: str | None) -> None:
+            self._note = f"fit: {reason}"
+
+        self._desk.ask(self._client, "note", noted, text=f"not fitted: {reason}")
 
     def _save(self, name: str) -> None:
         try:

@@ -23,7 +23,7 @@ from smadrive.thermal import HeatBalance
 from smadrive.tuning.adapting import Adapting
 from smadrive.tuning.channel import MESSAGES_PER_TICK, MOST_QUEUED, ControlEnd
 from smadrive.tuning.live import LiveController
-from smadrive.tuning.messages import Adapt, AnyRequest, Arm, ClearFaults, Off, Step, Unfit, parse_request
+from smadrive.tuning.messages import Adapt, AnyRequest, Arm, ClearFaults, Note, Off, Step, parse_request
 from smadrive.tuning.status import STATUS_S, Status
 from smadrive.tuning.tuning import Tuning
 from smadrive.tuning.workbench import Workbench
@@ -226,8 +226,8 @@ class TuningSession:
             case Adapt(on=on):
                 self._adapting.switch(on, self.bench.in_force)
                 self._status.tell(self._now_s, f"adaptation {'on' if on else 'off'}")
-            case Unfit(reason=reason):
-                raise ConfigError(reason)
+            case Note(text=text):
+                self._status.tell(self._now_s, text)
             case _:
                 if isinstance(request, Step):
                     self._adapting.switch(False, self.bench.in_force)

@@ -71,11 +71,12 @@ def test_what_is_no_loop_is_refused_with_what_to_do(bench, act, at_s, seconds, t
     assert "let a reference go up and down once more, then fit again" in str(refused.value)
 
 
-def test_a_fit_that_was_refused_stands_among_the_events(bench):
-    asked = bench.at(1.0, "unfit", reason="the last 120 s cannot be fitted: no loop")
+def test_what_a_page_notes_stands_among_the_events(bench):
+    """That nothing could be fitted, for instance: other pages would not know of it."""
+    noted = bench.at(1.0, "note", text="not fitted: the last 120 s cannot be fitted: no loop")
     bench.run(until_s=2.0)
-    assert "cannot be fitted" in bench.answers[asked]
-    assert "refused: the last 120 s cannot be fitted: no loop" in [event for _, event in bench.status["events"]]
+    assert bench.answers[noted] is None
+    assert [event for _, event in bench.status["events"]] == ["not fitted: the last 120 s cannot be fitted: no loop"]
 
 
 def test_nothing_recorded_is_nothing_to_fit():
