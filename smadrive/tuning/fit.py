@@ -12,6 +12,7 @@ import json
 import os
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from multiprocessing import get_context
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,7 +35,17 @@ SILENT_SAMPLES = 50
 LEAST_MOVED = 0.1
 """Share of the travel; less is rather noise than a loop."""
 
+DRIFTED = 0.5
+"""% of the output span; by 0.2 at most the fit's error differs between the two halves of a sound record."""
+
 Array = NDArray[np.float64]
+
+
+class FittedWire(NamedTuple):
+    """The text of a wire's file, and what its model must not be trusted in."""
+
+    text: str
+    caveats: tuple[str, ...]
 
 
 class Fitter:
@@ -47,8 +58,8 @@ class Fitter:
         """End the process; a fit that still runs is given up."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
-    def fit(self, rows: Rows, seconds: float, wire: str) -> Future[str]:
-        """The text of a wire's file with a model of the kind in `wire`, fitted to the last `seconds` of heated rows.
+    def fit(self, rows: Rows, seconds: float, wire: str) -> Future[FittedWire]:
+        """A model of the kind in `wire`, fitted to the last `seconds` of heated rows.
 
         IdentificationError when they do not determine one.
         """
@@ -106,7 +117,7 @@ def _check_loop(wire_c: Array, reached_mm: Array, model: HysteresisModel) -> Non
     prepare(wire_c, reached_mm, dead_band=None)
 
 
-def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> str:
+def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> FittedWire:
     """`wire` with its model fitted to other data; see Fitter."""
     model, balance = parse_wire(wire, place="the wire in force")
     document = json.loads(wire)
@@ -114,7 +125,18 @@ def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> str:
     sets = len(document["sets"]["centres"]) if kind == "tsfuzzy" else 0
     silent_c, expected_mm = _silent(model, float(wire_c.min()), float(wire_c.max()))
     fit = identify_hysteresis(np.concatenate((wire_c, silent_c)), np.concatenate((reached_mm, expected_mm)), kind, sets)
-    return wire_text(fit.model, balance)
+    measured_percent = 100.0 * fit.residual[: wire_c.size] / fit.output_span
+    return FittedWire(wire_text(fit.model, balance), (*_drifts(measured_percent), *fit.caveats))
+
+
+def _drifts(residual_percent: Array) -> tuple[str, ...]:
+    """Whether what was measured is no record of one wire: its model then lies between what was and what is."""
+    earlier, later = np.array_split(residual_percent, 2)
+    percent = abs(float(np.mean(later)) - float(np.mean(earlier)))
+    if percent <= DRIFTED:
+        return ()
+    differ = f"the two halves of its record differ by {percent:.1f} % of the output span, those of a sound one by 0.2 %"
+    return (f"{differ}: does a sensor drift, or the wire? Undo the fit, and look for the cause before you fit again",)
 
 
 def _silent(model: HysteresisModel, low_c: float, high_c: float) -> tuple[Array, Array]:

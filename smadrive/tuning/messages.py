@@ -98,11 +98,12 @@ class SetRule(Request):
 
 
 class SetModel(Request):
-    """Take another model, as the text of its file; `source` is where it comes from."""
+    """Take another model, as the text of its file; `source` is where it comes from, `caveats` what lets doubt it."""
 
     act: Literal["model"]
     text: str
     source: str = Field(max_length=300)
+    caveats: tuple[Annotated[str, Field(max_length=600)], ...] = Field(default=(), max_length=8)
 
     @property
     def told(self) -> str:

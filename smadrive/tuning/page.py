@@ -18,7 +18,7 @@ from smadrive.errors import SmadriveError
 from smadrive.hysteresis.modelfile import parse_model
 from smadrive.tuning.controls import LAWS, Controls
 from smadrive.tuning.desk import Desk
-from smadrive.tuning.fit import Fitter
+from smadrive.tuning.fit import FittedWire, Fitter
 from smadrive.tuning.panel import Timing, banner_html, chips_html, events_html, scores_html
 from smadrive.tuning.plots import POINTS, Plots
 from smadrive.tuning.save import save_tuning
@@ -149,9 +149,10 @@ class Page:
         self._note = f"fitting the last {seconds:g} s …"
         fitting.add_done_callback(lambda done: self._doc.add_next_tick_callback(partial(self._fitted, seconds, done)))
 
-    def _fitted(self, seconds: float, fitting: Future[str]) -> None:
+    def _fitted(self, seconds: float, fitting: Future[FittedWire]) -> None:
         try:
-            self._ask("model", text=fitting.result(), source=f"fit to the last {seconds:g} s")
+            text, caveats = fitting.result()
+            self._ask("model", text=text, caveats=caveats, source=f"fit to the last {seconds:g} s")
         except SmadriveError as error:
             self._unfit(str(error))
         except BrokenExecutor:

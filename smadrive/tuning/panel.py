@@ -49,7 +49,7 @@ def chips_html(status: dict[str, Any], punctuality: str, *, late: bool, controls
         [
             _chip("heater", mode, _MODES.get(mode, "on")),
             _chip("limited by", ", ".join(limits) or "nothing", "warn" if limits else "calm"),
-            _chip("model", f"{tuning['change']} · {certified}", "calm"),
+            _chip("model", f"{tuning['change']} · {certified}", "warn" if tuning["caveats"] else "calm"),
             _chip("loop", punctuality, "warn" if late else "calm"),
             _chip("this page", "controls" if controls else "watches", "on" if controls else "off"),
         ]
@@ -70,6 +70,7 @@ def banner_html(status: dict[str, Any], note: str) -> str:
         lines.append(("bad", f"latched on the device: {latched}; remove the cause, then Clear faults"))
     if status["temperature_fault"]:
         lines.append(("bad", f"thermocouple: {status['temperature_fault']}"))
+    lines.extend(("note", f"beware of the model in force: {caveat}") for caveat in status["tuning"]["caveats"])
     if note:
         lines.append(("note", note))
     return "".join(f'<div class="line {kind}">{escape(text)}</div>' for kind, text in lines)

@@ -31,7 +31,8 @@ def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any])
             raise ConfigError(f"{path} exists: choose another name")
     tuning, saved = status["tuning"], datetime.now(UTC).isoformat(timespec="seconds")
     source = f"tuned on rig '{status['rig']}', {saved}; last change: {tuning['change']}"
-    model_text = _model_text(tuning["wire"], source, [text for _, text in status["events"]])
+    told = {"source": source, "caveats": tuning["caveats"], "events": [text for _, text in status["events"]]}
+    model_text = _model_text(tuning["wire"], told)
     rig_text = _rig_text(rig_file, model_file, tuning["feedback"], source)
     _write(model_file, model_text)
     try:
@@ -42,9 +43,9 @@ def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any])
     return model_file, new_rig_file
 
 
-def _model_text(wire: str, source: str, events: list[str]) -> str:
+def _model_text(wire: str, told: dict[str, Any]) -> str:
     document = json.loads(wire)
-    document["provenance"] = {"source": source, "events": events, **document["provenance"]}
+    document["provenance"] = {**told, **document["provenance"]}
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 

@@ -87,6 +87,7 @@ class Status:
                 "shape": tuning.shape._asdict(),
                 "feedback": tuning.feedback.model_dump(),
                 "change": tuning.change,
+                "caveats": list(tuning.caveats),
                 "travel_mm": travel_mm(tuning.model),
                 "contraction_rate": certificate.contraction_rate,
                 "invertible_percent": 100.0 * certificate.invertible_share,

@@ -37,7 +37,7 @@ Change = SetShape | SetFeedback | SetRule | SetModel | Adapted
 class Tuning:
     """A model and the settings of the feedback; `model` is `unmoved` with its branches moved to `shape`.
 
-    `change` names what made it of the one before.
+    `change` names what made it of the one before, `caveats` are what lets doubt the model, and whatever is made of it.
     """
 
     model: Model
@@ -45,6 +45,7 @@ class Tuning:
     shape: BranchShape
     feedback: FeedbackConfig
     change: str
+    caveats: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, model: Model, feedback: FeedbackConfig, change: str) -> Tuning:
@@ -61,11 +62,14 @@ class Tuning:
                 settings = {**self.feedback.model_dump(), key: value}
                 return replace(self, feedback=validate(settings, FeedbackConfig, where="feedback"), change=key)
             case SetRule():
-                return Tuning.of(_with_rule(self.model, change), self.feedback, _rule_name(change))
-            case SetModel(text=text, source=source):
-                return Tuning.of(parse_model(text, place=source), self.feedback, source)
+                return self._of(_with_rule(self.model, change), _rule_name(change), self.caveats)
+            case SetModel(text=text, source=source, caveats=caveats):
+                return self._of(parse_model(text, place=source), source, caveats)
             case Adapted(adaptation=adaptation):
-                return Tuning.of(adaptation.model, self.feedback, ADAPTED)
+                return self._of(adaptation.model, ADAPTED, self.caveats)
+
+    def _of(self, model: Model, change: str, caveats: tuple[str, ...]) -> Tuning:
+        return replace(Tuning.of(model, self.feedback, change), caveats=caveats)
 
     def check(self, limits: LimitsConfig, reference: Reference | None) -> None:
         """Refuse what may not drive the wire: no certificate, or a reference that it takes beyond the rig's limits."""

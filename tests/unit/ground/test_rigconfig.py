@@ -42,7 +42,12 @@ def test_shipped_ones_are_named_as_they_are():
 
 
 TUNED = {
-    "tuning": {"wire": json.dumps({"provenance": {}}), "change": "none", "feedback": {"closed_loop_s": 0.5}},
+    "tuning": {
+        "wire": json.dumps({"provenance": {}}),
+        "change": "none",
+        "feedback": {"closed_loop_s": 0.5},
+        "caveats": ["it drifts"],
+    },
     "rig": "r",
     "events": [],
 }
@@ -53,6 +58,7 @@ def test_a_saved_tuning_finds_them_too(folder, place):
     to = folder.parent / place
     to.mkdir(exist_ok=True)
     model, rig = save_tuning(to, "tuned", folder / "rig.toml", TUNED)
+    assert json.loads(model.read_text(encoding="utf-8"))["provenance"]["caveats"] == ["it drifts"]
     saved = load_rig(str(rig))
     assert saved.model == str(model)
     assert load_wire(saved.wire).heat_balance().heat_capacity_j_per_k > 0.0

@@ -1,5 +1,7 @@
 """A fit to what was just recorded: which rows it takes, what it keeps of the old model, whether it may drive on."""
 
+from html import unescape
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from smadrive.control.wire import travel_mm
 from smadrive.errors import IdentificationError
 from smadrive.tuning.channel import COLUMNS
 from smadrive.tuning.fit import fit_wire, heated_loop
+from smadrive.tuning.panel import banner_html, chips_html
 from smadrive.wirefile import parse_wire
 
 SINE = "sine:low_mm=2,high_mm=9,period_s=28"
@@ -38,8 +41,9 @@ def test_a_fit_to_a_part_of_the_travel_keeps_its_ends_and_drives_on(tracking, tr
 
     def fit():
         wire = tracking.status["tuning"]["wire"]
-        text = fit_wire(*heated_loop(tracking.page.since(0)[1], 120.0, wire), wire)
-        tracking.page.send({"number": 77, "act": "model", "text": text, "source": "fit"})
+        text, caveats = fit_wire(*heated_loop(tracking.page.since(0)[1], 120.0, wire), wire)
+        assert not any("halves of its record" in caveat for caveat in caveats)
+        tracking.page.send({"number": 77, "act": "model", "text": text, "source": "fit", "caveats": caveats})
         wires.extend((wire, text))
 
     tracking.do(STARTED_S + after_s, fit)
@@ -51,6 +55,36 @@ def test_a_fit_to_a_part_of_the_travel_keeps_its_ends_and_drives_on(tracking, tr
     cold_mm, hot_mm = travel_mm(parse_wire(wires[1], place="fit")[0])
     assert cold_mm == pytest.approx(0.0, abs=0.05)
     assert hot_mm == pytest.approx(12.0, abs=0.05)
+
+
+DRIFTS = {
+    "thermocouple": lambda right, age_s: right + 0.05 * age_s,
+    "displacement": lambda right, age_s: right + 0.02 * age_s,
+}
+
+
+@pytest.mark.parametrize("sensor", DRIFTS)
+def test_a_fit_to_a_drifting_sensor_is_doubted_wherever_its_model_goes(tracking, sensor):
+    """Its rules are certified and its residual is small enough: nothing else tells of it."""
+    sensed, fitted = getattr(tracking.device.bench.sensors.faults, sensor), []
+    tracking.do(30.0, lambda: sensed.begin("drift", None, lambda reading, age_s: DRIFTS[sensor](reading.right, age_s)))
+
+    def fit():
+        wire = tracking.status["tuning"]["wire"]
+        text, caveats = fit_wire(*heated_loop(tracking.page.since(0)[1], 60.0, wire), wire)
+        fitted.extend(caveats)
+        tracking.page.send({"number": 77, "act": "model", "text": text, "source": "fit", "caveats": caveats})
+
+    tracking.do(90.0, fit)
+    tracking.at(92.0, "shape", key="scale", value=12.1)
+    tracking.run(until_s=94.0)
+    assert tracking.answers[77] is None
+    assert "the two halves of its record differ by" in fitted[0]
+    status = tracking.status
+    assert status["tuning"]["change"] == "scale"
+    assert status["tuning"]["caveats"] == fitted
+    assert f"beware of the model in force: {fitted[0]}" in unescape(banner_html(status, ""))
+    assert 'class="chip warn"><i>model' in chips_html(status, "", late=False, controls=True)
 
 
 @pytest.mark.parametrize(
