@@ -88,11 +88,11 @@ class Adapting:
             self._estimate = self._observer.update(self._estimate, measured.temperature_c, nan, power_w, dt_s)
         return self._estimate.temperature_c
 
-    def due(self, time_s: float) -> Adaptation | None:
-        """The adaptation whose rules are to be put in force now."""
+    def due(self, time_s: float, *, is_heating: bool) -> Adaptation | None:
+        """The adaptation whose rules are to be put in force now; those of one that has ended, heating or not."""
         if self._ended is not None:
             return self._ended
-        if self._adaptation is None or time_s - self._published_s < PUBLISH_S:
+        if self._adaptation is None or not is_heating or time_s - self._published_s < PUBLISH_S:
             return None
         self._published_s = time_s
         return self._adaptation

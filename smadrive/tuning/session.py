@@ -85,10 +85,10 @@ class TuningSession:
         return self._rig.clock.now_s() - self._began_s
 
     def _idle(self) -> None:
-        """Measure with the heater off, until armed."""
+        """Measure with the heater off, until armed and nothing is on its way into force any more."""
         clock, period_s = self._rig.clock, self._rig.period_s
         due_s = clock.now_s()
-        while self._arming is None:
+        while self._arming is None or self.bench.is_busy:
             clock.sleep_until(due_s)
             late_s = clock.now_s() - due_s
             measurement = self._measure_idle()
@@ -173,10 +173,8 @@ class TuningSession:
         ended = self._adapting.update(tick, self.bench.in_force, is_heating=self.is_heating)
         if ended is not None:
             self._status.tell(self._now_s, ended)
-        if self._live is None:
-            return
-        adaptation = self._adapting.due(self._now_s)
-        if adaptation is not None and self.bench.adapt(adaptation, self._live):
+        adaptation = self._adapting.due(self._now_s, is_heating=self.is_heating)
+        if adaptation is not None and self.bench.adapt(adaptation):
             self._adapting.taken()
 
     def _serve(self) -> None:

@@ -36,13 +36,15 @@ Wanted = tuple[Tuning, Change | None, Reference | None]
 class Job:
     """What was asked for, what is wanted when its turn comes, what is done with it between two ticks, how that is told.
 
-    `request` is None for what nobody asked for: the turns of a comparison.
+    `request` is None for what nobody asked for: the turns of a comparison. What `outlives_the_loop` is put in force
+    although the loop has ended.
     """
 
     request: AnyRequest | None
-    wanted: Callable[[], Wanted]
+    wanted: Callable[[LiveController | None], Wanted]
     install: Callable[[Prepared, LiveController | None], None]
     told: str
+    outlives_the_loop: bool = False
 
 
 class Workbench:
@@ -88,14 +90,24 @@ class Workbench:
         if live is not None and self.comparison.is_on:
             self._take_turns(live)
         if not self._is_building and self._waiting:
-            yield from self._begin(self._waiting.popleft())
+            yield from self._begin(self._waiting.popleft(), live)
 
-    def adapt(self, adaptation: Adaptation, live: LiveController) -> bool:
-        """Put the adapted rules in force, unless something else is on its way; whether that was begun."""
-        if self._job is not None or self._waiting or self.comparison.is_on:
+    @property
+    def is_busy(self) -> bool:
+        """Whether something is on its way into force."""
+        return self._job is not None or bool(self._waiting)
+
+    def adapt(self, adaptation: Adaptation) -> bool:
+        """Put the adapted rules in force, unless something else is on its way; whether that was begun.
+
+        What an adaptation that found its sensor lying takes back must not stay in force when the loop ends first.
+        """
+        if self.is_busy or self.comparison.is_on:
             return False
-        change = Adapted(adaptation)
-        self._queue(Job(None, lambda: (self.in_force, change, live.reference), self._put_as_change, ""))
+        change, takes_back = Adapted(adaptation), adaptation.lying is not None
+        self._queue(
+            Job(None, lambda live: (self.in_force, change, _running(live)), self._put_as_change, "", takes_back)
+        )
         return True
 
     def answers(self) -> Iterator[tuple[AnyRequest, str | None]]:
@@ -109,19 +121,20 @@ class Workbench:
         self.comparison.sample(error_mm, hot_mm - cold_mm)
 
     def forget(self) -> None:
-        """The loop has ended: nothing that waits is for it any more."""
-        for job in (self._job, *self._waiting):
-            if job is not None and job.request is not None:
+        """The loop has ended: nothing that waits is for it any more, but what outlives it."""
+        under_way = [job for job in (self._job, *self._waiting) if job is not None]
+        for job in under_way:
+            if job.request is not None:
                 self._answers.append((job.request, "the heater was switched off meanwhile"))
-        self._waiting.clear()
+        self._waiting = deque(job for job in under_way if job.outlives_the_loop)
         self._job = self._next = None
         self.comparison.stop()
         self.in_force = self.history.now
 
-    def _begin(self, job: Job) -> Iterator[str]:
+    def _begin(self, job: Job, live: LiveController | None) -> Iterator[str]:
         """Give it to the workshop, unless it cannot be done any more."""
         try:
-            tuning, change, reference = job.wanted()
+            tuning, change, reference = job.wanted(live)
         except SmadriveError as error:
             yield from self._refuse(job, str(error))
             return
@@ -165,16 +178,18 @@ class Workbench:
                 step = -1 if act == "undo" else 1
                 changed = self.history.undo_name if step < 0 else self.history.redo_name
                 return Job(
-                    request, lambda: (self._past(step), None, _running(live)), self._go(step), f"{act}: {changed}"
+                    request, lambda live: (self._past(step), None, _running(live)), self._go(step), f"{act}: {changed}"
                 )
             case Recall(slot=slot):
                 tuning = replace(self.comparison.slot(slot), change=f"slot {slot}")
                 return Job(
-                    request, lambda: (tuning, None, _running(live)), self._put_as_change, f"slot {slot} in force"
+                    request, lambda live: (tuning, None, _running(live)), self._put_as_change, f"slot {slot} in force"
                 )
             case _ if isinstance(request, CHANGES):
                 change = request
-                return Job(request, lambda: (self.in_force, change, _running(live)), self._put_as_change, change.told)
+                return Job(
+                    request, lambda live: (self.in_force, change, _running(live)), self._put_as_change, change.told
+                )
             case _:
                 raise ConfigError(f"'{request.act}' is not done here")
 
@@ -182,7 +197,7 @@ class Workbench:
         if live is None:
             raise ConfigError("arm first: the heater is off")
 
-        def wanted() -> Wanted:
+        def wanted(_: LiveController | None) -> Wanted:
             return self.in_force, None, self._path(name, self.in_force, live.wanted_mm)
 
         return Job(request, wanted, self._put, told)
@@ -213,7 +228,7 @@ class Workbench:
         if not request.on:
             self.comparison.stop()
             before = self.history.now
-            self._queue(Job(request, lambda: (before, None, _running(live)), self._put, "comparison ended"))
+            self._queue(Job(request, lambda live: (before, None, _running(live)), self._put, "comparison ended"))
             return
         if live is None or not live.reference.endless:
             raise ConfigError("a comparison needs a running reference: arm, then start one")
@@ -238,7 +253,7 @@ class Workbench:
 
     def _prepare_next(self, live: LiveController) -> None:
         tuning, reference = self.comparison.slot(self.comparison.next_turn), live.reference
-        self._queue(Job(None, lambda: (tuning, None, reference), self._keep_ready, ""))
+        self._queue(Job(None, lambda _: (tuning, None, reference), self._keep_ready, ""))
 
     def _keep_ready(self, prepared: Prepared, live: LiveController | None) -> None:  # noqa: ARG002
         self._next = prepared

@@ -15,9 +15,16 @@ from smadrive.tuning.tuning import Tuning
 from .conftest import BALANCE
 
 
-def test_when_its_sensor_is_found_lying_the_rules_of_well_before_are_put_in_force(ruled_bench):
-    """A thermocouple that drifts is followed for a while: what was learnt by then must not stay."""
+FOUND_S = 75.9
+"""When that adaptation ends."""
+
+
+@pytest.mark.parametrize("off_after_s", [None, 0.0, 0.05, 0.1])
+def test_when_its_sensor_is_found_lying_the_rules_of_well_before_are_put_in_force(ruled_bench, off_after_s):
+    """A thermocouple that drifts is followed for a while: what was learnt by then must not stay, whenever OFF comes."""
     faults, spoilt = ruled_bench.device.bench.sensors.faults, []
+    if off_after_s is not None:
+        ruled_bench.do(FOUND_S + off_after_s, ruled_bench.page.request_off)
     ruled_bench.at(1.0, "arm")
     ruled_bench.at(1.2, "adapt", on=True)
     ruled_bench.at(1.5, "track", reference="sine")
@@ -26,7 +33,7 @@ def test_when_its_sensor_is_found_lying_the_rules_of_well_before_are_put_in_forc
     ruled_bench.do(75.0, lambda: faults.displacement.begin("stuck", None, lambda r, age_s: r.shown))
     ruled_bench.run(until_s=90.0)
     (ended_s, told) = next(entry for entry in ruled_bench.status["events"] if "adaptation ended" in entry[1])
-    assert ended_s < 85.0
+    assert ended_s == pytest.approx(FOUND_S, abs=0.06)
     assert "its rules of well before are put in force" in told
     in_force = ruled_bench.session.bench.in_force
     assert in_force.change == "adaptation"
