@@ -114,8 +114,7 @@ class TuningSession:
         return measurement
 
     def _heat(self) -> None:
-        """One run of the control loop, holding the wire where it is to begin with."""
-        arming, self._arming = self._arming, None
+        """One run of the control loop, holding the wire where it is to begin with; told as begun by its first tick."""
         self._status.fault = None
         try:
             with ends_safe(self._rig.heater):
@@ -124,26 +123,23 @@ class TuningSession:
                 hold = self._path(None, self.bench.in_force, self._displacement_mm(measured))
                 controller = tuned_controller(self.bench.in_force, hold, self._rig.config, self._balance)
                 self._live = LiveController(controller, hold, self._serve)
-                self._status.tell(self._now_s, "armed, holding")
                 if self.bench.in_force.feedback.adapt and not self._adapting.is_on:
                     self._adapting.switch(True, self.bench.in_force)
-                self._answer(arming, None)
-                arming = None
                 self._rig.drive(self._live, self._balance, self._take, self.bench.in_force.model)
             self._status.tell(self._now_s, "heater off, confirmed")
         except SmadriveError as error:
-            self._failed(error, arming)
+            self._failed(error)
         finally:
-            self._live = None
+            self._live = self._arming = None
             self.bench.forget()
 
-    def _failed(self, error: SmadriveError, arming: AnyRequest | None) -> None:
+    def _failed(self, error: SmadriveError) -> None:
         """Tell the fault; the rig stays connected, so that its remedy can be seen to work."""
         notes = getattr(error, "__notes__", [])
         self._is_safe = not notes
         self._status.fault = " — ".join([str(error), *notes])
         self._status.tell(self._now_s, self._status.fault)
-        self._answer(arming, self._status.fault)
+        self._answer(self._arming, self._status.fault)
 
     def _take(self, tick: Tick) -> None:
         """Where every tick goes: to the page, and to the log."""
@@ -179,6 +175,10 @@ class TuningSession:
 
     def _serve(self) -> None:
         """What the page has asked since the last tick, what the workshop has finished, and the status for the page."""
+        if self._live is not None and self._arming is not None:
+            self._status.tell(self._now_s, "armed, holding")
+            self._answer(self._arming, None)
+            self._arming = None
         if self._channel.off_requested():
             self._off()
             for message in self._channel.received(MOST_QUEUED):  # what was asked before OFF must not come after it
@@ -215,7 +215,7 @@ class TuningSession:
             case Off():
                 self._off()
             case Arm():
-                if self._live is not None:
+                if self._live is not None or self._arming is not None:
                     raise ConfigError("it is armed already")
                 self._arming = request  # answered when the wire holds
                 return
@@ -234,6 +234,7 @@ class TuningSession:
         self._answer(request, None)
 
     def _off(self) -> None:
+        self._answer(self._arming, "the heater was switched off meanwhile")
         self._arming = None
         self._status.tell(self._now_s, "OFF")
         if self._live is None:

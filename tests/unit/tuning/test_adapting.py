@@ -14,7 +14,6 @@ from smadrive.tuning.tuning import Tuning
 
 from .conftest import BALANCE
 
-
 FOUND_S = 75.9
 """When that adaptation ends."""
 

@@ -62,9 +62,11 @@ def test_a_cold_wire_is_held_without_heat_although_its_sensor_has_lost_its_zero(
 
 def test_a_sensor_that_is_far_from_where_the_wire_can_be_is_not_armed(bench_without_zero):
     bench = bench_without_zero(6.0)
-    bench.at(1.0, "arm")
+    arm = bench.at(1.0, "arm")
     bench.run(until_s=3.0)
     assert "mm possible at 2" in bench.status["fault"]
+    assert bench.answers[arm] == bench.status["fault"]
+    assert "armed, holding" not in [event for _, event in bench.status["events"]]
     assert currents(bench.ticks).max() < NONE_A
 
 
@@ -246,6 +248,18 @@ def test_nothing_that_was_asked_before_off_comes_after_it(bench):
     assert bench.status["mode"] == "off"
     assert currents(bench.between(20.5, 30.0)).max() < NONE_A
     assert all("switched off meanwhile" in bench.answers[arm] for arm in again)
+
+
+def test_every_arm_is_answered_although_off_comes_before_the_wire_holds(bench):
+    arms = [bench.at(1.0, "arm"), bench.at(1.0, "arm")]
+    off = bench.at(1.0, "off")
+    bench.run(until_s=3.0)
+    first, second = (bench.answers[arm] for arm in arms)
+    assert "switched off meanwhile" in first
+    assert "armed already" in second
+    assert bench.answers[off] is None
+    assert bench.status["mode"] == "off"
+    assert currents(bench.ticks).max() < NONE_A
 
 
 @pytest.mark.parametrize(("first", "mode"), [(("hold", {}), "holding"), (("track", {"reference": "sine"}), "tracking")])
