@@ -66,6 +66,7 @@ def test_silence_is_a_fault_after_its_limit():
     trip = supervisor.check_fresh(0.31)
     assert trip is not None
     assert trip.fault is Fault.STALE_DATA
+    assert "rate_hz or a larger stale_after_s" in str(trip)
 
 
 def test_silence_is_a_fault_even_when_it_was_broken_before_anyone_looked():
