@@ -17,8 +17,10 @@ class Fault(Enum):
     STALE_DATA = (
         3,
         "no fresh measurement arrived in time",
-        "check the cable, the port and the device's supply; is it, or its simulator, stopped? One that is slow needs a "
-        "lower rate_hz or a larger stale_after_s",
+        (
+            "check the cable, the port and the device's supply; is it, or its simulator, stopped? One that is slow "
+            "needs a lower rate_hz or a larger stale_after_s"
+        ),
     )
     DEVICE_FAULT = (4, "the device latched a fault of its own", "see the device's fault; remove it, then clear it")
     CURRENT_MISMATCH = (5, "the measured current is not the commanded one", "check the wire's clamps and the supply")
