@@ -18,7 +18,8 @@ from smadrive.cli.output import AsJson, Output, make_empty_folder
 from smadrive.cli.run import APPROACH_S, HEADER, table_row
 from smadrive.control.feedforward import DisplacementInverse, HysteresisInverse, StaticMap
 from smadrive.control.loop import Tick
-from smadrive.control.reference import Reference, sine
+from smadrive.control.reference import Reference
+from smadrive.control.shapes import sine
 from smadrive.control.wire import travel_mm
 from smadrive.identification.wire_fit import WireFit, identify_wire
 from smadrive.loggedrun import excitation_record

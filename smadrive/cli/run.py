@@ -16,8 +16,9 @@ from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile, TraceFolder
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.loop import LoopFigures
-from smadrive.control.reference import SHAPES, Reference, parse_reference
+from smadrive.control.reference import Reference
 from smadrive.control.rehearsal import Feasibility, rehearse
+from smadrive.control.shapes import SHAPES, parse_reference
 from smadrive.control.supervisor import check_thermocouple
 from smadrive.control.wire import WireModel, WireState, travel_mm
 from smadrive.controllers import tracking_settings

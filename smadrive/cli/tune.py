@@ -15,7 +15,8 @@ from smadrive.cli.probe import RigFile
 from smadrive.cli.run import model_file, read_reference
 from smadrive.cli.tune_live import TuneView, watched
 from smadrive.clock import VirtualClock
-from smadrive.control.reference import Reference, sine
+from smadrive.control.reference import Reference
+from smadrive.control.shapes import sine
 from smadrive.control.wire import travel_mm
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel

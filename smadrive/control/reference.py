@@ -1,24 +1,21 @@
 """The displacement that is wanted, as a function of time.
 
-A reference is a piecewise linear table in time. It is written `shape:key=value,...` (`parse_reference`) or read from a
-CSV. An approach is put before it (`with_approach`): a smooth path from where the wire is to where the reference
-begins, which is driven but not scored.
+A reference is a piecewise linear table in time, given by its samples or by a shape (see shapes). An approach is put
+before it (`with_approach`): a smooth path from where the wire is to where the reference begins, which is driven but not
+scored.
 """
 
 from __future__ import annotations
 
 from bisect import bisect_right
-from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from inspect import Parameter, signature
 from math import inf
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smadrive.errors import ConfigError, DataError
-from smadrive.nearest import meant, nearest
 from smadrive.polyline import Polyline
 
 Array = NDArray[np.float64]
@@ -31,8 +28,6 @@ LONGEST_S = 86_400.0
 
 SHORTEST_S = 0.1
 """No wire follows anything within less."""
-
-MOST_PIECES = LONGEST_S / TABLE_STEP_S
 
 TRAVEL_SLACK = 0.005
 """Share of the travel by which a reference may exceed it: the noise of the sensor that the travel was read with."""
@@ -66,7 +61,7 @@ class Reference:
                 raise DataError(
                     f"reference: {name} of sample {bad[0] + 1} is {column[bad[0]]}: every value must be finite"
                 )
-        _check_length(float(times.max()) - float(times.min()))
+        check_length(float(times.max()) - float(times.min()))
         backwards = np.flatnonzero(np.diff(times) <= 0)
         if backwards.size:
             n = int(backwards[0])
@@ -174,119 +169,13 @@ def _minimum_jerk(from_mm: float, to_mm: float, within_s: float) -> Array:
     return from_mm + (to_mm - from_mm) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
 
-def parse_reference(spec: str) -> Reference:
-    """A reference from its one-line form, e.g. `sine:low_mm=2,high_mm=9,period_s=56,cycles=2`.
-
-    Shapes and their keys are the functions of this file; ConfigError names what is unknown or missing, and what there
-    is: the shapes, or the keys.
-    """
-    shape, _, arguments = spec.partition(":")
-    make = SHAPES.get(shape)
-    if make is None:
-        raise ConfigError(f"reference '{spec}': '{shape}' is neither a shape nor a CSV file{nearest(shape, SHAPES)}")
-    pairs = [part.partition("=") for part in arguments.split(",") if part]
-    given = {key.strip(): value for key, _, value in pairs}
-    keys = signature(make).parameters
-    wrong = _wrong_keys(given, keys)
-    if wrong:
-        told = ", ".join(_told(key) for key in keys.values())
-        raise ConfigError(f"reference '{spec}': {wrong}; the keys of '{shape}' are {told}")
-    try:
-        return make(**{key: float(value) for key, value in given.items()})
-    except ValueError as error:
-        raise ConfigError(f"reference '{spec}': {error}") from None
-
-
-def _wrong_keys(given: Collection[str], keys: Mapping[str, Parameter]) -> str:
-    """What is wrong with the keys that were given; nothing: empty."""
-    for key in given:
-        if key not in keys:
-            return f"unknown key '{key}'{meant(key, keys)}"
-    missing = [name for name, key in keys.items() if key.default is key.empty and name not in given]
-    return f"missing: {', '.join(missing)}" if missing else ""
-
-
-def _told(key: Parameter) -> str:
-    return f"{key.name}=" if key.default is key.empty else f"{key.name}= (optional: {key.default:g})"
-
-
-def sine(*, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0) -> Reference:
-    """A sine between `low_mm` and `high_mm` that begins at `low_mm`."""
-    _check_length(period_s * cycles)
-    times = np.linspace(0.0, period_s * cycles, max(3, int(period_s * cycles / TABLE_STEP_S)))
-    swing = 0.5 * (1.0 - np.cos(2.0 * np.pi * times / _positive("period_s", period_s)))
-    return Reference.from_samples(times, low_mm + (high_mm - low_mm) * swing)
-
-
-def triangle(*, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0) -> Reference:
-    """Straight up and down between `low_mm` and `high_mm`."""
-    _check_length(period_s * cycles, 2 * cycles)
-    corners = np.arange(int(2 * cycles) + 1)
-    values = np.where(corners % 2 == 0, low_mm, high_mm)
-    return Reference.from_samples(corners * 0.5 * _positive("period_s", period_s), values)
-
-
-def staircase(
-    *, low_mm: float, high_mm: float, steps: float = 4.0, dwell_s: float = 10.0, rise_s: float = 2.0
-) -> Reference:
-    """`steps` equal levels up and down again, each held `dwell_s`, with straight rises of `rise_s` between them."""
-    _check_length(2 * steps * (dwell_s + rise_s), 2 * steps)
-    count = int(_positive("steps", steps))
-    up = np.linspace(low_mm, high_mm, count + 1)
-    levels = np.concatenate((up, up[-2::-1]))
-    starts = np.arange(levels.size) * (_positive("dwell_s", dwell_s) + _positive("rise_s", rise_s))
-    times = np.column_stack((starts, starts + dwell_s)).ravel()
-    return Reference.from_samples(times, np.repeat(levels, 2))
-
-
-def steps(*, low_mm: float, high_mm: float, dwell_s: float = 10.0, cycles: float = 2.0) -> Reference:
-    """Jumps up and down between `low_mm` and `high_mm`, each held `dwell_s`: for a wire, to be smoothed before."""
-    _check_length(2 * cycles * dwell_s, 2 * cycles)
-    levels = np.where(np.arange(int(2 * _positive("cycles", cycles)) + 1) % 2 == 0, low_mm, high_mm)
-    starts = np.arange(levels.size) * _positive("dwell_s", dwell_s)
-    times = np.column_stack((starts, starts + dwell_s - TABLE_STEP_S)).ravel()
-    return Reference.from_samples(times, np.repeat(levels, 2))
-
-
-def trapezoid(
-    *, low_mm: float, high_mm: float, rise_s: float = 10.0, dwell_s: float = 5.0, cycles: float = 2.0
-) -> Reference:
-    """Straight up within `rise_s`, held `dwell_s`, straight down, held as long."""
-    _check_length(2 * cycles * (dwell_s + rise_s), 2 * cycles)
-    levels = np.where(np.arange(int(2 * _positive("cycles", cycles)) + 1) % 2 == 0, low_mm, high_mm)
-    starts = np.arange(levels.size) * (_positive("dwell_s", dwell_s) + _positive("rise_s", rise_s))
-    times = np.column_stack((starts, starts + dwell_s)).ravel()
-    return Reference.from_samples(times, np.repeat(levels, 2))
-
-
-def chirp(*, low_mm: float, high_mm: float, start_hz: float, end_hz: float, duration_s: float = 120.0) -> Reference:
-    """A swing between `low_mm` and `high_mm` whose frequency rises evenly from `start_hz` to `end_hz`."""
-    _check_length(duration_s)
-    rate_hz_per_s = (_positive("end_hz", end_hz) - _positive("start_hz", start_hz)) / _positive(
-        "duration_s", duration_s
-    )
-    times = np.linspace(0.0, duration_s, max(3, int(duration_s / TABLE_STEP_S)))
-    turns = (start_hz + 0.5 * rate_hz_per_s * times) * times
-    return Reference.from_samples(times, low_mm + (high_mm - low_mm) * 0.5 * (1.0 - np.cos(2.0 * np.pi * turns)))
-
-
-def _check_length(duration_s: float, pieces: float = 0.0) -> None:
-    """DataError when a reference lasts too long to be rehearsed, or has too many pieces; before its table is made."""
-    if duration_s > LONGEST_S:
+def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONGEST_S) -> None:
+    """DataError when a reference lasts longer, or has more pieces than the longest one; before its table is made."""
+    most = longest_s / TABLE_STEP_S
+    if duration_s > longest_s:
         raise DataError(
-            f"reference: it lasts {duration_s:g} s, the longest that is rehearsed and run at once is {LONGEST_S:g} s, "
-            "a day: shorten it; is its time in seconds?"
+            f"reference: it lasts {duration_s:g} s, the longest that can be run here is {longest_s:g} s: shorten it, "
+            "or lower its cycles; is its time in seconds?"
         )
-    if pieces > MOST_PIECES:
-        raise DataError(f"reference: it has {pieces:g} pieces, at most {MOST_PIECES:g} can be: lower their number")
-
-
-def _positive(name: str, value: float) -> float:
-    if value > 0:
-        return value
-    raise ConfigError(f"reference: {name} must be positive, it is {value:g}")
-
-
-SHAPES: dict[str, Callable[..., Reference]] = {
-    make.__name__: make for make in (sine, triangle, trapezoid, steps, staircase, chirp)
-}
+    if pieces > most:
+        raise DataError(f"reference: it has {pieces:g} pieces, at most {most:g} can be here: lower their number")

@@ -13,9 +13,8 @@ from math import isfinite
 from smadrive.control.controller import Command
 from smadrive.control.loop import Tick, ends_safe
 from smadrive.control.placement import PlausibleDisplacement
-from smadrive.control.reference import Reference, parse_reference
+from smadrive.control.reference import Reference
 from smadrive.control.supervisor import check_thermocouple
-from smadrive.control.wire import travel_mm
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
@@ -24,20 +23,18 @@ from smadrive.tuning.adapting import Adapting
 from smadrive.tuning.channel import MESSAGES_PER_TICK, MOST_QUEUED, ControlEnd
 from smadrive.tuning.live import LiveController
 from smadrive.tuning.messages import Adapt, AnyRequest, Arm, ClearFaults, Note, Off, Step, parse_request
+from smadrive.tuning.offered import Offered
 from smadrive.tuning.status import STATUS_S, Status
 from smadrive.tuning.tuning import Tuning
 from smadrive.tuning.workbench import Workbench
 from smadrive.tuning.workshop import Workshop, tuned_controller
-
-APPROACH_S = 10.0
-"""How long the wire takes to come to the beginning of a reference, and back to it where its ends differ."""
 
 RETRY_S = 1.0
 """How often an unconfirmed safe state is tried again."""
 
 
 class TuningSession:
-    """One rig, one wire, one page. `references` are offered by name; every tick goes to `record`."""
+    """One rig, one wire, one page. `references` are offered by name (see Offered); every tick goes to `record`."""
 
     def __init__(
         self,
@@ -51,13 +48,13 @@ class TuningSession:
     ) -> None:
         self._rig = rig
         self._balance = balance
-        self._references = references
+        self._offered = Offered(references)
         self._channel = channel
         self._record = record
-        self.bench = Workbench(self._path, rig.config, balance, tuning, workshop)
+        self.bench = Workbench(self._offered.path, rig.config, balance, tuning, workshop)
         self._live: LiveController | None = None
         self._adapting = Adapting(tuning, balance, rig.period_s, rig.config.feedback.noise_c)
-        self._status = Status(rig, list(references), balance, self.bench)
+        self._status = Status(rig, self._offered.names, balance, self.bench)
         self._began_s = rig.clock.now_s()
         self._arming: Arm | None = None
         self._is_safe = True
@@ -120,7 +117,7 @@ class TuningSession:
             with ends_safe(self._rig.heater):
                 measured = self._rig.heater.exchange(0.0)
                 check_thermocouple(measured)
-                hold = self._path(None, self.bench.in_force, self._displacement_mm(measured))
+                hold = self._offered.path(None, self.bench.in_force, self._displacement_mm(measured))
                 controller = tuned_controller(self.bench.in_force, hold, self._rig.config, self._balance)
                 self._live = LiveController(controller, hold, self._serve)
                 if self.bench.in_force.feedback.adapt and not self._adapting.is_on:
@@ -248,14 +245,6 @@ class TuningSession:
         self._rig.clear_faults()
         self._status.fault = None
         self._status.tell(self._now_s, "faults cleared")
-
-    def _path(self, name: str | None, tuning: Tuning, from_mm: float) -> Reference:
-        """A reference by its name or its one-line form, from where the wire is wanted now; None: to stay there."""
-        if name is None:
-            return Reference.from_samples([0.0, 1.0], [from_mm, from_mm])
-        wanted = self._references.get(name) or parse_reference(name)
-        wanted.check_within(travel_mm(tuning.model))
-        return wanted.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)
 
     def _displacement_mm(self, measured: Measurement) -> float:
         """Where the wire is, by its sensor, but held to what the model can reach at its temperature.

@@ -24,8 +24,9 @@ from smadrive.clock import VirtualClock
 from smadrive.control.controller import Command
 from smadrive.control.feedforward import HysteresisInverse, StaticMap
 from smadrive.control.plausibility import IDENTIFIED
-from smadrive.control.reference import Reference, chirp, sine, steps, trapezoid
+from smadrive.control.reference import Reference
 from smadrive.control.rehearsal import rehearse
+from smadrive.control.shapes import chirp, sine, steps, trapezoid
 from smadrive.control.tracking import TrackingController
 from smadrive.control.wire import WireModel, WireState
 from smadrive.controllers import tracking_settings

@@ -30,7 +30,7 @@ from pathlib import Path
 
 import numpy as np
 
-from smadrive.control.reference import sine
+from smadrive.control.shapes import sine
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig, rig_file

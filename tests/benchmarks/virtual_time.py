@@ -22,7 +22,7 @@ from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
 from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.reference import sine
+from smadrive.control.shapes import sine
 from smadrive.control.wire import travel_mm
 from smadrive.identification.wire_fit import identify_wire
 from smadrive.loggedrun import excitation_record, nominal_balance

@@ -12,7 +12,7 @@ from contextlib import ExitStack, suppress
 
 import pytest
 
-from smadrive.control.reference import sine
+from smadrive.control.shapes import sine
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig, rig_file

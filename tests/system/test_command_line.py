@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from smadrive.cli.identify import certificate_rows
-from smadrive.control.reference import SHAPES
+from smadrive.control.shapes import SHAPES
 from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.hysteresis.certificate import Certificate
 from smadrive.telemetry.log import read_log

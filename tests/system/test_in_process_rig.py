@@ -8,7 +8,7 @@ from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
 from smadrive.control.faults import Fault
 from smadrive.control.feedforward import HysteresisInverse, StaticMap
-from smadrive.control.reference import sine
+from smadrive.control.shapes import sine
 from smadrive.control.wire import travel_mm
 from smadrive.errors import SafetyError, TripError
 from smadrive.identification.wire_fit import identify_wire

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from smadrive.control.feedforward import HysteresisInverse, StaticMap
-from smadrive.control.reference import sine
+from smadrive.control.shapes import sine
 from smadrive.errors import DataError
 from smadrive.hysteresis import DuhemModel
 from smadrive.replay import Difference, prediction_percent, replay

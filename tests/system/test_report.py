@@ -18,7 +18,7 @@ from smadrive.cli.log_report import write_log_report
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.loop import LoopFigures
-from smadrive.control.reference import sine
+from smadrive.control.shapes import sine
 from smadrive.device.heater import AT_LIMIT
 from smadrive.errors import DeadlineError, TripError
 from smadrive.hysteresis import DuhemModel

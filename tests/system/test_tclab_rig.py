@@ -14,7 +14,7 @@ from firmware_sim.replay import Replay
 from smadrive.clock import VirtualClock
 from smadrive.control.faults import Fault
 from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.reference import sine
+from smadrive.control.shapes import sine
 from smadrive.control.wire import travel_mm
 from smadrive.device.profile import load_profile
 from smadrive.errors import ConfigError, TripError

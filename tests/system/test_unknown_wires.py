@@ -11,7 +11,7 @@ from firmware_sim.config import SimConfig, load_sim
 from firmware_sim.lottery import draw
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.reference import sine
+from smadrive.control.shapes import sine
 from smadrive.control.wire import travel_mm
 from smadrive.identification.excitation import ExcitationRecord
 from smadrive.identification.wire_fit import WireFit, identify_wire

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.reference import parse_reference
 from smadrive.control.rehearsal import rehearse
+from smadrive.control.shapes import parse_reference
 from smadrive.control.tracking import TrackingSettings
 from smadrive.control.wire import WireModel, WireState
 from smadrive.errors import ConfigError

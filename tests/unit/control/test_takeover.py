@@ -4,7 +4,7 @@ import pytest
 
 from smadrive.control.feedback import HANDOVER_S, PIGains, TemperatureFeedback
 from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.reference import sine
+from smadrive.control.shapes import sine
 from smadrive.control.tracking import TrackingController, TrackingSettings
 from smadrive.control.wire import WireModel
 from smadrive.hysteresis import DuhemModel

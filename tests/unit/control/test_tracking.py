@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.reference import Reference, sine
+from smadrive.control.reference import Reference
+from smadrive.control.shapes import sine
 from smadrive.control.tracking import TrackingController, TrackingSettings
 from smadrive.control.wire import WireModel, WireState
 from smadrive.hysteresis import DuhemModel

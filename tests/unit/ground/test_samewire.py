@@ -8,7 +8,7 @@ from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.reference import sine
+from smadrive.control.shapes import sine
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
 from smadrive.rig import Rig

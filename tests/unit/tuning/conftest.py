@@ -9,7 +9,7 @@ import pytest
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
-from smadrive.control.reference import sine
+from smadrive.control.shapes import sine
 from smadrive.errors import SmadriveError
 from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
 from smadrive.hysteresis.fuzzy import TriangularSets

@@ -5,7 +5,12 @@ import pytest
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
+from smadrive.control.reference import Reference
+from smadrive.errors import ConfigError
+from smadrive.tuning.offered import Offered
 from smadrive.wirefile import parse_wire
+
+from .conftest import REFERENCE
 
 NONE_A = 0.002
 """The noise of the simulated current measurement."""
@@ -129,6 +134,12 @@ def test_a_change_is_in_force_at_once_and_makes_no_jump(bench):
         ("rule", {"index": 0, "direction": 1, "a": -1.0, "b": 0.5}, "no rules"),
         ("track", {"reference": "sine:low_mm=0,high_mm=20,period_s=10"}, "reaches from"),
         ("track", {"reference": "sine:low_mm=2,high_mm=9,period_s=1e-300"}, "the shortest that can be run"),
+        (
+            "track",
+            {"reference": "sine:low_mm=2,high_mm=9,period_s=43200"},
+            "lasts 86400 s, the longest that",
+        ),
+        ("track", {"reference": "steps:low_mm=2,high_mm=9,dwell_s=0.001,cycles=1e5"}, "pieces, at most 30000"),
         ("track", {"reference": "square"}, "neither a shape nor a CSV file"),
         ("undo", {}, "nothing to undo"),
         ("recall", {"slot": "A"}, "slot A is empty"),
@@ -144,6 +155,12 @@ def test_what_may_not_be_is_refused_with_its_reason_and_nothing_changes(bench, a
     assert reason in bench.answers[asked]
     assert bench.status["tuning"]["change"] == "as identified"
     assert bench.status["mode"] == "tracking"
+
+
+def test_a_reference_that_is_too_long_for_the_page_is_not_offered_either():
+    day = Reference.from_samples([0.0, 86_400.0], [2.0, 9.0])
+    with pytest.raises(ConfigError, match=r"'day.csv' on the tuning page: .*: shorten it.*`smadrive run` takes longer"):
+        Offered({"sine": REFERENCE, "day.csv": day})
 
 
 def test_what_is_no_request_is_told_and_ignored(bench):

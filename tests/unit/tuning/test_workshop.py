@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import pytest
 
-from smadrive.control.reference import sine
+from smadrive.control.shapes import sine
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
 from smadrive.identification.adaptation import Adaptation
 from smadrive.measurement import Measurement

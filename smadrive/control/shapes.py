@@ -1,0 +1,149 @@
+"""References by their shape, in one line: `sine:low_mm=2,high_mm=9,period_s=56,cycles=2`.
+
+A shape is a function of this file, its keys are the keywords. The one argument that has a place, `longest_s`, is not
+the user's: longer ones are refused before a table is made of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping
+from inspect import Parameter, signature
+
+import numpy as np
+
+from smadrive.control.reference import LONGEST_S, TABLE_STEP_S, Reference, check_length
+from smadrive.errors import ConfigError
+from smadrive.nearest import meant, nearest
+
+
+def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
+    """A reference from its one-line form.
+
+    ConfigError names what is unknown or missing, and what there is: the shapes, or the keys. DataError for one that
+    lasts longer than `longest_s`.
+    """
+    shape, _, arguments = spec.partition(":")
+    make = SHAPES.get(shape)
+    if make is None:
+        raise ConfigError(f"reference '{spec}': '{shape}' is neither a shape nor a CSV file{nearest(shape, SHAPES)}")
+    pairs = [part.partition("=") for part in arguments.split(",") if part]
+    given = {key.strip(): value for key, _, value in pairs}
+    keys = {name: key for name, key in signature(make).parameters.items() if key.kind is key.KEYWORD_ONLY}
+    wrong = _wrong_keys(given, keys)
+    if wrong:
+        told = ", ".join(_told(key) for key in keys.values())
+        raise ConfigError(f"reference '{spec}': {wrong}; the keys of '{shape}' are {told}")
+    try:
+        return make(longest_s, **{key: float(value) for key, value in given.items()})
+    except ValueError as error:
+        raise ConfigError(f"reference '{spec}': {error}") from None
+
+
+def _wrong_keys(given: Collection[str], keys: Mapping[str, Parameter]) -> str:
+    """What is wrong with the keys that were given; nothing: empty."""
+    for key in given:
+        if key not in keys:
+            return f"unknown key '{key}'{meant(key, keys)}"
+    missing = [name for name, key in keys.items() if key.default is key.empty and name not in given]
+    return f"missing: {', '.join(missing)}" if missing else ""
+
+
+def _told(key: Parameter) -> str:
+    return f"{key.name}=" if key.default is key.empty else f"{key.name}= (optional: {key.default:g})"
+
+
+def sine(
+    longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0
+) -> Reference:
+    """A sine between `low_mm` and `high_mm` that begins at `low_mm`."""
+    check_length(period_s * cycles, longest_s=longest_s)
+    times = np.linspace(0.0, period_s * cycles, max(3, int(period_s * cycles / TABLE_STEP_S)))
+    swing = 0.5 * (1.0 - np.cos(2.0 * np.pi * times / _positive("period_s", period_s)))
+    return Reference.from_samples(times, low_mm + (high_mm - low_mm) * swing)
+
+
+def triangle(
+    longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0
+) -> Reference:
+    """Straight up and down between `low_mm` and `high_mm`."""
+    check_length(period_s * cycles, 2 * cycles, longest_s=longest_s)
+    corners = np.arange(int(2 * cycles) + 1)
+    values = np.where(corners % 2 == 0, low_mm, high_mm)
+    return Reference.from_samples(corners * 0.5 * _positive("period_s", period_s), values)
+
+
+def staircase(
+    longest_s: float = LONGEST_S,
+    *,
+    low_mm: float,
+    high_mm: float,
+    steps: float = 4.0,
+    dwell_s: float = 10.0,
+    rise_s: float = 2.0,
+) -> Reference:
+    """`steps` equal levels up and down again, each held `dwell_s`, with straight rises of `rise_s` between them."""
+    check_length(2 * steps * (dwell_s + rise_s), 2 * steps, longest_s=longest_s)
+    count = int(_positive("steps", steps))
+    up = np.linspace(low_mm, high_mm, count + 1)
+    levels = np.concatenate((up, up[-2::-1]))
+    starts = np.arange(levels.size) * (_positive("dwell_s", dwell_s) + _positive("rise_s", rise_s))
+    times = np.column_stack((starts, starts + dwell_s)).ravel()
+    return Reference.from_samples(times, np.repeat(levels, 2))
+
+
+def steps(
+    longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, dwell_s: float = 10.0, cycles: float = 2.0
+) -> Reference:
+    """Jumps up and down between `low_mm` and `high_mm`, each held `dwell_s`: for a wire, to be smoothed before."""
+    check_length(2 * cycles * dwell_s, 2 * cycles, longest_s=longest_s)
+    levels = np.where(np.arange(int(2 * _positive("cycles", cycles)) + 1) % 2 == 0, low_mm, high_mm)
+    starts = np.arange(levels.size) * _positive("dwell_s", dwell_s)
+    times = np.column_stack((starts, starts + dwell_s - TABLE_STEP_S)).ravel()
+    return Reference.from_samples(times, np.repeat(levels, 2))
+
+
+def trapezoid(
+    longest_s: float = LONGEST_S,
+    *,
+    low_mm: float,
+    high_mm: float,
+    rise_s: float = 10.0,
+    dwell_s: float = 5.0,
+    cycles: float = 2.0,
+) -> Reference:
+    """Straight up within `rise_s`, held `dwell_s`, straight down, held as long."""
+    check_length(2 * cycles * (dwell_s + rise_s), 2 * cycles, longest_s=longest_s)
+    levels = np.where(np.arange(int(2 * _positive("cycles", cycles)) + 1) % 2 == 0, low_mm, high_mm)
+    starts = np.arange(levels.size) * (_positive("dwell_s", dwell_s) + _positive("rise_s", rise_s))
+    times = np.column_stack((starts, starts + dwell_s)).ravel()
+    return Reference.from_samples(times, np.repeat(levels, 2))
+
+
+def chirp(
+    longest_s: float = LONGEST_S,
+    *,
+    low_mm: float,
+    high_mm: float,
+    start_hz: float,
+    end_hz: float,
+    duration_s: float = 120.0,
+) -> Reference:
+    """A swing between `low_mm` and `high_mm` whose frequency rises evenly from `start_hz` to `end_hz`."""
+    check_length(duration_s, longest_s=longest_s)
+    rate_hz_per_s = (_positive("end_hz", end_hz) - _positive("start_hz", start_hz)) / _positive(
+        "duration_s", duration_s
+    )
+    times = np.linspace(0.0, duration_s, max(3, int(duration_s / TABLE_STEP_S)))
+    turns = (start_hz + 0.5 * rate_hz_per_s * times) * times
+    return Reference.from_samples(times, low_mm + (high_mm - low_mm) * 0.5 * (1.0 - np.cos(2.0 * np.pi * turns)))
+
+
+def _positive(name: str, value: float) -> float:
+    if value > 0:
+        return value
+    raise ConfigError(f"reference: {name} must be positive, it is {value:g}")
+
+
+SHAPES: dict[str, Callable[..., Reference]] = {
+    make.__name__: make for make in (sine, triangle, trapezoid, steps, staircase, chirp)
+}
