@@ -329,4 +329,4 @@ def test_what_cannot_be_fitted_is_told(client, live):
     fit_s.press("Enter")
     press(page, "Fit")
     page.locator(".banner", has_text="nothing to fit").wait_for()
-    page.locator(".card", has_text="Events").get_by_text("refused: no displacement was measured").first.wait_for()
+    page.locator(".card", has_text="Events").get_by_text("not fitted: no displacement was measured").first.wait_for()
