@@ -33,6 +33,7 @@ from smadrive.rigconfig import RigConfig, load_wire
 from smadrive.rigdevices import open_devices
 from smadrive.samewire import check_same_wire
 from smadrive.thermal import HeatBalance
+from smadrive.wirelimits import check_limits
 
 Record = Callable[[Tick], None]
 
@@ -71,8 +72,9 @@ class Rig:
         trace_folder: Path | None = None,
     ) -> None:
         self.config = config
-        self.nominal_balance = load_wire(config.wire).heat_balance()
-        config.check_wire(self.nominal_balance)
+        wire = load_wire(config.wire)
+        check_limits(config, wire)
+        self.nominal_balance = wire.heat_balance()
         self._clock = clock
         self._transports = transports or {}
         self._trace_folder = trace_folder

@@ -14,9 +14,14 @@ from smadrive.filekind import RIG, WIRE
 from smadrive.shipped import config_file
 from smadrive.thermal import HeatBalance
 
+AGEING_C = 200.0
+"""Nickel-titanium begins to age there and changes for good; the file of an alloy that transforms hotter says so."""
+
 
 class WireConfig(Section):
     """A wire as its data sheet describes it.
+
+    `temperature_max_c` is what the wire stands for good: no rig may allow more. Left out, it is `AGEING_C`.
 
     The bounds are far outside of every wire on sale, and inside of what a value in another unit looks like: metres for
     millimetres, grams for kilograms, kelvins for degrees, milliseconds for seconds.
@@ -33,6 +38,7 @@ class WireConfig(Section):
     convection_w_per_m2_k: float = Field(ge=1, le=1e5)
     ambient_c: float = Field(ge=-100, le=150)
     thermocouple_lag_s: float = Field(ge=0, le=10)
+    temperature_max_c: float = Field(default=AGEING_C, ge=30, le=350)
 
     def heat_balance(self) -> HeatBalance:
         """The nominal heat balance: m from the volume, A the wire's surface."""
@@ -110,9 +116,6 @@ class FeedbackConfig(Section):
 LOOP_PERIODS = 2.5
 """A temperature loop that shall settle in fewer of its own periods overshoots where the wire heats at full current."""
 
-AMPLE = 20.0
-"""A limit of so many times the current that holds the wire at temperature_max_c is taken for one in another unit."""
-
 
 class RigConfig(Section):
     """A rig file."""
@@ -173,16 +176,6 @@ class RigConfig(Section):
                     f"rig '{self.name}': feedback.{name} = {getattr(feedback, name):g} is shorter than a period of the "
                     f"loop ({1.0 / self.rate_hz:g} s at rate_hz = {self.rate_hz:g}): raise it"
                 )
-
-    def check_wire(self, balance: HeatBalance) -> None:
-        """ConfigError when `current_max_a` cannot be meant for the wire of this heat balance: it would be no limit."""
-        limits = self.limits
-        held_a = balance.current_a(balance.power_w(limits.temperature_max_c, 0.0, 0.0), 1.0)
-        if limits.current_max_a > AMPLE * held_a > 0.0:
-            raise ConfigError(
-                f"rig '{self.name}': limits.current_max_a = {limits.current_max_a:g} is no limit for '{self.wire}', "
-                f"which {held_a:.2g} A hold at temperature_max_c = {limits.temperature_max_c:g}: is it in amperes?"
-            )
 
     def in_folder(self, folder: Path) -> RigConfig:
         """The same rig with the files that it names, not those that ship, looked for from `folder`."""
