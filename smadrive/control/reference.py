@@ -29,6 +29,9 @@ LONGEST_S = 86_400.0
 SHORTEST_S = 0.1
 """No wire follows anything within less."""
 
+FARTHEST_MM = 1e5
+"""As far as the longest wire that a wire file may tell is long."""
+
 TRAVEL_SLACK = 0.005
 """Share of the travel by which a reference may exceed it: the noise of the sensor that the travel was read with."""
 
@@ -49,7 +52,8 @@ class Reference:
     def from_samples(cls, times_s: ArrayLike, displacement_mm: ArrayLike) -> Reference:
         """Through the samples, straight between them.
 
-        DataError for NaN, lengths that differ, time going backwards, less than `SHORTEST_S` and more than `LONGEST_S`.
+        DataError for NaN, lengths that differ, time going backwards, less than `SHORTEST_S` and more than `LONGEST_S`,
+        and what is farther than `FARTHEST_MM`.
         """
         times = np.asarray(times_s, dtype=np.float64)
         values = np.asarray(displacement_mm, dtype=np.float64)
@@ -61,16 +65,13 @@ class Reference:
                 raise DataError(
                     f"reference: {name} of sample {bad[0] + 1} is {column[bad[0]]}: every value must be finite"
                 )
+        farthest = int(np.argmax(np.abs(values)))
+        check_displacement(f"displacement_mm of sample {farthest + 1}", float(values[farthest]))
         check_length(float(times.max()) - float(times.min()))
         backwards = np.flatnonzero(np.diff(times) <= 0)
         if backwards.size:
             n = int(backwards[0])
             raise DataError(f"reference: time goes from {times[n]:g} s to {times[n + 1]:g} s: it must increase")
-        if times[-1] - times[0] < SHORTEST_S:
-            raise DataError(
-                f"reference: it lasts {times[-1] - times[0]:g} s, the shortest that can be run is {SHORTEST_S:g} s: "
-                "slow it down; is its time in seconds?"
-            )
         return cls(times - times[0], values)
 
     @property
@@ -169,8 +170,24 @@ def _minimum_jerk(from_mm: float, to_mm: float, within_s: float) -> Array:
     return from_mm + (to_mm - from_mm) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
 
+def check_displacement(name: str, value_mm: float) -> None:
+    """DataError when no wire is so long; NaN neither."""
+    if not abs(value_mm) <= FARTHEST_MM:
+        raise DataError(
+            f"reference: {name} is {value_mm:g}, it must be finite and within {FARTHEST_MM:g} mm: is it in millimetres?"
+        )
+
+
 def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONGEST_S) -> None:
-    """DataError when a reference lasts longer, or has more pieces than the longest one; before its table is made."""
+    """DataError when a reference lasts less than `SHORTEST_S`, or longer, or has more pieces than the longest one.
+
+    To be called before its table is made.
+    """
+    if duration_s < SHORTEST_S:
+        raise DataError(
+            f"reference: it lasts {duration_s:g} s, the shortest that can be run is {SHORTEST_S:g} s: "
+            "slow it down; is its time in seconds?"
+        )
     most = longest_s / TABLE_STEP_S
     if duration_s > longest_s:
         raise DataError(

@@ -11,7 +11,7 @@ from inspect import Parameter, signature
 
 import numpy as np
 
-from smadrive.control.reference import LONGEST_S, TABLE_STEP_S, Reference, check_length
+from smadrive.control.reference import LONGEST_S, TABLE_STEP_S, Reference, check_displacement, check_length
 from smadrive.errors import ConfigError
 from smadrive.nearest import meant, nearest
 
@@ -56,9 +56,10 @@ def sine(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0
 ) -> Reference:
     """A sine between `low_mm` and `high_mm` that begins at `low_mm`."""
-    check_length(period_s * cycles, longest_s=longest_s)
+    _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
+    check_length(period_s * cycles, 2 * cycles, longest_s=longest_s)
     times = np.linspace(0.0, period_s * cycles, max(3, int(period_s * cycles / TABLE_STEP_S)))
-    swing = 0.5 * (1.0 - np.cos(2.0 * np.pi * times / _positive("period_s", period_s)))
+    swing = 0.5 * (1.0 - np.cos(2.0 * np.pi * times / period_s))
     return Reference.from_samples(times, low_mm + (high_mm - low_mm) * swing)
 
 
@@ -66,10 +67,11 @@ def triangle(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0
 ) -> Reference:
     """Straight up and down between `low_mm` and `high_mm`."""
+    _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
     check_length(period_s * cycles, 2 * cycles, longest_s=longest_s)
     corners = np.arange(int(2 * cycles) + 1)
     values = np.where(corners % 2 == 0, low_mm, high_mm)
-    return Reference.from_samples(corners * 0.5 * _positive("period_s", period_s), values)
+    return Reference.from_samples(corners * 0.5 * period_s, values)
 
 
 def staircase(
@@ -82,11 +84,12 @@ def staircase(
     rise_s: float = 2.0,
 ) -> Reference:
     """`steps` equal levels up and down again, each held `dwell_s`, with straight rises of `rise_s` between them."""
-    check_length(2 * steps * (dwell_s + rise_s), 2 * steps, longest_s=longest_s)
-    count = int(_positive("steps", steps))
+    _check(low_mm=low_mm, high_mm=high_mm, steps=steps, dwell_s=dwell_s, rise_s=rise_s)
+    check_length(2 * steps * (dwell_s + rise_s) + dwell_s, 2 * steps, longest_s=longest_s)
+    count = int(steps)
     up = np.linspace(low_mm, high_mm, count + 1)
     levels = np.concatenate((up, up[-2::-1]))
-    starts = np.arange(levels.size) * (_positive("dwell_s", dwell_s) + _positive("rise_s", rise_s))
+    starts = np.arange(levels.size) * (dwell_s + rise_s)
     times = np.column_stack((starts, starts + dwell_s)).ravel()
     return Reference.from_samples(times, np.repeat(levels, 2))
 
@@ -95,9 +98,10 @@ def steps(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, dwell_s: float = 10.0, cycles: float = 2.0
 ) -> Reference:
     """Jumps up and down between `low_mm` and `high_mm`, each held `dwell_s`: for a wire, to be smoothed before."""
-    check_length(2 * cycles * dwell_s, 2 * cycles, longest_s=longest_s)
-    levels = np.where(np.arange(int(2 * _positive("cycles", cycles)) + 1) % 2 == 0, low_mm, high_mm)
-    starts = np.arange(levels.size) * _positive("dwell_s", dwell_s)
+    _check(low_mm=low_mm, high_mm=high_mm, dwell_s=dwell_s, cycles=cycles)
+    check_length((2 * cycles + 1) * dwell_s, 2 * cycles, longest_s=longest_s)
+    levels = np.where(np.arange(int(2 * cycles) + 1) % 2 == 0, low_mm, high_mm)
+    starts = np.arange(levels.size) * dwell_s
     times = np.column_stack((starts, starts + dwell_s - TABLE_STEP_S)).ravel()
     return Reference.from_samples(times, np.repeat(levels, 2))
 
@@ -112,9 +116,10 @@ def trapezoid(
     cycles: float = 2.0,
 ) -> Reference:
     """Straight up within `rise_s`, held `dwell_s`, straight down, held as long."""
-    check_length(2 * cycles * (dwell_s + rise_s), 2 * cycles, longest_s=longest_s)
-    levels = np.where(np.arange(int(2 * _positive("cycles", cycles)) + 1) % 2 == 0, low_mm, high_mm)
-    starts = np.arange(levels.size) * (_positive("dwell_s", dwell_s) + _positive("rise_s", rise_s))
+    _check(low_mm=low_mm, high_mm=high_mm, rise_s=rise_s, dwell_s=dwell_s, cycles=cycles)
+    check_length(2 * cycles * (dwell_s + rise_s) + dwell_s, 2 * cycles, longest_s=longest_s)
+    levels = np.where(np.arange(int(2 * cycles) + 1) % 2 == 0, low_mm, high_mm)
+    starts = np.arange(levels.size) * (dwell_s + rise_s)
     times = np.column_stack((starts, starts + dwell_s)).ravel()
     return Reference.from_samples(times, np.repeat(levels, 2))
 
@@ -129,19 +134,21 @@ def chirp(
     duration_s: float = 120.0,
 ) -> Reference:
     """A swing between `low_mm` and `high_mm` whose frequency rises evenly from `start_hz` to `end_hz`."""
-    check_length(duration_s, longest_s=longest_s)
-    rate_hz_per_s = (_positive("end_hz", end_hz) - _positive("start_hz", start_hz)) / _positive(
-        "duration_s", duration_s
-    )
+    _check(low_mm=low_mm, high_mm=high_mm, start_hz=start_hz, end_hz=end_hz, duration_s=duration_s)
+    check_length(duration_s, 2 * max(start_hz, end_hz) * duration_s, longest_s=longest_s)
+    rate_hz_per_s = (end_hz - start_hz) / duration_s
     times = np.linspace(0.0, duration_s, max(3, int(duration_s / TABLE_STEP_S)))
     turns = (start_hz + 0.5 * rate_hz_per_s * times) * times
     return Reference.from_samples(times, low_mm + (high_mm - low_mm) * 0.5 * (1.0 - np.cos(2.0 * np.pi * turns)))
 
 
-def _positive(name: str, value: float) -> float:
-    if value > 0:
-        return value
-    raise ConfigError(f"reference: {name} must be positive, it is {value:g}")
+def _check(**keys: float) -> None:
+    """ConfigError, DataError for a key that no reference can have; of displacements both signs are good."""
+    for name, value in keys.items():
+        if name.endswith("_mm"):
+            check_displacement(name, value)
+        elif not value > 0:
+            raise ConfigError(f"reference: {name} must be positive, it is {value:g}")
 
 
 SHAPES: dict[str, Callable[..., Reference]] = {

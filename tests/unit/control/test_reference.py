@@ -1,12 +1,15 @@
 """References: shapes, the approach, and what is refused."""
 
 import math
+from inspect import signature
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from smadrive.control.reference import Reference
-from smadrive.control.shapes import parse_reference
+from smadrive.control.shapes import SHAPES, parse_reference
 from smadrive.errors import ConfigError, DataError
 
 
@@ -178,3 +181,48 @@ def test_an_endless_reference_turns_again_and_again():
     assert reference.next_turn_s(5.5, -1) == pytest.approx(7.0)
     assert reference.next_turn_s(5.5 + 700.0, -1) == pytest.approx(707.0)
     assert reference.next_turn_s(8.0, 1) == pytest.approx(12.0)
+
+
+GOOD = {"low_mm": 2.0, "high_mm": 9.0, "period_s": 8.0, "cycles": 2.0, "steps": 4.0, "dwell_s": 5.0, "rise_s": 2.0}
+GOOD |= {"start_hz": 0.02, "end_hz": 0.1, "duration_s": 40.0}
+KEYS = {shape: [key for key in signature(make).parameters if key in GOOD] for shape, make in SHAPES.items()}
+
+
+def spec_of(shape, **changes):
+    """The line of a good reference, but for `changes`."""
+    return f"{shape}:" + ",".join(f"{key}={changes.get(key, GOOD[key])!r}" for key in KEYS[shape])
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_the_values_from_which_the_next_test_departs_are_good(shape):
+    assert set(KEYS[shape]) == set(signature(SHAPES[shape]).parameters) - {"longest_s"}
+    assert parse_reference(spec_of(shape)).duration_s > 1.0
+
+
+@pytest.mark.parametrize("value", ["nan", "inf", "-inf", "-1e308", "1e308", "0", "-1"])
+@pytest.mark.parametrize(("shape", "key"), [(shape, key) for shape, keys in KEYS.items() for key in keys])
+def test_a_value_that_no_key_can_have_is_refused_in_a_sentence(shape, key, value):
+    spec = spec_of(shape, **{key: float(value)})
+    if key.endswith("_mm") and value in {"0", "-1"}:
+        assert parse_reference(spec).displacement_mm.min() == pytest.approx(float(value), abs=0.01)
+        return
+    with pytest.raises((ConfigError, DataError), match=r"^reference: .*(must|lasts|has|needs|goes)"):
+        parse_reference(spec)
+
+
+@given(data=st.data(), shape=st.sampled_from(sorted(SHAPES)))
+def test_whatever_is_written_becomes_a_path_or_a_sentence(data, shape):
+    numbers = st.one_of(st.floats(), st.floats(1e-9, 1e9), st.sampled_from([0.0, -1e308, 1e308, 5e-324]))
+    changes = {key: data.draw(st.one_of(st.just(GOOD[key]), numbers), label=key) for key in KEYS[shape]}
+    try:
+        reference = parse_reference(spec_of(shape, **changes), 60.0)
+    except (ConfigError, DataError):
+        return
+    assert np.all(np.isfinite(reference.displacement_mm))
+    assert 0.1 <= reference.duration_s <= 60.0
+
+
+@pytest.mark.parametrize("value", [1e308, -1e308, 1.1e5])
+def test_samples_farther_than_any_wire_are_refused(value):
+    with pytest.raises(DataError, match=r"displacement_mm of sample 2 is .*is it in millimetres"):
+        Reference.from_samples([0, 1, 2], [1.0, value, 1.0])
