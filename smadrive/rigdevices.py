@@ -1,7 +1,8 @@
-"""The devices of a rig file, connected: one transport per address, and who heats, who measures what.
+"""The devices of a rig file, connected: who heats, who measures what.
 
-Devices that name the same address share its bus. A device measures every quantity that its profile binds, or only those
-that the rig file lists for it; two that measure the same are refused, because only the user knows which one is right.
+Devices that name the same address share its bus (rigconnections.py). A device measures every quantity that its profile
+binds, or only those that the rig file lists for it; two that measure the same are refused, because only the user knows
+which one is right. A source without a watchdog of its own gets a guardian.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ from math import inf
 from pathlib import Path
 from typing import NamedTuple
 
-from smadrive.clock import Clock, VirtualClock
+from smadrive.clock import Clock
 from smadrive.device.anydevice import AnyDevice
 from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
@@ -26,14 +27,9 @@ from smadrive.device.supply import BenchSupply
 from smadrive.device.tclab import TCLab, TCLabBoard
 from smadrive.errors import ConfigError
 from smadrive.latch import TripLatch
-from smadrive.modbus.connect import open_transport
-from smadrive.modbus.master import Master
-from smadrive.modbus.trace import TraceFile
 from smadrive.modbus.transport import Transport
 from smadrive.rigconfig import DeviceConfig, LimitsConfig, RigConfig
-
-SIMULATED = "sim://"
-"""A simulated device in this process ends with it: it needs no guardian, and nobody remembers its trips."""
+from smadrive.rigconnections import SIMULATED, Connections
 
 QUANTITIES = ("temperature", "displacement")
 STALE_PERIODS = 3.0
@@ -62,9 +58,11 @@ def open_devices(
     traced to a file in `trace_folder`, if it is given. ConfigError when the devices do not make up a rig or a trace
     cannot be written, TransportError when a port does not open.
     """
-    connections = _Connections(stack, trace_folder)
     profiles = {device.name: load_profile(device.profile) for device in config.devices}
     roles = _roles(config.devices, profiles)
+    simulated = roles.heater.name in transports or roles.heater.url.startswith(SIMULATED)
+    guard = None if simulated else _guard(roles.heater, profiles[roles.heater.name], config.limits)
+    connections = Connections(stack, trace_folder, None if guard is None else guard.hold)
     for url in {device.url for device in config.devices if not device.url.startswith(SIMULATED)}:
         _check_line(url, [device for device in config.devices if device.url == url], profiles)
     devices = {
@@ -79,16 +77,16 @@ def open_devices(
         for quantity, device in roles.sensors.items()
     }
     limits = config.limits
-    source = _source(roles.heater, devices[roles.heater.name], clock)
-    simulated = roles.heater.name in transports or roles.heater.url.startswith(SIMULATED)
-    unguarded = source.has_watchdog or simulated
+    if guard is not None:
+        connections.check_patience(limits.watchdog_s)
+        stack.enter_context(guard)
     heater = Heater(
-        source,
+        _source(roles.heater, devices[roles.heater.name], clock),
         HeaterLimits(limits.current_max_a, limits.temperature_max_c, limits.voltage_max_v or inf),
         clock,
         sensors.get("temperature"),
         sensors.get("displacement"),
-        None if unguarded else stack.enter_context(Guard(_guardian_task(roles.heater, limits))),
+        guard,
     )
     return RigDevices(heater, devices, clock, TripLatch(None if simulated else _address(roles.heater)))
 
@@ -144,6 +142,12 @@ def _measures(device: DeviceConfig, profile: Profile, quantity: str) -> bool:
     return quantity in device.measures
 
 
+def _source_type(profile: Profile) -> type[HeaterBoard | BenchSupply | TCLab]:
+    if not profile.has_registers:
+        return TCLab
+    return HeaterBoard if profile.profile.role == "heater" else BenchSupply
+
+
 def _source(config: DeviceConfig, device: Device | TCLabBoard, clock: Clock) -> HeatSource:
     scales = config.full_scale_a, config.full_scale_v
     if isinstance(device, Device):
@@ -152,7 +156,7 @@ def _source(config: DeviceConfig, device: Device | TCLabBoard, clock: Clock) -> 
                 f"device '{config.name}': '{config.profile}' is commanded in amperes: leave full_scale_a and "
                 "full_scale_v out"
             )
-        return HeaterBoard(device, clock) if device.profile.profile.role == "heater" else BenchSupply(device)
+        return HeaterBoard(device, clock) if _source_type(device.profile) is HeaterBoard else BenchSupply(device)
     if config.full_scale_a is None or config.full_scale_v is None:
         raise ConfigError(
             f"device '{config.name}': '{config.profile}' is commanded by duty: set full_scale_a and full_scale_v to "
@@ -165,8 +169,10 @@ def _address(device: DeviceConfig) -> str:
     return device.url if device.unit_id is None else f"{device.url} unit {device.unit_id}"
 
 
-def _guardian_task(device: DeviceConfig, limits: LimitsConfig) -> Task:
-    return Task((GuardedDevice(device.profile, device.url, device.unit_id),), limits.watchdog_s)
+def _guard(device: DeviceConfig, profile: Profile, limits: LimitsConfig) -> Guard | None:
+    if _source_type(profile).has_watchdog:
+        return None
+    return Guard(Task((GuardedDevice(device.profile, device.url, device.unit_id),), limits.watchdog_s))
 
 
 def _sensor(
@@ -176,79 +182,3 @@ def _sensor(
     period_s = tick_s if config.rate_hz is None else 1.0 / config.rate_hz
     period_s = max(period_s, device.profile.timing.update_ms / 1e3)
     return PolledSensor(device, quantity, period_s, max(limits.stale_after_s, STALE_PERIODS * period_s), clock)
-
-
-class _Connections:
-    """One master per address, and one text line; a trace of each is named after the first device there."""
-
-    def __init__(self, stack: ExitStack, trace_folder: Path | None) -> None:
-        self._stack = stack
-        self._trace_folder = trace_folder
-        self._masters: dict[str, Master] = {}
-        self._benches: dict[str, _SimulatedBench] = {}
-
-    def device(
-        self, device: DeviceConfig, profile: Profile, given: Transport | None, read_retries: int | None
-    ) -> Device | TCLabBoard:
-        """The device, at its address or on the connection that is given."""
-        if not profile.has_registers:
-            transport = self._alone(device, profile, given)
-            return TCLabBoard(profile, transport, self._trace(device, transport, speaks_text=True))
-        master = self._master(device, profile) if given is None else self._master_on(given, device)
-        return Device(profile, master, device.unit_id, read_retries)
-
-    def _master(self, device: DeviceConfig, profile: Profile) -> Master:
-        if device.url.startswith(SIMULATED):
-            return self._master_on(self._simulated(device, profile), device)
-        if device.url not in self._masters:
-            transport = open_transport(device.url, profile.serial_settings())
-            self._masters[device.url] = self._master_on(transport, device)
-        return self._masters[device.url]
-
-    def _master_on(self, transport: Transport, device: DeviceConfig) -> Master:
-        return Master(self._opened(transport), self._trace(device, transport, speaks_text=False))
-
-    def _alone(self, device: DeviceConfig, profile: Profile, given: Transport | None) -> Transport:
-        """A connection that no other device shares."""
-        if given is None and device.url.startswith(SIMULATED):
-            given = self._simulated(device, profile)
-        return self._opened(given or open_transport(device.url, profile.serial_settings()))
-
-    def _opened(self, transport: Transport) -> Transport:
-        return self._stack.enter_context(transport)
-
-    def _trace(self, device: DeviceConfig, transport: Transport, *, speaks_text: bool) -> TraceFile | None:
-        if self._trace_folder is None:
-            return None
-        try:
-            self._trace_folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise ConfigError(f"{self._trace_folder}: no folder for traces ({error.strerror})") from None
-        path = self._trace_folder / f"{device.name}.trace"
-        return self._stack.enter_context(TraceFile(path, transport, speaks_text=speaks_text))
-
-    def _simulated(self, device: DeviceConfig, profile: Profile) -> Transport:
-        """A simulated device in this process, in virtual time; those of one address stand on one bench.
-
-        sim://NAME?profile=OTHER puts a device of another type there than the rig file believes.
-        """
-        sim, _, other = device.url.removeprefix(SIMULATED).partition("?profile=")
-        if self._benches and sim not in self._benches:
-            raise ConfigError(f"'{device.url}': the simulated devices of a rig stand on one bench: name the same one")
-        bench = self._benches.setdefault(sim, _SimulatedBench(sim))
-        return bench.transport(load_profile(other) if other else profile, device)
-
-
-class _SimulatedBench:
-    """The door to the simulator; no other address opens it."""
-
-    def __init__(self, sim: str) -> None:
-        from firmware_sim.bench import SimulatedBench  # noqa: PLC0415
-        from firmware_sim.config import load_sim  # noqa: PLC0415
-
-        self._clock = VirtualClock()
-        self._bench = SimulatedBench(load_sim(sim))
-        self._clock.follow(self._bench.advance_to)
-
-    def transport(self, profile: Profile, device: DeviceConfig) -> Transport:
-        return self._bench.attach(profile, device.unit_id, device.name).transport(self._clock)

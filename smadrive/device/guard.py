@@ -1,4 +1,4 @@
-"""The driver's end of the guardian: starts it, keeps it informed, learns from it when it has taken over."""
+"""The driver's end of the guardian: starts it, keeps it informed, gives way to it when it has taken over."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ import select
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from types import TracebackType
 from typing import IO, Self
 
-from smadrive.device.guardian import BEAT, READY, REST, TAKEN, WATCH, Task
+from smadrive.device.guardian import BEAT, CONFIRMED, READY, REST, TAKEN, WATCH, Task
 from smadrive.errors import SafetyError, TakenOverError
 
 STARTS_WITHIN_S = 20.0
 ENDS_WITHIN_S = 5.0
+CONFIRMS_WITHIN_S = 10.0
 PATIENCE = 2.0
 """So many times its own patience with the driver is the driver's with it."""
 MANY = 4096
@@ -27,6 +29,7 @@ class Guard:
     def __init__(self, task: Task) -> None:
         self._task = task
         self._watching = False
+        self._taken = False
         self._heard_s = 0.0
 
     def __enter__(self) -> Self:
@@ -54,47 +57,70 @@ class Guard:
         """Close the pipes: the guardian ends, at once when the source is confirmed off."""
         self._to.close()
         self._from.close()
-        if not self._watching:
+        if self._watching:
+            return
+        try:
             self._process.wait(ENDS_WITHIN_S)
+        except subprocess.TimeoutExpired:  # it stands still, and is not needed any more
+            self._process.kill()
+            self._process.wait()
 
     def watch(self) -> None:
-        """Heating begins."""
+        """Heating begins; SafetyError when nobody is there to watch."""
         self._heard_s = time.monotonic()
-        self._tell(WATCH)
+        if not self._told(WATCH):
+            raise SafetyError(GONE)
         self._watching = True
 
-    def beat(self) -> None:
-        """The driver lives, and is about to command.
+    def hold(self) -> None:
+        """The driver lives and is about to use a port, or has just used it.
 
-        TakenOverError when the guardian holds the source; SafetyError when it does not answer any more.
+        TakenOverError when the guardian has the ports.
         """
         if self._watching:
             heard = self._from.read(MANY) or b""
-            now_s = time.monotonic()
-            if TAKEN in heard:
+            self._taken = self._taken or TAKEN in heard
+            if self._taken:
                 raise TakenOverError(
                     f"the driver stood still for more than {self._task.timeout_s:g} s and the guardian switched the "
                     "heater off"
                 )
             if heard:
-                self._heard_s = now_s
-            elif now_s - self._heard_s > PATIENCE * self._task.timeout_s:
-                raise SafetyError(GONE)
-            self._tell(BEAT)
+                self._heard_s = time.monotonic()
+            self._told(BEAT)
+
+    def check(self) -> None:
+        """The driver is about to command: SafetyError when the guardian does not answer any more; as of `hold`."""
+        self.hold()
+        if self._watching and time.monotonic() - self._heard_s > PATIENCE * self._task.timeout_s:
+            raise SafetyError(GONE)
+
+    def take_back(self) -> None:
+        """Where the guardian has taken over, let it end its work, and have the ports again.
+
+        SafetyError when it does not confirm that the source is off.
+        """
+        if not self._taken:
+            return
+        if self._told(REST):
+            ready, _, _ = select.select((self._from,), (), (), CONFIRMS_WITHIN_S)
+            if not ready:
+                raise SafetyError("the guardian has taken over, and could not confirm yet that the heater is off")
+            answer = self._from.read(MANY)  # nothing: it has died meanwhile, and nobody else uses the ports
+            assert answer in (CONFIRMED, b"")
+        self._taken = self._watching = False
 
     def rest(self) -> None:
         """The source is confirmed off."""
         if self._watching:
             self._watching = False
-            self._tell(REST)
+            self._told(REST)  # a guardian that is gone is not needed now
 
-    def _tell(self, what: bytes) -> None:
-        try:
-            written = self._to.write(what)
-        except OSError:
-            written = None
-        if not written:
-            raise SafetyError(GONE)
+    def _told(self, what: bytes) -> bool:
+        """Whether it could be told: it may be gone, or stand still."""
+        with suppress(OSError):
+            return bool(self._to.write(what))
+        return False
 
 
 def _piped(end: IO[bytes] | None) -> IO[bytes]:

@@ -1,15 +1,16 @@
 """The guardian: a process that outlives the driver and switches the heat source off when the driver no longer can.
 
 A bench supply without a watchdog heats on when its driver is killed, stands still or crashes. So the driver starts this
-process beside itself and writes it a byte at every tick, through a pipe:
+process beside itself and writes it a byte at every use of a port, through a pipe:
 
-    w   watch: heating begins        b   a beat: the driver lives        r   rest: the source is confirmed off
+    w   watch: heating begins        b   a beat: the driver lives        r   rest: the driver needs no guardian now
 
 Every byte is echoed, so that the driver knows that the guardian lives too. While it watches, no byte for `timeout_s`,
 or the end of the pipe, means that the driver is gone: the guardian opens the ports itself (it needs no lock for that)
-and writes the safe state until every device has confirmed it. A driver that only stood still finds `t` (taken over) in
-the other pipe when it wakes, before it commands anything; until it says `r` or ends, the guardian looks again, in case
-one last command slipped through. From its start it needs no file and no terminal.
+and writes the safe state until every device has confirmed it. Two masters on one line would take each other's replies
+for their own: a driver that only stood still finds `t` (taken over) in the other pipe when it wakes, before it uses a
+port. It says `r` and waits; the guardian looks once more, in case one last command slipped through, gives the ports
+back with `c` (confirmed off), and is ready to watch again. From its start it needs no file and no terminal.
 
     python -m smadrive.device.guardian        its task, a JSON object, is the first line of standard input
 """
@@ -31,7 +32,7 @@ from smadrive.device.profile import Profile, load_profile
 from smadrive.modbus.connect import open_transport
 
 WATCH, BEAT, REST = b"w", b"b", b"r"
-READY, ECHO, TAKEN = b"y", b"e", b"t"
+READY, ECHO, TAKEN, CONFIRMED = b"y", b"e", b"t", b"c"
 DRIVER_FD, TERMINAL_FD = 1, 2
 
 LOOK_AGAIN_S = 0.5
@@ -95,24 +96,25 @@ class Pipe:
 
 
 def guard(task: Task, profiles: Sequence[Profile], driver: Pipe) -> None:
-    """Watch until the driver ends; take over when it fails while heating."""
+    """Watch until the driver ends; take over whenever it fails while heating."""
     watching = False
     while not driver.ended:
         said = driver.said(task.timeout_s)
         if watching and not said:
             reason = "ended" if driver.ended else f"stood still for {task.timeout_s:g} s"
             _take_over(task, profiles, driver, reason)
-            return
-        if said:
+            watching = False
+        elif said:
             _tell(ECHO)
             watching = said in (WATCH, BEAT)
 
 
 def _take_over(task: Task, profiles: Sequence[Profile], driver: Pipe, reason: str) -> None:
-    """Safe state, confirmed; then again and again while a driver that stood still may still wake."""
+    """Safe state, confirmed; then again and again while a driver that stood still may still wake and command."""
     _tell(TAKEN)
     give_up_s = time.monotonic() + GIVE_UP_S
     told = ""
+    rests = False
     while time.monotonic() < give_up_s:
         problem = _switch_off(task, profiles)
         if not told:
@@ -121,10 +123,10 @@ def _take_over(task: Task, profiles: Sequence[Profile], driver: Pipe, reason: st
         if news != told:
             _say(news)
             told = news
-        if problem is None and driver.ended:
+        if problem is None and (rests or driver.ended):
+            _tell(CONFIRMED)
             return
-        if driver.said(LOOK_AGAIN_S) == REST:
-            return
+        rests = driver.said(LOOK_AGAIN_S) == REST or rests
 
 
 def _switch_off(task: Task, profiles: Sequence[Profile]) -> str | None:

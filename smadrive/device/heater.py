@@ -14,7 +14,7 @@ from smadrive.clock import Clock
 from smadrive.device.guard import Guard
 from smadrive.device.heatsource import HeaterLimits, HeatSource, Sample, Supplied
 from smadrive.device.sensor import PolledSensor
-from smadrive.errors import ConfigError, ProtocolError, SafetyError, TransportError
+from smadrive.errors import ConfigError, ProtocolError, SafetyError, TakenOverError, TransportError
 from smadrive.measurement import Measurement
 
 DERATE_C = 5.0
@@ -104,7 +104,7 @@ class Heater:
         believed, nothing is known of the temperature, and the next command is held to zero.
         """
         if self._guard is not None:
-            self._guard.beat()
+            self._guard.check()
         allowed_a, limits = self._allowed(current_a)
         in_force_a, self._sent_a = self._sent_a, allowed_a
         try:
@@ -128,9 +128,10 @@ class Heater:
         SafetyError when current flows all the same, or the source claims to be armed still.
         """
         self._sent_a = 0.0
-        self.source.enter_safe_state()
-        if self._guard is not None:
-            self._guard.rest()
+        if self._guard is None:
+            self.source.enter_safe_state()
+        else:
+            self._enter_safe_state_under(self._guard)
         self._see_it_off()
 
     def clear_faults(self) -> Measurement:
@@ -141,6 +142,17 @@ class Heater:
         if measurement.device_faults:
             raise SafetyError(f"not cleared, the cause persists: {', '.join(measurement.device_faults)}")
         return measurement
+
+    def _enter_safe_state_under(self, guard: Guard) -> None:
+        """The driver may stand still on the way to its safe state too; then the guardian goes there."""
+        while True:
+            guard.take_back()
+            try:
+                self.source.enter_safe_state()
+            except TakenOverError:
+                continue
+            guard.rest()
+            return
 
     def _see_it_off(self) -> None:
         give_up_s = self._clock.now_s() + self.source.settle_s + CURRENT_GONE_S

@@ -13,10 +13,11 @@ from dataclasses import replace
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from smadrive.errors import ConfigError
+from smadrive.modbus.descriptor import DescriptorTransport
 from smadrive.modbus.framing import RtuFraming, TcpFraming
 from smadrive.modbus.serialport import SerialTransport
 from smadrive.modbus.socketport import SocketTransport
-from smadrive.modbus.transport import Parity, SerialSettings, Transport
+from smadrive.modbus.transport import Lease, Parity, SerialSettings, Transport
 
 MODBUS_TCP_PORT = 502
 
@@ -31,15 +32,23 @@ MOST_LATENCY_MS = 5000
 """A reply that comes still later is not waited for, and not remembered as owed for much longer."""
 
 
-def open_transport(url: str, defaults: SerialSettings | None = None, *, exclusive: bool = True) -> Transport:
+def open_transport(
+    url: str, defaults: SerialSettings | None = None, *, exclusive: bool = True, lease: Lease | None = None
+) -> Transport:
     """The connection of a URL.
 
     `defaults` (a profile's) hold for what the URL leaves open. `exclusive`: a serial port is for this process alone,
-    and refused when another has it so. ConfigError: the URL makes no sense;
-    TransportError: the port is missing, busy or forbidden, the host unknown, silent or refusing.
+    and refused when another has it so. `lease` is asked at every use of the connection.
+    ConfigError: the URL makes no sense; TransportError: the port is missing, busy or forbidden, the host unknown,
+    silent or refusing.
     """
+    transport = _opened(url, defaults or SerialSettings(), exclusive=exclusive)
+    transport.lease = lease
+    return transport
+
+
+def _opened(url: str, line: SerialSettings, *, exclusive: bool) -> DescriptorTransport:
     parts = urlsplit(url)
-    line = defaults or SerialSettings()
     match parts.scheme:
         case "serial":
             settings, latency_s = _options(url, parts.query, line, tuple(_ALLOWED))

@@ -15,6 +15,7 @@ from typing import ClassVar, NoReturn, Protocol, Self
 from smadrive.clock import MonotonicClock
 from smadrive.errors import TransportError
 from smadrive.modbus.framing import Framing
+from smadrive.modbus.transport import Lease
 
 _CHUNK = 512
 _GONE = -1
@@ -33,10 +34,14 @@ class Channel(Protocol):
 
 
 class DescriptorTransport(ABC):
-    """A transport over a descriptor; a subclass says how it is opened and what a loss may come from."""
+    """A transport over a descriptor; a subclass says how it is opened and what a loss may come from.
+
+    With a `lease` that has run out nothing is sent, and nothing that has arrived is taken for an answer.
+    """
 
     end: ClassVar[str]
     suspicion: ClassVar[str]
+    lease: Lease | None = None
 
     def __init__(
         self, name: str, framing: Framing, baudrate: int | None, timeout_s: float, latency_s: float = 0.0
@@ -63,11 +68,13 @@ class DescriptorTransport(ABC):
         """Open a lost connection again; TransportError when it is still gone, or was closed on purpose."""
         if self._closed:
             raise TransportError(f"{self.name}: the connection is closed: open a new one")
+        self._hold()
         self.lose()
         self._open(max(deadline_s - self.clock.now_s(), 0.0))
 
     def write(self, data: bytes) -> None:
         """Send all of `data`; TransportError when the connection is gone or takes no more."""
+        self._hold()
         try:
             sent = os.write(self._descriptor, data)
         except OSError as error:
@@ -78,11 +85,13 @@ class DescriptorTransport(ABC):
 
     def read(self, deadline_s: float) -> bytes:
         """Whatever has arrived, at least one byte; empty when nothing came before `deadline_s`."""
+        self._hold()
         try:
             remaining_s = max(deadline_s - self.clock.now_s(), 0.0)
             ready, _, _ = select.select((self._descriptor,), (), (), remaining_s)
             if not ready:
                 return b""
+            self._hold()
             data = os.read(self._descriptor, _CHUNK)
         except (OSError, ValueError) as error:  # ValueError: select on a closed connection
             self._fail(error)
@@ -113,6 +122,10 @@ class DescriptorTransport(ABC):
 
     def __exit__(self, *exception: object) -> None:
         self.close()
+
+    def _hold(self) -> None:
+        if self.lease is not None:
+            self.lease()
 
     def _open(self, timeout_s: float) -> None:
         self._held = self._channel(timeout_s)

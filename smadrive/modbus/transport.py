@@ -6,6 +6,7 @@ set it: real time on a serial port, virtual time in process.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol, Self
 
@@ -13,6 +14,8 @@ from smadrive.clock import Clock
 from smadrive.modbus.framing import Framing
 
 Parity = Literal["N", "E", "O"]
+Lease = Callable[[], None]
+"""Asked before and after every use of a connection: raises when it is another's now."""
 
 
 class Transport(Protocol):

@@ -10,6 +10,10 @@ from pathlib import Path
 
 import pytest
 
+from smadrive.errors import ConfigError
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig
+
 SIMULATOR = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm"]
 RIG = """
 name = "supply and reader"
@@ -48,13 +52,43 @@ with Rig(load_rig(sys.argv[1])) as rig:
             raise ZeroDivisionError
         time.sleep(0.1)
 """
+ASKS_AGAIN = """
+import sys, time
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig
+with Rig(load_rig(sys.argv[1])) as rig:
+    rig.heater.arm(1.0)
+    print("heating", flush=True)
+    waits = 0
+    while waits < 3:
+        begun_s = time.monotonic()
+        assert rig.heater.exchange(0.3).armed
+        waits += time.monotonic() - begun_s > 1.0
+    print("heats on", flush=True)
+"""
+TAKES_BACK = """
+import sys, time
+from smadrive.errors import TakenOverError
+from smadrive.rig import Rig
+from smadrive.rigconfig import load_rig
+with Rig(load_rig(sys.argv[1])) as rig:
+    for said in ("heating", "heats again"):
+        rig.heater.arm(1.0)
+        print(said, flush=True)
+        try:
+            for _ in range(30):
+                assert rig.heater.exchange(0.3).armed
+        except TakenOverError:
+            assert not rig.heater.clear_faults().armed
+"""
+LOSES_REPLIES = "".join(f"[[faults]]\nat_s = {at_s}\nname = 'drop'\nreplies = 2\n" for at_s in range(20, 100, 3))
 
 
 @contextlib.contextmanager
-def served(profile):
+def served(profile, *options):
     """A simulated device; its process and its address."""
     with subprocess.Popen(
-        [*SIMULATOR, "--profile", profile], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        [*SIMULATOR, "--profile", profile, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
         try:
             yield process, process.stdout.readline().strip()
@@ -74,13 +108,13 @@ def lives(pid):
 
 
 @contextlib.contextmanager
-def driven(tmp_path, fate, stderr=subprocess.PIPE):
-    """A driver that heats through a supply; its process, and the supply's."""
-    with served("riden-rd60xx") as (supply, supply_url), served("delta-dtb") as (_, reader_url):
+def driven(tmp_path, fate="", *options, script=DRIVER, stderr=subprocess.PIPE):
+    """A driver that heats through a supply, simulated with these options; its process, and the supply's."""
+    with served("riden-rd60xx", *options) as (supply, supply_url), served("delta-dtb") as (_, reader_url):
         rig = tmp_path / "rig.toml"
         rig.write_text(RIG.format(supply=supply_url, reader=reader_url))
         with subprocess.Popen(
-            [sys.executable, "-c", DRIVER, str(rig), fate], stdout=subprocess.PIPE, stderr=stderr, text=True
+            [sys.executable, "-c", script, str(rig), fate], stdout=subprocess.PIPE, stderr=stderr, text=True
         ) as driver:
             guardians = []
             try:
@@ -139,8 +173,51 @@ def test_a_driver_whose_guardian_stands_still_switches_off(tmp_path):
     with driven(tmp_path, "unguarded") as (driver, supply):
         (guardian,) = children(driver.pid)
         os.kill(guardian, signal.SIGSTOP)
-        try:
-            assert supply.stderr.readline().endswith("output off\n")
-        finally:
-            os.kill(guardian, signal.SIGCONT)
-        assert "the guardian is gone or stands still" in driver.communicate(timeout=30)[1]
+        assert supply.stderr.readline().endswith("output off\n")
+        said = driver.communicate(timeout=30)[1]
+        assert "SafetyError: the guardian is gone or stands still" in said
+        assert "TimeoutExpired" not in said
+        assert not lives(guardian)
+
+
+def test_a_driver_whose_guardian_is_killed_switches_off_and_knows_that_it_is_off(tmp_path):
+    with driven(tmp_path) as (driver, supply):
+        (guardian,) = children(driver.pid)
+        os.kill(guardian, signal.SIGKILL)
+        assert supply.stderr.readline().endswith("output off\n")
+        said = driver.communicate(timeout=30)[1]
+        assert "SafetyError: the guardian is gone or stands still" in said
+        assert "could NOT be confirmed off" not in said
+
+
+def test_a_driver_that_waits_for_lost_replies_is_not_taken_for_dead(tmp_path):
+    script = tmp_path / "loses.toml"
+    script.write_text(LOSES_REPLIES)
+    with driven(tmp_path, "", "--faults", str(script), script=ASKS_AGAIN) as (driver, _):
+        told, said = driver.communicate(timeout=90)
+        assert driver.returncode == 0, said
+        assert told == "heats on\n"
+        assert "taking over" not in said
+
+
+def test_after_a_takeover_the_driver_has_its_ports_again_and_may_heat_again_under_guard(tmp_path):
+    with driven(tmp_path, script=TAKES_BACK) as (driver, supply):
+        driver.send_signal(signal.SIGSTOP)
+        assert supply.stderr.readline().endswith("output off\n")
+        driver.send_signal(signal.SIGCONT)
+        assert driver.stdout.readline() == "heats again\n"
+        assert supply.stderr.readline().endswith("output on, no watchdog\n")
+        driver.send_signal(signal.SIGSTOP)
+        assert supply.stderr.readline().endswith("output off\n")
+        driver.send_signal(signal.SIGCONT)
+        said = driver.communicate(timeout=30)[1]
+        assert driver.returncode == 0, said
+        assert said.count("heater off, confirmed by read-back") == 2
+
+
+def test_a_guardian_that_could_not_await_a_reply_is_refused(tmp_path):
+    with served("riden-rd60xx") as (_, supply_url), served("delta-dtb") as (_, reader_url):
+        rig = tmp_path / "rig.toml"
+        rig.write_text(RIG.format(supply=supply_url, reader=reader_url).replace("watchdog_s = 1.0", "watchdog_s = 0.6"))
+        with pytest.raises(ConfigError, match=r"watchdog_s = 0\.6 is too short.* 0\.5 s to answer: raise it to 0\.75"):
+            Rig(load_rig(str(rig))).__enter__()

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from smadrive.errors import ConfigError, TransportError
+from smadrive.errors import ConfigError, TakenOverError, TransportError
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.transport import SerialSettings
 
@@ -163,3 +163,27 @@ def test_a_closed_port_is_a_lost_connection_and_closing_twice_does_no_harm(termi
     for use in (lambda: transport.write(b"x"), transport.discard, lambda: transport.read(transport.clock.now_s())):
         with pytest.raises(TransportError, match="connection is lost"):
             use()
+
+
+def test_a_connection_that_is_another_s_now_sends_nothing_and_believes_nothing(terminal):
+    """The lease is lost once while it waits for an answer, then before it asks."""
+    asked = []
+
+    def lease():
+        asked.append(len(asked))
+        if len(asked) > 2:
+            raise TakenOverError
+
+    near, path = terminal
+    with open_transport(f"serial://{path}", lease=lease) as transport:
+        transport.write(b"x")
+        assert os.read(near, 10) == b"x"
+        os.write(near, b"the answer to another's question")
+        with pytest.raises(TakenOverError):
+            transport.read(transport.clock.now_s() + 1.0)
+        for use in (lambda: transport.write(b"y"), transport.discard, lambda: transport.reopen(0.0)):
+            with pytest.raises(TakenOverError):
+                use()
+        os.set_blocking(near, False)
+        with pytest.raises(BlockingIOError):
+            os.read(near, 10)
