@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from math import isfinite
 
 import numpy as np
@@ -18,6 +19,9 @@ from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
 from smadrive.polyline import Polyline
 from smadrive.thermal import HeatBalance
+
+LONGEST_S = 86_400.0
+"""A day: its log is of some 200 MB at 20 Hz, and no wire is so slow."""
 
 SPARE = 1.15
 """Heating and cooling of the nominal wire must exceed what the path asks for by this factor."""
@@ -48,9 +52,16 @@ class Excitation:
     rate_c_per_s: float
 
     def __post_init__(self) -> None:
-        """Refuse a path that stands still."""
-        if self.rate_c_per_s <= 0:
+        """Refuse a path that stands still, or as good as: one of more than `LONGEST_S`."""
+        if not self.rate_c_per_s > 0:
             raise ConfigError(f"excitation: rate_c_per_s must be positive, it is {self.rate_c_per_s:g}")
+        travel_k = sum(abs(after - before) for before, after in pairwise(self.turning_points_c))
+        if travel_k > LONGEST_S * self.rate_c_per_s:
+            raise ConfigError(
+                f"excitation: at rate_c_per_s = {self.rate_c_per_s:g} its {travel_k:.0f} K last "
+                f"{travel_k / self.rate_c_per_s:.2g} s, the longest is {LONGEST_S:g} s, a day: raise rate_c_per_s to "
+                "some kelvins per second; is it in K/s?"
+            )
 
     @cached_property
     def times_s(self) -> NDArray[np.float64]:
