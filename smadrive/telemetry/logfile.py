@@ -48,6 +48,9 @@ STRUCTURE_BYTES = 1 << 18
 UNITS = {"s": "s", "c": "degC", "a": "A", "v": "V", "w": "W", "mm": "mm"}
 """The unit of a column, told by the suffix of its name."""
 
+SIGNATURE = b"\x89HDF\r\n\x1a\n"
+"""How every HDF5 file begins."""
+
 _NOW_BYTES = 32
 
 
@@ -101,6 +104,7 @@ class LogFile:
             _create(partial, columns, about, rows)
         with self._told_plainly():
             self._handle = os.open(path, os.O_RDWR)
+            self._size = os.fstat(self._handle).st_size
             with h5py.File(path, "r", locking=False) as file:
                 self._columns = [Field(file[f"entry/data/{name}"]) for name in columns]
                 self._event_fields = [Field(file[f"entry/events/{name}"]) for name in ("message", "time_s")]
@@ -112,6 +116,7 @@ class LogFile:
 
     def append(self, block: NDArray[np.float64]) -> None:
         """Write rows, one column of `block` for each of the log's. Time comes last: a row that has it is complete."""
+        self._check_untouched()
         with self._told_plainly():
             while self._rows + len(block) > self._columns[0].rows:
                 self._grow(self._columns, GROWTH_ROWS)
@@ -131,13 +136,16 @@ class LogFile:
 
     def finish(self) -> None:
         """Cut the log to the rows there are, note the end, close."""
-        os.close(self._handle)
-        with self._told_plainly(), h5py.File(self._path, "r+", locking=False) as file:
-            for field in self._columns:
-                file[field.name].resize(self._rows, axis=0)
-            for field in self._event_fields:
-                file[field.name].resize(self._events, axis=0)
-            file["entry/end_time"][()] = _now()
+        try:
+            self._check_untouched()
+            with self._told_plainly(), h5py.File(self._path, "r+", locking=False) as file:
+                for field in self._columns:
+                    file[field.name].resize(self._rows, axis=0)
+                for field in self._event_fields:
+                    file[field.name].resize(self._events, axis=0)
+                file["entry/end_time"][()] = _now()
+        finally:
+            os.close(self._handle)
 
     def discard(self) -> None:
         """Close and remove it: nothing was recorded."""
@@ -150,13 +158,31 @@ class LogFile:
         with h5py.File(self._path, "r+", locking=False) as file:
             for field in fields:
                 field.grow(file, rows)
+        self._size = os.fstat(self._handle).st_size
+
+    def _check_untouched(self) -> None:
+        """DataError when another program took the file away or cut it: writing on would work, and keep nothing."""
+        with self._told_plainly():
+            is_there = self._path.exists()
+            is_whole = os.fstat(self._handle).st_size >= self._size and os.pread(self._handle, 8, 0) == SIGNATURE
+        if not is_there:
+            raise DataError(
+                f"{self._path}: the log is gone, removed or moved while it was written: leave it and its folder in "
+                "place until the run has ended, then run again"
+            )
+        if not is_whole:
+            raise DataError(
+                f"{self._path}: the log was cut or written over by another program while it was written: let no other "
+                "write to it until the run has ended, then run again"
+            )
 
     @contextmanager
     def _told_plainly(self) -> Iterator[None]:
         try:
             yield
         except (OSError, RuntimeError) as error:  # h5py raises either
-            reason = getattr(error, "strerror", None) or str(error).splitlines()[0]
+            number = getattr(error, "errno", None)  # h5py puts HDF5's own text where the system's should stand
+            reason = os.strerror(number) if number else str(error).splitlines()[0]
             raise DataError(f"{self._path}: the log takes no more ({reason}): check the folder and its space") from None
 
 

@@ -14,6 +14,7 @@ from typing import Self
 
 import numpy as np
 
+from smadrive.errors import DataError
 from smadrive.telemetry.log import ENDED_BY, Event
 from smadrive.telemetry.logfile import GROWTH_ROWS, LogFile
 
@@ -48,17 +49,19 @@ class Recorder:
     ) -> None:
         """Write what is buffered, and the error that ended the run as its last event.
 
-        A run that failed before its first row has commanded nothing and leaves no log.
+        A run that failed before its first row has commanded nothing and leaves no log. What ended the run stays the
+        error that is told; a log that could not be completed is a note to it.
         """
         if error is not None and not self._buffer and not self._file.rows:
             self._file.discard()
             return
         try:
-            if error is not None:
-                for message in (ENDED_BY + _cause(error), *getattr(error, "__notes__", ())):
-                    self.event(message)
-        finally:
-            self.close()
+            self._end(error)
+        except DataError as lost:
+            if error is None:
+                raise
+            if str(lost) != str(error):
+                error.add_note(str(lost))
 
     def row(self, values: tuple[float, ...]) -> None:
         """Append one row, a value for each column. DataError when the disk takes no more."""
@@ -80,6 +83,14 @@ class Recorder:
             block = np.asarray(self._buffer, dtype=np.float64)
             self._buffer.clear()
             self._file.append(block)
+
+    def _end(self, error: BaseException | None) -> None:
+        try:
+            if error is not None:
+                for message in (ENDED_BY + _cause(error), *getattr(error, "__notes__", ())):
+                    self.event(message)
+        finally:
+            self.close()
 
     def close(self) -> None:
         """Flush, cut the log to its rows and close it."""

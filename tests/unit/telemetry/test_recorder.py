@@ -1,5 +1,7 @@
 """The log: what is written comes back, in any reader, also when the run or the disk ended badly."""
 
+import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -199,3 +201,54 @@ def test_a_log_is_not_written_over(tmp_path):
     with pytest.raises(DataError, match="never written over"):
         Recorder(tmp_path / "run.h5", COLUMNS)
     assert read_log(tmp_path / "run.h5").column("time_s").size == 5
+
+
+def _remove(path):
+    path.unlink()
+
+
+def _remove_folder(path):
+    shutil.rmtree(path.parent)
+
+
+def _move(path):
+    path.rename(path.with_name("moved.h5"))
+
+
+def _empty(path):
+    os.truncate(path, 0)
+
+
+def _halve(path):
+    os.truncate(path, path.stat().st_size // 2)
+
+
+def _overwrite(path):
+    path.write_bytes(bytes(path.stat().st_size))
+
+
+HARMS = [(_remove, "gone"), (_remove_folder, "gone"), (_move, "gone")]
+HARMS += [(_empty, "cut or written over"), (_halve, "cut or written over"), (_overwrite, "cut or written over")]
+
+
+@pytest.mark.parametrize("rows_after", [0, 1, 2 * ROWS_PER_S, 2 * GROWTH_ROWS])
+@pytest.mark.parametrize(("harm", "told"), HARMS)
+def test_a_log_that_another_program_harms_is_told_in_a_sentence(tmp_path, harm, told, rows_after):
+    path = tmp_path / "logs" / "run.h5"
+    path.parent.mkdir()
+    with pytest.raises(DataError, match=rf"^\S*run\.h5: the log .*{told}.* then run again$") as caught:  # noqa: PT012, SIM117
+        with Recorder(path, COLUMNS) as recorder:
+            for n in range(2 * ROWS_PER_S):
+                recorder.row(row(n))
+            harm(path)
+            for n in range(rows_after):
+                recorder.row(row(2 * ROWS_PER_S + n))
+    assert not hasattr(caught.value, "__notes__")
+
+
+def test_what_ended_a_run_is_told_although_its_log_is_gone(tmp_path):
+    with pytest.raises(RuntimeError, match="unplugged") as caught, Recorder(tmp_path / "run.h5", COLUMNS) as recorder:  # noqa: PT012
+        recorder.row(row(1))
+        (tmp_path / "run.h5").unlink()
+        raise RuntimeError("unplugged")
+    assert "the log is gone" in caught.value.__notes__[0]
