@@ -16,7 +16,11 @@ RECORDS = (
     "nitico_isobaric/7MPa",
     "nitico_isobaric/150MPa",
 )
-STEEP = ("flexinol_isobaric/100MPa", "nitihf_isobaric/100MPa", "nitico_isobaric/150MPa")
+CLIFFS = {  # worst half: errors at the hidden samples, % RMS, and the share of one of them in the square
+    "flexinol_isobaric/100MPa": "fit 0.25, lines through neighbours 0.28, monotone cubics 0.26; 1 sample is 43 %",
+    "nitihf_isobaric/100MPa": "fit 0.51, lines through neighbours 0.84, monotone cubics 0.70; 1 sample is 59 %",
+    "nitico_isobaric/150MPa": "fit 0.37, lines through neighbours 0.83, monotone cubics 0.68; 1 sample is 23 %",
+}
 pytestmark = pytest.mark.skipif(not DATA.is_dir(), reason="the measured records lie beside the project")
 
 
@@ -44,9 +48,6 @@ def test_twenty_two_rules(name, rms_percent, max_percent):
         assert fit.certificate.invertible_share >= 0.99
 
 
-CLIFFS = pytest.mark.xfail(reason="half of the samples leave out cliffs, the rules meet the others too well: up to 2.0")
-
-
 @pytest.fixture(scope="module", params=RECORDS)
 def halves(request):
     return request.param, hold_out(*columns(request.param), identify_tsfuzzy)
@@ -54,8 +55,8 @@ def halves(request):
 
 def test_samples_between_those_fitted_are_met_as_well(halves, request):
     name, both = halves
-    if name in STEEP:
-        request.applymarker(CLIFFS)
+    if name in CLIFFS:  # what lies between two samples there, neighbours do not tell
+        request.applymarker(pytest.mark.xfail(reason=CLIFFS[name]))
     assert max(half.ratio for half in both) <= 1.2
 
 
