@@ -2,7 +2,8 @@
 
     control → page   samples    a ring of rows in shared memory; the page copies what is new, the oldest is overwritten
     control → page   status     one JSON document in shared memory, replaced as a whole
-    page → control   off        a counter in shared memory: switching off needs no queue, no room, no answer
+    page → control   off        a counter in shared memory: switching off needs no queue, no room, no answer;
+                                what drives the wire is asked for with the count that was known (see presses)
     page → control   pages      two numbers in shared memory: how many pages are open, and whether one controls
     both ways        messages   datagrams on a socket pair, each whole or not there; a full queue refuses, never waits
 
@@ -48,9 +49,6 @@ CAPACITY = 1 << 15
 STATUS_BYTES = 1 << 18
 MESSAGE_BYTES = 1 << 16
 MESSAGES_PER_TICK = 4
-MOST_QUEUED = 1 << 12
-"""More than any system queues."""
-
 
 _WRITTEN, _OFF, _VERSION, _LENGTH, _PAGES, _CONTROLLED, _HEADER = 0, 1, 2, 3, 4, 5, 8
 _SIZE = 8 * _HEADER + STATUS_BYTES + 8 * CAPACITY * (1 + len(COLUMNS))
@@ -92,7 +90,7 @@ class ControlEnd(Channel):
     def __init__(self) -> None:
         self.page_socket, own = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
         super().__init__(anonymous_memory(_SIZE), own)
-        self._off_seen = 0
+        self.offs = 0
         self.published: dict[str, Any] = {}
 
     def __enter__(self) -> Self:
@@ -131,9 +129,9 @@ class ControlEnd(Channel):
         return int(self._header[_PAGES]), bool(self._header[_CONTROLLED])
 
     def off_requested(self) -> bool:
-        """Whether the page has asked to switch off since this was last asked."""
+        """Whether a page has asked to switch off since this was last asked; `offs` is how many times by now."""
         count = int(self._header[_OFF])
-        asked, self._off_seen = count != self._off_seen, count
+        asked, self.offs = count != self.offs, count
         return asked
 
 
@@ -143,6 +141,11 @@ class PageEnd(Channel):
     def request_off(self) -> None:
         """Ask to switch off; the loop sees it at its next tick."""
         self._header[_OFF] += 1
+
+    @property
+    def offs(self) -> int:
+        """How many times switching off has been asked for."""
+        return int(self._header[_OFF])
 
     def tell_pages(self, count: int, *, is_controlled: bool) -> None:
         """How many pages are open, and whether one of them controls."""

@@ -26,6 +26,8 @@ from bokeh.models import (
     TextInput,
 )
 
+from smadrive.tuning.presses import Presses
+
 HANDS_OFF_S = 1.0
 
 ACCENT = "#0b8f87"
@@ -114,19 +116,20 @@ class Controls:
             "integral_s": Knob("integral_s", "feedback: integral / s", 0.1, self._feedback),
             "feedforward_share": Knob("feedforward_share", "feedforward share", 0.01, self._feedback),
         }
+        self.presses = Presses(name="presses")
         self.buttons = {
-            "arm": self._button("arm", "Arm", "primary", partial(ask, "arm")),
+            "arm": self._driving("arm", "Arm", "primary", lambda offs: ask("arm", offs=offs)),
             "disarm": self._button("disarm", "Disarm", "default", partial(ask, "off")),
             "clear": self._button("clear", "Clear faults", "default", partial(ask, "clear")),
-            "start": self._button("start", "Start", "primary", self._start),
-            "hold": self._button("hold", "Hold", "default", partial(ask, "hold")),
+            "start": self._driving("start", "Start", "primary", self._start),
+            "hold": self._driving("hold", "Hold", "default", lambda offs: ask("hold", offs=offs)),
             "undo": self._button("undo", "Undo", "default", partial(ask, "undo")),
             "redo": self._button("redo", "Redo", "default", partial(ask, "redo")),
             "keep_a": self._button("keep_a", "Keep A", "default", partial(ask, "keep", slot="A")),
             "keep_b": self._button("keep_b", "Keep B", "default", partial(ask, "keep", slot="B")),
             "use_a": self._button("use_a", "Use A", "default", partial(ask, "recall", slot="A")),
             "use_b": self._button("use_b", "Use B", "default", partial(ask, "recall", slot="B")),
-            "compare": self._button("compare", "Compare", "default", self._compare),
+            "compare": self._driving("compare", "Compare", "default", self._compare),
             "adapt": self._button("adapt", "Adapt", "default", lambda: ask("adapt", on=not self._is_adapting)),
             "fit": self._button("fit", "Fit", "default", lambda: fit(float(self._fit_s.value))),
             "save": self._button("save", "Save", "default", lambda: save(str(self._name.value))),
@@ -185,9 +188,13 @@ class Controls:
         self._rules.data = {"centre": centres, **{name: list(laws[name]) for name in LAWS}}
 
     def _button(self, name: str, label: str, kind: str, pressed: Callable[[], None]) -> Button:
-        button = Button(label=label, button_type=kind, name=name, sizing_mode="stretch_width")
-        button.update(margin=(2, 3, 2, 3), stylesheets=[COMPACT])
+        button = _button(name, label, kind)
         button.on_click(lambda _event: pressed())
+        return button
+
+    def _driving(self, name: str, label: str, kind: str, pressed: Callable[[int], None]) -> Button:
+        button = _button(name, label, kind)
+        self.presses.on(button, pressed)
         return button
 
     def _shape(self, key: str, value: float) -> None:
@@ -196,11 +203,11 @@ class Controls:
     def _feedback(self, key: str, value: float) -> None:
         self._ask("feedback", key=key, value=value)
 
-    def _start(self) -> None:
-        self._ask("track", reference=str(self._spec.value).strip() or str(self._reference.value))
+    def _start(self, offs: int) -> None:
+        self._ask("track", offs=offs, reference=str(self._spec.value).strip() or str(self._reference.value))
 
-    def _compare(self) -> None:
-        self._ask("compare", on=not self._is_comparing)
+    def _compare(self, offs: int) -> None:
+        self._ask("compare", offs=offs, on=not self._is_comparing)
 
     def _rule_edited(self, _attribute: str, _old: Any, data: dict[str, Any]) -> None:
         for law, shown in zip(LAWS, self._shown_rules, strict=True):
@@ -235,6 +242,12 @@ class Controls:
         # A table draws its rows anew when its view changes, and that changes with the number of rows alone: it is told.
         self._rules.js_on_change("data", CustomJS(args={"view": table.view}, code="view.change.emit()"))
         return table
+
+
+def _button(name: str, label: str, kind: str) -> Button:
+    button = Button(label=label, button_type=kind, name=name, sizing_mode="stretch_width")
+    button.update(margin=(2, 3, 2, 3), stylesheets=[COMPACT])
+    return button
 
 
 def _set(widget: Any, **values: Any) -> None:

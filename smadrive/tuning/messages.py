@@ -1,6 +1,7 @@
 """What a page may ask: typed, bounded, checked in the control process, whatever the page has checked before.
 
-A request carries a number by which its answer is known: `{"number": 7, "refused": null}`, or the reason in words.
+A request carries a number by which its answer is known: `{"number": 7, "refused": null}`, or the reason in words. One
+that drives the wire carries also how many OFFs were known to who asked, so that it cannot come after one that was not.
 """
 
 from __future__ import annotations
@@ -24,13 +25,19 @@ class Request(Section):
     number: int = Field(ge=0)
 
 
+class Driving(Request):
+    """What drives the wire: `offs` is how many times OFF had been pressed as far as was known when it was asked."""
+
+    offs: int = Field(ge=0)
+
+
 class Off(Request):
     """Heater off; the counter of the channel does the same without a queue."""
 
     act: Literal["off"]
 
 
-class Arm(Request):
+class Arm(Driving):
     """Begin to heat, holding the wire where it is."""
 
     act: Literal["arm"]
@@ -42,14 +49,14 @@ class ClearFaults(Request):
     act: Literal["clear"]
 
 
-class Track(Request):
+class Track(Driving):
     """Follow a reference, one of the session's by its name or one in its one-line form, again and again."""
 
     act: Literal["track"]
     reference: str = Field(min_length=1, max_length=300)
 
 
-class Hold(Request):
+class Hold(Driving):
     """Stay where the reference is now."""
 
     act: Literal["hold"]
@@ -138,7 +145,7 @@ class Recall(Request):
     slot: Slot
 
 
-class Compare(Request):
+class Compare(Driving):
     """Alternate between both slots at every cycle of the reference, and score them."""
 
     act: Literal["compare"]
@@ -182,3 +189,15 @@ def parse_request(message: bytes) -> AnyRequest:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"][1:]) or "request"
         raise ConfigError(f"{key}: {first['msg']} (it is {reprlib.repr(first['input'])})") from None
+
+
+class _Numbered(Request, extra="ignore"):
+    """Of any message, the number."""
+
+
+def numbered(message: bytes) -> Request | None:
+    """What a message that is no request can be answered by: its number; None if not even that is in it."""
+    try:
+        return _Numbered.model_validate_json(message)
+    except ValidationError:
+        return None

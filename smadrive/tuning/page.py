@@ -70,6 +70,7 @@ class Page:
         doc.on_session_destroyed(lambda _: desk.leave(self._client))
 
     def _draw(self) -> None:
+        self._controls.presses.know(self._desk.channel.offs)
         self._seen, rows = self._desk.channel.since(self._seen)
         if rows.size:
             self._plots.add(rows)
@@ -134,6 +135,7 @@ class Page:
             self._doc.add_next_tick_callback(self._show_again)
 
     def _show_again(self) -> None:
+        self._controls.presses.know(self._desk.channel.offs)
         self._shown = {}
         self._show_model(self._desk.status["tuning"])
         self._show_knobs(self._desk.status["tuning"], now=True)

@@ -20,9 +20,21 @@ from smadrive.measurement import Measurement
 from smadrive.rig import Rig
 from smadrive.thermal import HeatBalance
 from smadrive.tuning.adapting import Adapting
-from smadrive.tuning.channel import MESSAGES_PER_TICK, MOST_QUEUED, ControlEnd
+from smadrive.tuning.channel import MESSAGES_PER_TICK, ControlEnd
 from smadrive.tuning.live import LiveController
-from smadrive.tuning.messages import Adapt, AnyRequest, Arm, ClearFaults, Note, Off, Step, parse_request
+from smadrive.tuning.messages import (
+    Adapt,
+    AnyRequest,
+    Arm,
+    ClearFaults,
+    Driving,
+    Note,
+    Off,
+    Request,
+    Step,
+    numbered,
+    parse_request,
+)
 from smadrive.tuning.offered import Offered
 from smadrive.tuning.status import STATUS_S, Status
 from smadrive.tuning.tuning import Tuning
@@ -176,10 +188,7 @@ class TuningSession:
             self._status.tell(self._now_s, "armed, holding")
             self._answer(self._arming, None)
             self._arming = None
-        if self._channel.off_requested():
-            self._off()
-            for message in self._channel.received(MOST_QUEUED):  # what was asked before OFF must not come after it
-                self._receive(message, is_late=True)
+        self._heed_off()
         for message in self._channel.received(MESSAGES_PER_TICK):
             self._receive(message)
         for event in self.bench.turn(self._live, self._now_s):
@@ -193,21 +202,24 @@ class TuningSession:
         self._published_s = self._now_s
         self._channel.publish(self._status.document(self._live, is_safe=self._is_safe, adapts=self._adapting.is_on))
 
-    def _receive(self, message: bytes, *, is_late: bool = False) -> None:
+    def _heed_off(self) -> None:
+        if self._channel.off_requested():
+            self._off()
+
+    def _receive(self, message: bytes) -> None:
+        self._heed_off()  # an OFF that was known when this was asked has come before it
         try:
-            request = parse_request(message)
-        except ConfigError as error:
-            self._status.tell(self._now_s, f"refused: {error}")
-            return
-        try:
-            if is_late:
-                raise ConfigError("the heater was switched off meanwhile: ask again")
-            self._do(request)
+            self._do(parse_request(message))
         except SmadriveError as error:
-            self._answer(request, str(error))
+            asked = numbered(message)
+            if asked is None:
+                self._status.tell(self._now_s, f"refused: {error}")
+            self._answer(asked, str(error))
 
     def _do(self, request: AnyRequest) -> None:
         """Do at once what can be done at once; the rest goes to the workbench."""
+        if isinstance(request, Driving) and request.offs != self._channel.offs:
+            raise ConfigError("OFF was pressed after this: press Arm again")
         match request:
             case Off():
                 self._off()
@@ -256,7 +268,7 @@ class TuningSession:
         placed = PlausibleDisplacement(model)
         return placed.nearest_mm(temperature_c, _known(measured.displacement_mm, cold_mm))
 
-    def _answer(self, request: AnyRequest | None, refused: str | None) -> None:
+    def _answer(self, request: Request | None, refused: str | None) -> None:
         if request is not None:
             self._channel.send({"number": request.number, "refused": refused})
             if refused:

@@ -148,9 +148,9 @@ class Script:
         return json.loads(sys.stdin.readline())
 
     def heat(self):
-        self.ask("arm")
+        self.ask("arm", offs=self.page.offs)
         time.sleep(2.0)
-        self.ask("track", reference="sine")
+        self.ask("track", offs=self.page.offs, reference="sine")
         time.sleep(3.0)
 
     def watch(self, name, action, alone=None):

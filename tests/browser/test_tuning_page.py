@@ -135,6 +135,41 @@ def post_off(live, **headers):
     return status
 
 
+HOLD_BACK = """() => {
+    const send = WebSocket.prototype.send, held = [];
+    WebSocket.prototype.send = function (...parts) { held.push(() => send.apply(this, parts)); };
+    window.letGo = () => { WebSocket.prototype.send = send; held.forEach(sent => sent()); };
+}"""
+"""What the page sends from now on arrives when it is let go."""
+
+
+def offs(page):
+    """How many OFFs the page knows of."""
+    return page.evaluate("() => Bokeh.documents[0].get_model_by_name('presses').offs")
+
+
+def test_an_arm_that_arrives_after_an_off_elsewhere_is_refused_and_the_next_one_arms(client, live):
+    page = client()
+    page.evaluate(HOLD_BACK)
+    press(page, "Arm")
+    known = offs(page)
+    assert post_off(live) == 200
+    live.wait(lambda: offs(page) == known + 1)
+    page.evaluate("() => letGo()")
+    page.locator(".banner", has_text="OFF was pressed after this: press Arm again").wait_for()
+    assert not live.session.is_heating
+    press(page, "Arm")
+    live.wait(lambda: live.session.is_heating)
+
+
+def test_an_arm_right_after_off_on_the_same_page_arms(client, live):
+    page = client()
+    arm = page.locator("button:enabled", has_text=re.compile("^Arm$")).element_handle()
+    page.evaluate("arm => { document.getElementById('off').click(); arm.click(); }", arm)
+    live.wait(lambda: live.session.is_heating)
+    assert page.locator(".banner", has_text="OFF was pressed").count() == 0
+
+
 def test_off_works_for_a_watcher_and_without_the_socket(client, live):
     heat(client(), live)
     watcher = client(token=False)

@@ -24,6 +24,7 @@ from smadrive.tuning.workshop import Refused, prepare
 BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
 REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=40.0, cycles=1)
 PERIOD_S = 0.05
+DRIVING = ("arm", "track", "hold", "compare")
 
 
 class InLine:
@@ -63,10 +64,18 @@ class Bench:
         self._number = 0
 
     def at(self, time_s, act, **values):
-        """Have the page ask for something at `time_s`; the number by which its answer is known."""
+        """Have the page ask for something at `time_s`; the number by which its answer is known.
+
+        What drives the wire is asked knowing of every OFF until then, unless `offs` tells of how many.
+        """
         self._number += 1
         message = {"number": self._number, "act": act, **values}
-        self.do(time_s, lambda: self.page.send(message))
+
+        def ask():
+            known = {"offs": self.page.offs} if act in DRIVING else {}
+            self.page.send({**known, **message})
+
+        self.do(time_s, ask)
         return self._number
 
     def do(self, time_s, action):

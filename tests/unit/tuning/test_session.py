@@ -169,8 +169,16 @@ def test_what_is_no_request_is_told_and_ignored(bench):
     bench.at(1.2, "shape", key="mu_heating", value="nan")
     bench.at(1.3, "shape", key="mu_heating", value=90.0, extra=1)
     bench.run(until_s=2.0)
+    assert set(bench.answers) == {1, 2, 3}
     assert len([event for _, event in bench.status["events"] if event.startswith("refused")]) == 4
     assert bench.status["tuning"]["change"] == "as identified"
+
+
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_a_value_that_is_no_number_is_refused_by_the_number_of_its_request(bench, value):
+    asked = bench.at(1.0, "shape", key="mu_heating", value=value)
+    bench.run(until_s=2.0)
+    assert "finite number" in bench.answers[asked]
 
 
 def test_undo_and_redo(bench):
@@ -264,7 +272,49 @@ def test_nothing_that_was_asked_before_off_comes_after_it(bench):
     bench.run(until_s=30.0)
     assert bench.status["mode"] == "off"
     assert currents(bench.between(20.5, 30.0)).max() < NONE_A
-    assert all("switched off meanwhile" in bench.answers[arm] for arm in again)
+    assert all("OFF was pressed after this" in bench.answers[arm] for arm in again)
+
+
+@pytest.mark.parametrize("late_s", [0.0, 1.0])
+def test_an_arm_that_does_not_know_of_every_off_is_refused_however_late_it_comes_and_the_next_one_arms(bench, late_s):
+    bench.do(1.0, bench.page.request_off)
+    bench.do(1.0, bench.page.request_off)
+    overtaken = [bench.at(1.0 + late_s, "arm", offs=offs) for offs in (0, 1)]
+    bench.run(until_s=4.0)
+    assert [bench.answers[arm] for arm in overtaken] == ["OFF was pressed after this: press Arm again"] * 2
+    assert not any(tick.measurement.armed for tick in bench.ticks)
+    again = bench.at(5.0, "arm")
+    bench.run(until_s=6.0)
+    assert bench.answers[again] is None
+    assert bench.status["mode"] == "holding"
+
+
+def test_an_arm_that_tells_of_an_off_which_never_arrived_is_refused(bench):
+    arm = bench.at(1.0, "arm", offs=1)
+    bench.run(until_s=3.0)
+    assert "press Arm again" in bench.answers[arm]
+    assert not any(tick.measurement.armed for tick in bench.ticks)
+
+
+def test_an_arm_right_after_off_arms(bench):
+    bench.at(1.0, "arm")
+    bench.do(2.0, bench.page.request_off)
+    bench.run(until_s=3.0)
+    bench.do(4.0, bench.page.request_off)
+    arm = bench.at(4.0, "arm")
+    bench.run(until_s=6.0)
+    assert bench.answers[arm] is None
+    assert bench.status["mode"] == "holding"
+
+
+@pytest.mark.parametrize(("act", "values"), [("track", {"reference": "sine"}), ("hold", {}), ("compare", {"on": True})])
+def test_nothing_that_drives_the_wire_comes_after_an_off_it_does_not_know_of(bench, act, values):
+    bench.do(1.0, bench.page.request_off)
+    bench.at(2.0, "arm")
+    overtaken = bench.at(3.0, act, offs=0, **values)
+    bench.run(until_s=5.0)
+    assert bench.answers[overtaken] == "OFF was pressed after this: press Arm again"
+    assert bench.status["mode"] == "holding"
 
 
 def test_every_arm_is_answered_although_off_comes_before_the_wire_holds(bench):
