@@ -23,7 +23,6 @@ from firmware_sim.lottery import KINDS, Kind, draw
 from smadrive.clock import VirtualClock
 from smadrive.control.controller import Command
 from smadrive.control.feedforward import HysteresisInverse, StaticMap
-from smadrive.control.plausibility import IDENTIFIED
 from smadrive.control.reference import Reference
 from smadrive.control.rehearsal import rehearse
 from smadrive.control.shapes import chirp, sine, steps, trapezoid
@@ -148,11 +147,15 @@ def controller(name: str, wire: Wire, reference: Reference, *, sensor: bool):
 def track(name: str, wire: Wire, reference: Reference, seed: int, *, sensor: bool) -> tuple[float, float]:
     """RMS and largest error of one run, %; infinite when it tripped."""
     bench, rows = Bench(wire.sim, seed, sensor=sensor), []
+
+    def record(tick):
+        rows.append((tick.time_s, bench.plant.displacement_mm))
+
     try:
         with bench.rig as rig:
             runs = controller(name, wire, reference, sensor=sensor)
-            plausible = rig._plausible(wire.known[CONTROLLERS[0]].balance, IDENTIFIED)
-            rig._run(runs, plausible, lambda tick: rows.append((tick.time_s, bench.plant.displacement_mm)))
+            known = wire.known[CONTROLLERS[0]]
+            rig.drive(runs, known.balance, record, known.model)
     except SmadriveError as error:
         print(f"    {name}, {'with' if sensor else 'without'} sensor: {error}")
         return np.inf, np.inf
