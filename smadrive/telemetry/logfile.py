@@ -126,6 +126,7 @@ class LogFile:
 
     def add_event(self, time_s: float, message: str) -> None:
         """Write one event; of a message the first `EVENT_BYTES` are kept."""
+        self._check_untouched()
         text = message.encode()[:EVENT_BYTES].ljust(EVENT_BYTES, b"\0")
         with self._told_plainly():
             if self._events >= self._event_fields[0].rows:
@@ -148,9 +149,12 @@ class LogFile:
             os.close(self._handle)
 
     def discard(self) -> None:
-        """Close and remove it: nothing was recorded."""
-        os.close(self._handle)
-        self._path.unlink(missing_ok=True)
+        """Close and remove it: nothing was recorded. What another program put in its place stays."""
+        try:
+            if self._is_in_place():
+                self._path.unlink(missing_ok=True)
+        finally:
+            os.close(self._handle)
 
     def _grow(self, fields: Sequence[Field], rows: int) -> None:
         size = os.fstat(self._handle).st_size
@@ -161,20 +165,27 @@ class LogFile:
         self._size = os.fstat(self._handle).st_size
 
     def _check_untouched(self) -> None:
-        """DataError when another program took the file away or cut it: writing on would work, and keep nothing."""
+        """DataError when another program took, replaced or cut the file: writing on would work, and keep nothing."""
         with self._told_plainly():
-            is_there = self._path.exists()
+            is_in_place = self._is_in_place()
             is_whole = os.fstat(self._handle).st_size >= self._size and os.pread(self._handle, 8, 0) == SIGNATURE
-        if not is_there:
+        if not is_in_place:
             raise DataError(
-                f"{self._path}: the log is gone, removed or moved while it was written: leave it and its folder in "
-                "place until the run has ended, then run again"
+                f"{self._path}: the log is gone, removed, moved or replaced while it was written: leave it and its "
+                "folder in place until the run has ended, then run again"
             )
         if not is_whole:
             raise DataError(
                 f"{self._path}: the log was cut or written over by another program while it was written: let no other "
                 "write to it until the run has ended, then run again"
             )
+
+    def _is_in_place(self) -> bool:
+        """Whether the file under the name is still the one that is written."""
+        try:
+            return os.path.samestat(self._path.stat(), os.fstat(self._handle))
+        except (FileNotFoundError, NotADirectoryError):
+            return False
 
     @contextmanager
     def _told_plainly(self) -> Iterator[None]:

@@ -227,7 +227,18 @@ def _overwrite(path):
     path.write_bytes(bytes(path.stat().st_size))
 
 
-HARMS = [(_remove, "gone"), (_remove_folder, "gone"), (_move, "gone")]
+def _replace(path):
+    """As `rsync` and editors save: a copy takes the name."""
+    shutil.copy(path, path.with_name("copy.h5")).rename(path)
+
+
+def _put_a_file_in_place_of_the_folder(path):
+    shutil.rmtree(path.parent)
+    path.parent.touch()
+
+
+HARMS = [(_remove, "gone"), (_remove_folder, "gone"), (_move, "gone"), (_replace, "gone, removed, moved or replaced")]
+HARMS += [(_put_a_file_in_place_of_the_folder, "gone")]
 HARMS += [(_empty, "cut or written over"), (_halve, "cut or written over"), (_overwrite, "cut or written over")]
 
 
@@ -244,6 +255,26 @@ def test_a_log_that_another_program_harms_is_told_in_a_sentence(tmp_path, harm, 
             for n in range(rows_after):
                 recorder.row(row(2 * ROWS_PER_S + n))
     assert not hasattr(caught.value, "__notes__")
+
+
+@pytest.mark.parametrize("rows_before", [0, 1])
+def test_what_took_the_name_of_a_log_is_neither_cut_nor_removed(tmp_path, rows_before):
+    path = tmp_path / "run.h5"
+    with pytest.raises(RuntimeError, match="unplugged"), Recorder(path, COLUMNS) as recorder:  # noqa: PT012
+        for n in range(rows_before):
+            recorder.row(row(n))
+        _replace(path)
+        stranger = path.read_bytes()
+        raise RuntimeError("unplugged")
+    assert path.read_bytes() == stranger
+
+
+def test_a_log_that_was_replaced_takes_no_event(tmp_path):
+    with pytest.raises(DataError, match="gone"), Recorder(tmp_path / "run.h5", COLUMNS) as recorder:  # noqa: PT012
+        recorder.row(row(0))
+        recorder.flush()
+        _replace(tmp_path / "run.h5")
+        recorder.event("faults: none any more")
 
 
 def test_what_ended_a_run_is_told_although_its_log_is_gone(tmp_path):
