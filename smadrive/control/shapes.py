@@ -11,9 +11,12 @@ from inspect import Parameter, signature
 
 import numpy as np
 
-from smadrive.control.reference import LONGEST_S, TABLE_STEP_S, Reference, check_displacement, check_length
-from smadrive.errors import ConfigError
+from smadrive.control.reference import LONGEST_S, SHORTEST_S, TABLE_STEP_S, Reference, check_displacement, check_length
+from smadrive.errors import ConfigError, DataError
 from smadrive.nearest import meant, nearest
+
+ROUNDING = 1e-9
+"""Share by which a quotient of keys may miss a bound that they meet."""
 
 
 def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
@@ -57,7 +60,7 @@ def sine(
 ) -> Reference:
     """A sine between `low_mm` and `high_mm` that begins at `low_mm`."""
     _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
-    check_length(period_s * cycles, 2 * cycles, longest_s=longest_s)
+    _check_pace(period_s * cycles, 2 * cycles, longest_s)
     times = np.linspace(0.0, period_s * cycles, max(3, int(period_s * cycles / TABLE_STEP_S)))
     swing = 0.5 * (1.0 - np.cos(2.0 * np.pi * times / period_s))
     return Reference.from_samples(times, low_mm + (high_mm - low_mm) * swing)
@@ -68,7 +71,7 @@ def triangle(
 ) -> Reference:
     """Straight up and down between `low_mm` and `high_mm`."""
     _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
-    check_length(period_s * cycles, 2 * cycles, longest_s=longest_s)
+    _check_pace(period_s * cycles, 2 * cycles, longest_s)
     corners = np.arange(int(2 * cycles) + 1)
     values = np.where(corners % 2 == 0, low_mm, high_mm)
     return Reference.from_samples(corners * 0.5 * period_s, values)
@@ -85,7 +88,7 @@ def staircase(
 ) -> Reference:
     """`steps` equal levels up and down again, each held `dwell_s`, with straight rises of `rise_s` between them."""
     _check(low_mm=low_mm, high_mm=high_mm, steps=steps, dwell_s=dwell_s, rise_s=rise_s)
-    check_length(2 * steps * (dwell_s + rise_s) + dwell_s, 2 * steps, longest_s=longest_s)
+    _check_pace(2 * steps * (dwell_s + rise_s) + dwell_s, 2 * steps, longest_s)
     count = int(steps)
     up = np.linspace(low_mm, high_mm, count + 1)
     levels = np.concatenate((up, up[-2::-1]))
@@ -99,7 +102,7 @@ def steps(
 ) -> Reference:
     """Jumps up and down between `low_mm` and `high_mm`, each held `dwell_s`: for a wire, to be smoothed before."""
     _check(low_mm=low_mm, high_mm=high_mm, dwell_s=dwell_s, cycles=cycles)
-    check_length((2 * cycles + 1) * dwell_s, 2 * cycles, longest_s=longest_s)
+    _check_pace((2 * cycles + 1) * dwell_s, 2 * cycles, longest_s)
     levels = np.where(np.arange(int(2 * cycles) + 1) % 2 == 0, low_mm, high_mm)
     starts = np.arange(levels.size) * dwell_s
     times = np.column_stack((starts, starts + dwell_s - TABLE_STEP_S)).ravel()
@@ -117,7 +120,7 @@ def trapezoid(
 ) -> Reference:
     """Straight up within `rise_s`, held `dwell_s`, straight down, held as long."""
     _check(low_mm=low_mm, high_mm=high_mm, rise_s=rise_s, dwell_s=dwell_s, cycles=cycles)
-    check_length(2 * cycles * (dwell_s + rise_s) + dwell_s, 2 * cycles, longest_s=longest_s)
+    _check_pace(2 * cycles * (dwell_s + rise_s) + dwell_s, 2 * cycles, longest_s)
     levels = np.where(np.arange(int(2 * cycles) + 1) % 2 == 0, low_mm, high_mm)
     starts = np.arange(levels.size) * (dwell_s + rise_s)
     times = np.column_stack((starts, starts + dwell_s)).ravel()
@@ -135,7 +138,7 @@ def chirp(
 ) -> Reference:
     """A swing between `low_mm` and `high_mm` whose frequency rises evenly from `start_hz` to `end_hz`."""
     _check(low_mm=low_mm, high_mm=high_mm, start_hz=start_hz, end_hz=end_hz, duration_s=duration_s)
-    check_length(duration_s, 2 * max(start_hz, end_hz) * duration_s, longest_s=longest_s)
+    _check_pace(duration_s, 2 * max(start_hz, end_hz) * duration_s, longest_s)
     rate_hz_per_s = (end_hz - start_hz) / duration_s
     times = np.linspace(0.0, duration_s, max(3, int(duration_s / TABLE_STEP_S)))
     turns = (start_hz + 0.5 * rate_hz_per_s * times) * times
@@ -149,6 +152,21 @@ def _check(**keys: float) -> None:
             check_displacement(name, value)
         elif not value > 0:
             raise ConfigError(f"reference: {name} must be positive, it is {value:g}")
+
+
+def _check_pace(duration_s: float, pieces: float, longest_s: float) -> None:
+    """DataError when the shape, or each of its `pieces`, lasts less than `SHORTEST_S`, or all of it too long.
+
+    A piece is half a swing, or a level. Of shorter ones the table, and the loop, would show a slow alias; at
+    `SHORTEST_S` a swing still has ten steps of the table. To be called before the table is made.
+    """
+    check_length(duration_s, longest_s=longest_s)
+    most = duration_s / SHORTEST_S
+    if pieces > most * (1.0 + ROUNDING):
+        raise DataError(
+            f"reference: it has {pieces:g} pieces, at most {most:g} can be in its {duration_s:g} s, {SHORTEST_S:g} s "
+            "each: lower their number, or slow it down; is its time in seconds?"
+        )
 
 
 SHAPES: dict[str, Callable[..., Reference]] = {

@@ -127,6 +127,31 @@ def test_a_reference_that_is_too_long_is_refused_before_its_table_is_made(spec):
         parse_reference(f"{spec},low_mm=1,high_mm=2")
 
 
+@pytest.mark.parametrize(
+    ("spec", "told"),
+    [
+        ("sine:period_s=0.02,cycles=5000", "has 10000 pieces, at most 1000 can be in its 100 s"),
+        ("sine:period_s=0.19,cycles=2", r"has 4 pieces, at most 3\.8 can be in its 0\.38 s"),
+        ("triangle:period_s=0.05,cycles=100", "has 200 pieces, at most 50"),
+        ("steps:dwell_s=0.05,cycles=100", "has 200 pieces, at most 100"),
+        ("chirp:start_hz=50,end_hz=50,duration_s=100", "has 10000 pieces, at most 1000"),
+        ("chirp:start_hz=0.1,end_hz=50,duration_s=100", "has 10000 pieces, at most 1000"),
+        ("chirp:start_hz=50,end_hz=0.1,duration_s=100", "has 10000 pieces, at most 1000"),
+    ],
+)
+def test_swings_of_which_only_a_slow_alias_would_be_seen_are_refused(spec, told):
+    with pytest.raises(DataError, match=rf"{told}.* 0\.1 s each: lower their number, or slow it down"):
+        parse_reference(f"{spec},low_mm=2,high_mm=9")
+
+
+@pytest.mark.parametrize("spec", ["sine:period_s=0.2,cycles={}", "chirp:start_hz=5,end_hz=5,duration_s={}"])
+@pytest.mark.parametrize("length", [3, 7, 100])
+def test_the_fastest_swings_are_all_in_the_table(spec, length):
+    reference = parse_reference(f"{spec.format(length)},low_mm=2,high_mm=9")
+    turns = np.diff(np.sign(np.diff(reference.displacement_mm)))
+    assert np.abs(turns).sum() == 2 * (round(reference.duration_s / 0.1) - 1)
+
+
 def test_a_day_can_be_run():
     assert Reference.from_samples([0, 43_200, 86_400], [0, 1, 0]).with_approach(0.5, 10.0).duration_s == 86_410.0
     assert parse_reference("sine:low_mm=1,high_mm=2,period_s=43200").duration_s == 86_400.0

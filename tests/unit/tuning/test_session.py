@@ -139,7 +139,7 @@ def test_a_change_is_in_force_at_once_and_makes_no_jump(bench):
             {"reference": "sine:low_mm=2,high_mm=9,period_s=43200"},
             "lasts 86400 s, the longest that",
         ),
-        ("track", {"reference": "steps:low_mm=2,high_mm=9,dwell_s=0.001,cycles=1e5"}, "pieces, at most 30000"),
+        ("track", {"reference": "steps:low_mm=2,high_mm=9,dwell_s=0.001,cycles=1e5"}, "pieces, at most 2000"),
         ("track", {"reference": "square"}, "neither a shape nor a CSV file"),
         ("undo", {}, "nothing to undo"),
         ("recall", {"slot": "A"}, "slot A is empty"),
