@@ -47,9 +47,14 @@ def _check_temperature(config: RigConfig, wire: WireConfig) -> None:
         kelvin = (
             f" Is it in kelvin? {limit_c:g} K are {meant_c:.0f} °C." if wire.ambient_c < meant_c <= stands_c else ""
         )
+        if "temperature_max_c" in wire.model_fields_set:
+            known, cure = "by temperature_max_c of its wire file", "lower it"
+        else:
+            known = "where nickel-titanium begins to age, as its wire file tells no temperature_max_c"
+            cure = "lower it, or set temperature_max_c in the wire file if its alloy stands more"
         raise ConfigError(
             f"rig '{config.name}': limits.temperature_max_c = {limit_c:g} °C is more than '{config.wire}' stands, "
-            f"{stands_c:g} °C by temperature_max_c of its wire file: lower it.{kelvin}"
+            f"{stands_c:g} °C {known}: {cure}.{kelvin}"
         )
 
 

@@ -39,7 +39,11 @@ def wire_with(tmp_path):
 @pytest.mark.parametrize(
     ("limits", "excitation", "told"),
     [
-        (KELVIN, {"low_c": 313.0, "high_c": 363.0}, "= 378 °C is more than .* 160 °C .* lower it. Is it in kelvin"),
+        (
+            KELVIN,
+            {"low_c": 313.0, "high_c": 363.0},
+            "= 378 °C is more than .* 160 °C by temperature_max_c of its wire file: lower it. Is it in kelvin",
+        ),
         ({"temperature_max_c": 408.0}, {}, r"Is it in kelvin\? 408 K are 135 °C"),
         ({"temperature_max_c": 161.0}, {}, "lower it.$"),
         ({"current_max_a": 400.0}, {}, "is it in amperes?"),
@@ -71,7 +75,9 @@ def test_careful_and_generous_ones_are_taken(limits):
 def test_a_wire_file_that_tells_no_highest_temperature_has_that_at_which_nickel_titanium_ages(wire_with):
     wire = wire_with(temperature_max_c=None)
     Rig(rig_with({"temperature_max_c": 200.0}, wire=wire))
-    with pytest.raises(ConfigError, match="200 °C by temperature_max_c of its wire file"):
+    with pytest.raises(
+        ConfigError, match=r"200 °C .* tells no temperature_max_c: .* or set temperature_max_c in the wire file"
+    ):
         Rig(rig_with({"temperature_max_c": 201.0}, wire=wire))
 
 
