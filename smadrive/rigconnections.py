@@ -11,6 +11,7 @@ from pathlib import Path
 from smadrive.clock import VirtualClock
 from smadrive.device.device import Device
 from smadrive.device.profile import Profile, load_profile
+from smadrive.device.safestate import PAUSES_S
 from smadrive.device.tclab import TCLabBoard
 from smadrive.errors import ConfigError
 from smadrive.modbus.connect import open_transport
@@ -29,14 +30,16 @@ PATIENCE = 1.5
 class Connections:
     """One master per address, and one text line; a trace of each is named after the first device there.
 
-    `stack` closes what is opened; `lease` is asked at every use of a connection, if it is given.
+    `stack` closes what is opened. A `lease` that is set before that is asked at every use of a connection.
     """
 
-    def __init__(self, stack: ExitStack, trace_folder: Path | None, lease: Lease | None) -> None:
+    lease: Lease | None = None
+
+    def __init__(self, stack: ExitStack, trace_folder: Path | None) -> None:
         self._stack = stack
         self._trace_folder = trace_folder
-        self._lease = lease
-        self._longest_wait_s = 0.0
+        self._connected: list[Transport] = []
+        self._longest_wait_s = max(PAUSES_S)
         self._masters: dict[str, Master] = {}
         self._benches: dict[str, _SimulatedBench] = {}
 
@@ -50,20 +53,25 @@ class Connections:
         master = self._master(device, profile) if given is None else self._master_on(given, device)
         return Device(profile, master, device.unit_id, read_retries)
 
+    def lose(self) -> None:
+        """Let every connection go; the next request on it opens it again."""
+        for transport in self._connected:
+            transport.lose()
+
     def check_patience(self, watchdog_s: float) -> None:
-        """ConfigError when a guardian could take a driver for dead that only waits for a reply."""
+        """ConfigError when a guardian could take a driver for dead that waits for a reply, or between two tries."""
         least_s = PATIENCE * self._longest_wait_s
         if watchdog_s < least_s:
             raise ConfigError(
-                f"limits.watchdog_s = {watchdog_s:g} is too short for a guardian: a device of this rig may take "
-                f"{self._longest_wait_s:g} s to answer: raise it to {least_s:g}"
+                f"limits.watchdog_s = {watchdog_s:g} is too short for a guardian: the driver of this rig may wait "
+                f"{self._longest_wait_s:g} s for an answer: raise it to {least_s:g}"
             )
 
     def _master(self, device: DeviceConfig, profile: Profile) -> Master:
         if device.url.startswith(SIMULATED):
             return self._master_on(self._simulated(device, profile), device)
         if device.url not in self._masters:
-            self._masters[device.url] = self._master_on(self._connected(device, profile), device)
+            self._masters[device.url] = self._master_on(self._connect(device, profile), device)
         return self._masters[device.url]
 
     def _master_on(self, transport: Transport, device: DeviceConfig) -> Master:
@@ -73,10 +81,11 @@ class Connections:
         """A connection that no other device shares."""
         if given is None and device.url.startswith(SIMULATED):
             given = self._simulated(device, profile)
-        return self._opened(given or self._connected(device, profile))
+        return self._opened(given or self._connect(device, profile))
 
-    def _connected(self, device: DeviceConfig, profile: Profile) -> Transport:
-        transport = open_transport(device.url, profile.serial_settings(), lease=self._lease)
+    def _connect(self, device: DeviceConfig, profile: Profile) -> Transport:
+        transport = open_transport(device.url, profile.serial_settings(), lease=self.lease)
+        self._connected.append(transport)
         wait_s = profile.timing.response_timeout_ms / 1e3 + transport.latency_s
         self._longest_wait_s = max(self._longest_wait_s, wait_s)
         return transport

@@ -51,8 +51,10 @@ def open_devices(
     clock: Clock | None,
     transports: Mapping[str, Transport],
     trace_folder: Path | None = None,
+    *,
+    heats: bool = True,
 ) -> RigDevices:
-    """Open what the rig file names; `stack` closes it. Nothing is sent yet.
+    """Open what the rig file names; `stack` closes it. Nothing is sent yet. Where nothing `heats`, nobody guards.
 
     `transports` (by device name) take the place of connections; `clock` that of theirs; what passes on each of them is
     traced to a file in `trace_folder`, if it is given. ConfigError when the devices do not make up a rig or a trace
@@ -61,8 +63,11 @@ def open_devices(
     profiles = {device.name: load_profile(device.profile) for device in config.devices}
     roles = _roles(config.devices, profiles)
     simulated = roles.heater.name in transports or roles.heater.url.startswith(SIMULATED)
-    guard = None if simulated else _guard(roles.heater, profiles[roles.heater.name], config.limits)
-    connections = Connections(stack, trace_folder, None if guard is None else guard.hold)
+    connections = Connections(stack, trace_folder)
+    guard = None
+    if heats and not (simulated or _source_type(profiles[roles.heater.name]).has_watchdog):
+        guard = Guard(_guardian_task(roles.heater, config.limits), connections.lose)
+        connections.lease = guard.hold
     for url in {device.url for device in config.devices if not device.url.startswith(SIMULATED)}:
         _check_line(url, [device for device in config.devices if device.url == url], profiles)
     devices = {
@@ -169,10 +174,8 @@ def _address(device: DeviceConfig) -> str:
     return device.url if device.unit_id is None else f"{device.url} unit {device.unit_id}"
 
 
-def _guard(device: DeviceConfig, profile: Profile, limits: LimitsConfig) -> Guard | None:
-    if _source_type(profile).has_watchdog:
-        return None
-    return Guard(Task((GuardedDevice(device.profile, device.url, device.unit_id),), limits.watchdog_s))
+def _guardian_task(device: DeviceConfig, limits: LimitsConfig) -> Task:
+    return Task((GuardedDevice(device.profile, device.url, device.unit_id),), limits.watchdog_s)
 
 
 def _sensor(

@@ -18,7 +18,7 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
     """Switch the heater of RIG off, confirmed by reading back."""
     output = Output(as_json)
     config = load_rig(rig)
-    with Rig(config) as bench:  # entering a rig confirms its safe state, leaving it does so again
+    with Rig(config, heats=False) as bench:  # entering a rig confirms its safe state, leaving it does so again
         measurement = bench.clear_faults() if clear_faults else bench.heater.exchange(0.0)
     names = [device.name for device in config.devices]
     output.say(f"{config.name}: heater off, confirmed by read-back ({', '.join(names)})")

@@ -7,16 +7,17 @@ import select
 import subprocess
 import sys
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from types import TracebackType
 from typing import IO, Self
 
-from smadrive.device.guardian import BEAT, CONFIRMED, READY, REST, TAKEN, WATCH, Task
+from smadrive.device.guardian import BEAT, FREE, READY, REST, TAKEN, WATCH, Task
 from smadrive.errors import SafetyError, TakenOverError
 
 STARTS_WITHIN_S = 20.0
 ENDS_WITHIN_S = 5.0
-CONFIRMS_WITHIN_S = 10.0
+FREES_WITHIN_S = 5.0
 PATIENCE = 2.0
 """So many times its own patience with the driver is the driver's with it."""
 MANY = 4096
@@ -24,12 +25,17 @@ GONE = "the guardian is gone or stands still: heating without it is refused"
 
 
 class Guard:
-    """A guardian process for `task`, a context manager: leaving it ends the guardian, unless heat may still flow."""
+    """A guardian process for `task`, a context manager: leaving it ends the guardian, unless heat may still flow.
 
-    def __init__(self, task: Task) -> None:
+    `give_way` lets all connections of the driver go: some devices have room for one only, and it may be the guardian's.
+    """
+
+    def __init__(self, task: Task, give_way: Callable[[], None]) -> None:
         self._task = task
+        self._give_way = give_way
         self._watching = False
         self._taken = False
+        self._gone = False
         self._heard_s = 0.0
 
     def __enter__(self) -> Self:
@@ -62,11 +68,11 @@ class Guard:
         try:
             self._process.wait(ENDS_WITHIN_S)
         except subprocess.TimeoutExpired:  # it stands still, and is not needed any more
-            self._process.kill()
-            self._process.wait()
+            self._end()
 
     def watch(self) -> None:
         """Heating begins; SafetyError when nobody is there to watch."""
+        self._from.read(MANY)  # of the last watch
         self._heard_s = time.monotonic()
         if not self._told(WATCH):
             raise SafetyError(GONE)
@@ -78,8 +84,9 @@ class Guard:
         TakenOverError when the guardian has the ports.
         """
         if self._watching:
-            heard = self._from.read(MANY) or b""
-            self._taken = self._taken or TAKEN in heard
+            heard = self._from.read(MANY)  # None: nothing new, empty: nobody there
+            self._gone = heard == b""
+            self._taken = self._taken or TAKEN in (heard or b"")
             if self._taken:
                 raise TakenOverError(
                     f"the driver stood still for more than {self._task.timeout_s:g} s and the guardian switched the "
@@ -92,29 +99,41 @@ class Guard:
     def check(self) -> None:
         """The driver is about to command: SafetyError when the guardian does not answer any more; as of `hold`."""
         self.hold()
-        if self._watching and time.monotonic() - self._heard_s > PATIENCE * self._task.timeout_s:
+        if self._watching and (self._gone or time.monotonic() - self._heard_s > PATIENCE * self._task.timeout_s):
             raise SafetyError(GONE)
 
     def take_back(self) -> None:
         """Where the guardian has taken over, let it end its work, and have the ports again.
 
-        SafetyError when it does not confirm that the source is off.
+        SafetyError when it does not come to an end; it goes on then.
         """
-        if not self._taken:
-            return
-        if self._told(REST):
-            ready, _, _ = select.select((self._from,), (), (), CONFIRMS_WITHIN_S)
-            if not ready:
+        if self._taken:
+            self._give_way()
+            if not self._freed():
                 raise SafetyError("the guardian has taken over, and could not confirm yet that the heater is off")
-            answer = self._from.read(MANY)  # nothing: it has died meanwhile, and nobody else uses the ports
-            assert answer in (CONFIRMED, b"")
-        self._taken = self._watching = False
+            self._taken = self._watching = False
 
     def rest(self) -> None:
-        """The source is confirmed off."""
+        """The driver has confirmed the source off; should the guardian come in this moment, it is awaited."""
         if self._watching:
-            self._watching = False
-            self._told(REST)  # a guardian that is gone is not needed now
+            self._watching = self._taken = False
+            if not self._freed():
+                self._end()  # it stands still, and would wake up beside another program at the ports
+
+    def _end(self) -> None:
+        self._process.kill()
+        self._process.wait()
+
+    def _freed(self) -> bool:
+        """Ask the guardian for the ports and await them; one that is gone has left them."""
+        give_up_s = time.monotonic() + FREES_WITHIN_S
+        self._told(REST)
+        while (left_s := give_up_s - time.monotonic()) > 0:
+            select.select((self._from,), (), (), left_s)
+            heard = self._from.read(MANY)
+            if heard == b"" or FREE in (heard or b""):
+                return True
+        return False
 
     def _told(self, what: bytes) -> bool:
         """Whether it could be told: it may be gone, or stand still."""

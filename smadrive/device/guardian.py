@@ -9,8 +9,9 @@ Every byte is echoed, so that the driver knows that the guardian lives too. Whil
 or the end of the pipe, means that the driver is gone: the guardian opens the ports itself (it needs no lock for that)
 and writes the safe state until every device has confirmed it. Two masters on one line would take each other's replies
 for their own: a driver that only stood still finds `t` (taken over) in the other pipe when it wakes, before it uses a
-port. It says `r` and waits; the guardian looks once more, in case one last command slipped through, gives the ports
-back with `c` (confirmed off), and is ready to watch again. From its start it needs no file and no terminal.
+port. It lets its connections go, says `r` and waits; the guardian looks once more, in case one last command slipped
+through. Every `r` is answered by `f` (free): the ports are the driver's, and the guardian is ready to watch again. From
+its start it needs no file and no terminal.
 
     python -m smadrive.device.guardian        its task, a JSON object, is the first line of standard input
 """
@@ -32,7 +33,7 @@ from smadrive.device.profile import Profile, load_profile
 from smadrive.modbus.connect import open_transport
 
 WATCH, BEAT, REST = b"w", b"b", b"r"
-READY, ECHO, TAKEN, CONFIRMED = b"y", b"e", b"t", b"c"
+READY, ECHO, TAKEN, FREE = b"y", b"e", b"t", b"f"
 DRIVER_FD, TERMINAL_FD = 1, 2
 
 LOOK_AGAIN_S = 0.5
@@ -105,7 +106,7 @@ def guard(task: Task, profiles: Sequence[Profile], driver: Pipe) -> None:
             _take_over(task, profiles, driver, reason)
             watching = False
         elif said:
-            _tell(ECHO)
+            _tell(FREE if said == REST else ECHO)
             watching = said in (WATCH, BEAT)
 
 
@@ -124,7 +125,7 @@ def _take_over(task: Task, profiles: Sequence[Profile], driver: Pipe, reason: st
             _say(news)
             told = news
         if problem is None and (rests or driver.ended):
-            _tell(CONFIRMED)
+            _tell(FREE)
             return
         rests = driver.said(LOOK_AGAIN_S) == REST or rests
 

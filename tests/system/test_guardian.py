@@ -10,7 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from smadrive.errors import ConfigError
+from smadrive.device.guard import Guard
+from smadrive.device.guardian import GuardedDevice, Task
+from smadrive.errors import ConfigError, SafetyError, TakenOverError
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 
@@ -98,6 +100,11 @@ def served(profile, *options):
 
 def children(pid):
     return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def guardians(pid):
+    """Of the children of a process."""
+    return [one for one in children(pid) if b"device.guardian" in Path(f"/proc/{one}/cmdline").read_bytes()]
 
 
 def lives(pid):
@@ -219,5 +226,56 @@ def test_a_guardian_that_could_not_await_a_reply_is_refused(tmp_path):
     with served("riden-rd60xx") as (_, supply_url), served("delta-dtb") as (_, reader_url):
         rig = tmp_path / "rig.toml"
         rig.write_text(RIG.format(supply=supply_url, reader=reader_url).replace("watchdog_s = 1.0", "watchdog_s = 0.6"))
-        with pytest.raises(ConfigError, match=r"watchdog_s = 0\.6 is too short.* 0\.5 s to answer: raise it to 0\.75"):
+        with pytest.raises(
+            ConfigError, match=r"watchdog_s = 0\.6 is too short.* 0\.5 s for an answer: raise it to 0\.75"
+        ):
             Rig(load_rig(str(rig))).__enter__()
+
+
+def test_a_supply_can_be_switched_off_whatever_its_rig_says_of_heating(tmp_path):
+    with served("riden-rd60xx") as (_, supply_url), served("delta-dtb") as (_, reader_url):
+        rig = tmp_path / "rig.toml"
+        text = RIG.format(supply=supply_url, reader=reader_url).replace("watchdog_s = 1.0", "watchdog_s = 0.6")
+        rig.write_text(text.replace("temperature_max_c = 135.0", "temperature_max_c = 408.0"))
+        with pytest.raises(ConfigError, match="is more than"):
+            Rig(load_rig(str(rig)))
+        subprocess.run([sys.executable, "-m", "smadrive", "off", str(rig)], check=True)
+        with (
+            Rig(load_rig(str(rig)), heats=False) as bench,
+            pytest.raises(SafetyError, match="opened to look, not to heat"),
+        ):
+            bench.excite(bench.excitation(22.0), print)
+
+
+def test_a_driver_gives_way_to_its_guardian_and_waits_for_it_also_where_it_noticed_nothing():
+    gave_way = []
+    with served("riden-rd60xx") as (_, url):
+        task = Task((GuardedDevice("riden-rd60xx", url, None),), timeout_s=0.3)
+        with Guard(task, lambda: gave_way.append(True)) as guard:
+            guard.watch()
+            time.sleep(1.0)
+            for _ in range(2):
+                with pytest.raises(TakenOverError):
+                    guard.hold()
+            guard.take_back()
+            assert gave_way
+            guard.watch()
+            guard.check()
+            time.sleep(1.0)
+            guard.rest()
+            guard.watch()
+            for _ in range(3):
+                guard.check()
+            guard.rest()
+
+
+def test_a_guardian_that_stands_still_when_the_driver_rests_is_ended():
+    with served("riden-rd60xx") as (_, url):
+        task = Task((GuardedDevice("riden-rd60xx", url, None),), timeout_s=0.3)
+        with Guard(task, lambda: None) as guard:
+            guard.watch()
+            (guardian,) = guardians(os.getpid())
+            os.kill(guardian, signal.SIGSTOP)
+            guard.rest()
+            with pytest.raises(SafetyError, match="gone"):
+                guard.watch()
