@@ -135,7 +135,7 @@ class Page:
             self._doc.add_next_tick_callback(self._show_again)
 
     def _show_again(self) -> None:
-        self._controls.presses.know(self._desk.channel.offs)
+        self._controls.presses.know_again(self._desk.channel.offs)
         self._shown = {}
         self._show_model(self._desk.status["tuning"])
         self._show_knobs(self._desk.status["tuning"], now=True)

@@ -34,6 +34,11 @@ class Presses(DataModel):  # type: ignore[misc]  # bokeh has no type for it
         if self.offs != offs:
             self.offs = offs
 
+    def know_again(self, offs: int) -> None:
+        """Tell it after a refusal, whatever it seems to know: its own count may have crossed what it was told."""
+        self.offs = -1
+        self.offs = offs
+
     def on(self, button: Button, pressed: Callable[[int], None]) -> None:
         """Have `pressed(offs)` called for every press of `button`, with the OFFs that its page knew of."""
         button.js_on_event("button_click", CustomJS(args={"presses": self, "name": button.name}, code=_PRESS))

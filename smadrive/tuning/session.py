@@ -219,7 +219,7 @@ class TuningSession:
     def _do(self, request: AnyRequest) -> None:
         """Do at once what can be done at once; the rest goes to the workbench."""
         if isinstance(request, Driving) and request.offs != self._channel.offs:
-            raise ConfigError("OFF was pressed after this: press Arm again")
+            raise ConfigError("OFF was pressed after this: press again")
         match request:
             case Off():
                 self._off()

@@ -281,7 +281,7 @@ def test_an_arm_that_does_not_know_of_every_off_is_refused_however_late_it_comes
     bench.do(1.0, bench.page.request_off)
     overtaken = [bench.at(1.0 + late_s, "arm", offs=offs) for offs in (0, 1)]
     bench.run(until_s=4.0)
-    assert [bench.answers[arm] for arm in overtaken] == ["OFF was pressed after this: press Arm again"] * 2
+    assert [bench.answers[arm] for arm in overtaken] == ["OFF was pressed after this: press again"] * 2
     assert not any(tick.measurement.armed for tick in bench.ticks)
     again = bench.at(5.0, "arm")
     bench.run(until_s=6.0)
@@ -292,7 +292,7 @@ def test_an_arm_that_does_not_know_of_every_off_is_refused_however_late_it_comes
 def test_an_arm_that_tells_of_an_off_which_never_arrived_is_refused(bench):
     arm = bench.at(1.0, "arm", offs=1)
     bench.run(until_s=3.0)
-    assert "press Arm again" in bench.answers[arm]
+    assert "press again" in bench.answers[arm]
     assert not any(tick.measurement.armed for tick in bench.ticks)
 
 
@@ -313,7 +313,7 @@ def test_nothing_that_drives_the_wire_comes_after_an_off_it_does_not_know_of(ben
     bench.at(2.0, "arm")
     overtaken = bench.at(3.0, act, offs=0, **values)
     bench.run(until_s=5.0)
-    assert bench.answers[overtaken] == "OFF was pressed after this: press Arm again"
+    assert bench.answers[overtaken] == "OFF was pressed after this: press again"
     assert bench.status["mode"] == "holding"
 
 
