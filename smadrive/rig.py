@@ -63,7 +63,7 @@ class Rig:
     loops run in; without it that of the connection: real on a port, virtual on `sim://`. What passes on every bus is
     traced to a file in `trace_folder`, if it is given (see TraceFile).
 
-    ConfigError when the limits are none for the rig's wire. Where it never `heats`, for who looks or switches off, they
+    ConfigError when the limits are none for the rig's wire. Where it never `heats`, for who only switches off, they
     do not matter, and nothing that runs is allowed.
     """
 
@@ -197,7 +197,7 @@ class Rig:
 
     def _run(self, controller: Controller, supervisor: Supervisor, record: Record) -> LoopFigures:
         if not self._heats:
-            raise SafetyError("refused to arm: this rig was opened to look, not to heat: its limits were not checked")
+            raise SafetyError("refused to arm: this rig was opened to be switched off: its limits were not checked")
         if self.latch.told is not None:
             raise SafetyError(f"refused to arm: the last run tripped ({self.latch.told}). {CLEAR}")
         self._check_rate()

@@ -26,7 +26,7 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
     """Connect to RIG, check the identity of every device and show its live values. The heater stays off."""
     output = Output(as_json)
     config = load_rig(rig)
-    with Rig(config, trace_folder=trace, heats=False) as open_rig:
+    with Rig(config, trace_folder=trace) as open_rig:
         measurement = open_rig.heater.exchange(0.0)
         identities, tripped = open_rig.identities, open_rig.latch.told
     for name, identity in identities.items():

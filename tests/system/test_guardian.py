@@ -242,7 +242,7 @@ def test_a_supply_can_be_switched_off_whatever_its_rig_says_of_heating(tmp_path)
         subprocess.run([sys.executable, "-m", "smadrive", "off", str(rig)], check=True)
         with (
             Rig(load_rig(str(rig)), heats=False) as bench,
-            pytest.raises(SafetyError, match="opened to look, not to heat"),
+            pytest.raises(SafetyError, match="opened to be switched off"),
         ):
             bench.excite(bench.excitation(22.0), print)
 
