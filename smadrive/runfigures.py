@@ -51,15 +51,14 @@ class TrackingFigures:
 
 
 def tracking_figures(log: Log, loop: LoopFigures) -> TrackingFigures:
-    """The figures of a recorded tracking run. DataError when the log is of none."""
+    """The figures of a recorded tracking run, whose loop counted `loop`. DataError when the log is of none."""
     rms, largest = _rms_and_max(error_percent(log))
     return TrackingFigures(rms, largest, loop.ticks, loop.missed_deadlines, loop.trips, str(log.path))
 
 
-def tripped_figures(log: Log) -> TrackingFigures:
-    """The figures of a tracking run that a trip cut: of the ticks before it. DataError when the log is of none."""
-    rms, largest = _rms_and_max(error_percent(log))
-    return TrackingFigures(rms, largest, log.column("time_s").size, _missed_deadlines(log), 1, str(log.path))
+def tripped_loop(log: Log) -> LoopFigures:
+    """What the loop of a run that a trip cut had counted before it; of lost exchanges the log does not tell."""
+    return LoopFigures(log.column("time_s").size, _missed_deadlines(log), trips=1)
 
 
 def tracking_caveats(log: Log) -> tuple[str, ...]:

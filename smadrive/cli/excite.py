@@ -10,11 +10,15 @@ import typer
 from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile, TraceFolder
+from smadrive.control.loop import LoopFigures
+from smadrive.errors import TripError
 from smadrive.identification.excitation import check_may_excite
 from smadrive.outfile import LOG, check_output
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
+from smadrive.runfigures import tripped_loop
 from smadrive.runlog import record_excitation
+from smadrive.telemetry.log import read_log
 
 
 def main(
@@ -26,18 +30,40 @@ def main(
     """Drive the wire of RIG through the temperature path of its rig file, within its limits, and record it."""
     output = Output(as_json)
     check_output(log_file, LOG)
-    with Rig(load_rig(rig), trace_folder=trace) as bench:
-        found = bench.heater.exchange(0.0)
-        limit_a = bench.config.limits.current_max_a
-        excitation = bench.excitation(found.temperature_c)
-        check_may_excite(excitation, bench.nominal_balance, limit_a, found)
-        with (
-            record_excitation(log_file, bench, excitation) as recorder,
-            watched(recorder, "exciting", excitation.duration_s, limit_a, quiet=output.quiet) as record,
-        ):
-            figures = bench.excite(excitation, record)
+    try:
+        with Rig(load_rig(rig), trace_folder=trace) as bench:
+            figures = _recorded(log_file, bench, quiet=output.quiet)
+    except TripError as trip:
+        try:
+            _tell(log_file, tripped_loop(read_log(log_file)), output, tripped=str(trip))
+        finally:
+            raise trip  # whatever becomes of what is told, this is how it ended
+    _tell(log_file, figures, output, tripped=None)
+
+
+def _recorded(log_file: Path, bench: Rig, *, quiet: bool) -> LoopFigures:
+    """Excite the wire, logged to `log_file`, shown unless `quiet`. TripError."""
+    found = bench.heater.exchange(0.0)
+    limit_a = bench.config.limits.current_max_a
+    excitation = bench.excitation(found.temperature_c)
+    check_may_excite(excitation, bench.nominal_balance, limit_a, found)
+    with (
+        record_excitation(log_file, bench, excitation) as recorder,
+        watched(recorder, "exciting", excitation.duration_s, limit_a, quiet=quiet) as record,
+    ):
+        return bench.excite(excitation, record)
+
+
+def _tell(log_file: Path, figures: LoopFigures, output: Output, *, tripped: str | None) -> None:
     missed = "1 missed deadline" if figures.missed_deadlines == 1 else f"{figures.missed_deadlines} missed deadlines"
-    output.say(f"{log_file}: {figures.ticks} samples, {missed}; the heater is off")
+    ended = "the heater is off" if tripped is None else "then it tripped"
+    output.say(f"{log_file}: {figures.ticks} samples, {missed}; {ended}")
     output.result(
-        {"ticks": figures.ticks, "missed_deadlines": figures.missed_deadlines, "trips": 0, "log_file": str(log_file)}
+        {
+            "ticks": figures.ticks,
+            "missed_deadlines": figures.missed_deadlines,
+            "trips": figures.trips,
+            "log_file": str(log_file),
+            "tripped": tripped,
+        }
     )

@@ -28,7 +28,7 @@ from smadrive.measurement import Measurement
 from smadrive.outfile import LOG, TABLE, check_output
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
-from smadrive.runfigures import TrackingFigures, tracking_caveats, tracking_figures, tripped_figures
+from smadrive.runfigures import TrackingFigures, tracking_caveats, tracking_figures, tripped_loop
 from smadrive.runlog import record_tracking, reference_text
 from smadrive.telemetry.log import Log, read_log
 from smadrive.telemetry.table import read_table
@@ -122,7 +122,7 @@ def _recorded(
 
 def _tell(log: Log, loop: LoopFigures | None, output: Output, *, tripped: str | None) -> None:
     """The figures of the run, to its end or to the trip that cut it."""
-    figures = tripped_figures(log) if loop is None else tracking_figures(log, loop)
+    figures = tracking_figures(log, loop or tripped_loop(log))
     doubts = tracking_caveats(log)
     output.table(HEADER, [table_row("tracking", figures)])
     _beware(doubts, output)

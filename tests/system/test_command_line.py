@@ -177,6 +177,17 @@ def test_a_run_that_trips_answers_with_what_it_did_until_then_and_with_the_trip(
     assert "fault 11" in unread.stderr
 
 
+@pytest.mark.parametrize("limit", ["displacement_max_mm = 5.0", "displacement_min_mm = 5.0"])  # on its way, at once
+def test_an_excitation_that_trips_answers_with_what_it_did_until_then_and_with_the_trip(limit, tmp_path):
+    (tmp_path / "tight.toml").write_text(rig_text("watchdog_s = 0.5", f"watchdog_s = 0.5\n{limit}", rig="in-process"))
+    done = smadrive("excite", "tight.toml", "-o", "short.h5", "--json", cwd=tmp_path)
+    assert done.returncode == 4, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["trips"], told["ticks"]) == (1, read_log(tmp_path / "short.h5").column("time_s").size)
+    assert told["tripped"].startswith("fault 11:")
+    assert told["tripped"] in done.stderr
+
+
 def test_a_run_says_that_only_the_tuning_page_adapts_the_rules(track, tmp_path):
     adapting = rig_text("[excitation]", "[feedback]\nadapt = true\n\n[excitation]", rig="in-process")
     (tmp_path / "adapting.toml").write_text(adapting)
