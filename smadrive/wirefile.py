@@ -1,13 +1,15 @@
-"""An identified wire as a file: the hysteresis model, and in its provenance the heat balance that was found with it."""
+"""An identified wire as a file: the hysteresis model, and in its provenance what else was found: the heat balance, and
+what the model must not be trusted in.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, fields
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem, save_model
@@ -15,24 +17,38 @@ from smadrive.hysteresis.modelfile import Fields, model_text, parse_model, read_
 from smadrive.thermal import HeatBalance
 
 
+class WireFile(NamedTuple):
+    """The certified model, the heat balance if the file has one, and what lets doubt the model."""
+
+    model: DuhemModel | TSFuzzyDuhem
+    balance: HeatBalance | None
+    caveats: tuple[str, ...]
+
+
 def save_wire(
-    path: Path, model: HysteresisModel, balance: HeatBalance | None, figures: Mapping[str, float], source: str
+    path: Path,
+    model: HysteresisModel,
+    balance: HeatBalance | None,
+    figures: Mapping[str, float],
+    source: str,
+    caveats: Sequence[str] = (),
 ) -> None:
-    """Write the model file with where it comes from, how well it fits and, where known, the heat balance."""
+    """Write the model file with where it comes from, how well it fits and, where known, balance and caveats."""
     provenance: dict[str, Any] = {
         "source": source,
         "identified": datetime.now(UTC).isoformat(timespec="seconds"),
         **figures,
+        "caveats": list(caveats),
     }
     if balance is not None:
         provenance["heat_balance"] = asdict(balance)
     save_model(model, path, provenance=provenance)
 
 
-def load_wire_file(path: Path) -> tuple[DuhemModel | TSFuzzyDuhem, HeatBalance | None]:
-    """The certified model of the file, and its heat balance if it has one. ModelError, CertificateError."""
-    text = read_model(path)
-    return parse_model(text, place=str(path)), _balance(text, str(path))
+def load_wire_file(path: Path) -> WireFile:
+    """What the file tells of the wire. ModelError, CertificateError."""
+    text, place = read_model(path), str(path)
+    return WireFile(parse_model(text, place=place), _balance(text, place), _caveats(text, place))
 
 
 def wire_text(model: HysteresisModel, balance: HeatBalance) -> str:
@@ -50,11 +66,8 @@ def parse_wire(text: str, place: str) -> tuple[HysteresisModel, HeatBalance]:
 
 def _balance(text: str, place: str) -> HeatBalance | None:
     """The heat balance in the provenance of a model's text, if it tells one."""
-    document = json.loads(text)
-    if "provenance" not in document:
-        return None
-    provenance = Fields(place, document).inner("provenance")
-    if provenance.document.get("heat_balance") is None:
+    provenance = _provenance(text, place)
+    if provenance is None or provenance.document.get("heat_balance") is None:
         return None
     told = provenance.inner("heat_balance")
     names = [field.name for field in fields(HeatBalance)]
@@ -66,3 +79,14 @@ def _balance(text: str, place: str) -> HeatBalance | None:
     except ModelError as error:
         message = str(error)
         raise ModelError(message if message.startswith(place) else f"{place}: {message}") from None
+
+
+def _caveats(text: str, place: str) -> tuple[str, ...]:
+    """What the provenance of a model's text, if it has one, tells against the model."""
+    provenance = _provenance(text, place)
+    return () if provenance is None or "caveats" not in provenance.document else provenance.texts("caveats")
+
+
+def _provenance(text: str, place: str) -> Fields | None:
+    document = json.loads(text)
+    return Fields(place, document).inner("provenance") if "provenance" in document else None

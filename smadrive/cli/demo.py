@@ -80,7 +80,8 @@ def main(
             excitation = session.excite()
             wire = session.identify(excitation)
             figures = {"rms_percent": wire.hysteresis.rms_percent, "max_percent": wire.hysteresis.max_percent}
-            save_wire(model_file, wire.hysteresis.model, wire.thermal.balance, figures, source=str(excitation.path))
+            fit, balance = wire.hysteresis, wire.thermal.balance
+            save_wire(model_file, fit.model, balance, figures, str(excitation.path), fit.caveats)
             inverses: dict[str, DisplacementInverse] = {
                 WITH: HysteresisInverse(wire.hysteresis.model),
                 WITHOUT: StaticMap(wire.thermal.wire_temperature_c, excitation.column("displacement_mm")),

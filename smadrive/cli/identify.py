@@ -52,7 +52,7 @@ def main(
     balance = None if thermal is None else thermal.balance
     figures = {"rms_percent": fit.rms_percent, "max_percent": fit.max_percent}
     replaced = model_file.exists()
-    save_wire(model_file, fit.model, balance, figures, source=str(data))
+    save_wire(model_file, fit.model, balance, figures, str(data), found.caveats)
     if plot is not None:
         write_fit_report(plot, fit, str(data), found.axes)
     _tell(output, fit, thermal, found.caveats)

@@ -47,8 +47,8 @@ def main(
 
 
 def _wire(path: Path, log: Log) -> Wire:
-    model, balance = load_wire_file(path)
-    return model, balance or nominal_balance(log)
+    file = load_wire_file(path)
+    return file.model, file.balance or nominal_balance(log)
 
 
 def _predictions(log: Log, again: Replay, wire: Wire | None) -> dict[str, float]:

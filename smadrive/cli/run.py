@@ -69,15 +69,17 @@ def main(
     output = Output(as_json)
     check_output(log_file, LOG)
     config = load_rig(rig)
-    hysteresis, balance = load_wire_file(model_file(config, model))
+    path = model_file(config, model)
+    known = load_wire_file(path)
     wanted = read_reference(reference)
-    wanted.check_within(travel_mm(hysteresis))
+    wanted.check_within(travel_mm(known.model))
     try:
         with Rig(config, trace_folder=trace) as bench:
-            wire = WireModel(hysteresis, balance or bench.nominal_balance)
+            wire = WireModel(known.model, known.balance or bench.nominal_balance)
             given, rehearsed = _rehearsed(bench, wanted, wire)
             rehearsed.check(config.limits.temperature_max_c, smooth=smooth)
-            caveats = (*rehearsed.caveats, *([NOT_ADAPTED] if config.feedback.adapt else []))
+            doubts = [f"{path.name}: {caveat}" for caveat in known.caveats]
+            caveats = (*rehearsed.caveats, *doubts, *([NOT_ADAPTED] if config.feedback.adapt else []))
             _beware(caveats, output)
             loop = _recorded(log_file, bench, wire, given, rehearsed.nearest, caveats, quiet=output.quiet)
     except TripError as trip:

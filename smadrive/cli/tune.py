@@ -51,9 +51,9 @@ def main(
         raise ConfigError("the tuning page needs bokeh: install it with .venv/bin/pip install 'smadrive[tune]'")
     output = Output(as_json)
     config = load_rig(rig)
-    wire, balance = load_wire_file(model_file(config, model))
-    tuning = Tuning.of(wire, config.feedback, "as loaded")
-    references = _references(reference or [], wire)
+    known = load_wire_file(model_file(config, model))
+    tuning = Tuning.of(known.model, config.feedback, "as loaded", known.caveats)
+    references = _references(reference or [], known.model)
     with (
         ParcelPair() as parcels,
         WorkshopProcess(parcels) as workshop,
@@ -61,7 +61,7 @@ def main(
         Rig(config) as bench,
     ):
         _check_real_time(bench)
-        balance = balance or bench.nominal_balance
+        balance = known.balance or bench.nominal_balance
         bench.check_balance(balance)
         page = PageProcess(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
         view = TuneView(config.name, page, channel)

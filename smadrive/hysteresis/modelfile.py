@@ -154,6 +154,13 @@ class Fields:
             raise ModelError(f"{self.place}: {key} = {values!r} is not a list of finite numbers; put one there")
         return tuple(map(float, values))
 
+    def texts(self, key: str) -> tuple[str, ...]:
+        """The list of texts at `key`."""
+        values = self.value(key)
+        if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
+            raise ModelError(f"{self.place}: {key} = {values!r} is not a list of texts; put one there")
+        return tuple(values)
+
     def inner(self, key: str) -> Fields:
         """The object at `key`."""
         return Fields(f"{self.place}: {key}", self.value(key))

@@ -48,9 +48,9 @@ class Tuning:
     caveats: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, model: Model, feedback: FeedbackConfig, change: str) -> Tuning:
+    def of(cls, model: Model, feedback: FeedbackConfig, change: str, caveats: tuple[str, ...] = ()) -> Tuning:
         """With the branches where the model has them."""
-        return cls(model, model, shape_of(model), feedback, change)
+        return cls(model, model, shape_of(model), feedback, change, caveats)
 
     def changed(self, change: Change) -> Tuning:
         """The tuning after a change. ConfigError, ModelError, CertificateError when it cannot be."""
@@ -62,14 +62,11 @@ class Tuning:
                 settings = {**self.feedback.model_dump(), key: value}
                 return replace(self, feedback=validate(settings, FeedbackConfig, where="feedback"), change=key)
             case SetRule():
-                return self._of(_with_rule(self.model, change), _rule_name(change), self.caveats)
+                return Tuning.of(_with_rule(self.model, change), self.feedback, _rule_name(change), self.caveats)
             case SetModel(text=text, source=source, caveats=caveats):
-                return self._of(parse_model(text, place=source), source, caveats)
+                return Tuning.of(parse_model(text, place=source), self.feedback, source, caveats)
             case Adapted(adaptation=adaptation):
-                return self._of(adaptation.model, ADAPTED, self.caveats)
-
-    def _of(self, model: Model, change: str, caveats: tuple[str, ...]) -> Tuning:
-        return replace(Tuning.of(model, self.feedback, change), caveats=caveats)
+                return Tuning.of(adaptation.model, self.feedback, ADAPTED, self.caveats)
 
     def check(self, limits: LimitsConfig, reference: Reference | None) -> None:
         """Refuse what may not drive the wire: no certificate, or a reference that it takes beyond the rig's limits."""

@@ -140,6 +140,14 @@ def track(tmp_path):
     return track
 
 
+def test_a_run_tells_what_lets_doubt_its_model(track, tmp_path):
+    document = json.loads((tmp_path / "wire.json").read_text())
+    document["provenance"]["caveats"] = ["it misses its own record"]
+    (tmp_path / "wire.json").write_text(json.dumps(document))
+    ran, log = track(ANY_SINE)
+    assert ran["caveats"] == log.json("caveats") == ["wire.json: it misses its own record"]
+
+
 def test_run_doubts_a_reference_that_is_lost_in_noise(track):
     ran, _ = track("sine:low_mm=0.002,high_mm=0.009,period_s=5,cycles=1")
     assert "is it in mm?" in ran["caveats"][0]

@@ -1,4 +1,4 @@
-"""The heat balance in a model's provenance: all of its numbers, or a refusal."""
+"""What the provenance of a model tells of the wire: all of it, or a refusal."""
 
 import json
 
@@ -23,14 +23,36 @@ def path(tmp_path):
 
 
 def test_it_comes_back(path):
-    assert load_wire_file(path)[1] == BALANCE
+    assert load_wire_file(path).balance == BALANCE
     path.write_text("\ufeff" + path.read_text())
-    assert load_wire_file(path)[1] == BALANCE
+    assert load_wire_file(path).balance == BALANCE
 
 
 def test_a_model_may_have_none(path):
     save_wire(path, WIRE, None, {}, source="a test")
-    assert load_wire_file(path)[1] is None
+    assert load_wire_file(path).balance is None
+
+
+def test_what_lets_doubt_a_model_comes_back_with_it(path):
+    assert load_wire_file(path).caveats == ()
+    save_wire(path, WIRE, None, {}, source="a test", caveats=("it misses its record", "it guesses"))
+    assert load_wire_file(path).caveats == ("it misses its record", "it guesses")
+
+
+def test_a_model_file_without_a_provenance_tells_a_model_alone(path):
+    document = json.loads(path.read_text())
+    del document["provenance"]
+    path.write_text(json.dumps(document))
+    assert load_wire_file(path)[1:] == (None, ())
+
+
+@pytest.mark.parametrize("caveats", ["it guesses", [1.0], None])
+def test_caveats_of_another_shape_are_refused(path, caveats):
+    document = json.loads(path.read_text())
+    document["provenance"]["caveats"] = caveats
+    path.write_text(json.dumps(document))
+    with pytest.raises(ModelError, match=r"provenance: caveats = .* is not a list of texts"):
+        load_wire_file(path)
 
 
 @pytest.mark.parametrize(
