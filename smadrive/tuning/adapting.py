@@ -47,10 +47,12 @@ class Adapting:
         return self._adaptation is not None
 
     def switch(self, on: bool, tuning: Tuning) -> None:
-        """On, from the rules in force, or off. ConfigError for a model without rules."""
+        """On, from the rules in force, or off. ConfigError for a model without rules, or while rules are taken back."""
+        if self._ended is not None:
+            raise ConfigError("the adaptation has ended, and its rules of well before wait for their turn: try again")
         if on and not isinstance(tuning.model, TSFuzzyDuhem):
             raise ConfigError("a Duhem model has no rules to adapt: identify with --kind tsfuzzy")
-        self._adaptation = self._started_from = self._ended = None
+        self._adaptation = self._started_from = None
         if on and isinstance(tuning.model, TSFuzzyDuhem):
             self._adaptation, self._started_from = Adaptation(tuning.model, self._noise_c), tuning
             self._observer = self._observer_of(tuning)

@@ -27,6 +27,7 @@ from smadrive.tuning.messages import (
     AnyRequest,
     Arm,
     ClearFaults,
+    Compare,
     Driving,
     Note,
     Off,
@@ -231,6 +232,7 @@ class TuningSession:
             case ClearFaults():
                 self._clear()
             case Adapt(on=on):
+                self.bench.check_compares_nothing()
                 self._adapting.switch(on, self.bench.in_force)
                 self._status.tell(self._now_s, f"adaptation {'on' if on else 'off'}")
             case Note(text=text):
@@ -238,6 +240,8 @@ class TuningSession:
             case _:
                 if isinstance(request, Step):
                     self._adapting.switch(False, self.bench.in_force)
+                if isinstance(request, Compare) and request.on and self._adapting.is_on:
+                    raise ConfigError("the adaptation would change what is compared: end it first")
                 self.bench.add(request, self._live)
                 return
         self._answer(request, None)

@@ -71,13 +71,17 @@ class Workbench:
         if isinstance(request, Compare):
             self._compare(request, live)
             return
-        if self.comparison.is_on:
-            raise ConfigError("A and B are being compared: stop the comparison first")
+        self.check_compares_nothing()
         if isinstance(request, Keep):
             self.comparison.keep(request.slot, self.in_force)
             self._answers.append((request, None))
             return
         self._queue(self._job_of(request, live))
+
+    def check_compares_nothing(self) -> None:
+        """ConfigError while A and B are compared: nothing else may change then."""
+        if self.comparison.is_on:
+            raise ConfigError("A and B are being compared: stop the comparison first")
 
     def turn(self, live: LiveController | None, now_s: float) -> Iterator[str]:
         """Once a tick: put in force what is ready, begin what waits; what there is to tell."""

@@ -18,26 +18,59 @@ FOUND_S = 75.9
 """When that adaptation ends."""
 
 
-@pytest.mark.parametrize("off_after_s", [None, 0.0, 0.05, 0.1])
-def test_when_its_sensor_is_found_lying_the_rules_of_well_before_are_put_in_force(ruled_bench, off_after_s):
-    """A thermocouple that drifts is followed for a while: what was learnt by then must not stay, whenever OFF comes."""
-    faults, spoilt = ruled_bench.device.bench.sensors.faults, []
-    if off_after_s is not None:
-        ruled_bench.do(FOUND_S + off_after_s, ruled_bench.page.request_off)
+@pytest.fixture
+def lied_to(ruled_bench):
+    """A session that tracks and whose adaptation finds at FOUND_S that it was lied to."""
+    faults = ruled_bench.device.bench.sensors.faults
     ruled_bench.at(1.0, "arm")
     ruled_bench.at(1.2, "adapt", on=True)
     ruled_bench.at(1.5, "track", reference="sine")
     ruled_bench.do(50.0, lambda: faults.thermocouple.begin("drift", None, lambda r, age_s: r.right + 0.05 * age_s))
-    ruled_bench.do(75.0, lambda: spoilt.append(ruled_bench.session.bench.in_force.model))
     ruled_bench.do(75.0, lambda: faults.displacement.begin("stuck", None, lambda r, age_s: r.shown))
-    ruled_bench.run(until_s=90.0)
-    (ended_s, told) = next(entry for entry in ruled_bench.status["events"] if "adaptation ended" in entry[1])
+    return ruled_bench
+
+
+@pytest.mark.parametrize("off_after_s", [None, 0.0, 0.05, 0.1])
+def test_when_its_sensor_is_found_lying_the_rules_of_well_before_are_put_in_force(lied_to, off_after_s):
+    """A thermocouple that drifts is followed for a while: what was learnt by then must not stay, whenever OFF comes."""
+    spoilt = []
+    if off_after_s is not None:
+        lied_to.do(FOUND_S + off_after_s, lied_to.page.request_off)
+    lied_to.do(75.0, lambda: spoilt.append(lied_to.session.bench.in_force.model))
+    lied_to.run(until_s=90.0)
+    (ended_s, told) = next(entry for entry in lied_to.status["events"] if "adaptation ended" in entry[1])
     assert ended_s == pytest.approx(FOUND_S, abs=0.06)
     assert "its rules of well before are put in force" in told
-    in_force = ruled_bench.session.bench.in_force
+    in_force = lied_to.session.bench.in_force
     assert in_force.change == "adaptation"
     assert in_force.model.scale != pytest.approx(spoilt[0].scale, rel=1e-3), "what was learnt by the lie is in force"
-    assert not ruled_bench.status["adapts"]
+    assert not lied_to.status["adapts"]
+
+
+@pytest.mark.parametrize(("act", "values"), [("adapt", {"on": True}), ("adapt", {"on": False}), ("undo", {})])
+def test_rules_that_wait_to_be_taken_back_are_not_forgotten(lied_to, act, values):
+    """A slider that is moved at that moment keeps them waiting."""
+    lied_to.at(FOUND_S, "feedback", key="closed_loop_s", value=0.3)
+    asked = lied_to.at(FOUND_S + 0.05, act, **values)
+    lied_to.run(until_s=80.0)
+    assert "rules of well before wait for their turn" in lied_to.answers[asked]
+    assert lied_to.session.bench.in_force.change == "adaptation"
+
+
+def test_what_is_compared_is_not_adapted(ruled_bench):
+    for at_s, slot in ((1.1, "A"), (1.2, "B")):
+        ruled_bench.at(at_s, "keep", slot=slot)
+    ruled_bench.at(2.0, "arm")
+    ruled_bench.at(3.0, "track", reference="sine")
+    ruled_bench.at(4.0, "adapt", on=True)
+    too_early = ruled_bench.at(5.0, "compare", on=True)
+    ruled_bench.at(6.0, "adapt", on=False)
+    compare = ruled_bench.at(7.0, "compare", on=True)
+    too_late = ruled_bench.at(8.0, "adapt", on=True)
+    ruled_bench.run(until_s=9.0)
+    assert "would change what is compared" in ruled_bench.answers[too_early]
+    assert ruled_bench.answers[compare] is None
+    assert "stop the comparison first" in ruled_bench.answers[too_late]
 
 
 @pytest.mark.parametrize("at_s", [2.5, 3.0, 3.5])
