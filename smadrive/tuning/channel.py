@@ -27,6 +27,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import NDArray
 
+from smadrive.control.loop import Tick
+
 COLUMNS = (
     "time_s",
     "late_s",
@@ -43,6 +45,8 @@ COLUMNS = (
 )
 """One row: what a tick measured, believed and commanded; `time_s` since the session began."""
 
+Row = tuple[float, ...]
+
 CAPACITY = 1 << 15
 """Rows kept: 27 minutes at 20 Hz."""
 
@@ -54,6 +58,25 @@ _WRITTEN, _OFF, _VERSION, _LENGTH, _PAGES, _CONTROLLED, _HEADER = 0, 1, 2, 3, 4,
 _SIZE = 8 * _HEADER + STATUS_BYTES + 8 * CAPACITY * (1 + len(COLUMNS))
 
 Rows = NDArray[np.float64]
+
+
+def row_of(tick: Tick, began_s: float) -> Row:
+    """The `COLUMNS` of a tick of a session that began at `began_s`."""
+    measurement, command = tick.measurement, tick.command
+    return (
+        measurement.time_s - began_s,
+        tick.late_s,
+        measurement.temperature_c,
+        measurement.displacement_mm,
+        measurement.current_a,
+        measurement.voltage_v,
+        command.wanted_c,
+        command.wanted_mm,
+        command.estimated_c,
+        command.estimated_mm,
+        command.power_w,
+        command.current_a,
+    )
 
 
 class Channel:
@@ -105,7 +128,7 @@ class ControlEnd(Channel):
         self.page_socket.close()
         os.close(self.memory_fd)
 
-    def append(self, row: tuple[float, ...]) -> None:
+    def append(self, row: Row) -> None:
         """One row of `COLUMNS`."""
         number = int(self._header[_WRITTEN])
         place = self._rows[number % CAPACITY]

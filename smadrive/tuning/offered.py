@@ -7,11 +7,14 @@ On the page a reference begins again by itself; one that is longer is tracked by
 from __future__ import annotations
 
 from collections.abc import Mapping
+from math import isfinite
 
+from smadrive.control.placement import PlausibleDisplacement
 from smadrive.control.reference import Reference, check_length
 from smadrive.control.shapes import parse_reference
 from smadrive.control.wire import travel_mm
 from smadrive.errors import ConfigError, DataError
+from smadrive.measurement import Measurement
 from smadrive.tuning.tuning import Tuning
 
 LONGEST_S = 600.0
@@ -39,7 +42,21 @@ class Offered:
     def path(self, name: str | None, tuning: Tuning, from_mm: float) -> Reference:
         """A reference by its name or its one-line form, from where the wire is wanted now; None: to stay there."""
         if name is None:
-            return Reference.from_samples([0.0, 1.0], [from_mm, from_mm])
+            return _staying(from_mm)
         wanted = self._references.get(name) or parse_reference(name, LONGEST_S)
         wanted.check_within(travel_mm(tuning.model))
         return wanted.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)
+
+    def hold(self, tuning: Tuning, measured: Measurement) -> Reference:
+        """Staying where the wire is, by its sensor, but held to what the model can reach at its temperature.
+
+        A sensor without its zero must not heat a cold wire.
+        """
+        model, temperature_c, displacement_mm = tuning.model, measured.temperature_c, measured.displacement_mm
+        if not isfinite(displacement_mm):
+            displacement_mm = model.initial_state(temperature_c).y
+        return _staying(PlausibleDisplacement(model).nearest_mm(temperature_c, displacement_mm))
+
+
+def _staying(at_mm: float) -> Reference:
+    return Reference.from_samples([0.0, 1.0], [at_mm, at_mm])

@@ -12,15 +12,14 @@ from math import isfinite
 
 from smadrive.control.controller import Command
 from smadrive.control.loop import Tick, ends_safe
-from smadrive.control.placement import PlausibleDisplacement
 from smadrive.control.reference import Reference
 from smadrive.control.supervisor import check_thermocouple
 from smadrive.errors import ConfigError, SmadriveError
-from smadrive.measurement import Measurement
 from smadrive.rig import Rig
 from smadrive.thermal import HeatBalance
 from smadrive.tuning.adapting import Adapting
-from smadrive.tuning.channel import MESSAGES_PER_TICK, ControlEnd
+from smadrive.tuning.channel import MESSAGES_PER_TICK, ControlEnd, row_of
+from smadrive.tuning.idle import Idle
 from smadrive.tuning.live import LiveController
 from smadrive.tuning.messages import (
     Adapt,
@@ -42,8 +41,8 @@ from smadrive.tuning.tuning import Tuning
 from smadrive.tuning.workbench import Workbench
 from smadrive.tuning.workshop import Workshop, tuned_controller
 
-RETRY_S = 1.0
-"""How often an unconfirmed safe state is tried again."""
+LONGEST_ARMING_S = 2.0
+"""So long an Arm may wait for a change on its way into force: heat that nobody expects any more must not come."""
 
 
 class TuningSession:
@@ -69,15 +68,15 @@ class TuningSession:
         self._adapting = Adapting(tuning, balance, rig.period_s, rig.config.feedback.noise_c)
         self._status = Status(rig, self._offered.names, balance, self.bench)
         self._began_s = rig.clock.now_s()
+        self._idle = Idle(rig.heater, self._status)
         self._arming: Arm | None = None
-        self._is_safe = True
-        self._tried_s = 0.0
+        self._asked_s = 0.0
         self._publish()
 
     def run(self) -> None:
         """Until interrupted: nothing that the page does ends this."""
         while True:
-            self._idle()
+            self._wait()
             self._heat()
 
     @property
@@ -94,34 +93,24 @@ class TuningSession:
     def _now_s(self) -> float:
         return self._rig.clock.now_s() - self._began_s
 
-    def _idle(self) -> None:
+    def _wait(self) -> None:
         """Measure with the heater off, until armed and nothing is on its way into force any more."""
         clock, period_s = self._rig.clock, self._rig.period_s
         due_s = clock.now_s()
-        while self._arming is None or self.bench.is_busy:
+        while not self._may_heat():
             clock.sleep_until(due_s)
             late_s = clock.now_s() - due_s
-            measurement = self._measure_idle()
+            measurement = self._idle.sample(self._now_s)
             if measurement is not None:
                 self._take(Tick(measurement.time_s - self._began_s, late_s, measurement, Command(0.0)))
             self._serve()
             due_s = max(due_s + period_s, clock.now_s())
 
-    def _measure_idle(self) -> Measurement | None:
-        """One sample at zero current; None while the devices do not answer. An unconfirmed safe state is tried on."""
-        heater = self._rig.heater
-        try:
-            if not self._is_safe and self._now_s - self._tried_s > RETRY_S:
-                self._tried_s = self._now_s
-                heater.enter_safe_state()
-                self._is_safe = True
-                self._status.tell(self._now_s, "heater off, confirmed")
-            measurement = heater.exchange(0.0)
-        except SmadriveError as error:
-            self._status.lost = str(error)
-            return None
-        self._status.lost = None
-        return measurement
+    def _may_heat(self) -> bool:
+        if self._arming is not None and self._now_s - self._asked_s > LONGEST_ARMING_S:
+            self._answer(self._arming, "a change was still on its way into force: press again")
+            self._arming = None
+        return self._arming is not None and not self.bench.is_busy
 
     def _heat(self) -> None:
         """One run of the control loop, holding the wire where it is to begin with; told as begun by its first tick."""
@@ -130,7 +119,7 @@ class TuningSession:
             with ends_safe(self._rig.heater):
                 measured = self._rig.heater.exchange(0.0)
                 check_thermocouple(measured)
-                hold = self._offered.path(None, self.bench.in_force, self._displacement_mm(measured))
+                hold = self._offered.hold(self.bench.in_force, measured)
                 controller = tuned_controller(self.bench.in_force, hold, self._rig.config, self._balance)
                 self._live = LiveController(controller, hold, self._serve)
                 if self.bench.in_force.feedback.adapt and not self._adapting.is_on:
@@ -146,7 +135,9 @@ class TuningSession:
     def _failed(self, error: SmadriveError) -> None:
         """Tell the fault; the rig stays connected, so that its remedy can be seen to work."""
         notes = getattr(error, "__notes__", [])
-        self._is_safe = not notes
+        self._status.is_safe = not notes
+        if notes:
+            self._idle.make_safe()
         self._status.fault = " — ".join([str(error), *notes])
         self._status.tell(self._now_s, self._status.fault)
         self._answer(self._arming, self._status.fault)
@@ -154,22 +145,7 @@ class TuningSession:
     def _take(self, tick: Tick) -> None:
         """Where every tick goes: to the page, and to the log."""
         measurement, command = tick.measurement, tick.command
-        self._channel.append(
-            (
-                measurement.time_s - self._began_s,
-                tick.late_s,
-                measurement.temperature_c,
-                measurement.displacement_mm,
-                measurement.current_a,
-                measurement.voltage_v,
-                command.wanted_c,
-                command.wanted_mm,
-                command.estimated_c,
-                command.estimated_mm,
-                command.power_w,
-                command.current_a,
-            )
-        )
+        self._channel.append(row_of(tick, self._began_s))
         self._status.measured = measurement
         self.bench.score(command.wanted_mm - _known(measurement.displacement_mm, command.estimated_mm))
         self._adapt(tick)
@@ -201,7 +177,7 @@ class TuningSession:
 
     def _publish(self) -> None:
         self._published_s = self._now_s
-        self._channel.publish(self._status.document(self._live, is_safe=self._is_safe, adapts=self._adapting.is_on))
+        self._channel.publish(self._status.document(self._live, adapts=self._adapting.is_on))
 
     def _heed_off(self) -> None:
         if self._channel.off_requested():
@@ -227,7 +203,7 @@ class TuningSession:
             case Arm():
                 if self._live is not None or self._arming is not None:
                     raise ConfigError("it is armed already")
-                self._arming = request  # answered when the wire holds
+                self._arming, self._asked_s = request, self._now_s  # answered when the wire holds
                 return
             case ClearFaults():
                 self._clear()
@@ -251,7 +227,7 @@ class TuningSession:
         self._arming = None
         self._status.tell(self._now_s, "OFF")
         if self._live is None:
-            self._is_safe, self._tried_s = False, -RETRY_S
+            self._idle.make_safe()
         else:
             self._live.end()
 
@@ -261,16 +237,6 @@ class TuningSession:
         self._rig.clear_faults()
         self._status.fault = None
         self._status.tell(self._now_s, "faults cleared")
-
-    def _displacement_mm(self, measured: Measurement) -> float:
-        """Where the wire is, by its sensor, but held to what the model can reach at its temperature.
-
-        A sensor without its zero must not heat a cold wire.
-        """
-        model, temperature_c = self.bench.in_force.model, measured.temperature_c
-        cold_mm = model.initial_state(temperature_c).y
-        placed = PlausibleDisplacement(model)
-        return placed.nearest_mm(temperature_c, _known(measured.displacement_mm, cold_mm))
 
     def _answer(self, request: Request | None, refused: str | None) -> None:
         if request is not None:

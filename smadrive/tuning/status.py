@@ -25,11 +25,15 @@ LONGEST_EVENT = 400
 
 
 class Status:
-    """Collects what there is to tell: events, the open fault, a lost connection, the last measurement."""
+    """Collects what there is to tell: events, the open fault, a lost connection, the last measurement.
+
+    `is_safe` until a try to make the heater safe has failed, and again when one has succeeded.
+    """
 
     def __init__(self, rig: Rig, references: list[str], balance: HeatBalance, bench: Workbench) -> None:
         self.fault: str | None = None
         self.lost: str | None = None
+        self.is_safe = True
         self.measured: Measurement | None = None
         self.events: deque[tuple[float, str]] = deque(maxlen=EVENTS)
         config = rig.config
@@ -53,13 +57,13 @@ class Status:
             event = event[: LONGEST_EVENT - 1] + "…"
         self.events.append((round(time_s, 2), event))
 
-    def document(self, live: LiveController | None, *, is_safe: bool, adapts: bool) -> dict[str, Any]:
+    def document(self, live: LiveController | None, *, adapts: bool) -> dict[str, Any]:
         """Everything as plain values."""
         bench, measured = self._bench, self.measured
         comparison = bench.comparison
         return {
             **self._fixed,
-            "mode": _mode(live, is_safe=is_safe),
+            "mode": _mode(live, is_safe=self.is_safe),
             "fault": self.fault,
             "lost": self.lost,
             "device_faults": [] if measured is None else measured.device_faults,

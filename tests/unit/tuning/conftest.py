@@ -28,7 +28,9 @@ DRIVING = ("arm", "track", "hold", "compare")
 
 
 class InLine:
-    """A workshop that does the work at once."""
+    """A workshop that does the work at once; nothing comes out of it while it `stands_still`."""
+
+    stands_still = False
 
     def begin(self, order):
         try:
@@ -37,7 +39,7 @@ class InLine:
             self._outcome = Refused(str(refusal))
 
     def outcome(self):
-        return self._outcome
+        return None if self.stands_still else self._outcome
 
 
 class Ended(BaseException):
@@ -57,6 +59,7 @@ class Bench:
         self.control = control
         self.page = PageEnd(self.control.memory_fd, self.control.page_socket)
         self.model = model
+        self.workshop = InLine()
         self.ticks = []
         self.wire = []
         self.answers = {}
@@ -101,7 +104,8 @@ class Bench:
             Rig(load_rig("in-process"), transports={"board": self.device.transport(self.clock)}) as rig,
         ):
             tuning = Tuning.of(self.model, FeedbackConfig(), "as identified")
-            self.session = TuningSession(rig, tuning, BALANCE, {"sine": REFERENCE}, self.control, InLine(), record)
+            references = {"sine": REFERENCE}
+            self.session = TuningSession(rig, tuning, BALANCE, references, self.control, self.workshop, record)
             self.session.run()
 
     def _read(self):

@@ -1,5 +1,7 @@
 """The control side of the tuning page on the simulated wire: what a page may do, and what it cannot."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 
@@ -98,6 +100,67 @@ def test_off_ends_with_zero_current_within_two_periods(bench, way):
     assert currents(bench.between(15.0, 20.0)).min() > 0.1
     assert currents(bench.between(20.11, 22.0)).max() < NONE_A
     assert bench.status["mode"] == "off"
+
+
+@pytest.fixture
+def modes(bench):
+    """What has been published of the heater, each once, in its order."""
+    seen = []
+    bench.clock.follow(lambda _: seen.append(bench.control.published.get("mode")))
+    return lambda: [mode for before, mode in pairwise(seen) if mode != before]
+
+
+@pytest.mark.parametrize("at_s", [1.0, 1.05], ids=["published at once", "published later"])
+@pytest.mark.parametrize("way", ["counter", "message"])
+def test_off_while_the_heater_is_off_raises_no_alarm(bench, modes, way, at_s):
+    if way == "counter":
+        bench.do(at_s, bench.page.request_off)
+    else:
+        bench.at(at_s, "off")
+    bench.run(until_s=3.0)
+    assert modes() == ["off"]
+    assert [event for _, event in bench.status["events"]] == ["OFF", "heater off, confirmed"]
+
+
+def test_off_that_no_device_confirms_is_told_and_tried_until_one_does(bench, modes):
+    bench.do(1.0, lambda: bench.device.faults.vanish(3.0))
+    bench.do(1.0, bench.page.request_off)
+    bench.run(until_s=8.0)
+    assert modes() == ["off", "off, unconfirmed", "off"]
+    assert [event for _, event in bench.status["events"]] == ["OFF", "heater off, confirmed"]
+
+
+def stand_still(bench, *, from_s, to_s):
+    """Have the workshop stand still."""
+    bench.do(from_s, lambda: setattr(bench.workshop, "stands_still", True))
+    bench.do(to_s, lambda: setattr(bench.workshop, "stands_still", False))
+
+
+def test_an_arm_that_cannot_begin_soon_is_refused_and_does_not_heat_later(bench):
+    bench.at(0.5, "arm")
+    bench.at(1.0, "track", reference="sine")
+    bench.do(19.0, bench.page.request_off)
+    stand_still(bench, from_s=19.4, to_s=35.0)
+    change = bench.at(19.5, "shape", key="mu_heating", value=90.2)
+    arm = bench.at(19.6, "arm")
+    bench.run(until_s=40.0)
+    assert "still on its way into force: press again" in bench.answers[arm]
+    assert bench.answers[change] is None
+    assert bench.status["mode"] == "off"
+    assert currents(bench.between(19.2, 40.0)).max() < NONE_A
+
+
+def test_an_arm_waits_a_little_for_a_change_and_begins_with_it(bench):
+    stand_still(bench, from_s=0.9, to_s=2.0)
+    bench.at(1.0, "shape", key="mu_heating", value=90.2)
+    arm = bench.at(1.1, "arm")
+    held = []
+    bench.do(1.9, lambda: held.append(bench.status["mode"]))
+    bench.run(until_s=3.0)
+    assert held == ["off"]
+    assert bench.answers[arm] is None
+    assert bench.status["mode"] == "holding"
+    assert bench.status["tuning"]["shape"]["mu_heating"] == pytest.approx(90.2)
 
 
 def test_off_can_be_followed_by_arming_again(bench):
