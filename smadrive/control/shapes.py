@@ -6,7 +6,7 @@ the user's: longer ones are refused before a table is made of them.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from inspect import Parameter, signature
 
 import numpy as np
@@ -16,7 +16,7 @@ from smadrive.errors import ConfigError, DataError
 from smadrive.nearest import meant, nearest
 
 ROUNDING = 1e-9
-"""Share by which a quotient of keys may miss a bound that they meet."""
+"""Share by which a quotient of keys may miss a bound, or a whole number, that they meet."""
 
 
 def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
@@ -29,24 +29,25 @@ def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
     make = SHAPES.get(shape)
     if make is None:
         raise ConfigError(f"reference '{spec}': '{shape}' is neither a shape nor a CSV file{nearest(shape, SHAPES)}")
-    pairs = [part.partition("=") for part in arguments.split(",") if part]
-    given = {key.strip(): value for key, _, value in pairs}
+    given = [(key.strip(), value) for key, _, value in (part.partition("=") for part in arguments.split(",") if part)]
     keys = {name: key for name, key in signature(make).parameters.items() if key.kind is key.KEYWORD_ONLY}
-    wrong = _wrong_keys(given, keys)
+    wrong = _wrong_keys([key for key, _ in given], keys)
     if wrong:
         told = ", ".join(_told(key) for key in keys.values())
         raise ConfigError(f"reference '{spec}': {wrong}; the keys of '{shape}' are {told}")
     try:
-        return make(longest_s, **{key: float(value) for key, value in given.items()})
+        return make(longest_s, **{key: float(value) for key, value in given})
     except ValueError as error:
         raise ConfigError(f"reference '{spec}': {error}") from None
 
 
-def _wrong_keys(given: Collection[str], keys: Mapping[str, Parameter]) -> str:
+def _wrong_keys(given: Sequence[str], keys: Mapping[str, Parameter]) -> str:
     """What is wrong with the keys that were given; nothing: empty."""
     for key in given:
         if key not in keys:
             return f"unknown key '{key}'{meant(key, keys)}"
+        if given.count(key) > 1:
+            return f"'{key}' is given more than once: which one is meant?"
     missing = [name for name, key in keys.items() if key.default is key.empty and name not in given]
     return f"missing: {', '.join(missing)}" if missing else ""
 
@@ -69,12 +70,12 @@ def sine(
 def triangle(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0
 ) -> Reference:
-    """Straight up and down between `low_mm` and `high_mm`."""
+    """Straight up and down between `low_mm` and `high_mm`; the last way ends where `cycles` end."""
     _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
     _check_pace(period_s * cycles, 2 * cycles, longest_s)
-    corners = np.arange(int(2 * cycles) + 1)
-    values = np.where(corners % 2 == 0, low_mm, high_mm)
-    return Reference.from_samples(corners * 0.5 * period_s, values)
+    ways = np.append(np.arange(np.ceil(2 * cycles)), 2 * cycles)
+    height = 1.0 - np.abs(1.0 - ways % 2)
+    return Reference.from_samples(ways * 0.5 * period_s, low_mm + (high_mm - low_mm) * height)
 
 
 def staircase(
@@ -89,8 +90,7 @@ def staircase(
     """`steps` equal levels up and down again, each held `dwell_s`, with straight rises of `rise_s` between them."""
     _check(low_mm=low_mm, high_mm=high_mm, steps=steps, dwell_s=dwell_s, rise_s=rise_s)
     _check_pace(2 * steps * (dwell_s + rise_s) + dwell_s, 2 * steps, longest_s)
-    count = int(steps)
-    up = np.linspace(low_mm, high_mm, count + 1)
+    up = np.linspace(low_mm, high_mm, _multiple("steps", steps, of=1.0) + 1)
     levels = np.concatenate((up, up[-2::-1]))
     starts = np.arange(levels.size) * (dwell_s + rise_s)
     times = np.column_stack((starts, starts + dwell_s)).ravel()
@@ -103,7 +103,7 @@ def steps(
     """Jumps up and down between `low_mm` and `high_mm`, each held `dwell_s`: for a wire, to be smoothed before."""
     _check(low_mm=low_mm, high_mm=high_mm, dwell_s=dwell_s, cycles=cycles)
     _check_pace((2 * cycles + 1) * dwell_s, 2 * cycles, longest_s)
-    levels = np.where(np.arange(int(2 * cycles) + 1) % 2 == 0, low_mm, high_mm)
+    levels = np.where(np.arange(_multiple("cycles", cycles, of=0.5) + 1) % 2 == 0, low_mm, high_mm)
     starts = np.arange(levels.size) * dwell_s
     times = np.column_stack((starts, starts + dwell_s - TABLE_STEP_S)).ravel()
     return Reference.from_samples(times, np.repeat(levels, 2))
@@ -121,7 +121,7 @@ def trapezoid(
     """Straight up within `rise_s`, held `dwell_s`, straight down, held as long."""
     _check(low_mm=low_mm, high_mm=high_mm, rise_s=rise_s, dwell_s=dwell_s, cycles=cycles)
     _check_pace(2 * cycles * (dwell_s + rise_s) + dwell_s, 2 * cycles, longest_s)
-    levels = np.where(np.arange(int(2 * cycles) + 1) % 2 == 0, low_mm, high_mm)
+    levels = np.where(np.arange(_multiple("cycles", cycles, of=0.5) + 1) % 2 == 0, low_mm, high_mm)
     starts = np.arange(levels.size) * (dwell_s + rise_s)
     times = np.column_stack((starts, starts + dwell_s)).ravel()
     return Reference.from_samples(times, np.repeat(levels, 2))
@@ -152,6 +152,15 @@ def _check(**keys: float) -> None:
             check_displacement(name, value)
         elif not value > 0:
             raise ConfigError(f"reference: {name} must be positive, it is {value:g}")
+
+
+def _multiple(name: str, value: float, *, of: float) -> int:
+    """How many times `of` goes into `value`. ConfigError when it does not: a level is held as a whole or not at all."""
+    count = round(value / of)
+    if abs(value / of - count) > ROUNDING * count:
+        near = " or ".join(f"{of * whole:g}" for whole in (int(value / of), int(value / of) + 1) if whole)
+        raise ConfigError(f"reference: {name} must be a multiple of {of:g}, it is {value:g}: choose {near}")
+    return count
 
 
 def _check_pace(duration_s: float, pieces: float, longest_s: float) -> None:

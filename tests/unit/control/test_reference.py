@@ -40,6 +40,29 @@ def test_steps_jump_and_a_trapezoid_does_not():
     )
 
 
+@pytest.mark.parametrize(("cycles", "end_mm"), [(0.3, 3.4), (0.5, 5.0), (1.7, 3.4), (2.0, 1.0)])
+def test_a_triangle_ends_where_its_cycles_end(cycles, end_mm):
+    reference = parse_reference(f"triangle:low_mm=1,high_mm=5,period_s=10,cycles={cycles}")
+    assert reference.duration_s == pytest.approx(10.0 * cycles)
+    assert reference.displacement_mm[-1] == pytest.approx(end_mm)
+    assert reference.displacement_mm.max() == pytest.approx(min(5.0, 1.0 + 8.0 * cycles))
+
+
+@pytest.mark.parametrize(
+    ("spec", "told"),
+    [
+        ("steps:cycles=0.2", r"cycles must be a multiple of 0\.5, it is 0\.2: choose 0\.5$"),
+        ("steps:cycles=1.7", r"it is 1\.7: choose 1\.5 or 2$"),
+        ("trapezoid:cycles=0.7", r"it is 0\.7: choose 0\.5 or 1$"),
+        ("staircase:steps=0.5", r"steps must be a multiple of 1, it is 0\.5: choose 1$"),
+        ("staircase:steps=4.5", r"it is 4\.5: choose 4 or 5$"),
+    ],
+)
+def test_part_of_a_level_is_refused_with_what_can_be_run(spec, told):
+    with pytest.raises(ConfigError, match=told):
+        parse_reference(f"{spec},low_mm=1,high_mm=5")
+
+
 def test_a_chirp_swings_ever_faster():
     reference = parse_reference("chirp:low_mm=2,high_mm=8,start_hz=0.02,end_hz=0.1,duration_s=100")
     assert reference.displacement_mm.min() == pytest.approx(2.0, abs=1e-3)
@@ -71,6 +94,7 @@ def test_the_approach_is_smooth_and_not_scored():
         ("sine:low_mm=1,high_mm=2", "'sine:low_mm=1,high_mm=2': missing: period_s; the keys of 'sine'"),
         ("sine", r"missing: low_mm, high_mm, period_s; .* period_s=, cycles= \(optional: 2\)$"),
         ("staircase:low_mm=1", r"missing: high_mm; .* rise_s= \(optional: 2\)$"),
+        ("sine:low_mm=1,high_mm=2,period_s=56,period_s=5", "'period_s' is given more than once"),
         ("sine:low_mm=one,high_mm=2,period_s=3", "could not convert"),
         ("sine:low_mm=1,high_mm=2,period_s=0", "period_s must be positive"),
         ("sine:low_mm=1,high_mm=2,period_s=-5", "period_s must be positive"),
