@@ -22,6 +22,13 @@ The tree says whose fault it is; every message names what, where, the value, the
 
 from __future__ import annotations
 
+UNCONFIRMED = "the heater could NOT be confirmed off"
+CUT = (
+    "cut its supply by hand; when the device, or its simulator, answers again (is it stopped, or slow?), "
+    "confirm it with `smadrive off RIG`"
+)
+"""How the note begins, and ends, of an error after which heat may flow."""
+
 
 class SmadriveError(Exception):
     """Root of the tree. `exit_code` is what the command line returns for it."""

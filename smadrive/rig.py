@@ -23,7 +23,7 @@ from smadrive.control.plausibility import IDENTIFIED, NOMINAL, PlausibleTemperat
 from smadrive.control.reference import Reference
 from smadrive.control.supervisor import SafetyLimits, Supervisor
 from smadrive.controllers import excitation_controller, tracking_controller
-from smadrive.device.heater import ZERO_SHARE
+from smadrive.device.safestate import ZERO_SHARE
 from smadrive.errors import ConfigError, SafetyError, TripError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, nested_reversals
@@ -63,8 +63,7 @@ class Rig:
     loops run in; without it that of the connection: real on a port, virtual on `sim://`. What passes on every bus is
     traced to a file in `trace_folder`, if it is given (see TraceFile).
 
-    ConfigError when the limits are none for the rig's wire. Where it never `heats`, for who only switches off, they
-    do not matter, and nothing that runs is allowed.
+    ConfigError when the limits are none for the rig's wire.
     """
 
     def __init__(
@@ -73,14 +72,10 @@ class Rig:
         clock: Clock | None = None,
         transports: Mapping[str, Transport] | None = None,
         trace_folder: Path | None = None,
-        *,
-        heats: bool = True,
     ) -> None:
         self.config = config
         wire = load_wire(config.wire)
-        if heats:
-            check_limits(config, wire)
-        self._heats = heats
+        check_limits(config, wire)
         self.nominal_balance = wire.heat_balance()
         self._clock = clock
         self._transports = transports or {}
@@ -89,9 +84,7 @@ class Rig:
     def __enter__(self) -> Self:
         """Open the ports, check who is there, put everything into its safe state."""
         with ExitStack() as stack:
-            opened = open_devices(
-                self.config, stack, self._clock, self._transports, self._trace_folder, heats=self._heats
-            )
+            opened = open_devices(self.config, stack, self._clock, self._transports, self._trace_folder)
             self.heater, self.devices, self.clock, self.latch = opened
             self.heater.connect()
             stack.enter_context(ends_safe(self.heater))
@@ -196,8 +189,6 @@ class Rig:
         return Supervisor(guarded, plausible, None if model is None else PlausibleDisplacement(model))
 
     def _run(self, controller: Controller, supervisor: Supervisor, record: Record) -> LoopFigures:
-        if not self._heats:
-            raise SafetyError("refused to arm: this rig was opened to be switched off: its limits were not checked")
         if self.latch.told is not None:
             raise SafetyError(f"refused to arm: the last run tripped ({self.latch.told}). {CLEAR}")
         self._check_rate()

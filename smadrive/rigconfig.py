@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from math import pi
+from collections.abc import Iterable
+from math import inf, pi
 from pathlib import Path
-from typing import Literal, Self
+from typing import Literal, NamedTuple, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
-from smadrive.configfile import Section, load_config
+from smadrive.configfile import Section, load_config, read_toml, validate
 from smadrive.errors import ConfigError
 from smadrive.filekind import RIG, WIRE
 from smadrive.shipped import config_file
@@ -179,17 +180,37 @@ class RigConfig(Section):
 
     def in_folder(self, folder: Path) -> RigConfig:
         """The same rig with the files that it names, not those that ship, looked for from `folder`."""
-        devices = [device.model_copy(update={"profile": looked_for(folder, device.profile)}) for device in self.devices]
+        devices = _in_folder(self.devices, folder)
         model = None if self.model is None else str(folder / self.model)
-        return self.model_copy(
-            update={"wire": looked_for(folder, self.wire), "model": model, "devices": tuple(devices)}
-        )
+        return self.model_copy(update={"wire": looked_for(folder, self.wire), "model": model, "devices": devices})
 
     def at(self, url: str) -> RigConfig:
         """The same rig with its devices at another address."""
         return self.model_copy(
             update={"devices": tuple(device.model_copy(update={"url": url}) for device in self.devices)}
         )
+
+
+class RigAddresses(NamedTuple):
+    """What leads to the devices of a rig, and what counts as no current there (infinite: not told)."""
+
+    name: str
+    devices: tuple[DeviceConfig, ...]
+    current_max_a: float
+
+
+class _Devices(Section):
+    """As much of a rig file as who only switches off must understand."""
+
+    devices: tuple[DeviceConfig, ...] = Field(min_length=1)
+
+
+ADDRESS = ("name", "profile", "url", "unit_id", "full_scale_a", "full_scale_v")
+"""The keys of a device by which it is reached."""
+
+
+def _in_folder(devices: Iterable[DeviceConfig], folder: Path) -> tuple[DeviceConfig, ...]:
+    return tuple(device.model_copy(update={"profile": looked_for(folder, device.profile)}) for device in devices)
 
 
 def looked_for(folder: Path, name: str) -> str:
@@ -202,6 +223,21 @@ def load_rig(name: str) -> RigConfig:
     """The rig file at the path `name`, or the shipped rig of that name; the files it names count from its folder."""
     path = rig_file(name)
     return load_config(path, RigConfig).in_folder(path.parent)
+
+
+def load_addresses(name: str) -> RigAddresses:
+    """Where the devices of that rig file are, whatever is wrong with the rest of it. ConfigError when it tells none."""
+    path = rig_file(name)
+    tables = read_toml(path)
+    told = tables.get("devices")
+    if isinstance(told, list):
+        told = [{key: one[key] for key in ADDRESS if key in one} if isinstance(one, dict) else one for one in told]
+    devices = validate({"devices": told} if told is not None else {}, _Devices, where=str(path)).devices
+    try:
+        current_max_a = validate(tables.get("limits", {}), LimitsConfig, where=str(path)).current_max_a
+    except ConfigError:
+        current_max_a = inf
+    return RigAddresses(str(tables.get("name", path.stem)), _in_folder(devices, path.parent), current_max_a)
 
 
 def rig_file(name: str) -> Path:

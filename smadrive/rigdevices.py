@@ -32,6 +32,8 @@ from smadrive.rigconfig import DeviceConfig, LimitsConfig, RigConfig
 from smadrive.rigconnections import SIMULATED, Connections
 
 QUANTITIES = ("temperature", "displacement")
+HEATING = ("heater", "supply")
+"""The roles of devices that heat."""
 STALE_PERIODS = 3.0
 """A polled sensor is stale after this many of its periods, however short the rig's `stale_after_s`."""
 
@@ -51,10 +53,8 @@ def open_devices(
     clock: Clock | None,
     transports: Mapping[str, Transport],
     trace_folder: Path | None = None,
-    *,
-    heats: bool = True,
 ) -> RigDevices:
-    """Open what the rig file names; `stack` closes it. Nothing is sent yet. Where nothing `heats`, nobody guards.
+    """Open what the rig file names; `stack` closes it. Nothing is sent yet.
 
     `transports` (by device name) take the place of connections; `clock` that of theirs; what passes on each of them is
     traced to a file in `trace_folder`, if it is given. ConfigError when the devices do not make up a rig or a trace
@@ -65,7 +65,7 @@ def open_devices(
     simulated = roles.heater.name in transports or roles.heater.url.startswith(SIMULATED)
     connections = Connections(stack, trace_folder)
     guard = None
-    if heats and not (simulated or _source_type(profiles[roles.heater.name]).has_watchdog):
+    if not (simulated or _source_type(profiles[roles.heater.name]).has_watchdog):
         guard = Guard(_guardian_task(roles.heater, config.limits), connections.lose)
         connections.lease = guard.hold
     for url in {device.url for device in config.devices if not device.url.startswith(SIMULATED)}:
@@ -86,14 +86,14 @@ def open_devices(
         connections.check_patience(limits.watchdog_s)
         stack.enter_context(guard)
     heater = Heater(
-        _source(roles.heater, devices[roles.heater.name], clock),
+        heat_source(roles.heater, devices[roles.heater.name], clock),
         HeaterLimits(limits.current_max_a, limits.temperature_max_c, limits.voltage_max_v or inf),
         clock,
         sensors.get("temperature"),
         sensors.get("displacement"),
         guard,
     )
-    return RigDevices(heater, devices, clock, TripLatch(None if simulated else _address(roles.heater)))
+    return RigDevices(heater, devices, clock, TripLatch(None if simulated else address(roles.heater)))
 
 
 class _Roles(NamedTuple):
@@ -102,7 +102,7 @@ class _Roles(NamedTuple):
 
 
 def _roles(devices: tuple[DeviceConfig, ...], profiles: Mapping[str, Profile]) -> _Roles:
-    heaters = [device for device in devices if profiles[device.name].profile.role in ("heater", "supply")]
+    heaters = [device for device in devices if profiles[device.name].profile.role in HEATING]
     if len(heaters) != 1:
         names = ", ".join(f"'{device.name}'" for device in heaters) or "none"
         raise ConfigError(f"a rig has one device that heats, of role 'heater' or 'supply'; this one has {names}")
@@ -153,7 +153,8 @@ def _source_type(profile: Profile) -> type[HeaterBoard | BenchSupply | TCLab]:
     return HeaterBoard if profile.profile.role == "heater" else BenchSupply
 
 
-def _source(config: DeviceConfig, device: Device | TCLabBoard, clock: Clock) -> HeatSource:
+def heat_source(config: DeviceConfig, device: Device | TCLabBoard, clock: Clock) -> HeatSource:
+    """The device as that which heats; ConfigError when the rig file tells too much or too little of it for that."""
     scales = config.full_scale_a, config.full_scale_v
     if isinstance(device, Device):
         if scales != (None, None):
@@ -170,7 +171,8 @@ def _source(config: DeviceConfig, device: Device | TCLabBoard, clock: Clock) -> 
     return TCLab(device, config.full_scale_a, config.full_scale_v)
 
 
-def _address(device: DeviceConfig) -> str:
+def address(device: DeviceConfig) -> str:
+    """How a device is known in every run that reaches it there."""
     return device.url if device.unit_id is None else f"{device.url} unit {device.unit_id}"
 
 

@@ -51,17 +51,17 @@ def main() -> None:
     try:
         _app(wanted=next(iter(sys.argv[1:]), ""))()
     except SmadriveError as error:
-        print(f"smadrive: {error}", *getattr(error, "__notes__", ()), sep="\nsmadrive: ", file=sys.stderr)
+        _tell(str(error), error)
         sys.exit(error.exit_code)
     except SystemExit as ended:
         if ended.code == INTERRUPTED:
-            print(
-                "smadrive: interrupted, the heater is off",
-                *getattr(ended, "__notes__", ()),
-                sep="\nsmadrive: ",
-                file=sys.stderr,
-            )
+            _tell("interrupted", ended)
         raise
+
+
+def _tell(how: str, error: BaseException) -> None:
+    """How it ended, and what else there is to know of that: a line each."""
+    print(f"smadrive: {how}", *getattr(error, "__notes__", ()), sep="\nsmadrive: ", file=sys.stderr)
 
 
 def _tell_version(wanted: bool) -> None:

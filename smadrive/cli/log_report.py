@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from smadrive.cli.log_plots import log_plots
-from smadrive.control.loop import UNCONFIRMED
+from smadrive.errors import UNCONFIRMED
 from smadrive.loggedrun import logged_rig
 from smadrive.runfigures import RunSummary, is_virtual, run_summary, tracking_caveats
 from smadrive.telemetry.log import Log

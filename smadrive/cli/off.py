@@ -8,21 +8,18 @@ import typer
 
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig
+from smadrive.switchoff import switch_off
 
 ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear latched faults, their cause removed.")]
 
 
 def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = False) -> None:
-    """Switch the heater of RIG off, confirmed by reading back."""
+    """Switch the heater of RIG off, confirmed by reading back. Its port must be free: end what runs there first."""
     output = Output(as_json)
-    config = load_rig(rig)
-    with Rig(config, heats=False) as bench:  # entering a rig confirms its safe state, leaving it does so again
-        measurement = bench.clear_faults() if clear_faults else bench.heater.exchange(0.0)
-    names = [device.name for device in config.devices]
-    output.say(f"{config.name}: heater off, confirmed by read-back ({', '.join(names)})")
-    latched = [*measurement.device_faults, *filter(None, [bench.latch.told])]
-    if latched:
-        output.say(f"latched: {', '.join(latched)} (clear with --clear-faults)")
-    output.result({"rig": config.name, "devices": names, "safe": True, "faults": latched})
+    off = switch_off(rig, clear_faults=clear_faults)
+    output.say(f"{off.rig}: heater off, confirmed by read-back ({', '.join(off.devices)})")
+    if off.latched:
+        output.say(f"latched: {', '.join(off.latched)} (clear with --clear-faults)")
+    output.result({"rig": off.rig, "devices": off.devices, "safe": True, "faults": off.latched})
+    if off.failure is not None:
+        raise off.failure

@@ -17,6 +17,8 @@ from smadrive.control.controller import Command, Controller
 from smadrive.control.faults import Fault, Trip
 from smadrive.control.supervisor import Supervisor
 from smadrive.errors import (
+    CUT,
+    UNCONFIRMED,
     DeviceError,
     ExceptionReply,
     ProtocolError,
@@ -32,11 +34,7 @@ LATE_FRACTION = 0.5
 BUSY = (5, 6, 11)
 """Exception codes of a device, or of the gateway before it, that could not answer in time."""
 
-UNCONFIRMED = "the heater could NOT be confirmed off"
-CUT = (
-    "cut its supply by hand; when the device, or its simulator, answers again (is it stopped, or slow?), "
-    "confirm it with `smadrive off RIG`"
-)
+CONFIRMED = "the heater is off, confirmed by read-back"
 
 
 class Heater(Protocol):
@@ -169,6 +167,7 @@ def ends_safe(heater: Heater) -> Iterator[None]:
     """Whatever ends the block, the heater is put into its safe state.
 
     When that cannot be confirmed, the error that ended the block says so in a note; without one, the failure is raised.
+    Who interrupted is told that it is confirmed.
     """
     try:
         yield
@@ -178,5 +177,8 @@ def ends_safe(heater: Heater) -> Iterator[None]:
         except Exception as failure:  # noqa: BLE001  (whatever it is, the first error must be told, and this one)
             if not any(note.startswith(UNCONFIRMED) for note in getattr(error, "__notes__", ())):
                 error.add_note(f"{UNCONFIRMED} ({failure}): {CUT}")
+        else:
+            if isinstance(error, SystemExit) and CONFIRMED not in getattr(error, "__notes__", ()):
+                error.add_note(CONFIRMED)
         raise
     heater.enter_safe_state()

@@ -13,18 +13,12 @@ from math import isfinite, nan
 from smadrive.clock import Clock
 from smadrive.device.guard import Guard
 from smadrive.device.heatsource import HeaterLimits, HeatSource, Sample, Supplied
+from smadrive.device.safestate import see_it_off
 from smadrive.device.sensor import PolledSensor
-from smadrive.errors import ConfigError, ProtocolError, SafetyError, TakenOverError, TransportError
+from smadrive.errors import ConfigError, ProtocolError, SafetyError, TakenOverError
 from smadrive.measurement import Measurement
 
 DERATE_C = 5.0
-CURRENT_ZERO_A = 0.05
-"""Less than this is the noise of a current sense."""
-ZERO_SHARE = 0.1
-"""And no more than this part of current_max_a, for thin wires."""
-CURRENT_GONE_S = 0.2
-"""How long after switching off, beside the time in which the source settles, current may still be seen."""
-LOOK_AGAIN_S = 0.05
 AT_LIMIT = 1.0 - 1e-6
 """A command from this part of the limit on is held back by it: controllers that know the limit ask for no more."""
 _NOTHING = Sample(nan, 0.0)
@@ -132,7 +126,7 @@ class Heater:
             self.source.enter_safe_state()
         else:
             self._enter_safe_state_under(self._guard)
-        self._see_it_off()
+        see_it_off(self.source, self.limits.current_max_a, self._clock)
 
     def clear_faults(self) -> Measurement:
         """Clear the latched faults; SafetyError names those that persist. Nothing is armed afterwards."""
@@ -153,23 +147,6 @@ class Heater:
                 continue
             guard.rest()
             return
-
-    def _see_it_off(self) -> None:
-        give_up_s = self._clock.now_s() + self.source.settle_s + CURRENT_GONE_S
-        while True:
-            try:
-                supplied = self.source.exchange(0.0)
-            except (TransportError, ProtocolError):
-                if self._clock.now_s() >= give_up_s:
-                    raise
-                continue
-            flows = not supplied.current_a <= min(CURRENT_ZERO_A, ZERO_SHARE * self.limits.current_max_a)
-            if not (flows or supplied.armed):
-                return
-            if self._clock.now_s() >= give_up_s:
-                what = f"{supplied.current_a:.3f} A still flow" if flows else "the device claims to be armed"
-                raise SafetyError(f"{what} although the heater is off: cut its supply")
-            self._clock.sleep_until(self._clock.now_s() + LOOK_AGAIN_S)
 
     def _allowed(self, current_a: float) -> tuple[float, tuple[str, ...]]:
         """The current that may flow, and what limits it."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import errno
 import fcntl
 import grp
+import os
 import termios
 from contextlib import suppress
 from pathlib import Path
@@ -79,11 +80,24 @@ def _cure(port: str, error: Exception) -> str:
         group = _group_of(port)
         return f"{port}: not permitted; join the group that owns it: sudo usermod -aG {group} $USER, then log in again"
     if code in (errno.EAGAIN, errno.EBUSY):
+        pid = _locked_by(port)
+        who, kill = ("another program", "`kill` of it") if pid is None else (f"process {pid}", f"`kill {pid}`")
         return (
-            f"{port}: busy: another program holds the port; close it (lsof {port} names it). A smadrive that runs or "
-            "tunes there switches the heater off at Ctrl-C in its terminal, or at OFF (POST /off) of its page"
+            f"{port}: busy: {who} holds the port: close it. A smadrive that runs or tunes there switches the heater "
+            f"off at Ctrl-C in its terminal, at {kill}, or at OFF (POST /off) of its page"
         )
     return f"{port}: cannot be opened as a serial port ({error})"
+
+
+def _locked_by(port: str) -> int | None:
+    """Which process has the lock of `port`, where Linux tells it."""
+    try:
+        found = Path(port).stat()
+        place = f"{os.major(found.st_dev):02x}:{os.minor(found.st_dev):02x}:{found.st_ino}"
+        locks = [line.split() for line in Path("/proc/locks").read_text().splitlines()]
+    except OSError:
+        return None
+    return next((int(lock[4]) for lock in locks if lock[1] == "FLOCK" and lock[5] == place and int(lock[4]) > 0), None)
 
 
 def _group_of(port: str) -> str:

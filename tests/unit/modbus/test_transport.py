@@ -96,7 +96,9 @@ def test_a_port_in_use_is_refused_and_free_again_after_close(terminal):
     _, path = terminal
     with (
         open_transport(f"serial://{path}"),
-        pytest.raises(TransportError, match=r"busy: another program .* Ctrl-C .*POST /off"),
+        pytest.raises(
+            TransportError, match=rf"busy: process {os.getpid()} .* Ctrl-C .*`kill {os.getpid()}`.*POST /off"
+        ),
     ):
         open_transport(f"serial://{path}")
     open_transport(f"serial://{path}").close()

@@ -1,0 +1,138 @@
+"""Switching off: every device of a rig into its safe state, the one that heats first, whatever else is broken.
+
+Who switches off needs no wire, no limits, no sensor and no guardian. So of the rig file only the addresses of the
+devices are read, and a device that cannot be reached keeps no other from its safe state.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from dataclasses import dataclass
+from typing import TypeVar
+
+from smadrive.device.heatsource import HeatSource
+from smadrive.device.profile import load_profile
+from smadrive.device.safestate import see_it_off
+from smadrive.errors import CUT, UNCONFIRMED, ConfigError, SafetyError, SmadriveError
+from smadrive.latch import TripLatch
+from smadrive.rigconfig import DeviceConfig, RigAddresses, load_addresses
+from smadrive.rigconnections import SIMULATED, Connections
+from smadrive.rigdevices import HEATING, address, heat_source
+
+DoneT = TypeVar("DoneT")
+
+
+@dataclass(frozen=True)
+class SwitchedOff:
+    """Which devices confirmed their safe state, what heats among them; what is latched; why another one did not."""
+
+    rig: str
+    devices: tuple[str, ...]
+    latched: tuple[str, ...]
+    failure: SmadriveError | None
+
+
+@dataclass(frozen=True)
+class _Off:
+    """A heat source that is confirmed off, and the faults that it tells."""
+
+    config: DeviceConfig
+    source: HeatSource
+    latch: TripLatch
+    faults: tuple[str, ...]
+
+
+def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
+    """Put every device of the rig file `name` into its safe state, confirmed; then clear what is latched, if wanted.
+
+    Every error before the heat is confirmed off says so in a note. SafetyError when a fault persists.
+    """
+    with ExitStack() as stack:
+        with _tells_when_unconfirmed():
+            rig = load_addresses(name)
+            connections = Connections(stack, trace_folder=None)
+            heating = [device for device in rig.devices if _heats(device)]
+            off, failure = _each(heating, lambda device: _heat_off(device, connections, rig))
+            if failure is not None:
+                raise failure
+            if not off:
+                raise _nothing_heats(rig)
+        for one in off if clear_faults else ():
+            _clear(one)
+        others = [device for device in rig.devices if device not in heating]
+        rested, failure = _each(others, lambda device: _rest(device, connections))
+    devices = (*(one.config.name for one in off), *rested)
+    latched = () if clear_faults else tuple(fault for one in off for fault in _latched(one))
+    return SwitchedOff(rig.name, devices, latched, failure)
+
+
+@contextmanager
+def _tells_when_unconfirmed() -> Iterator[None]:
+    try:
+        yield
+    except BaseException as error:
+        error.add_note(f"{UNCONFIRMED}: {CUT}")
+        raise
+
+
+def _each(
+    devices: Iterable[DeviceConfig], act: Callable[[DeviceConfig], DoneT]
+) -> tuple[list[DoneT], SmadriveError | None]:
+    """What comes of it for each device, and the first error: it keeps no other from its turn."""
+    done: list[DoneT] = []
+    failure: SmadriveError | None = None
+    for device in devices:
+        try:
+            done.append(act(device))
+        except SmadriveError as error:
+            failure = failure or error
+    return done, failure
+
+
+def _heats(device: DeviceConfig) -> bool:
+    """Whether that is known of it; one whose profile cannot be read fails in its turn."""
+    try:
+        return load_profile(device.profile).profile.role in HEATING
+    except ConfigError:
+        return False
+
+
+def _nothing_heats(rig: RigAddresses) -> ConfigError:
+    """Why: a profile that cannot be read, or a rig without one that heats."""
+    try:
+        for device in rig.devices:
+            load_profile(device.profile)
+    except ConfigError as error:
+        return error
+    return ConfigError(f"rig '{rig.name}': none of its devices heats: nothing was switched off")
+
+
+def _heat_off(config: DeviceConfig, connections: Connections, rig: RigAddresses) -> _Off:
+    device = connections.device(config, load_profile(config.profile), None, None)
+    source = heat_source(config, device, device.clock)
+    source.connect()
+    seen = see_it_off(source, rig.current_max_a, device.clock)
+    latch = TripLatch(None if config.url.startswith(SIMULATED) else address(config))
+    return _Off(config, source, latch, seen.faults)
+
+
+def _latched(off: _Off) -> list[str]:
+    """What stays latched, on the device and here."""
+    return [*off.faults, *filter(None, [off.latch.told])]
+
+
+def _clear(off: _Off) -> None:
+    """SafetyError for what persists."""
+    off.source.clear_faults()
+    if faults := off.source.exchange(0.0).faults:
+        raise SafetyError(f"not cleared, the cause persists: {', '.join(faults)}")
+    off.latch.clear()
+
+
+def _rest(config: DeviceConfig, connections: Connections) -> str:
+    """One that only measures; a controller that could heat by itself has a safe state, too."""
+    device = connections.device(config, load_profile(config.profile), None, None)
+    device.check_identity()
+    device.enter_safe_state()
+    return config.name

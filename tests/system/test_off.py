@@ -1,0 +1,118 @@
+"""Switching off whatever else is broken: the file, the sensors, the port; and the truth when it cannot be done."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from smadrive.device.device import Device
+from smadrive.device.profile import load_profile
+from smadrive.modbus.connect import open_transport
+from smadrive.modbus.master import Master
+from smadrive.shipped import configs_dir
+from tests.served import served
+
+UNCONFIRMED = "the heater could NOT be confirmed off"
+SHIPPED = (configs_dir() / "rigs" / "bench-supply.toml").read_text().replace("/dev/ttyUSB", "/dev/no-such-port-")
+SUPPLY_URL = "serial:///dev/no-such-port-0"
+
+
+def off(rig, *options):
+    """`smadrive off`, as it ends."""
+    command = [sys.executable, "-m", "smadrive", "off", str(rig), *options]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def hot(tmp_path):
+    """A supply left heating that nobody watches: its process, the file of a rig without its sensors, its port."""
+    with served("--profile", "riden-rd60xx") as (process, url):
+        profile = load_profile("riden-rd60xx")
+        with open_transport(url, profile.serial_settings()) as port:
+            supply = Device(profile, Master(port))
+            for name, value in (("v_set", 5.0), ("i_set", 0.3), ("output", 1)):
+                supply.write(name, value)
+        assert "output on" in process.stderr.readline()
+        rig = tmp_path / "rig.toml"
+        rig.write_text(SHIPPED.replace(SUPPLY_URL, url))
+        yield process, rig, Path(url.removeprefix("serial://"))
+
+
+def is_off(process):
+    """Whether the supply itself says so next."""
+    return "output off" in process.stderr.readline()
+
+
+def test_the_heat_ends_first_and_then_it_is_told_that_a_sensor_is_missing(hot):
+    process, rig, _ = hot
+    done = off(rig, "--json")
+    assert is_off(process)
+    told = json.loads(done.stdout)
+    assert (told["safe"], told["devices"]) == (True, ["supply"])
+    assert done.returncode == 3
+    assert "no such port" in done.stderr
+    assert UNCONFIRMED not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ('wire = "', 'wire = "no-'),
+        ("temperature_max_c = ", "temperature_max = "),
+        ("rate_hz = ", "rate_hz = -"),
+        ("high_c = ", "high_c = 9"),
+    ],
+)
+def test_what_else_is_wrong_in_the_file_does_not_matter(hot, right, wrong):
+    process, rig, _ = hot
+    text = rig.read_text()
+    assert right in text
+    rig.write_text(text.replace(right, wrong))
+    assert "heater off, confirmed by read-back (supply)" in off(rig).stdout
+    assert is_off(process)
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        (SHIPPED, 3),
+        (SHIPPED.replace("riden-rd60xx", "riden-rd99"), 2),
+        (SHIPPED.replace("rate_hz = ", "rate_hz = 20,"), 2),
+        ("", 2),
+        (SHIPPED.replace("riden-rd60xx", "delta-dtb"), 2),
+        (None, 2),
+    ],
+    ids=["no port", "no profile", "no TOML", "empty", "nothing heats", "no file"],
+)
+def test_whatever_keeps_it_from_being_done_the_heater_is_not_said_to_be_off(tmp_path, text, code):
+    rig = tmp_path / "rig.toml"
+    if text is not None:
+        rig.write_text(text)
+    done = off(rig)
+    assert done.returncode == code, done.stderr
+    assert UNCONFIRMED in done.stderr
+    assert "cut its supply" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not done.stdout
+
+
+def test_who_interrupts_it_is_not_told_that_the_heater_is_off(hot):
+    process, rig, port = hot
+    process.send_signal(signal.SIGSTOP)
+    with subprocess.Popen(
+        [sys.executable, "-m", "smadrive", "off", str(rig)], stderr=subprocess.PIPE, text=True
+    ) as switching:
+        while not any(one.resolve() == port for one in Path(f"/proc/{switching.pid}/fd").iterdir()):
+            time.sleep(0.02)
+        switching.send_signal(signal.SIGINT)
+        _, told = switching.communicate()
+    assert switching.returncode == 130
+    assert "interrupted" in told
+    assert UNCONFIRMED in told
+    process.send_signal(signal.SIGCONT)
+    assert off(rig).returncode == 3
+    assert is_off(process)
