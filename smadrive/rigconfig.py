@@ -81,7 +81,7 @@ class LimitsConfig(Section):
     current_max_a: float = Field(gt=0)
     temperature_max_c: float = Field(le=600)
     voltage_max_v: float | None = Field(default=None, gt=0)
-    temperature_min_c: float = -20.0
+    temperature_min_c: float = Field(default=-20.0, ge=-100)
     watchdog_s: float = Field(gt=0, le=10)
     stale_after_s: float = Field(default=0.3, gt=0, le=10)
     displacement_min_mm: float | None = None

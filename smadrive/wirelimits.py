@@ -42,6 +42,11 @@ def check_limits(config: RigConfig, wire: WireConfig) -> None:
 
 def _check_temperature(config: RigConfig, wire: WireConfig) -> None:
     limit_c, stands_c = config.limits.temperature_max_c, wire.temperature_max_c
+    if limit_c <= wire.ambient_c:
+        raise ConfigError(
+            f"rig '{config.name}': limits.temperature_max_c = {limit_c:g} °C is not above ambient_c = "
+            f"{wire.ambient_c:g} °C of '{config.wire}': nothing could be heated: correct the one that is wrong"
+        )
     if limit_c > stands_c:
         meant_c = limit_c - ZERO_C_IN_K
         kelvin = (
@@ -60,7 +65,7 @@ def _check_temperature(config: RigConfig, wire: WireConfig) -> None:
 
 def _check_current(config: RigConfig, held_a: float) -> None:
     limits = config.limits
-    if limits.current_max_a > AMPLE * held_a > 0.0:
+    if limits.current_max_a > AMPLE * held_a:
         raise ConfigError(
             f"rig '{config.name}': limits.current_max_a = {limits.current_max_a:g} is no limit for '{config.wire}', "
             f"which {held_a:.2g} A hold at temperature_max_c = {limits.temperature_max_c:g}: is it in amperes?"

@@ -81,6 +81,11 @@ def test_a_wire_file_that_tells_no_highest_temperature_has_that_at_which_nickel_
         Rig(rig_with({"temperature_max_c": 201.0}, wire=wire))
 
 
+def test_a_limit_below_the_surroundings_is_refused(wire_with):
+    with pytest.raises(ConfigError, match=r"= 135 °C is not above ambient_c = 140 °C"):
+        Rig(rig_with({"current_max_a": 400.0}, wire=wire_with(ambient_c=140.0)))
+
+
 def test_an_alloy_that_transforms_hotter_says_so(wire_with):
     Rig(rig_with({"temperature_max_c": 300.0}, wire=wire_with(temperature_max_c=320.0)))
 
