@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import matplotlib as mpl
@@ -18,8 +19,8 @@ from smadrive.telemetry.report import Grid, Listing, Part, Plot, State, Tiles, w
 Array = NDArray[np.float64]
 
 
-def write_fit_report(path: Path, fit: AnyFit, source: str, axes: tuple[str, str]) -> None:
-    """Write the page; `axes` names input and output with their units."""
+def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: str, axes: tuple[str, str]) -> None:
+    """Write the page; `axes` names input and output with their units, `caveats` are those of fit and record."""
     measured = fit.predicted - fit.residual
     certificate = fit.certificate
     parts: list[Part] = [
@@ -29,7 +30,7 @@ def write_fit_report(path: Path, fit: AnyFit, source: str, axes: tuple[str, str]
             if certificate.holds
             else f"Not certified, the model may not drive a feedforward: {', '.join(certificate.shortcomings)}.",
         ),
-        *(State("odd", f"Beware: {caveat}.") for caveat in fit.caveats),
+        *(State("odd", f"Beware: {caveat}.") for caveat in caveats),
         Tiles(
             [
                 (f"{fit.rms_percent:.3f} %", "RMS error, of the output span"),

@@ -18,6 +18,7 @@ from smadrive.identification.thermal_fit import ThermalFit
 from smadrive.identification.wire_fit import AnyFit, identify_hysteresis, identify_wire
 from smadrive.loggedrun import excitation_caveats, excitation_record, nominal_balance
 from smadrive.outfile import LOG, MODEL, PAGE, TABLE, check_output
+from smadrive.telemetry.columnunits import unit_doubts
 from smadrive.telemetry.log import read_log
 from smadrive.telemetry.table import read_table
 from smadrive.wirefile import save_wire
@@ -54,7 +55,7 @@ def main(
     replaced = model_file.exists()
     save_wire(model_file, fit.model, balance, figures, str(data), found.caveats)
     if plot is not None:
-        write_fit_report(plot, fit, str(data), found.axes)
+        write_fit_report(plot, fit, found.caveats, str(data), found.axes)
     _tell(output, fit, thermal, found.caveats)
     output.say(f"model: {model_file}{', in place of the one that was there' if replaced else ''}")
     output.result(
@@ -69,7 +70,7 @@ def main(
 
 @dataclass(frozen=True)
 class _Found:
-    """What a record tells: a log also the heat balance, and what to beware of in its experiment."""
+    """What a record tells: a log also the heat balance; what to beware of in the record and in the fit."""
 
     fit: AnyFit
     thermal: ThermalFit | None
@@ -87,8 +88,9 @@ def _fitted(data: Path, columns: tuple[str, str], kind: Kind, sets: int) -> _Fou
         raise DataError(f"{data}: neither a log nor a CSV: give the log (.h5) of `smadrive excite`, or a .csv")
     table = read_table(data)
     v, y = (table.column(name) for name in columns)
+    doubts = [doubt for name, values in zip(columns, (v, y), strict=True) for doubt in unit_doubts(name, values)]
     fit = identify_hysteresis(v, y, kind.value, sets)
-    return _Found(fit, None, fit.caveats, columns)
+    return _Found(fit, None, (*doubts, *fit.caveats), columns)
 
 
 def fit_result(fit: AnyFit, kind: str, model_file: Path) -> dict[str, object]:

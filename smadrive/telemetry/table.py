@@ -20,6 +20,9 @@ from smadrive.outfile import replacing
 
 Array = NDArray[np.float64]
 
+OTHER_SEPARATORS = (";", "\t")
+"""What spreadsheets write where the comma is the decimal sign."""
+
 
 @dataclass(frozen=True)
 class Table:
@@ -49,7 +52,7 @@ class Table:
 
 
 def read_table(path: Path) -> Table:
-    """The CSV file at `path`. DataError when it is missing, empty, without header, or ragged."""
+    """The CSV file at `path`. DataError when it is missing, empty, without header, ragged, or separated otherwise."""
     check_kind(path, TABLE)
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
@@ -62,6 +65,9 @@ def read_table(path: Path) -> Table:
     if len(rows) < 2:
         raise DataError(f"{path}: no samples: a header line and at least one line of numbers are needed")
     header = [name.strip() for name in rows[0]]
+    separator = next((known for known in OTHER_SEPARATORS if known in header[0]), None)
+    if len(header) == 1 and separator is not None:
+        raise DataError(f"{path}: separated by {separator!r}: write it with commas between cells, and decimal points")
     for number, row in enumerate(rows[1:], start=2):
         if len(row) != len(header):
             raise DataError(f"{path}, line {number}: {len(row)} cells, the header has {len(header)}: repair the line")

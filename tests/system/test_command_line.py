@@ -83,6 +83,22 @@ def test_identify_simulate_and_invert_work_on_files(data):
     np.testing.assert_allclose(got, wanted, atol=1e-8 * 0.04)
 
 
+def test_columns_in_other_units_than_they_tell_are_doubted_wherever_the_model_is_told_of(data):
+    lines = (data / "wire.csv").read_text().splitlines()[1:]
+    cells = [line.split(",") for line in lines]
+    rows = [f"{float(celsius) + 273.15},{strain}" for celsius, strain, _ in cells]
+    (data / "other.csv").write_text("temperature_c,displacement_mm\n" + "\n".join(rows) + "\n")
+    found = succeed("identify", "other.csv", "-o", "other.json", "--plot", "other.html", cwd=data)
+    kelvin, metres = found["caveats"]
+    assert "looks like kelvin" in kelvin
+    assert "looks like metres" in metres
+    assert json.loads((data / "other.json").read_text())["provenance"]["caveats"] == [kelvin, metres]
+    page = (data / "other.html").read_text()
+    assert kelvin in page
+    assert metres in page
+    assert succeed("identify", "wire.csv", "--output", "strain", "-o", "strain.json", cwd=data)["caveats"] == []
+
+
 def column(path, name):
     lines = [line.split(",") for line in path.read_text().splitlines()]
     at = lines[0].index(name)

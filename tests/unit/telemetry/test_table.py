@@ -39,6 +39,12 @@ def test_a_byte_order_mark_is_no_part_of_the_first_name(tmp_path):
         ("time_s,temperature_c\n0,\n1,2\n", "line 2, column 'temperature_c': ''"),
         ("time_s,temprature_c\n0,1\n1,2\n", "no column 'temperature_c'; did you mean 'temprature_c'"),
         ("time_s,temperature_c\n0,1\n1\n", "line 3: 1 cells, the header has 2"),
+        (
+            "time_s;temperature_c\n0,5;20,1\n1;21\n",
+            "data.csv: separated by ';': write it with commas between cells, and",
+        ),
+        ("time_s;temperature_c\n0;20\n1;21\n", "and decimal points"),
+        ("time_s\ttemperature_c\n0\t20\n1\t21\n", r"separated by '\\t'"),
         ("time_s,temperature_c\n", "no samples"),
         ("", "no samples"),
     ],
