@@ -45,9 +45,9 @@ class Comparison:
         return self.slots[slot]
 
     def start(self) -> None:
-        """Begin with A at the end of the running cycle. ConfigError when a slot is empty."""
-        self.slot("A")
-        self.slot("B")
+        """Begin with A at the end of the running cycle. ConfigError when a slot is empty, or both keep the same."""
+        if self.slot("A").drives_as(self.slot("B")):
+            raise ConfigError("slot A and slot B keep the same tuning: change something and keep that in one of them")
         self.is_on, self.turn = True, None
 
     def stop(self) -> None:

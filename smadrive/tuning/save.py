@@ -23,6 +23,8 @@ def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any])
     ConfigError for a name that is none or taken and for a rig file that is gone, DataError when a file cannot be
     written. Either both files are written or none.
     """
+    if not name:
+        raise ConfigError("give a name: that of the new files")
     if not _NAME.fullmatch(name):
         raise ConfigError(f"'{name}' is no name for a file: use letters, digits, '.', '-' and '_'")
     model_file, new_rig_file = folder / f"{name}.json", folder / f"{name}.toml"

@@ -11,7 +11,7 @@ from smadrive.control.reference import Reference
 from smadrive.control.wire import travel_mm
 from smadrive.errors import CertificateError, ConfigError, ModelError
 from smadrive.hysteresis import DuhemModel, InverseFeedforward, TSFuzzyDuhem
-from smadrive.hysteresis.modelfile import parse_model
+from smadrive.hysteresis.modelfile import model_text, parse_model
 from smadrive.identification.adaptation import Adaptation
 from smadrive.identification.reshape import BranchShape, Model, reshaped, shape_of
 from smadrive.rigconfig import FeedbackConfig, LimitsConfig
@@ -51,6 +51,11 @@ class Tuning:
     def of(cls, model: Model, feedback: FeedbackConfig, change: str, caveats: tuple[str, ...] = ()) -> Tuning:
         """With the branches where the model has them."""
         return cls(model, model, shape_of(model), feedback, change, caveats)
+
+    def drives_as(self, other: Tuning) -> bool:
+        """Whether a wire is driven just as by the other, whatever made them."""
+        texts = [model_text(tuning.model, {}, place=tuning.change) for tuning in (self, other)]
+        return self.feedback == other.feedback and texts[0] == texts[1]
 
     def changed(self, change: Change) -> Tuning:
         """The tuning after a change. ConfigError, ModelError, CertificateError when it cannot be."""

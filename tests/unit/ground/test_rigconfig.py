@@ -81,6 +81,11 @@ def test_a_tuning_is_saved_whole_or_not_at_all(folder, text):
     assert all(path.exists() for path in save_tuning(folder, "tuned", rig, TUNED))
 
 
+def test_a_tuning_without_a_name_is_not_saved(folder):
+    with pytest.raises(ConfigError, match="give a name"):
+        save_tuning(folder, "", folder / "rig.toml", TUNED)
+
+
 def test_a_model_without_its_rig_is_taken_away_again(folder):
     (folder / f".tuned.toml.{os.getpid()}.partial").mkdir()
     with pytest.raises(DataError, match=r"tuned\.toml: cannot be written"):

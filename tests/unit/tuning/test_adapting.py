@@ -58,8 +58,9 @@ def test_rules_that_wait_to_be_taken_back_are_not_forgotten(lied_to, act, values
 
 
 def test_what_is_compared_is_not_adapted(ruled_bench):
-    for at_s, slot in ((1.1, "A"), (1.2, "B")):
-        ruled_bench.at(at_s, "keep", slot=slot)
+    ruled_bench.at(1.1, "keep", slot="A")
+    ruled_bench.at(1.2, "feedback", key="closed_loop_s", value=0.3)
+    ruled_bench.at(1.5, "keep", slot="B")
     ruled_bench.at(2.0, "arm")
     ruled_bench.at(3.0, "track", reference="sine")
     ruled_bench.at(4.0, "adapt", on=True)

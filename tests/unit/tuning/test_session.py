@@ -304,6 +304,20 @@ def test_a_and_b_take_turns_and_the_better_one_scores_better(bench):
     assert bench.status["tuning"]["feedback"]["closed_loop_s"] == 0.25
 
 
+def test_a_tuning_is_not_compared_with_itself_whichever_way_it_was_come_by(bench):
+    bench.at(1.0, "arm")
+    bench.at(1.1, "shape", key="mu_heating", value=90.0)
+    bench.at(1.5, "keep", slot="A")
+    bench.at(1.6, "shape", key="mu_heating", value=91.0)
+    bench.at(2.0, "shape", key="mu_heating", value=90.0)
+    bench.at(2.5, "keep", slot="B")
+    bench.at(3.0, "track", reference="sine")
+    compare = bench.at(5.0, "compare", on=True)
+    bench.run(until_s=6.0)
+    assert "slot A and slot B keep the same tuning" in bench.answers[compare]
+    assert not bench.status["comparison"]["on"]
+
+
 def half_way_c(wire):
     """Where the heating branch of a wire's file is half way up."""
     model, _ = parse_wire(wire, place="status")
