@@ -54,7 +54,8 @@ class RunView:
     def _add_progress(self, text: Text, time_s: float) -> None:
         text.append(f"{self._title}  ", "bold")
         if isfinite(self._duration_s):
-            done = round(BAR * min(time_s / self._duration_s, 1.0))
+            time_s = min(time_s, self._duration_s)  # the last tick may come after the end
+            done = round(BAR * time_s / self._duration_s)
             text.append("━" * done, "green").append("━" * (BAR - done), "dim")
             text.append(f"  {time_s:.1f} of {self._duration_s:.1f} s")
         else:

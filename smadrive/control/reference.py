@@ -133,8 +133,8 @@ class Reference:
         for name, value in (("lowest", scored_mm.min()), ("highest", scored_mm.max())):
             if not low - slack <= value <= high + slack:
                 raise ConfigError(
-                    f"reference: its {name} value is {value:.3g} mm; the identified wire reaches from {low:.3g} to "
-                    f"{high:.3g} mm: keep the reference within"
+                    f"reference: its {name} value is {value:.6g} mm; the identified wire reaches from {low:.6g} to "
+                    f"{high:.6g} mm: keep the reference within"
                 )
 
     def without_end(self, return_s: float) -> Reference:

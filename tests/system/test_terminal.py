@@ -110,6 +110,12 @@ def test_values_limits_faults_and_events_are_all_in_the_picture(recorder):
         assert shown in lines
 
 
+def test_a_last_tick_after_the_end_is_shown_at_the_end(recorder):
+    view = RunView("tracking", 34.1, 0.6, recorder)
+    view.latest = tick()
+    assert "34.1 of 34.1 s" in str(view.__rich__())
+
+
 def test_what_is_not_known_is_not_made_up(recorder):
     view = RunView("tracking", float("inf"), 0.6, recorder)
     view.latest = tick(temperature_c=float("nan"), temperature_fault="open", displacement_mm=float("nan"))

@@ -189,6 +189,8 @@ def test_a_reference_beyond_the_travel_of_the_wire_is_refused():
         reference.check_within((0.0, 8.0))
     with pytest.raises(ConfigError, match="lowest value is 2 mm"):
         reference.check_within((3.0, 12.0))
+    with pytest.raises(ConfigError, match="highest value is 3000 mm"):
+        parse_reference("sine:low_mm=2,high_mm=3000,period_s=56").check_within((0.0, 12.0))
 
 
 def test_an_approach_may_begin_where_another_model_does_not_reach():
