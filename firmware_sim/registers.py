@@ -81,6 +81,8 @@ class RegisterBank:
             for table in self._tables
         }
         for proof in profile.identify:
+            if not proof.ranges:
+                continue
             cell = self._cells[proof.register_]
             cell.store(cell.codec.pack(proof.ranges[0][0]))
 

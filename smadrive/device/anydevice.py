@@ -6,6 +6,7 @@ from typing import Protocol
 
 from smadrive.clock import Clock
 from smadrive.device.device import Device
+from smadrive.device.identity import UNKNOWN, Identity
 from smadrive.device.profile import Profile
 from smadrive.device.tclab import TCLabBoard
 from smadrive.modbus.master import Master
@@ -25,6 +26,11 @@ class AnyDevice(Protocol):
         """The clock of its deadlines."""
         ...
 
+    @property
+    def identity(self) -> Identity:
+        """What tells it from its twins, once it has been proved; empty where nothing does."""
+        ...
+
     def check_identity(self) -> None:
         """Prove that it is what `profile` describes; IdentityError if not."""
         ...
@@ -34,8 +40,8 @@ class AnyDevice(Protocol):
         ...
 
 
-def device_on(transport: Transport, profile: Profile, unit_id: int | None) -> AnyDevice:
-    """The device of this profile, alone on a connection."""
+def device_on(transport: Transport, profile: Profile, unit_id: int | None, identity: Identity = UNKNOWN) -> AnyDevice:
+    """The device of this profile, alone on a connection; the one of this `identity`, where it has one."""
     if profile.has_registers:
-        return Device(profile, Master(transport), unit_id)
+        return Device(profile, Master(transport), unit_id, identity=identity)
     return TCLabBoard(profile, transport)

@@ -11,6 +11,7 @@ from math import nan
 from smadrive.clock import Clock
 from smadrive.device.device import Device
 from smadrive.device.heatsource import HeaterLimits, Sample, Supplied
+from smadrive.device.identity import Identity
 from smadrive.device.readings import Reading
 from smadrive.errors import ProtocolError, SafetyError
 
@@ -53,6 +54,11 @@ class HeaterBoard:
         self._armed = False
         self._counter = -1
         self._counter_since_s = clock.now_s()
+
+    @property
+    def identity(self) -> Identity:
+        """See HeatSource."""
+        return self.device.identity
 
     @property
     def armed(self) -> bool:

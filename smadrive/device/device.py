@@ -1,8 +1,9 @@
 """A device on the bus, spoken to by register names and in engineering units.
 
-Nothing is written before the identity is proved, and no write is believed before it is read back. Where models of a
-family differ in their registers, nothing is read either before the model is known; and where a setting decides (a
-range switch), it is looked at again before every write.
+Nothing is written before the identity is proved, and no write is believed before it is read back. A connection that
+was opened anew may lead to another device (two adapters of a hub change names): who is there must prove to be the one
+of before. Where models of a family differ in their registers, nothing is read either before the model is known; and
+where a setting decides (a range switch), it is looked at again before every write.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from typing import NamedTuple
 
 from smadrive.device.companions import context_of
 from smadrive.device.functions import write_request
+from smadrive.device.identity import UNKNOWN, Identity, check_same, check_type, identity_of
 from smadrive.device.plan import Span, decode
 from smadrive.device.plans import Plans, words_of_register
 from smadrive.device.profile import Profile
@@ -27,7 +29,6 @@ from smadrive.errors import (
     ConfigError,
     DeadlineError,
     ExceptionReply,
-    IdentityError,
     ReadBackError,
 )
 from smadrive.modbus import requests
@@ -51,13 +52,19 @@ class _Write(NamedTuple):
 class Device:
     """One device of type `profile` at `unit_id` (the profile's own if None) behind `master`.
 
-    `read_retries` takes the place of the profile's: 0 for who reads again soon and cannot wait.
+    `read_retries` takes the place of the profile's: 0 for who reads again soon and cannot wait. `identity` is what
+    somebody else has found this very device to be; without it, it is the one that is found first.
 
     `profile` becomes that of the model once the identity is proved.
     """
 
     def __init__(
-        self, profile: Profile, master: Master, unit_id: int | None = None, read_retries: int | None = None
+        self,
+        profile: Profile,
+        master: Master,
+        unit_id: int | None = None,
+        read_retries: int | None = None,
+        identity: Identity = UNKNOWN,
     ) -> None:
         """Nothing is sent yet. ConfigError when no single device can have `unit_id`."""
         lowest, highest = (1, 247) if profile.profile.protocol == "modbus-rtu" else (0, 255)
@@ -74,7 +81,8 @@ class Device:
         self._timing = timing if read_retries is None else replace(timing, read_retries=read_retries)
         self._interval_s = profile.timing.poll_interval_ms / 1e3
         self._next_s = 0.0
-        self._identified = False
+        self.identity = identity
+        self._proved_on: int | None = None
         self._written: set[str] = set()
         self._commanded: dict[str, _Write] = {}
         self._plans = Plans(profile)
@@ -82,29 +90,25 @@ class Device:
     def check_identity(self) -> None:
         """Prove that the device is the one that the profile describes, and find its model; IdentityError if not.
 
-        A device that is silent gets the time that it may need to start (`boot_ms`).
+        Once known, it must be the same one. Before that, a silent one gets the time of a start (`boot_ms`).
         """
+        connection = self.master.connection
         proofs = self._family.identify
         names = tuple(dict.fromkeys(chain((proof.register_ for proof in proofs), self._telling)))
-        readings = self._read_patiently(names)
-        for proof in proofs:
-            raw = readings[proof.register_].raw
-            if not any(first <= raw <= last for first, last in proof.ranges):
-                wanted = " or ".join(f"{first} to {last}" for first, last in proof.ranges)
-                raise IdentityError(
-                    f"unit {self.unit_id} is no '{self.profile.profile.id}': {proof.register_} is {raw}, expected "
-                    f"{wanted}: check profile and unit id of the rig"
-                )
+        readings = self._read_patiently(names) if self._proved_on is None else self._read(names)
+        check_type(proofs, readings, f"unit {self.unit_id} is no '{self.profile.profile.id}'")
+        found = identity_of(self._family, readings)
+        check_same(self.identity, found, f"unit {self.unit_id}, a '{self.profile.profile.id}'")
         raws = {name: reading.raw for name, reading in readings.items()}
         variant = matching(self._family.variants, raws)
         self._switched = has_switch(self._family.variants, self._family.registers, raws)
         self._become(self._family if variant is None else self._family.as_variant(variant))
-        self._identified = True
+        self.identity, self._proved_on = found, connection
 
     def read(self, names: Sequence[str]) -> dict[str, Reading]:
         """The registers `names`, in as few requests as their addresses allow."""
-        if self._telling and not self._identified:
-            self.check_identity()
+        if self._telling or self.identity:
+            self._prove_identity()
         return self._read(tuple(names))
 
     def write(self, name: str, value: float) -> None:
@@ -118,7 +122,7 @@ class Device:
         self._store(write)
         self._written.add(name)
         if name in self._telling:
-            self._identified = False
+            self._proved_on = None
 
     def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, Reading]:
         """Write adjacent registers, then read adjacent registers, in one FC23 transaction; never retried."""
@@ -159,7 +163,8 @@ class Device:
         clock = self.master.clock
         clock.sleep_until(self._next_s)
         try:
-            payload = self.master.execute(self.unit_id, request, self._timing)
+            connection = self._proved_on if request.writes else None
+            payload = self.master.execute(self.unit_id, request, self._timing, connection)
         finally:
             self._next_s = clock.now_s() + self._interval_s
         return payload
@@ -237,11 +242,15 @@ class Device:
             self._store(write)
 
     def _know_the_scales(self) -> None:
-        if self._telling and (self._switched or not self._identified):
+        if self._telling and (self._switched or not self._is_proved):
             self.check_identity()
 
+    @property
+    def _is_proved(self) -> bool:
+        return self._proved_on == self.master.connection
+
     def _prove_identity(self) -> None:
-        if not self._identified:
+        if not self._is_proved:
             self.check_identity()
 
     def _become(self, profile: Profile) -> None:

@@ -9,10 +9,12 @@ import sys
 import time
 from collections.abc import Callable
 from contextlib import suppress
+from dataclasses import replace
 from types import TracebackType
 from typing import IO, Self
 
 from smadrive.device.guardian import BEAT, FREE, READY, REST, TAKEN, WATCH, Task
+from smadrive.device.identity import Identity
 from smadrive.errors import SafetyError, TakenOverError
 
 STARTS_WITHIN_S = 20.0
@@ -39,7 +41,7 @@ class Guard:
         self._heard_s = 0.0
 
     def __enter__(self) -> Self:
-        """Start the guardian and wait until it is ready; SafetyError when it does not come up."""
+        """Start the guardian, which comes up while the driver connects."""
         self._process = subprocess.Popen(
             [sys.executable, "-m", "smadrive.device.guardian"],
             stdin=subprocess.PIPE,
@@ -48,14 +50,23 @@ class Guard:
             start_new_session=True,  # Ctrl-C is the driver's
         )
         self._to, self._from = _piped(self._process.stdin), _piped(self._process.stdout)
-        self._to.write(self._task.to_json())
+        return self
+
+    def brief(self, *identities: Identity) -> None:
+        """Tell the guardian whom it guards, one identity for each device, and wait until it is ready.
+
+        SafetyError when it does not come up.
+        """
+        known = zip(self._task.devices, identities, strict=True)
+        devices = tuple(replace(device, identity=dict(identity)) for device, identity in known)
+        with suppress(OSError):  # told below
+            self._to.write(replace(self._task, devices=devices).to_json())
         ready, _, _ = select.select((self._from,), (), (), STARTS_WITHIN_S)
         if not ready or self._from.read(1) != READY:
             self._process.kill()
             raise SafetyError("the guardian did not start: heating a source without a watchdog is refused without it")
         os.set_blocking(self._to.fileno(), False)
         os.set_blocking(self._from.fileno(), False)
-        return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None

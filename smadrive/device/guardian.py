@@ -26,9 +26,10 @@ import signal
 import threading
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 
 from smadrive.device.anydevice import device_on
+from smadrive.device.identity import Identity
 from smadrive.device.profile import Profile, load_profile
 from smadrive.modbus.connect import open_transport
 
@@ -49,6 +50,8 @@ class GuardedDevice:
     profile: str
     url: str
     unit_id: int | None
+    identity: Identity = field(default_factory=dict)
+    """What the driver found it to be: no other confirms anything."""
 
 
 @dataclass(frozen=True)
@@ -136,7 +139,7 @@ def _switch_off(task: Task, profiles: Sequence[Profile]) -> str | None:
     for guarded, profile in zip(task.devices, profiles, strict=True):
         try:
             with open_transport(guarded.url, profile.serial_settings(), exclusive=False) as transport:
-                device = device_on(transport, profile, guarded.unit_id)
+                device = device_on(transport, profile, guarded.unit_id, guarded.identity)
                 device.check_identity()
                 device.enter_safe_state()
         except Exception as error:  # noqa: BLE001
@@ -168,7 +171,10 @@ def main() -> None:
         signal.signal(number, signal.SIG_IGN)  # it ends when the driver does
     os.set_blocking(DRIVER_FD, False)
     driver = Pipe(0)
-    task = Task.from_json(driver.read_line())
+    line = driver.read_line()
+    if not line:
+        return  # the driver ended before it knew whom to guard
+    task = Task.from_json(line)
     profiles = [load_profile(guarded.profile) for guarded in task.devices]
     _tell(READY)
     guard(task, profiles, driver)

@@ -70,6 +70,8 @@ class Heater:
         for sensor in (self._thermometer, self._displacement):
             if sensor is not None:
                 sensor.connect()
+        if self._guard is not None:
+            self._guard.brief(self.source.identity)
         return self.exchange(0.0)
 
     def arm(self, watchdog_s: float) -> None:

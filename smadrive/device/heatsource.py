@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from math import inf, isfinite, nan
 from typing import NamedTuple, Protocol
 
+from smadrive.device.identity import Identity
 from smadrive.errors import ConfigError
 
 
@@ -63,6 +64,11 @@ class HeatSource(Protocol):
     """Whether it switches off by itself when nobody talks to it."""
     settle_s: float
     """How long its output takes to reach a new command."""
+
+    @property
+    def identity(self) -> Identity:
+        """What tells it from its twins, once it is connected; empty where nothing does."""
+        ...
 
     @property
     def armed(self) -> bool:

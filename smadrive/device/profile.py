@@ -91,6 +91,11 @@ class Profile(Section):
             check_vector(vector, self.registers)
 
     @property
+    def proves_type(self) -> bool:
+        """Whether something tells a device of this type from others."""
+        return not self.has_registers or any(proof.ranges for proof in self.identify)
+
+    @property
     def unit_id(self) -> int:
         """The unit id that the device has when it leaves the factory."""
         line = self.tcp if self.profile.protocol == "modbus-tcp" else self.serial
@@ -165,6 +170,8 @@ class Profile(Section):
     def _check_names(self) -> None:
         for proof in self.identify:
             checks.known(proof.register_, self.registers, "identify.register")
+            if not proof.ranges and self.registers[proof.register_].writable:
+                raise ValueError(f"identify: {proof.register_} can be written, and so tells no device: give it ranges")
         for variant in self.variants:
             for name in variant.match:
                 checks.known(name, self.registers, "variants.match")

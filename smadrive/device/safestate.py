@@ -10,7 +10,7 @@ from collections.abc import Callable, Sequence
 
 from smadrive.clock import Clock
 from smadrive.device.heatsource import HeatSource, Supplied
-from smadrive.errors import ExceptionReply, ProtocolError, ReadBackError, SafetyError, SmadriveError, TransportError
+from smadrive.errors import DeviceError, ProtocolError, SafetyError, SmadriveError, TransportError
 
 PAUSES_S = (0.0, 0.0, 0.5, 0.5)
 """Between the attempts: a spoilt reply is tried again at once, a plug that slipped out later."""
@@ -31,7 +31,7 @@ def insist(steps: Sequence[Callable[[], None]], clock: Clock) -> None:
         for step in steps:
             try:
                 step()
-            except (TransportError, ProtocolError, ExceptionReply, ReadBackError) as error:
+            except (TransportError, ProtocolError, DeviceError) as error:
                 failed = failed or error
         if failed is None:
             return

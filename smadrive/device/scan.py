@@ -95,7 +95,7 @@ def _who_is(
         hurried = profile.model_copy(update={"timing": profile.timing.model_copy(update=quick)})
         try:
             if _is_one(Device(hurried, master, unit_id)):
-                matching[bool(profile.identify)].append(profile.profile.id)
+                matching[profile.proves_type].append(profile.profile.id)
         except DeadlineError:
             silent += 1
             if silent >= SILENT and not answered:
@@ -114,4 +114,4 @@ def _is_one(device: Device) -> bool:
     device.check_identity()
     roles = device.profile.roles
     names = [name for role in _QUANTITIES if (name := getattr(roles, role)) is not None]
-    return bool(device.profile.identify) or all(reading.invalid is None for reading in device.read(names).values())
+    return device.profile.proves_type or all(reading.invalid is None for reading in device.read(names).values())

@@ -66,10 +66,10 @@ class Timing(Section):
 
 
 class Identify(Section):
-    """A register whose raw value proves that the device is the one described: it lies in one of `ranges`."""
+    """A register whose raw value proves who the device is: it lies in one of `ranges`, or any, as a serial number."""
 
     register_: str = Field(alias="register")
-    ranges: list[tuple[int, int]] = Field(min_length=1)
+    ranges: list[tuple[int, int]] = Field(default_factory=list)
 
 
 class Roles(Section):

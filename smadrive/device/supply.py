@@ -12,6 +12,7 @@ from math import inf, isfinite
 
 from smadrive.device.device import Device
 from smadrive.device.heatsource import HeaterLimits, Supplied
+from smadrive.device.identity import Identity
 from smadrive.device.readings import Reading
 from smadrive.errors import ConfigError, ReadBackError, SafetyError
 
@@ -44,6 +45,11 @@ class BenchSupply:
         self._armed = False
         self._voltage_max_v = inf
         self._voltage_set: Reading | None = None
+
+    @property
+    def identity(self) -> Identity:
+        """See HeatSource."""
+        return self.device.identity
 
     @property
     def armed(self) -> bool:

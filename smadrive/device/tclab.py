@@ -28,6 +28,7 @@ from functools import partial
 from math import floor, nan, sqrt
 
 from smadrive.device.heatsource import HeaterLimits, Sample, Supplied
+from smadrive.device.identity import UNKNOWN, Identity
 from smadrive.device.profile import Profile
 from smadrive.device.safestate import insist
 from smadrive.device.textline import Exchange, TextLine
@@ -66,6 +67,7 @@ class TCLabBoard:
     def __init__(self, profile: Profile, transport: Transport, trace: Trace | None = None) -> None:
         """Nothing is sent yet."""
         self.profile = profile
+        self.identity = UNKNOWN
         self.clock = transport.clock
         self._line = TextLine(transport, profile.timing.response_timeout_ms / 1e3, GREETING, _token, trace)
         self._name = transport.name
@@ -152,6 +154,11 @@ class TCLab:
         self._full_scale_v = full_scale_v
         self._armed = False
         self._may_be: tuple[float, ...] = (0.0,)
+
+    @property
+    def identity(self) -> Identity:
+        """See HeatSource."""
+        return self._board.identity
 
     @property
     def armed(self) -> bool:

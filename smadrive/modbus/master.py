@@ -15,7 +15,8 @@ for one:
 One thing no master of RTU can tell: a device that answers twice, the second time after the next request of the same
 shape has gone out. Content tells it: a sequence number (`HeaterBoard.exchange`), the read-back (`Device.write`).
 
-A lost connection is opened again by the next request, within that request's response timeout.
+A lost connection is opened again by the next request, within that request's response timeout. Another device may be
+found there: `connection` is another number then, and a request can be bound to the one that its sender knows.
 """
 
 from __future__ import annotations
@@ -57,17 +58,22 @@ class Master:
         self._heard = b""
         self._heard_s = 0.0
 
-    def execute(self, unit_id: int, request: Request, timing: BusTiming) -> bytes:
-        """The payload of the reply of `unit_id` to `request`.
+    @property
+    def connection(self) -> int:
+        """The number of the connection that the next request takes: a lost one is opened anew for it."""
+        return self.counters.reopenings + self.transport.lost
 
-        DeadlineError, ProtocolError, ExceptionReply; TransportError when the connection is lost. Reads are retried
-        after the first two.
+    def execute(self, unit_id: int, request: Request, timing: BusTiming, connection: int | None = None) -> bytes:
+        """The payload of the reply of `unit_id` to `request`, which goes out on this `connection` or not at all.
+
+        DeadlineError, ProtocolError, ExceptionReply; TransportError when the connection is lost, or another one. Reads
+        are retried after the first two.
         """
         retries = 0 if request.writes else timing.read_retries
         while True:
             try:
                 with self._turn:
-                    return self._transact_surely(unit_id, request, timing)
+                    return self._transact_surely(unit_id, request, timing, connection)
             except (DeadlineError, ProtocolError):
                 if retries == 0:
                     raise
@@ -85,11 +91,16 @@ class Master:
         """Quarantine the bus before the next request: for callers that find a reply stale by its content."""
         self._suspect = True
 
-    def _transact_surely(self, unit_id: int, request: Request, timing: BusTiming) -> bytes:
+    def _transact_surely(self, unit_id: int, request: Request, timing: BusTiming, connection: int | None) -> bytes:
         self._settle(timing)
         if self._owed and self._could_be_mistaken(unit_id, request):
             self._flush_owed(unit_id, request, timing)
             self._settle(timing)
+        if connection not in (None, self.connection):
+            raise TransportError(
+                f"{self._who(unit_id, request)}: not sent: the connection was opened anew, and nobody knows yet who "
+                "is there: try again"
+            )
         return self._transact(unit_id, request, timing)
 
     def _transact(self, unit_id: int, request: Request, timing: BusTiming) -> bytes:

@@ -247,6 +247,7 @@ def test_a_driver_gives_way_to_its_guardian_and_waits_for_it_also_where_it_notic
     with served("riden-rd60xx") as (_, url):
         task = Task((GuardedDevice("riden-rd60xx", url, None),), timeout_s=0.3)
         with Guard(task, lambda: gave_way.append(True)) as guard:
+            guard.brief({})
             guard.watch()
             time.sleep(1.0)
             for _ in range(2):
@@ -268,9 +269,24 @@ def test_a_guardian_that_stands_still_when_the_driver_rests_is_ended():
     with served("riden-rd60xx") as (_, url):
         task = Task((GuardedDevice("riden-rd60xx", url, None),), timeout_s=0.3)
         with Guard(task, lambda: None) as guard:
+            guard.brief({})
             guard.watch()
             (guardian,) = guardians(os.getpid())
             os.kill(guardian, signal.SIGSTOP)
             guard.rest()
             with pytest.raises(SafetyError, match="gone"):
                 guard.watch()
+
+
+def test_a_guardian_confirms_nothing_on_another_device_than_the_one_that_heated():
+    with served("riden-rd60xx") as (_, url):
+        task = Task((GuardedDevice("riden-rd60xx", url, None),), timeout_s=0.3)
+        with Guard(task, lambda: None) as guard:
+            guard.brief({"serial_number": 2})
+            guard.watch()
+            time.sleep(1.0)
+            with pytest.raises(TakenOverError):
+                guard.hold()
+            with pytest.raises(SafetyError, match="could not confirm yet"):
+                guard.take_back()
+            guard.rest()

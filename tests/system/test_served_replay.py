@@ -82,7 +82,7 @@ def test_what_a_command_traced_answers_that_command_again(tmp_path):
     assert refused.returncode == 2
     assert "traces/board.trace: is there already" in refused.stderr
     trace = (tmp_path / "traces" / "board.trace").read_text()
-    assert "| unit 1: read 2 holding registers from 0" in trace
+    assert "| unit 1: read 5 holding registers from 0" in trace
     assert "| unit 1: write register" in trace
     with served("--replay", "traces/board.trace", "--pty", str(again), sim=None, cwd=tmp_path):
         second = probe(again, cwd=tmp_path)

@@ -10,9 +10,10 @@ from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.shapes import sine
 from smadrive.control.wire import travel_mm
 from smadrive.device.profile import load_profile
-from smadrive.errors import ConfigError, TripError
+from smadrive.errors import ConfigError, IdentityError, TripError
 from smadrive.identification.wire_fit import identify_wire
 from smadrive.loggedrun import excitation_record, nominal_balance
+from smadrive.modbus.inprocess import InProcessTransport
 from smadrive.rig import Rig
 from smadrive.rigconfig import RigConfig, load_rig
 from smadrive.runfigures import tracking_figures
@@ -38,6 +39,16 @@ def devices(**changes):
     ]
 
 
+class Plug:
+    """The far end of a port: leads to whatever device it is put into."""
+
+    def __init__(self, device):
+        self.device = device
+
+    def receive(self, data, time_s):
+        return self.device.line.receive(data, time_s)
+
+
 class Bench:
     """The rig, with its simulated bench within reach."""
 
@@ -46,8 +57,8 @@ class Bench:
         clock = VirtualClock()
         clock.follow(self.bench.advance_to)
         self.devices = {name: self.bench.attach(load_profile(profile), name=name) for name, profile in PROFILES.items()}
-        transports = {name: device.transport(clock) for name, device in self.devices.items()}
-        self.rig = Rig(config, transports=transports)
+        self.transports = {name: device.transport(clock) for name, device in self.devices.items()}
+        self.rig = Rig(config, transports=self.transports)
 
     def heat(self, rig, current_a, ticks):
         measured = []
@@ -244,3 +255,24 @@ def test_two_devices_of_one_unit_id_on_a_line_are_refused_before_it_is_opened(ch
         ConfigError, match=r"'reader' and 'laser' both have unit id [17] at .*: give one of them another"
     ):
         Rig(rig_of(devices(**changes))).__enter__()
+
+
+def test_a_twin_that_comes_back_at_the_supplys_port_confirms_nothing(bench):
+    sim = load_sim("flexinol-lt-0.15mm")
+    board = sim.board.model_copy(update={"serial_number": sim.board.serial_number + 1})
+    twin = SimulatedBench(sim.model_copy(update={"board": board})).attach(load_profile("riden-rd60xx"))
+    plug = Plug(bench.devices["supply"])
+    port = bench.transports["supply"] = InProcessTransport(plug, bench.transports["supply"].clock)
+
+    def swapped_while_it_heats():
+        with bench.rig as rig:
+            rig.heater.arm(1.0)
+            bench.heat(rig, 0.25, 4)
+            plug.device = twin
+            port.lose()
+            bench.heat(rig, 0.25, 1)
+
+    with pytest.raises(IdentityError, match="another one answers than before: serial_number is 2, was 1") as caught:
+        swapped_while_it_heats()
+    assert any("could NOT be confirmed off" in note for note in caught.value.__notes__)
+    assert bench.devices["supply"].firmware.current_a > 0.0

@@ -16,6 +16,12 @@ DEVICES = configs_dir() / "devices"
         ("riden-rd60xx", "power = { scale = 0.001 } }", "pover = { scale = 0.1 } }", r"registers.pover is no register"),
         ("riden-rd60xx", "max = 30.0 }", "max = 3000.0 }", r"variants: registers.i_set: .*overflows uint16"),
         ("riden-rd60xx", "{ model_id = [60241, 60249] }", "{ model_id = [60180, 60249] }", "match the same device"),
+        (
+            "riden-rd60xx",
+            'register = "serial_number"',
+            'register = "output"',
+            "output can be written, and so tells no device",
+        ),
         ("riden-rd60xx", "current_range = [0, 0]", "current_rnge = [0, 0]", r"variants.match .*mean 'current_range'"),
         ("riden-rd60xx", 'sign_register = "temp_int_sign"', 'sign_register = "sign"', r"temp_int names the unknown"),
         ("riden-rd60xx", "E8 0F", "E8 0E", r"wrong CRC; the right one is E8 0F"),

@@ -196,6 +196,18 @@ def test_a_lost_connection_is_opened_again_by_the_next_request(bus, script, timi
     assert master.counters.reopenings == 1
 
 
+def test_a_request_that_is_bound_to_a_lost_connection_is_not_sent_on_the_next(bus, script, timing):
+    far = script([(0.0, RIGHT)], [(0.0, RIGHT)])
+    master = bus(far)
+    known = master.connection
+    master.execute(1, READ, timing, known)
+    master.transport.lose()
+    with pytest.raises(TransportError, match="not sent: the connection was opened anew"):
+        master.execute(1, READ, timing, known)
+    assert len(far.heard) == 1
+    assert master.execute(1, READ, timing, master.connection)
+
+
 def test_a_bus_that_is_never_silent_is_given_up(bus, script, timing):
     master = bus(script([(0.01 * i, b"\x00") for i in range(1000)]))
     with pytest.raises(ProtocolError):

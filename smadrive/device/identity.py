@@ -1,0 +1,48 @@
+"""Who a device is: what proves its type, and what tells it from its twin.
+
+Registers named in the profile's `[[identify]]` hold one of some raw values, or any (a serial number). Those that nobody
+can write stay the same as long as the device does: they are its identity, and a device whose identity differs is
+another one, whatever port leads to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from types import MappingProxyType
+
+from smadrive.device.profile import Profile
+from smadrive.device.readings import Reading
+from smadrive.device.sections import Identify
+from smadrive.errors import IdentityError
+
+Identity = Mapping[str, float | str]
+"""By register: its raw number, or its text."""
+
+UNKNOWN: Identity = MappingProxyType({})
+
+
+def check_type(proofs: Iterable[Identify], readings: Mapping[str, Reading], who: str) -> None:
+    """IdentityError when `who` is of another type than these proofs demand."""
+    for proof in proofs:
+        raw = readings[proof.register_].raw
+        if proof.ranges and not any(first <= raw <= last for first, last in proof.ranges):
+            wanted = " or ".join(f"{first} to {last}" for first, last in proof.ranges)
+            raise IdentityError(
+                f"{who}: {proof.register_} is {raw}, expected {wanted}: check profile and unit id of the rig"
+            )
+
+
+def identity_of(profile: Profile, readings: Mapping[str, Reading]) -> Identity:
+    """What these readings say that no device changes of itself."""
+    fixed = {name: reading for name, reading in readings.items() if not profile.register(name).writable}
+    return {name: " ".join(reading.words) or reading.raw for name, reading in fixed.items()}
+
+
+def check_same(known: Identity, found: Identity, who: str) -> None:
+    """IdentityError when `who` is not the device that is known."""
+    for name, value in known.items():
+        if found.get(name) != value:
+            raise IdentityError(
+                f"{who}: another one answers than before: {name} is {found.get(name)}, was {value}: did two adapters "
+                "change their names? Switch the first device off at its panel, and name ports as in /dev/serial/by-id"
+            )
