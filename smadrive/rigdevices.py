@@ -27,6 +27,7 @@ from smadrive.device.supply import BenchSupply
 from smadrive.device.tclab import TCLab, TCLabBoard
 from smadrive.errors import ConfigError
 from smadrive.latch import TripLatch
+from smadrive.modbus.connect import port_of
 from smadrive.modbus.transport import Transport
 from smadrive.rigconfig import DeviceConfig, LimitsConfig, RigConfig
 from smadrive.rigconnections import SIMULATED, Connections
@@ -173,7 +174,8 @@ def heat_source(config: DeviceConfig, device: Device | TCLabBoard, clock: Clock)
 
 def address(device: DeviceConfig) -> str:
     """How a device is known in every run that reaches it there."""
-    return device.url if device.unit_id is None else f"{device.url} unit {device.unit_id}"
+    port = port_of(device.url)
+    return port if device.unit_id is None else f"{port} unit {device.unit_id}"
 
 
 def _guardian_task(device: DeviceConfig, limits: LimitsConfig) -> Task:

@@ -10,6 +10,7 @@ rtu+tcp://host:port             RTU frames through a gateway; ?baudrate= is that
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from smadrive.errors import ConfigError
@@ -20,6 +21,7 @@ from smadrive.modbus.socketport import SocketTransport
 from smadrive.modbus.transport import Lease, Parity, SerialSettings, Transport
 
 MODBUS_TCP_PORT = 502
+BY_ID = Path("/dev/serial/by-id")
 
 _PARITIES: dict[str, Parity] = {"N": "N", "E": "E", "O": "O"}
 _ALLOWED = {
@@ -45,6 +47,21 @@ def open_transport(
     transport = _opened(url, defaults or SerialSettings(), exclusive=exclusive)
     transport.lease = lease
     return transport
+
+
+def port_of(url: str) -> str:
+    """The port itself, however a URL spells it: without query, links resolved, host in lower case.
+
+    A serial adapter that has a name of its own in `/dev/serial/by-id` goes by that: it keeps it when it is plugged in
+    anew. ConfigError when the URL names no port.
+    """
+    parts = urlsplit(url)
+    if parts.scheme == "serial":
+        port = Path(_port_path(url, parts)).resolve()
+        own = (name for name in sorted(BY_ID.glob("*")) if name.resolve() == port)
+        return f"serial://{next(own, port)}"
+    host, number = _address(url, parts, MODBUS_TCP_PORT if parts.scheme == "tcp" else None)
+    return f"tcp://{host}:{number}"
 
 
 def _opened(url: str, line: SerialSettings, *, exclusive: bool) -> DescriptorTransport:
