@@ -56,6 +56,9 @@ RATE_EXCHANGES = 4
 """How many exchanges are timed before the loop starts, to know whether the devices keep up with it."""
 
 
+UNPROVED = ", by the rig file: it answers; its type cannot be proved"
+
+
 class Rig:
     """The devices of a rig file, connected. A context manager: leaving it puts every device into its safe state.
 
@@ -99,9 +102,10 @@ class Rig:
 
     @property
     def identities(self) -> dict[str, str]:
-        """What each device, by its name, proved to be."""
+        """What each device, by its name, proved to be, or is taken for where nothing proves its type."""
         return {
             name: f"{device.profile.profile.id} ({device.profile.profile.vendor})"
+            + ("" if device.profile.proves_type else UNPROVED)
             for name, device in self.devices.items()
         }
 

@@ -42,7 +42,11 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
 
 def _rows(measurement: Measurement) -> list[tuple[str, str]]:
     temperature = measurement.temperature_fault or f"{measurement.temperature_c:.2f} °C"
-    displacement = f"{measurement.displacement_mm:.4f} mm" if isfinite(measurement.displacement_mm) else "not fitted"
+    displacement = (
+        f"{measurement.displacement_mm:.4f} mm"
+        if isfinite(measurement.displacement_mm)
+        else "not fitted, or out of range"
+    )
     return [
         ("temperature", temperature),
         ("displacement", displacement),

@@ -34,8 +34,9 @@ def check_type(proofs: Iterable[Identify], readings: Mapping[str, Reading], who:
 
 def identity_of(profile: Profile, readings: Mapping[str, Reading]) -> Identity:
     """What these readings say that no device changes of itself."""
-    fixed = {name: reading for name, reading in readings.items() if not profile.register(name).writable}
-    return {name: " ".join(reading.words) or reading.raw for name, reading in fixed.items()}
+    telling = {proof.register_ for proof in profile.identify} | {name for one in profile.variants for name in one.match}
+    fixed = [name for name in readings if name in telling and not profile.register(name).writable]
+    return {name: " ".join(readings[name].words) or readings[name].raw for name in fixed}
 
 
 def check_same(known: Identity, found: Identity, who: str) -> None:

@@ -37,6 +37,8 @@ from smadrive.modbus.transport import SerialSettings
 from smadrive.nearest import nearest
 from smadrive.shipped import config_file
 
+QUANTITIES = ("temperature", "displacement", "measured_current", "measured_voltage")
+
 
 class Profile(Section):
     """One device type."""
@@ -94,6 +96,12 @@ class Profile(Section):
     def proves_type(self) -> bool:
         """Whether something tells a device of this type from others."""
         return not self.has_registers or any(proof.ranges for proof in self.identify)
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """The registers of the quantities that it measures."""
+        bound = (getattr(self.roles, role) for role in QUANTITIES)
+        return tuple(name for name in bound if name is not None)
 
     @property
     def unit_id(self) -> int:

@@ -25,8 +25,6 @@ SILENT = 3
 TIMEOUT_MS = 200.0
 """How long each is waited for: longer than any of the shipped devices takes when it is not busy."""
 
-_QUANTITIES = ("temperature", "displacement", "measured_current", "measured_voltage")
-
 
 @dataclass(frozen=True)
 class Found:
@@ -112,6 +110,5 @@ def _who_is(
 def _is_one(device: Device) -> bool:
     """Whether the device proves its identity, or, where nothing proves it, shows valid measurements."""
     device.check_identity()
-    roles = device.profile.roles
-    names = [name for role in _QUANTITIES if (name := getattr(roles, role)) is not None]
+    names = device.profile.measured
     return device.profile.proves_type or all(reading.invalid is None for reading in device.read(names).values())

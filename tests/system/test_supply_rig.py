@@ -10,7 +10,7 @@ from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.shapes import sine
 from smadrive.control.wire import travel_mm
 from smadrive.device.profile import load_profile
-from smadrive.errors import ConfigError, IdentityError, TripError
+from smadrive.errors import ConfigError, DeadlineError, IdentityError, TripError
 from smadrive.identification.wire_fit import identify_wire
 from smadrive.loggedrun import excitation_record, nominal_balance
 from smadrive.modbus.inprocess import InProcessTransport
@@ -76,6 +76,8 @@ def bench():
 def test_every_device_is_known_and_measures_its_part(bench):
     with bench.rig as rig:
         assert list(rig.identities) == ["supply", "reader", "laser"]
+        assert rig.identities["supply"] == "riden-rd60xx (RDTech/Riden)"
+        assert "its type cannot be proved" in rig.identities["laser"]
         rig.heater.arm(1.0)
         last = bench.heat(rig, 0.25, 60)[-1]
         plant = bench.bench.plant
@@ -276,3 +278,9 @@ def test_a_twin_that_comes_back_at_the_supplys_port_confirms_nothing(bench):
         swapped_while_it_heats()
     assert any("could NOT be confirmed off" in note for note in caught.value.__notes__)
     assert bench.devices["supply"].firmware.current_a > 0.0
+
+
+def test_a_laser_that_is_silent_is_told_at_once(bench):
+    bench.devices["laser"].faults.drop(1_000_000)
+    with pytest.raises(DeadlineError, match="is the device powered"), bench.rig:
+        pass

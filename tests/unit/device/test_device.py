@@ -4,6 +4,8 @@ import math
 
 import pytest
 
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
 from smadrive.device.device import Device
 from smadrive.device.profile import load_profile
 from smadrive.errors import ConfigError, DeadlineError, ExceptionReply, IdentityError, ReadBackError
@@ -144,3 +146,17 @@ def test_the_safe_state_waits_for_a_device_that_is_back_after_a_second(device, r
     rig.faults.drop(for_s=1.5)
     device.enter_safe_state()
     assert rig.firmware.current_a == 0.0
+
+
+@pytest.mark.parametrize("name", ["autonics-tk", "baumer-om20"])
+def test_a_device_whose_type_nothing_proves_must_answer_at_least(clock, name):
+    profile = load_profile(name)
+    assert not profile.proves_type
+    simulated = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=1, profile=profile)
+    clock.follow(simulated.bench.advance_to)
+    device = Device(profile, Master(simulated.transport(clock)))
+    device.check_identity()
+    assert not device.identity
+    simulated.faults.drop(1000)
+    with pytest.raises(DeadlineError, match="is the device powered"):
+        device.check_identity()
