@@ -71,7 +71,7 @@ class Beside:
 
     def _start(self) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-m", self._module],
+            [sys.executable, "-P", "-m", self._module],  # -P: no file of the present folder runs instead
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,

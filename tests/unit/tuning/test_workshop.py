@@ -59,6 +59,13 @@ def test_it_prepares_what_would_be_prepared_here(workshop):
     assert there.controller.update(0.0, sample, 0.05) == here.controller.update(0.0, sample, 0.05)
 
 
+def test_no_file_of_the_present_folder_runs_in_its_place(tmp_path, monkeypatch):
+    (tmp_path / "select.py").write_text("raise RuntimeError")
+    monkeypatch.chdir(tmp_path)
+    with ParcelPair() as parcels, WorkshopProcess(parcels) as workshop:
+        assert outcome(workshop, order(moved(91.0), reference=None)).controller is None
+
+
 def test_what_the_loop_has_already_stays_the_same_thing(workshop):
     given = order(moved(91.0))
     shaped = outcome(workshop, given)
