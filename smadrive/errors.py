@@ -16,7 +16,7 @@ The tree says whose fault it is; every message names what, where, the value, the
     │   └── ReadBackError       a written value that did not arrive
     ├── SafetyError             heating refused, or stopped by the supervisor   exit code 4
     │   ├── TripError           a latched trip
-    │   └── TakenOverError      the guardian switched the heater off
+    │   └── TakenOverError      the guardian has taken the heater over
     └── IdentificationError     the data do not determine the model             exit code 5
 """
 
@@ -107,7 +107,7 @@ class TripError(SafetyError):
 
 
 class TakenOverError(SafetyError):
-    """The guardian switched the heater off because the driver stood still."""
+    """The guardian has taken the heater over because the driver stood still; it is perhaps not off yet."""
 
 
 class IdentificationError(SmadriveError):

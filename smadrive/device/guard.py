@@ -13,7 +13,7 @@ from dataclasses import replace
 from types import TracebackType
 from typing import IO, Self
 
-from smadrive.device.guardian import BEAT, FREE, READY, REST, TAKEN, WATCH, Task
+from smadrive.device.guardian import BEAT, FREE, GIVES_WAY, READY, REST, TAKEN, WATCH, Task
 from smadrive.device.identity import Identity
 from smadrive.errors import SafetyError, TakenOverError
 
@@ -43,7 +43,7 @@ class Guard:
     def __enter__(self) -> Self:
         """Start the guardian, which comes up while the driver connects."""
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "smadrive.device.guardian"],
+            [sys.executable, "-P", "-m", "smadrive.device.guardian"],  # -P: no file of the present folder runs instead
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
@@ -64,7 +64,10 @@ class Guard:
         ready, _, _ = select.select((self._from,), (), (), STARTS_WITHIN_S)
         if not ready or self._from.read(1) != READY:
             self._process.kill()
-            raise SafetyError("the guardian did not start: heating a source without a watchdog is refused without it")
+            raise SafetyError(
+                "the guardian did not start: heating a source without a watchdog is refused without it; is smadrive "
+                "installed, or on PYTHONPATH?"
+            )
         os.set_blocking(self._to.fileno(), False)
         os.set_blocking(self._from.fileno(), False)
 
@@ -97,11 +100,13 @@ class Guard:
         if self._watching:
             heard = self._from.read(MANY)  # None: nothing new, empty: nobody there
             self._gone = heard == b""
-            self._taken = self._taken or TAKEN in (heard or b"")
+            if TAKEN in (heard or b""):
+                self._taken = True
+                self._give_way()
+                self._told(GIVES_WAY)
             if self._taken:
                 raise TakenOverError(
-                    f"the driver stood still for more than {self._task.timeout_s:g} s and the guardian switched the "
-                    "heater off"
+                    f"the driver stood still for more than {self._task.timeout_s:g} s and the guardian has taken over"
                 )
             if heard:
                 self._heard_s = time.monotonic()
@@ -119,7 +124,6 @@ class Guard:
         SafetyError when it does not come to an end; it goes on then.
         """
         if self._taken:
-            self._give_way()
             if not self._freed():
                 raise SafetyError("the guardian has taken over, and could not confirm yet that the heater is off")
             self._taken = self._watching = False

@@ -4,14 +4,23 @@ A bench supply without a watchdog heats on when its driver is killed, stands sti
 process beside itself and writes it a byte at every use of a port, through a pipe:
 
     w   watch: heating begins        b   a beat: the driver lives        r   rest: the driver needs no guardian now
+    g   gives way: the driver has heard that it is taken over, and has let its connections go
 
 Every byte is echoed, so that the driver knows that the guardian lives too. While it watches, no byte for `timeout_s`,
 or the end of the pipe, means that the driver is gone: the guardian opens the ports itself (it needs no lock for that)
 and writes the safe state until every device has confirmed it. Two masters on one line would take each other's replies
 for their own: a driver that only stood still finds `t` (taken over) in the other pipe when it wakes, before it uses a
-port. It lets its connections go, says `r` and waits; the guardian looks once more, in case one last command slipped
-through. Every `r` is answered by `f` (free): the ports are the driver's, and the guardian is ready to watch again. From
-its start it needs no file and no terminal.
+port. It lets its connections go and says `g`, then `r`, and waits; the guardian looks once more, in case one last
+command slipped through. Every `r` is answered by `f` (free): the ports are the driver's, and the guardian is ready to
+watch again. From its start it needs no file and no terminal.
+
+A serial port can be opened beside a driver that stands still. A device or gateway behind a socket may have room for one
+client only, and that is the driver as long as it lives. Where the guardian fails there, it waits `timeout_s` more: a
+driver that wakes gives way in that time, also where its guardian stood still with it (a wait so interrupted goes on for
+what was left of it). One that says nothing is ended (SIGKILL), whatever else lives in its process, and the
+guardian takes the freed socket. A device that is unplugged looks the same from here, and the driver is ended in vain;
+but were it spared, it would still hold the way in when the plug is back. Only the parent is ended, and only while it is
+that: the guardian of a driver that has ended is another's child, and the driver's number may be a stranger's.
 
     python -m smadrive.device.guardian        its task, a JSON object, is the first line of standard input
 """
@@ -27,13 +36,14 @@ import threading
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field
+from typing import NamedTuple
 
 from smadrive.device.anydevice import device_on
 from smadrive.device.identity import Identity
 from smadrive.device.profile import Profile, load_profile
-from smadrive.modbus.connect import open_transport
+from smadrive.modbus.connect import is_remote, open_transport
 
-WATCH, BEAT, REST = b"w", b"b", b"r"
+WATCH, BEAT, REST, GIVES_WAY = b"w", b"b", b"r", b"g"
 READY, ECHO, TAKEN, FREE = b"y", b"e", b"t", b"f"
 DRIVER_FD, TERMINAL_FD = 1, 2
 
@@ -72,11 +82,15 @@ class Task:
         return cls(tuple(GuardedDevice(**device) for device in task["devices"]), task["timeout_s"])
 
 
-class Pipe:
-    """What the driver says, without waiting longer than told."""
+class Driver:
+    """The parent process: what it says through a pipe, without waiting longer than told, and its end.
+
+    To be made before READY is told: the driver, which waits for that, is certainly the parent then.
+    """
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
+        self._pid = os.getppid()
         self.ended = False
 
     def read_line(self) -> bytes:
@@ -98,8 +112,16 @@ class Pipe:
         self.ended = not data
         return data[-1:]
 
+    def kill(self) -> None:
+        """End the process, if it is still the parent, and await that its connections are closed."""
+        if os.getppid() == self._pid:
+            _say(f"the driver gives no sign of life and may hold the only connection: ending it (process {self._pid})")
+            with contextlib.suppress(OSError):
+                os.kill(self._pid, signal.SIGKILL)
+            self.said(LOOK_AGAIN_S)
 
-def guard(task: Task, profiles: Sequence[Profile], driver: Pipe) -> None:
+
+def guard(task: Task, profiles: Sequence[Profile], driver: Driver) -> None:
     """Watch until the driver ends; take over whenever it fails while heating."""
     watching = False
     while not driver.ended:
@@ -113,27 +135,38 @@ def guard(task: Task, profiles: Sequence[Profile], driver: Pipe) -> None:
             watching = said in (WATCH, BEAT)
 
 
-def _take_over(task: Task, profiles: Sequence[Profile], driver: Pipe, reason: str) -> None:
+def _take_over(task: Task, profiles: Sequence[Profile], driver: Driver, reason: str) -> None:
     """Safe state, confirmed; then again and again while a driver that stood still may still wake and command."""
     _tell(TAKEN)
     give_up_s = time.monotonic() + GIVE_UP_S
     told = ""
-    rests = False
+    gives_way = rests = False
     while time.monotonic() < give_up_s:
         problem = _switch_off(task, profiles)
         if not told:
             _say(f"the driver {reason} while heating: taking over")
-        news = problem or "heater off, confirmed by read-back"
+        news = problem.text if problem else "heater off, confirmed by read-back"
         if news != told:
             _say(news)
             told = news
         if problem is None and (rests or driver.ended):
             _tell(FREE)
             return
-        rests = driver.said(LOOK_AGAIN_S) == REST or rests
+        may_bar = problem is not None and problem.is_remote and not (gives_way or driver.ended)
+        said = driver.said(task.timeout_s if may_bar else LOOK_AGAIN_S)
+        rests = rests or said == REST
+        gives_way = gives_way or said in (GIVES_WAY, REST)
+        if may_bar and not (said or driver.ended):
+            driver.kill()
+    _say(f"giving up after {GIVE_UP_S / 60:g} min; the last: {told}")
 
 
-def _switch_off(task: Task, profiles: Sequence[Profile]) -> str | None:
+class _Problem(NamedTuple):
+    text: str
+    is_remote: bool
+
+
+def _switch_off(task: Task, profiles: Sequence[Profile]) -> _Problem | None:
     """Bring every device to its safe state; None, or what went wrong, whatever it was: nothing may end the guardian."""
     problem = None
     for guarded, profile in zip(task.devices, profiles, strict=True):
@@ -143,7 +176,8 @@ def _switch_off(task: Task, profiles: Sequence[Profile]) -> str | None:
                 device.check_identity()
                 device.enter_safe_state()
         except Exception as error:  # noqa: BLE001
-            problem = f"the heater is NOT confirmed off yet ({error}): cut its supply"
+            text = f"the heater is NOT confirmed off yet ({error}): cut its supply"
+            problem = _Problem(text, is_remote(guarded.url) or (problem is not None and problem.is_remote))
     return problem
 
 
@@ -170,7 +204,7 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)  # it ends when the driver does
     os.set_blocking(DRIVER_FD, False)
-    driver = Pipe(0)
+    driver = Driver(0)
     line = driver.read_line()
     if not line:
         return  # the driver ended before it knew whom to guard

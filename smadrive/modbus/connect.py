@@ -64,6 +64,11 @@ def port_of(url: str) -> str:
     return f"tcp://{host}:{number}"
 
 
+def is_remote(url: str) -> bool:
+    """Whether the far end may have room for one client only; a port of this machine can be opened a second time."""
+    return urlsplit(url).scheme in ("tcp", "rtu+tcp")
+
+
 def _opened(url: str, line: SerialSettings, *, exclusive: bool) -> DescriptorTransport:
     parts = urlsplit(url)
     match parts.scheme:

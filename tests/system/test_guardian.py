@@ -2,16 +2,22 @@
 
 import contextlib
 import os
+import select
 import signal
+import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import pytest
 
+from smadrive.device import guardian
 from smadrive.device.guard import Guard
 from smadrive.device.guardian import GuardedDevice, Task
+from smadrive.device.profile import load_profile
 from smadrive.errors import ConfigError, SafetyError, TakenOverError
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
@@ -115,9 +121,16 @@ def lives(pid):
 
 
 @contextlib.contextmanager
-def driven(tmp_path, fate="", *options, script=DRIVER, stderr=subprocess.PIPE):
-    """A driver that heats through a supply, simulated with these options; its process, and the supply's."""
-    with served("riden-rd60xx", *options) as (supply, supply_url), served("delta-dtb") as (_, reader_url):
+def driven(tmp_path, fate="", *options, script=DRIVER, stderr=subprocess.PIPE, through=contextlib.nullcontext):
+    """A driver that heats through a supply, simulated with these options; its process, and the supply's.
+
+    `through` leads from the supply's address to that of a gateway.
+    """
+    with (
+        served("riden-rd60xx", *options) as (supply, served_url),
+        served("delta-dtb") as (_, reader_url),
+        through(served_url) as supply_url,
+    ):
         rig = tmp_path / "rig.toml"
         rig.write_text(RIG.format(supply=supply_url, reader=reader_url))
         with subprocess.Popen(
@@ -146,7 +159,73 @@ def test_the_guardian_switches_off_behind_a_driver_that_cannot(tmp_path, fate):
         assert "taking over" in said
         assert "heater off, confirmed by read-back" in said
         if fate == "stopped":
-            assert "the guardian switched the heater off" in said.replace("\n", " ")
+            assert "the guardian has taken over" in said.replace("\n", " ")
+
+
+@contextlib.contextmanager
+def one_client(url):
+    """A gateway that serves one client and lets the others wait until that has gone; its address."""
+
+    def relay(client, device):
+        other = {client: device, device: client}
+        while True:
+            for end in select.select(list(other), (), ())[0]:
+                data = end.recv(512)
+                if not data:
+                    return
+                other[end].sendall(data)
+
+    def serve():
+        while True:
+            with door.accept()[0] as client, socket.create_connection((behind.hostname, behind.port)) as device:
+                if closing.is_set():
+                    return
+                with contextlib.suppress(ConnectionError):
+                    relay(client, device)
+
+    behind, closing = urlsplit(url), threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        gateway = threading.Thread(target=serve)
+        gateway.start()
+        try:
+            yield f"{behind.scheme}://127.0.0.1:{door.getsockname()[1]}"
+        finally:
+            closing.set()
+            socket.create_connection(door.getsockname()).close()
+            gateway.join()
+
+
+@pytest.mark.parametrize("way_in", ["--rtu-tcp", "--tcp"])
+def test_a_driver_that_stands_still_in_the_only_way_in_is_ended_and_its_heat_too(tmp_path, way_in):
+    with driven(tmp_path, "stopped", way_in, "0", through=one_client) as (driver, supply):
+        driver.send_signal(signal.SIGSTOP)
+        assert supply.stderr.readline().endswith("output off\n")
+        said = driver.communicate(timeout=30)[1]
+        assert driver.returncode == -signal.SIGKILL
+        assert f"ending it (process {driver.pid})" in said
+        assert said.endswith("heater off, confirmed by read-back\n")
+
+
+def test_a_driver_is_spared_where_the_guardian_gets_in_beside_it(tmp_path):
+    with driven(tmp_path, "stopped", "--rtu-tcp", "0") as (driver, supply):
+        driver.send_signal(signal.SIGSTOP)
+        assert supply.stderr.readline().endswith("output off\n")
+        driver.send_signal(signal.SIGCONT)
+        said = driver.communicate(timeout=30)[1]
+        assert driver.returncode == 1
+        assert "ending it" not in said
+
+
+def test_a_driver_that_wakes_in_the_only_way_in_gives_way_and_is_spared(tmp_path):
+    with driven(tmp_path, "stopped", "--rtu-tcp", "0", through=one_client) as (driver, supply):
+        driver.send_signal(signal.SIGSTOP)
+        assert "taking over" in driver.stderr.readline()
+        driver.send_signal(signal.SIGCONT)
+        assert supply.stderr.readline().endswith("output off\n")
+        said = driver.communicate(timeout=30)[1]
+        assert driver.returncode == 1
+        assert "TakenOverError" in said
+        assert "ending it" not in said
 
 
 @pytest.mark.parametrize("fate", ["interrupted", "terminated", "crash"])
@@ -265,14 +344,38 @@ def test_a_driver_gives_way_to_its_guardian_and_waits_for_it_also_where_it_notic
             guard.rest()
 
 
+def test_a_guardian_that_gives_up_says_so(monkeypatch, capfd):
+    monkeypatch.setattr(guardian, "GIVE_UP_S", 0.1)
+    task = Task((GuardedDevice("riden-rd60xx", "serial:///dev/null", None),), timeout_s=0.1)
+    hears, speaks = os.pipe()
+    try:
+        guardian._take_over(task, [load_profile("riden-rd60xx")], guardian.Driver(hears), "stood still")
+    finally:
+        os.close(hears)
+        os.close(speaks)
+    assert "giving up after" in (last := capfd.readouterr().err.splitlines()[-1])
+    assert "NOT confirmed off" in last
+
+
+@pytest.mark.parametrize("name", ["select.py", "smadrive.py"])
+def test_no_file_of_the_present_folder_runs_in_place_of_the_guardian(tmp_path, monkeypatch, name):
+    (tmp_path / name).write_text("raise RuntimeError")
+    monkeypatch.chdir(tmp_path)
+    with Guard(Task((), timeout_s=0.3), lambda: None) as guard:
+        guard.brief()
+        guard.watch()
+        guard.check()
+        guard.rest()
+
+
 def test_a_guardian_that_stands_still_when_the_driver_rests_is_ended():
     with served("riden-rd60xx") as (_, url):
         task = Task((GuardedDevice("riden-rd60xx", url, None),), timeout_s=0.3)
         with Guard(task, lambda: None) as guard:
             guard.brief({})
             guard.watch()
-            (guardian,) = guardians(os.getpid())
-            os.kill(guardian, signal.SIGSTOP)
+            (process,) = guardians(os.getpid())
+            os.kill(process, signal.SIGSTOP)
             guard.rest()
             with pytest.raises(SafetyError, match="gone"):
                 guard.watch()
