@@ -96,7 +96,7 @@ def test_an_interruption_leaves_zero_current(tmp_path, number):
             time.sleep(0.01)
         process.send_signal(number)
         _, told = process.communicate()
-    assert process.returncode == 130
+    assert process.returncode == 130, told
     assert "interrupted" in told
     assert "Traceback" not in told
     events = [event.partition(" s ")[2] for event in log.read_text().splitlines()]
