@@ -53,15 +53,16 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
             rig = load_addresses(name)
             connections = Connections(stack, trace_folder=None)
             heating = [device for device in rig.devices if _heats(device)]
-            off, failure = _each(heating, lambda device: _heat_off(device, connections, rig))
-            if failure is not None:
-                raise failure
+            off, unconfirmed = _each(heating, lambda device: _heat_off(device, connections, rig))
+        others = [device for device in rig.devices if device not in heating]
+        rested, failure = _each(others, lambda device: _rest(device, connections))
+        with _tells_when_unconfirmed():
+            if unconfirmed is not None:
+                raise unconfirmed
             if not off:
                 raise _nothing_heats(rig)
         for one in off if clear_faults else ():
             _clear(one)
-        others = [device for device in rig.devices if device not in heating]
-        rested, failure = _each(others, lambda device: _rest(device, connections))
     devices = (*(one.config.name for one in off), *rested)
     latched = () if clear_faults else tuple(fault for one in off for fault in _latched(one))
     return SwitchedOff(rig.name, devices, latched, failure)

@@ -148,6 +148,13 @@ def offs(page):
     return page.evaluate("() => Bokeh.documents[0].get_model_by_name('presses').offs")
 
 
+def is_refused_and_the_next_one_arms(page, live):
+    page.locator(".banner", has_text="OFF was pressed after this: press again").wait_for()
+    assert not live.session.is_heating
+    press(page, "Arm")
+    live.wait(lambda: live.session.is_heating)
+
+
 def test_an_arm_that_arrives_after_an_off_elsewhere_is_refused_and_the_next_one_arms(client, live):
     page = client()
     page.evaluate(HOLD_BACK)
@@ -156,20 +163,14 @@ def test_an_arm_that_arrives_after_an_off_elsewhere_is_refused_and_the_next_one_
     assert post_off(live) == 200
     live.wait(lambda: offs(page) == known + 1)
     page.evaluate("() => letGo()")
-    page.locator(".banner", has_text="OFF was pressed after this: press again").wait_for()
-    assert not live.session.is_heating
-    press(page, "Arm")
-    live.wait(lambda: live.session.is_heating)
+    is_refused_and_the_next_one_arms(page, live)
 
 
 def test_a_page_that_has_miscounted_the_offs_is_told_by_its_first_refusal(client, live):
     page = client()
     page.evaluate("() => Bokeh.documents[0].get_model_by_name('presses').setv({offs: 7}, {sync: false})")
     press(page, "Arm")
-    page.locator(".banner", has_text="OFF was pressed after this: press again").wait_for()
-    assert not live.session.is_heating
-    press(page, "Arm")
-    live.wait(lambda: live.session.is_heating)
+    is_refused_and_the_next_one_arms(page, live)
 
 
 def test_an_arm_right_after_off_on_the_same_page_arms(client, live):

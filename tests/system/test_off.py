@@ -100,6 +100,22 @@ def test_whatever_keeps_it_from_being_done_the_heater_is_not_said_to_be_off(tmp_
     assert not done.stdout
 
 
+def test_a_controller_that_could_heat_too_is_made_safe_although_the_supply_is_gone(tmp_path):
+    profile = load_profile("delta-dtb")
+    with served("--profile", "delta-dtb") as (_, url), open_transport(url, profile.serial_settings()) as port:
+        controller, step = Device(profile, Master(port)), profile.safe_state[0]
+        controller.write(step.register_, 1 - step.value)
+        port.lose()
+        rig = tmp_path / "rig.toml"
+        rig.write_text(
+            SHIPPED.replace("autonics-tk", "delta-dtb").replace(SUPPLY_URL[:-1] + "1", url).partition("[limits]")[0]
+        )
+        done = off(rig)
+        assert done.returncode == 3
+        assert UNCONFIRMED in done.stderr
+        assert controller.read((step.register_,))[step.register_].value == step.value
+
+
 def test_who_interrupts_it_is_not_told_that_the_heater_is_off(hot):
     process, rig, port = hot
     process.send_signal(signal.SIGSTOP)
