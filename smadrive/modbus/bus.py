@@ -10,6 +10,29 @@ Direction = Literal["sent", "received", "discarded"]
 Trace = Callable[[float, Direction, bytes], None]
 """Sees everything that passes on a bus, a frame or line at a time, and when."""
 
+
+class GuardedTrace:
+    """Passes frames on to a trace. A trace that fails (a full disk) is ended: the traffic goes on without it."""
+
+    def __init__(self, trace: Trace | None) -> None:
+        self._trace = trace
+        self.failure: Exception | None = None
+
+    @property
+    def active(self) -> bool:
+        """Whether somebody sees the frames."""
+        return self._trace is not None
+
+    def __call__(self, time_s: float, direction: Direction, data: bytes) -> None:
+        """Pass one frame on; `failure` keeps what the trace raised."""
+        if self._trace is None:
+            return
+        try:
+            self._trace(time_s, direction, data)
+        except Exception as failure:  # noqa: BLE001  (whatever it is, a safe state must still go out)
+            self._trace, self.failure = None, failure
+
+
 NEVER_SILENT_S = 2.0
 """A bus on which something arrives for so long is in the hands of somebody else."""
 
@@ -52,6 +75,7 @@ class BusCounters:
     timeouts: int = 0
     crc_errors: int = 0
     wrong_replies: int = 0
+    stale_replies: int = 0
     retries: int = 0
     quarantines: int = 0
     probes: int = 0

@@ -41,6 +41,7 @@ class DescriptorTransport(ABC):
 
     end: ClassVar[str]
     suspicion: ClassVar[str]
+    reconnects: ClassVar[bool]
     lease: Lease | None = None
 
     def __init__(

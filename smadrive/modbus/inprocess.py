@@ -29,6 +29,7 @@ class InProcessTransport:
         """`baudrate` only sets the silences that the standard derives from it: bytes take no time here."""
         self.clock = clock
         self.name = "in process"
+        self.reconnects = False
         self.baudrate = baudrate
         self.latency_s = latency_s
         self.framing: Framing = TcpFraming() if baudrate is None else RtuFraming()

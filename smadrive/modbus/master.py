@@ -1,41 +1,51 @@
-"""The one master of a bus: one request, one reply, nothing taken on trust.
+"""The one client of a bus: one request, one reply, an absolute deadline. It reads and writes; protocol.py judges.
 
-A reply counts only if unit, function, byte count (or echo), length and CRC are those of the request; anything else is
-a ProtocolError at once. Modbus TCP numbers its replies, and late ones are dropped by their number. RTU does not, so a
-reply that comes after its deadline looks like the answer to the next request. Three things keep it from being taken
-for one:
+Before a request the connection is open (a lost one is opened anew), silent for the standard's pause, and empty: bytes
+that arrived before the request answer nothing and are discarded. On RTU a failure is followed by a quarantine: nothing
+is sent before the bus has been silent for one response timeout. Where an outstanding reply could be mistaken for the
+answer, a probe goes first: a read whose reply looks different. A device answers in order, so nothing older can follow
+the probe's reply.
 
-1. after a failure the bus is quarantined: nothing is sent before it has been silent, and what arrives is discarded;
-2. a reply that is still owed is remembered. If the next request's right reply would look the same, a probe whose
-   reply looks different goes first (a read that has worked before, if there is one); a device answers in order, so
-   after the probe's reply nothing old can come;
-3. bytes that nobody asked for, found before a request, also lead to quarantine, and so does a new connection: nobody
-   knows what was asked through the one before it.
+A socket that missed a deadline may be dead without a sign (its gateway restarted, a router forgot it), so it is dropped
+and opened anew. A device on a new connection may be another one: `connection` is another number then, and a request can
+be bound to the number that its sender knows.
 
-One thing no master of RTU can tell: a device that answers twice, the second time after the next request of the same
-shape has gone out. Content tells it: a sequence number (`HeaterBoard.exchange`), the read-back (`Device.write`).
-
-A lost connection is opened again by the next request, within that request's response timeout. Another device may be
-found there: `connection` is another number then, and a request can be bound to the one that its sender knows.
+A trace sees every frame after it has passed. One that fails is ended and keeps no frame from passing.
 """
 
 from __future__ import annotations
 
-from contextlib import suppress
-from itertools import chain
 from threading import Lock
 
-from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
-from smadrive.modbus import frames, requests
-from smadrive.modbus.bus import EXCEPTIONS, NEVER_SILENT_S, BusCounters, BusTiming, Direction, Trace, silence_s
+from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, SmadriveError, TransportError
+from smadrive.modbus import frames
+from smadrive.modbus.bus import (
+    EXCEPTIONS,
+    NEVER_SILENT_S,
+    BusCounters,
+    BusTiming,
+    GuardedTrace,
+    Trace,
+    silence_s,
+)
+from smadrive.modbus.protocol import FINAL_CODES, ClientProtocol, Outcome, State, Verdict
 from smadrive.modbus.requests import Request
 from smadrive.modbus.transport import Transport
 
-Shape = tuple[int, bytes, int]  # unit, reply head, payload size: what tells a reply from the reply to another request
-
-LATEST_REPLY_S = 10.0  # a reply that has not come by then is lost for good; longer than any latency
 PROBES = 3
+REOPENS_WITHIN_S = 0.5
+"""One attempt to open a lost connection takes no longer."""
 TURNAROUND_S = 0.1  # after a broadcast, serial line V1.02 section 2.4.1
+
+_OTHER_CLIENT = "Check that no other program talks on this line"
+_WRONG = {
+    Verdict.STALE: ("stale_replies", "the reply may be a late one to an earlier request", _OTHER_CLIENT),
+    Verdict.FOREIGN: ("wrong_replies", "the reply answers another request", _OTHER_CLIENT),
+    Verdict.WRONG_SIZE: ("wrong_replies", "the reply has a wrong size", _OTHER_CLIENT),
+    Verdict.MALFORMED: ("wrong_replies", "no Modbus TCP frame", "Where the port speaks RTU, write rtu+tcp://"),
+    Verdict.DAMAGED: ("crc_errors", "the reply has a wrong CRC", "Check cable, termination and baud rate"),
+}
+"""By verdict: what counts it, what is wrong, and the cure."""
 
 
 class Master:
@@ -46,15 +56,13 @@ class Master:
         self.transport = transport
         self.clock = transport.clock
         self.counters = BusCounters()
-        self._trace = trace
-        self._framing = transport.framing
+        self.trace = GuardedTrace(trace)
+        self._protocol = ClientProtocol(transport.framing)
+        self._tail_size = transport.framing.tail_size
         self._silence_s = silence_s(transport.baudrate) if transport.baudrate else 0.0
         self._character_s = 11 / transport.baudrate if transport.baudrate else 0.0
         self._free_at_s = self.clock.now_s()
         self._turn = Lock()
-        self._suspect = not self._framing.numbered
-        self._owed: dict[Shape, float] = {}
-        self._proven: dict[Shape, Request] = {}
         self._heard = b""
         self._heard_s = 0.0
 
@@ -63,8 +71,19 @@ class Master:
         """The number of the connection that the next request takes: a lost one is opened anew for it."""
         return self.counters.reopenings + self.transport.lost
 
-    def execute(self, unit_id: int, request: Request, timing: BusTiming, connection: int | None = None) -> bytes:
+    def execute(
+        self,
+        unit_id: int,
+        request: Request,
+        timing: BusTiming,
+        connection: int | None = None,
+        *,
+        proved: bool = False,
+    ) -> bytes:
         """The payload of the reply of `unit_id` to `request`, which goes out on this `connection` or not at all.
+
+        `proved`: a request of another kind is answered first, so that not even the second copy of an earlier reply can
+        be taken for this one; for reads that a safety decision rests on.
 
         DeadlineError, ProtocolError, ExceptionReply; TransportError when the connection is lost, or another one. Reads
         are retried after the first two.
@@ -73,7 +92,7 @@ class Master:
         while True:
             try:
                 with self._turn:
-                    return self._transact_surely(unit_id, request, timing, connection)
+                    return self._transact_surely(unit_id, request, timing, connection, proved=proved)
             except (DeadlineError, ProtocolError):
                 if retries == 0:
                     raise
@@ -81,135 +100,125 @@ class Master:
                 self.counters.retries += 1
 
     def broadcast(self, request: Request, timing: BusTiming) -> None:
-        """Send a write to every device; nobody answers. Returns after the turnaround delay of the standard."""
+        """Send a write to every device; none answers. Returns after the turnaround delay of the standard."""
         with self._turn:
             self._settle(timing)
-            self._send(frames.BROADCAST, request)
+            self._write(self.transport.framing.request(frames.BROADCAST, request.pdu))
             self.clock.sleep_until(self.clock.now_s() + TURNAROUND_S)
 
     def distrust(self) -> None:
-        """Quarantine the bus before the next request: for callers that find a reply stale by its content."""
-        self._suspect = True
+        """For callers that find the last reply stale by its content: its request may still be answered."""
+        self._protocol.distrust(self.clock.now_s())
 
-    def _transact_surely(self, unit_id: int, request: Request, timing: BusTiming, connection: int | None) -> bytes:
+    def _transact_surely(
+        self, unit_id: int, request: Request, timing: BusTiming, connection: int | None, *, proved: bool
+    ) -> bytes:
         self._settle(timing)
-        if self._owed and self._could_be_mistaken(unit_id, request):
-            self._flush_owed(unit_id, request, timing)
+        if self._protocol.needs_probe(unit_id, request, self.clock.now_s()):
+            self._probe(unit_id, request, timing)
+            self._settle(timing)
+        if proved:
+            self._sync(unit_id, request, timing)
             self._settle(timing)
         if connection not in (None, self.connection):
             raise TransportError(
-                f"{self._who(unit_id, request)}: not sent: the connection was opened anew, and nobody knows yet who "
-                "is there: try again"
+                f"{self._who(unit_id, request)}: not sent, because the connection was opened anew and the device is "
+                "not identified yet. Try again"
             )
         return self._transact(unit_id, request, timing)
 
     def _transact(self, unit_id: int, request: Request, timing: BusTiming) -> bytes:
-        reply_size = 1 + len(request.reply_head) + request.payload_size + self._framing.tail_size
+        frame = self._protocol.send(unit_id, request)
+        reply_size = 1 + len(request.reply_head) + request.payload_size + self._tail_size
         on_wire_s = (len(request.pdu) + 3 + reply_size) * self._character_s
+        sent_s = self.clock.now_s()
         try:
-            sent_s = self._send(unit_id, request)
-            payload = self._receive(unit_id, request, reply_size, sent_s + on_wire_s + self._patience_s(timing))
-        except ExceptionReply:
-            raise
+            self._write(frame)
+            outcome = self._outcome(sent_s + on_wire_s + self._patience_s(timing))
         except BaseException:  # Ctrl-C too leaves a reply on its way
-            self._doubt(unit_id, request)
+            if self._protocol.state is State.WAITING:
+                self._protocol.give_up(self.clock.now_s())
             raise
         finally:
-            self._told("received", self._heard, self._heard_s)
+            self._told_received()
             self._free_at_s = self.clock.now_s() + (timing.post_write_s if request.writes else 0.0)
-        if self._owed:
-            self._nothing_owed_by(unit_id)
-        if not request.writes:
-            self._proven[_shape(unit_id, request)] = request
-        return payload
+            if self._protocol.state is State.OUT_OF_STEP:
+                self.transport.lose()
+        if outcome.verdict is Verdict.ANSWERED:
+            self.counters.replies += 1
+            return outcome.data
+        raise self._failure(outcome, unit_id, request)
 
-    def _doubt(self, unit_id: int, request: Request) -> None:
-        """See to it that what has come or will come of a failed transaction is taken for nothing else."""
-        if not self._framing.numbered:
-            self._suspect = True
-            self._owed[_shape(unit_id, request)] = self.clock.now_s() + LATEST_REPLY_S
-        elif self._framing.out_of_step:
-            self.transport.lose()
-
-    def _send(self, unit_id: int, request: Request) -> float:
-        frame = self._framing.request(unit_id, request.pdu)
-        now_s = self.clock.now_s()
-        if self._trace is not None:
-            self._heard = b""
-            self._trace(now_s, "sent", frame)
-        self.counters.requests += 1
-        self.transport.write(frame)
-        return now_s
-
-    def _receive(self, unit_id: int, request: Request, reply_size: int, deadline_s: float) -> bytes:
-        """Collect the reply, refusing it as soon as a byte is wrong."""
-        framing = self._framing
-        right_head = bytes((unit_id,)) + request.reply_head
-        reply = b""
-        while True:
-            reply = framing.reply(self._arrived(deadline_s, reply, unit_id, request))
-            if reply.startswith(right_head):
-                if len(reply) >= reply_size or framing.numbered:
-                    whole = self._checked(reply, reply_size, unit_id, request)
-                    return whole[len(right_head) : len(right_head) + request.payload_size]
-            elif len(reply) >= 2 and reply[:2] == bytes((unit_id, request.function | 0x80)):
-                if len(reply) >= 3 + framing.tail_size or framing.numbered:
-                    self._refuse(self._checked(reply, 3 + framing.tail_size, unit_id, request)[2], unit_id, request)
-            elif not right_head.startswith(reply) or (reply and framing.numbered):
-                self.counters.wrong_replies += 1
-                raise ProtocolError(
-                    f"{self._who(unit_id, request)}: the reply starts {reply[: len(right_head)].hex(' ')}, "
-                    f"the right one starts {right_head.hex(' ')}: discarded"
-                )
-
-    def _arrived(self, deadline_s: float, reply: bytes, unit_id: int, request: Request) -> bytes:
-        data = self.transport.read(deadline_s)
-        if not data:
-            self.counters.timeouts += 1
-            raise DeadlineError(
-                f"{self._who(unit_id, request)}: {len(reply) or 'no'} bytes of the reply before the deadline: is the "
-                "device powered, and are unit id, baud rate and parity right?"
-            )
-        if self._trace is not None:
-            self._heard += data
+    def _outcome(self, deadline_s: float) -> Outcome:
+        """Read until the verdict is known: as soon as a byte is wrong, or at the deadline."""
+        protocol, read = self._protocol, self.transport.read
+        while data := read(deadline_s):
             self._heard_s = self.clock.now_s()
-        return data
+            if self.trace.active:
+                self._heard += data
+            outcome = protocol.receive(data, self._heard_s)
+            if outcome is not None:
+                return outcome
+        return protocol.give_up(self.clock.now_s())
 
-    def _checked(self, reply: bytes, size: int, unit_id: int, request: Request) -> bytes:
-        if len(reply) != size:
-            self.counters.wrong_replies += 1
-            raise ProtocolError(f"{self._who(unit_id, request)}: {len(reply)} bytes, the right reply has {size}")
-        if not self._framing.intact(reply):
-            self.counters.crc_errors += 1
-            raise ProtocolError(f"{self._who(unit_id, request)}: wrong CRC: check cable, termination and baud rate")
-        self.counters.replies += 1
-        return reply
+    def _failure(self, outcome: Outcome, unit_id: int, request: Request) -> SmadriveError:
+        """The error that the verdict means, counted."""
+        who, verdict = self._who(unit_id, request), outcome.verdict
+        if verdict is Verdict.REFUSED:
+            self.counters.replies += 1
+            self.counters.exceptions += 1
+            meaning = EXCEPTIONS.get(outcome.code, "unknown")
+            return ExceptionReply(f"{who}: the device refuses: exception {outcome.code}, {meaning}", outcome.code)
+        if verdict is Verdict.SILENT:
+            self.counters.timeouts += 1
+            if self.transport.reconnects:
+                self.transport.lose()
+            return DeadlineError(
+                f"{who}: {len(outcome.data) or 'no'} bytes of the reply before the deadline. Check that the device is "
+                "powered, and its unit id, baud rate and parity"
+            )
+        counter, wrong, cure = _WRONG[verdict]
+        setattr(self.counters, counter, getattr(self.counters, counter) + 1)
+        meaning = f"exception {outcome.code}, {EXCEPTIONS.get(outcome.code, 'unknown')}; " if outcome.code else ""
+        return ProtocolError(f"{who}: {wrong} ({meaning}{outcome.data.hex(' ')}), discarded. {cure}")
 
-    def _refuse(self, code: int, unit_id: int, request: Request) -> None:
-        self.counters.exceptions += 1
-        meaning = EXCEPTIONS.get(code, "unknown")
-        raise ExceptionReply(f"{self._who(unit_id, request)}: the device refuses: exception {code}, {meaning}", code)
+    def _write(self, frame: bytes) -> None:
+        self._heard = b""
+        self.counters.requests += 1
+        now_s = self.clock.now_s()
+        self.transport.write(frame)
+        self.trace(now_s, "sent", frame)
 
     def _settle(self, timing: BusTiming) -> None:
         """Return when the bus may be used: open, silent for long enough, and empty."""
         if self.transport.lost:
-            self._reopen(timing)
+            self._reopen()
         gap_s = max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)
         self.clock.sleep_until(self._free_at_s + gap_s)
-        if self._framing.numbered:
-            return
-        stray = self.transport.discard()
-        if stray:
+        if stray := self._discard():
             self._discarded(stray)
-        if stray or self._suspect:
+            self._protocol.stray(stray)
+        if self._protocol.state is State.OUT_OF_STEP:
+            self.transport.lose()
+            self._reopen()
+        if self._protocol.state is State.SUSPECT:
             self._quarantine(timing, silent_since_s=self.clock.now_s() if stray else self._free_at_s)
 
-    def _reopen(self, timing: BusTiming) -> None:
-        self.transport.reopen(self.clock.now_s() + timing.response_timeout_s)
+    def _discard(self) -> bytes:
+        """What arrived before the request; a connection that has ended meanwhile is opened anew."""
+        try:
+            return self.transport.discard()
+        except TransportError:
+            if not self.transport.lost:
+                raise
+            self._reopen()
+            return b""
+
+    def _reopen(self) -> None:
+        self.transport.reopen(self.clock.now_s() + REOPENS_WITHIN_S)
         self.counters.reopenings += 1
-        self._framing.restart()
+        self._protocol.new_connection()
         self._free_at_s = self.clock.now_s()
-        self._suspect = not self._framing.numbered
 
     def _patience_s(self, timing: BusTiming) -> float:
         return timing.response_timeout_s + self.transport.latency_s
@@ -223,55 +232,54 @@ class Master:
             self._discarded(data)
             silent_since_s = self.clock.now_s()
             if silent_since_s > give_up_s:
-                raise TransportError(f"{self.transport.name}: the bus is never silent: does another master talk?")
-        self._suspect = False
+                raise TransportError(
+                    f"{self.transport.name}: the bus is never silent. Check that no other client talks on this line"
+                )
+        self._protocol.silence()
 
     def _discarded(self, data: bytes) -> None:
         self.counters.discarded_bytes += len(data)
-        self._told("discarded", data, self.clock.now_s())
+        self.trace(self.clock.now_s(), "discarded", data)
 
-    def _told(self, direction: Direction, data: bytes, time_s: float) -> None:
-        if self._trace is not None and data:
-            self._trace(time_s, direction, data)
-
-    def _could_be_mistaken(self, unit_id: int, request: Request) -> bool:
-        now_s = self.clock.now_s()
-        self._owed = {shape: until_s for shape, until_s in self._owed.items() if until_s > now_s}
-        return _shape(unit_id, request) in self._owed
-
-    def _flush_owed(self, unit_id: int, request: Request, timing: BusTiming) -> None:
-        """Probe until the probe's own reply comes; a ProtocolError means that an owed one has come instead."""
-        for attempt in range(1, PROBES + 1):
-            try:
-                self._probe(unit_id, request, timing)
-            except ProtocolError:
-                if attempt == PROBES:
-                    raise
-                self._settle(timing)
-            else:
-                return
+    def _told_received(self) -> None:
+        if self._heard:
+            self.trace(self._heard_s, "received", self._heard)
 
     def _probe(self, unit_id: int, request: Request, timing: BusTiming) -> None:
-        """Read something whose reply no owed reply resembles; its answer, even a refusal, proves the bus clean."""
-        self.counters.probes += 1
-        proven = (known for shape, known in self._proven.items() if shape[0] == unit_id)
-        tries = (requests.read_holding(min(request.address, 0xFF00), count) for count in range(1, 126))
-        probe = next((one for one in chain(proven, tries) if _shape(unit_id, one) not in self._owed), None)
-        if probe is None:
-            raise DeadlineError(
-                f"unit {unit_id} owes too many replies: wait {LATEST_REPLY_S:g} s or restart the device"
-            )
-        with suppress(ExceptionReply):  # refused is answered
-            self._transact(unit_id, probe, timing)
-        self._nothing_owed_by(unit_id)
+        """Ask for something else until its answer proves that no outstanding reply is left; raise why it does not."""
+        failure: SmadriveError = ProtocolError(
+            f"{self._who(unit_id, request)}: not sent, because a late reply to an earlier request could be taken for "
+            "its answer. Wait 10 s, or restart the device"
+        )
+        for attempt in range(PROBES):
+            probe = self._protocol.probe_request(unit_id, request, attempt, self.clock.now_s())
+            if probe is None:
+                break
+            self.counters.probes += 1
+            try:
+                self._transact(unit_id, probe, timing)
+            except (ProtocolError, ExceptionReply) as error:
+                failure = error
+            if not self._protocol.may_be_mistaken(unit_id, request, self.clock.now_s()):
+                return
+            self._settle(timing)
+        raise failure
 
-    def _nothing_owed_by(self, unit_id: int) -> None:
-        """A device answers in order: it has answered a later request, so an older reply can no longer come."""
-        self._owed = {shape: until_s for shape, until_s in self._owed.items() if shape[0] != unit_id}
+    def _sync(self, unit_id: int, request: Request, timing: BusTiming) -> None:
+        """Get a request of another kind answered: no copy of an older reply can follow.
+
+        A device that answers nothing but `request` stays silent, and the quarantine after that must do.
+        """
+        sync = self._protocol.sync_request(unit_id, request, self.clock.now_s())
+        self.counters.probes += 1
+        try:
+            self._transact(unit_id, sync, timing)
+        except ExceptionReply as refusal:
+            if refusal.code not in FINAL_CODES:
+                raise
+        except DeadlineError:
+            if self._protocol.has_answered(unit_id, sync):
+                raise
 
     def _who(self, unit_id: int, request: Request) -> str:
         return f"{self.transport.name}, unit {unit_id}, function {request.function} at {request.address}"
-
-
-def _shape(unit_id: int, request: Request) -> Shape:
-    return unit_id, request.reply_head, request.payload_size

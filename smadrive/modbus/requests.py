@@ -60,6 +60,17 @@ def read_discrete(address: int, count: int) -> Request:
     return _read(2, address, count, MAX_READ_BITS, (count + 7) // 8)
 
 
+def read_count(request: Request) -> int:
+    """How many addresses a read (FC01 to FC04) asks for."""
+    return int.from_bytes(request.pdu[3:5], "big")
+
+
+def read_like(request: Request, count: int) -> Request:
+    """A read of `count` addresses where `request` reads; FC03 where that writes."""
+    read = _READS.get(request.function, read_holding)
+    return read(min(request.address, 0x10000 - count), count)
+
+
 def write_register(address: int, word: int) -> Request:
     """FC06: one holding register."""
     _check_range(address, 1, 1)
@@ -105,6 +116,9 @@ def exchange(write_address: int, words: Sequence[int], read_address: int, read_c
     _check_range(read_address, read_count, MAX_READ_REGISTERS)
     pdu = struct.pack(f">BHHHHB{count}H", 23, read_address, read_count, write_address, count, 2 * count, *words)
     return Request(pdu, bytes((23, 2 * read_count)), payload_size=2 * read_count, writes=True)
+
+
+_READS = {1: read_coils, 2: read_discrete, 3: read_holding, 4: read_input}
 
 
 def packed_bits(states: Sequence[int]) -> bytes:

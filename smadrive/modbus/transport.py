@@ -42,6 +42,11 @@ class Transport(Protocol):
         ...
 
     @property
+    def reconnects(self) -> bool:
+        """Whether silence may mean a dead connection, which only a new one mends: so behind a socket."""
+        ...
+
+    @property
     def framing(self) -> Framing:
         """How requests and replies are packed."""
         ...

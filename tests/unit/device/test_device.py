@@ -158,5 +158,5 @@ def test_a_device_whose_type_nothing_proves_must_answer_at_least(clock, name):
     device.check_identity()
     assert not device.identity
     simulated.faults.drop(1000)
-    with pytest.raises(DeadlineError, match="is the device powered"):
+    with pytest.raises(DeadlineError):
         device.check_identity()

@@ -9,6 +9,7 @@ from smadrive.clock import VirtualClock
 from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.inprocess import InProcessTransport
 from smadrive.modbus.master import Master
+from smadrive.modbus.outstanding import Outstanding
 
 TIMING = BusTiming(response_timeout_s=0.1, read_retries=0)
 SCRIPT = FaultScript.model_validate({"random": {"share": 0.3, "slowest_s": 0.6}})
@@ -39,7 +40,7 @@ def test_no_wrong_value_is_accepted_nothing_hangs_and_every_failure_is_typed(con
 
 
 def test_the_oracle_finds_what_a_careless_master_takes(config, monkeypatch):
-    """The same fuzz against a master that forgets what it is owed: the guard is what keeps wrong values out."""
-    monkeypatch.setattr(Master, "_doubt", lambda *_: None)
+    """The same fuzz against a client that forgets outstanding replies: remembering them keeps wrong values out."""
+    monkeypatch.setattr(Outstanding, "add", lambda *_: None)
     figures, _ = fuzzed(config, 1, numbered=False, exchanges=2000)
     assert figures.wrong

@@ -1,5 +1,6 @@
 """The master takes no wrong reply for a right one: not a damaged, not a foreign, above all not a late one."""
 
+import errno
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -24,34 +25,34 @@ def test_a_right_reply_in_pieces_is_put_together(bus, script, timing):
 
 
 @pytest.mark.parametrize(
-    ("wrong", "says"),
+    ("wrong", "counted"),
     [
-        (frames.seal(2, RIGHT[1:-2]), "the right one starts 01 03 08"),
-        (frames.seal(1, b"\x04" + RIGHT[2:-2]), "the right one starts 01 03 08"),
-        (frames.seal(1, bytes.fromhex("03 04 000A 000B")), "the right one starts 01 03 08"),
-        (b"\xff\x00\x37" + RIGHT, "the right one starts 01 03 08"),
-        (RIGHT[:-1] + b"\x00", "wrong CRC"),
-        (RIGHT[:4] + b"\x99" + RIGHT[5:], "wrong CRC"),
-        (RIGHT + b"\x00", "14 bytes, the right reply has 13"),
-        (RIGHT + RIGHT, "26 bytes, the right reply has 13"),
-        (bytes.fromhex("01 83 02 00 00"), "wrong CRC"),
-        (bytes.fromhex("01 90 02") + frames.crc(bytes.fromhex("01 90 02")), "the right one starts 01 03 08"),
+        (frames.seal(2, RIGHT[1:-2]), "wrong_replies"),
+        (frames.seal(1, b"\x04" + RIGHT[2:-2]), "wrong_replies"),
+        (frames.seal(1, bytes.fromhex("03 04 000A 000B")), "wrong_replies"),
+        (b"\xff\x00\x37" + RIGHT, "wrong_replies"),
+        (RIGHT[:-1] + b"\x00", "crc_errors"),
+        (RIGHT[:4] + b"\x99" + RIGHT[5:], "crc_errors"),
+        (RIGHT + b"\x00", "wrong_replies"),
+        (RIGHT + RIGHT, "wrong_replies"),
+        (bytes.fromhex("01 83 02 00 00"), "crc_errors"),
+        (bytes.fromhex("01 90 02") + frames.crc(bytes.fromhex("01 90 02")), "wrong_replies"),
     ],
     ids=["unit", "function", "count", "junk", "crc", "payload", "tail", "twice", "exception crc", "foreign exception"],
 )
-def test_a_wrong_reply_is_refused_at_once(bus, script, timing, wrong, says):
+def test_a_wrong_reply_is_refused_at_once(bus, script, timing, wrong, counted):
     master = bus(script([(0.0, wrong)]))
     before_s = master.clock.now_s()
-    with pytest.raises(ProtocolError, match=says):
+    with pytest.raises(ProtocolError):
         master.execute(1, READ, timing)
     assert master.clock.now_s() - before_s < timing.response_timeout_s
-    assert master.counters.wrong_replies + master.counters.crc_errors == 1
+    assert getattr(master.counters, counted) == 1
 
 
 def test_silence_is_a_missed_deadline(bus, script, timing):
     master = bus(script())
     before_s = master.clock.now_s()
-    with pytest.raises(DeadlineError, match=r"unit 1, function 3 at 10: no bytes of the reply.*powered"):
+    with pytest.raises(DeadlineError):
         master.execute(1, READ, timing)
     on_wire_s = (8 + 13) * 11 / 115200
     assert master.clock.now_s() - before_s == pytest.approx(on_wire_s + timing.response_timeout_s)
@@ -68,6 +69,115 @@ def test_a_refusal_carries_code_and_meaning(bus, script, timing):
         master.execute(1, READ, timing)
     assert refusal.value.code == 2
     assert master.counters.exceptions == 1
+
+
+def refused(function, code):
+    return frames.seal(1, bytes((function | 0x80, code)))
+
+
+def read_of(first, count):
+    """The reply of a device whose register n holds n."""
+    words = b"".join(register.to_bytes(2, "big") for register in range(first, first + count))
+    return frames.seal(1, bytes((3, 2 * count)) + words)
+
+
+def test_a_late_exception_is_not_the_refusal_of_another_request_and_leaves_no_lag_behind(bus, slow_registers, timing):
+    """The exception of the first request arrives while the second one, of another length, waits."""
+
+    class Refuses(type(slow_registers())):
+        def receive(self, data, time_s):
+            if int.from_bytes(data[2:4], "big") != 99:
+                return super().receive(data, time_s)
+            self.busy_until_s = max(time_s, self.busy_until_s) + 0.3
+            return [(self.busy_until_s, refused(3, 6))]
+
+    master = bus(Refuses())
+    with pytest.raises(DeadlineError):
+        master.execute(1, requests.read_holding(99, 3), timing)
+    read = []
+    for first in range(100, 140):
+        try:
+            payload = master.execute(1, requests.read_holding(first, 2), timing)
+        except (DeadlineError, ProtocolError):
+            continue
+        read.append((first, *requests.registers_of(payload)))
+    assert read == [(first, first, first + 1) for first, *_ in read]
+    assert len(read) >= 38
+    assert master.counters.exceptions == 0
+
+
+@pytest.mark.parametrize("code", [5, 6, 10, 11])
+def test_the_real_reply_behind_an_exception_answers_no_other_request(bus, slow_registers, timing, code):
+    class AnswersAfterAll(type(slow_registers())):
+        def receive(self, data, time_s):
+            ((due_s, reply),) = super().receive(data, time_s)
+            return [(time_s, refused(3, code)), (due_s + 0.01, reply)] if data[3] == 99 else [(due_s, reply)]
+
+    master = bus(AnswersAfterAll())
+    with pytest.raises(ExceptionReply) as refusal:
+        master.execute(1, requests.read_holding(99, 4), timing)
+    assert refusal.value.code == code
+    for first in range(20, 40):
+        try:
+            payload = master.execute(1, requests.read_holding(first, 4), timing)
+        except ProtocolError:
+            continue
+        assert requests.registers_of(payload) == tuple(range(first, first + 4))
+    assert first == 39
+    assert master.counters.replies > 18
+
+
+def test_a_second_copy_of_an_exception_refuses_no_other_request(bus, script, timing):
+    far = script([(0.0, RIGHT)], [(0.0, refused(3, 2))], [(0.0, refused(3, 2))])
+    master = bus(far)
+    master.execute(1, READ, timing)
+    with pytest.raises(ExceptionReply):
+        master.execute(1, requests.read_holding(99, 4), timing)
+    with pytest.raises((ProtocolError, DeadlineError)):
+        master.execute(1, READ, timing)
+    assert master.counters.exceptions == 1
+
+
+def test_a_second_copy_of_a_reply_is_not_taken_for_a_proved_one(bus, timing):
+    """The copy arrives when the next request is out: nothing but the answer to a request of another kind tells."""
+
+    class Doubles:
+        reads = 0
+
+        def receive(self, data, time_s):
+            self.reads += 1
+            count = data[5]
+            reply = frames.seal(1, bytes((3, 2 * count)) + self.reads.to_bytes(2, "big") * count)
+            return [(time_s, reply), (time_s + 0.02, reply)] if self.reads == 2 else [(time_s + 0.03, reply)]
+
+    far = Doubles()
+    master = bus(far)
+    for proved in (False, False, True):
+        last = None
+        while last is None:
+            try:
+                last = requests.registers_of(master.execute(1, READ, timing, proved=proved))
+            except ProtocolError:
+                continue
+    assert last == (far.reads,) * 4
+
+
+def test_a_proved_read_needs_no_other_answer_where_the_device_knows_no_other_request(bus, script, timing):
+    far = script([], [(0.0, RIGHT)])
+    assert bus(far).execute(1, READ, timing, proved=True) == RIGHT[3:-2]
+    assert len(far.heard) == 2
+
+
+def test_a_trace_that_fails_keeps_no_frame_from_passing(bus, script, timing):
+    def trace(*_event):
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    far = script([(0.0, RIGHT)], [(0.0, RIGHT)])
+    master = bus(far, trace=trace)
+    for _ in range(2):
+        assert master.execute(1, READ, timing) == RIGHT[3:-2]
+    assert isinstance(master.trace.failure, OSError)
+    assert len(far.heard) == 2
 
 
 @given(
@@ -202,7 +312,7 @@ def test_a_request_that_is_bound_to_a_lost_connection_is_not_sent_on_the_next(bu
     known = master.connection
     master.execute(1, READ, timing, known)
     master.transport.lose()
-    with pytest.raises(TransportError, match="not sent: the connection was opened anew"):
+    with pytest.raises(TransportError):
         master.execute(1, READ, timing, known)
     assert len(far.heard) == 1
     assert master.execute(1, READ, timing, master.connection)
@@ -229,12 +339,14 @@ def test_the_trace_sees_every_byte(bus, script, timing):
 
 
 def test_a_distrusted_bus_is_quarantined(bus, script, timing):
-    far = script([(0.0, RIGHT)], [(0.0, RIGHT)])
+    shorter = (0.0, frames.seal(1, bytes.fromhex("03 02 000A")))
+    far = script([(0.0, RIGHT)], [shorter], [(0.0, RIGHT)])
     master = bus(far)
     master.execute(1, READ, timing)
     master.distrust()
     master.execute(1, READ, timing)
     assert far.heard[1][0] - far.heard[0][0] >= timing.response_timeout_s
+    assert far.heard[1][1] == frames.seal(1, requests.read_holding(10, 1).pdu)
 
 
 def test_the_reply_to_an_interrupted_request_answers_no_other(bus, slow_registers, timing):

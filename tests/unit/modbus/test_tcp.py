@@ -2,6 +2,8 @@
 
 import socket
 import threading
+from itertools import pairwise
+from random import Random
 
 import pytest
 from hypothesis import given, settings
@@ -14,6 +16,7 @@ from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, Transp
 from smadrive.modbus import mbap, requests
 from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.connect import open_transport
+from smadrive.modbus.framing import NEAR, REMEMBERED, TcpFraming
 from smadrive.modbus.inprocess import InProcessTransport
 from smadrive.modbus.master import Master
 
@@ -22,10 +25,28 @@ RIGHT = bytes.fromhex("03 04 000A 000B")
 TIMING = BusTiming(response_timeout_s=0.1, read_retries=0)
 
 
+class Script:
+    """Answers request n with `answers[n]`: a list of (delay in seconds, bytes, or what makes them of the number)."""
+
+    def __init__(self, *answers):
+        self.answers = list(answers)
+        self.numbers = []
+
+    def receive(self, data, time_s):
+        number = mbap.Header.of(data).transaction
+        self.numbers.append(number)
+        answer = self.answers.pop(0) if self.answers else []
+        return [(time_s + delay_s, reply(number) if callable(reply) else reply) for delay_s, reply in answer]
+
+
+def numbered(pdu, unit_id=1, ahead=0):
+    return lambda number: mbap.seal((number + ahead) & 0xFFFF, unit_id, pdu)
+
+
 @pytest.fixture
-def tcp(script):
+def tcp():
     def make(*answers):
-        return Master(InProcessTransport(script(*answers), VirtualClock(), baudrate=None))
+        return Master(InProcessTransport(Script(*answers), VirtualClock(), baudrate=None))
 
     return make
 
@@ -38,50 +59,83 @@ def test_frames_agree_with_pymodbus(transaction, unit_id, pdu):
 
 
 def test_a_right_reply_in_pieces_is_put_together(tcp):
-    frame = mbap.seal(1, 1, RIGHT)
-    master = tcp([(0.01, frame[:3]), (0.02, frame[3:9]), (0.03, frame[9:])])
+    whole = numbered(RIGHT)
+    pieces = [(0.01, slice(0, 3)), (0.02, slice(3, 9)), (0.03, slice(9, None))]
+    master = tcp([(delay_s, lambda number, part=part: whole(number)[part]) for delay_s, part in pieces])
     assert requests.registers_of(master.execute(1, READ, TIMING)) == (10, 11)
 
 
 @pytest.mark.parametrize(
-    ("frame", "says"),
+    "frame",
     [
-        (mbap.seal(1, 2, RIGHT), "the right one starts 01 03 04"),
-        (mbap.seal(1, 1, b"\x04" + RIGHT[1:]), "the right one starts 01 03 04"),
-        (mbap.seal(1, 1, RIGHT[:-2]), "5 bytes, the right reply has 7"),
-        (mbap.seal(1, 1, RIGHT + b"\0"), "8 bytes, the right reply has 7"),
-        (mbap.seal(1, 1, RIGHT[:1]), "the reply starts 01 03"),
-        (mbap.seal(1, 1, b"\x83"), "2 bytes, the right reply has 3"),
-        (bytes.fromhex("0001 0005 0007 01") + RIGHT, r"no Modbus TCP frame \(protocol 5"),
-        (bytes.fromhex("0001 0000 0FFF 01") + RIGHT, r"no Modbus TCP frame .*write rtu\+tcp://"),
+        numbered(RIGHT, unit_id=2),
+        numbered(b"\x04" + RIGHT[1:]),
+        numbered(RIGHT[:-2]),
+        numbered(RIGHT + b"\0"),
+        numbered(RIGHT[:1]),
+        numbered(b"\x83"),
+        bytes.fromhex("0001 0005 0007 01") + RIGHT,
+        bytes.fromhex("0001 0000 0FFF 01") + RIGHT,
     ],
     ids=["unit", "function", "short", "long", "head", "exception", "protocol", "length"],
 )
-def test_a_wrong_reply_is_refused_at_once(tcp, frame, says):
+def test_a_wrong_reply_is_refused_at_once(tcp, frame):
     master = tcp([(0.0, frame)])
-    with pytest.raises(ProtocolError, match=says):
+    with pytest.raises(ProtocolError):
         master.execute(1, READ, TIMING)
     assert master.clock.now_s() < TIMING.response_timeout_s
+    assert master.counters.wrong_replies == 1
 
 
 def test_a_reply_with_another_number_is_dropped_and_the_right_one_behind_it_taken(tcp):
-    stale = mbap.seal(0xFFFF, 1, bytes.fromhex("03 04 DEAD DEAD"))
-    master = tcp([(0.0, stale + mbap.seal(1, 1, RIGHT))])
+    stale = numbered(bytes.fromhex("03 04 DEAD DEAD"), ahead=-1)
+    master = tcp([(0.0, lambda number: stale(number) + numbered(RIGHT)(number))])
     assert requests.registers_of(master.execute(1, READ, TIMING)) == (10, 11)
     assert master.transport.framing.dropped == 1
     with pytest.raises(DeadlineError):
         tcp([(0.0, stale)]).execute(1, READ, TIMING)
 
 
+@pytest.mark.parametrize("delay_s", [0.0, 0.02], ids=["before the request", "before the reply"])
+def test_an_early_reply_with_the_next_number_is_not_taken(tcp, delay_s):
+    early = numbered(bytes.fromhex("03 04 DEAD DEAD"), ahead=1)
+    master = tcp([(0.0, numbered(RIGHT)), (delay_s, early)], [(0.05, numbered(RIGHT))])
+    for _ in range(2):
+        assert requests.registers_of(master.execute(1, READ, TIMING)) == (10, 11)
+    assert master.transport.framing.dropped == 1
+
+
+def test_bytes_that_arrived_before_the_request_are_discarded_whatever_their_number(tcp):
+    framing = TcpFraming(Random(1))
+    framing.skip(b"".join(mbap.seal(number, 1, RIGHT) for number in range(100)))
+    assert framing.dropped == 100
+    assert not framing.out_of_step
+    master = tcp([(0.0, numbered(RIGHT)), (0.0, b"\x55")], [(0.0, numbered(RIGHT))])
+    for _ in range(2):
+        assert requests.registers_of(master.execute(1, READ, TIMING)) == (10, 11)
+    assert master.counters.discarded_bytes == 1
+    assert master.counters.reopenings == 1  # half a frame: where the next one begins is not known
+
+
+def test_numbers_are_random_and_never_near_the_last_or_one_that_is_unanswered():
+    framing = TcpFraming(Random(1))
+    numbers = [mbap.Header.of(framing.request(1, READ.pdu)).transaction for _ in range(REMEMBERED)]
+    assert len(set(numbers)) == REMEMBERED
+    steps = [(after - before) & 0xFFFF for before, after in pairwise(numbers)]
+    assert min(steps) > NEAR
+    assert max(steps) < 0x10000 - NEAR
+
+
 def test_a_refusal_carries_its_code(tcp):
-    with pytest.raises(ExceptionReply, match="gateway target did not respond"):
-        tcp([(0.0, mbap.seal(1, 1, b"\x83\x0b"))]).execute(1, READ, TIMING)
+    with pytest.raises(ExceptionReply) as refusal:
+        tcp([(0.0, numbered(b"\x83\x0b"))]).execute(1, READ, TIMING)
+    assert refusal.value.code == 0x0B
 
 
-@pytest.mark.parametrize("left", [mbap.seal(1, 1, RIGHT)[:8], bytes.fromhex("00 01 00 05 00 07 01")])
+@pytest.mark.parametrize("left", [lambda number: numbered(RIGHT)(number)[:8], bytes.fromhex("00 01 00 05 00 07 01")])
 def test_a_stream_out_of_step_is_opened_anew(tcp, left):
     """What follows half a frame could be cut into a frame that nobody sent."""
-    master = tcp([(0.0, left)], [(0.0, mbap.seal(2, 1, RIGHT))])
+    master = tcp([(0.0, left)], [(0.0, numbered(b"\x03\x02\0\0"))], [(0.0, numbered(RIGHT))])
     with pytest.raises((DeadlineError, ProtocolError)):
         master.execute(1, READ, TIMING)
     assert requests.registers_of(master.execute(1, READ, TIMING)) == (10, 11)
@@ -114,7 +168,7 @@ def test_a_late_reply_never_answers_another_request(delays_s, asked):
     for first, count in asked:
         try:
             payload = master.execute(1, requests.read_holding(first, count), BusTiming(0.1, read_retries=1))
-        except DeadlineError:
+        except (DeadlineError, ProtocolError):
             continue
         assert requests.registers_of(payload) == tuple(range(first, first + count))
 
@@ -157,7 +211,7 @@ def test_rtu_frames_pass_through_a_gateway(listener):
 def test_what_does_not_open_is_told_with_its_cure(listener):
     port = listener.getsockname()[1]
     listener.close()
-    with pytest.raises(TransportError, match="refused: nobody listens there; check the port"):
+    with pytest.raises(TransportError, match="refused"):
         open_transport(f"tcp://127.0.0.1:{port}")
-    with pytest.raises(TransportError, match=r"no host of the name 'no-such-host.invalid' is known"):
+    with pytest.raises(TransportError, match=r"no-such-host\.invalid"):
         open_transport("tcp://no-such-host.invalid")

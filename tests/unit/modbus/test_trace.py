@@ -13,6 +13,13 @@ READ = requests.read_holding(10, 2)
 RIGHT = frames.seal(1, bytes.fromhex("03 04 000A 000B"))
 
 
+class NumberedReply:
+    """Answers every Modbus TCP request with the payload of `RIGHT`."""
+
+    def receive(self, data, time_s):
+        return [(time_s, mbap.seal(mbap.Header.of(data).transaction, 1, RIGHT[1:-2]))]
+
+
 def traced(path, far, baudrate, timing, runs):
     transport = InProcessTransport(far, VirtualClock(), baudrate)
     transport.clock.sleep_until(5.0)
@@ -32,9 +39,10 @@ def test_a_person_reads_what_passed_and_what_it_means(tmp_path, script, timing):
     far = script(
         [(0.01, RIGHT[:4]), (0.02, RIGHT[4:])],
         [(0.0, RIGHT[:-1] + b"\0")],
-        [(0.0, frames.seal(1, b"\x86\x06")), (0.05, b"\x55\x55")],
+        [(0.0, frames.seal(1, b"\x86\x06"))],
+        [(0.05, b"\x55\x55")],
     )
-    lines = traced(tmp_path / "bus.trace", far, 115200, timing, [READ, READ, write, write])
+    lines = traced(tmp_path / "bus.trace", far, 115200, timing, [READ, READ, write, requests.read_input(5, 1)])
     assert lines == [
         "# smadrive bus trace 1: rtu, in process",
         "# seconds, > sent or < received or x discarded, the bytes, what they say",
@@ -44,8 +52,8 @@ def test_a_person_reads_what_passed_and_what_it_means(tmp_path, script, timing):
         "    1.021750 < 01 03 04 00 0A 00 0B 9B 00 | no intact frame",
         "    1.121750 > 01 06 00 20 00 07 C9 C2 | unit 1: write register 32: 7",
         "    1.121750 < 01 86 06 C2 62 | unit 1: exception 6, device busy",
-        "    1.123500 > 01 06 00 20 00 07 C9 C2 | unit 1: write register 32: 7",
-        "    1.171750 < 55 55 | no intact frame",
+        "    1.123500 > 01 04 00 05 00 01 21 CB | unit 1: read 1 input registers from 5",
+        "    1.173500 < 55 55 | no intact frame",
     ]
 
 
@@ -56,9 +64,9 @@ def test_what_nobody_asked_for_is_told(tmp_path, script, timing):
 
 
 def test_modbus_tcp_is_traced_with_its_header(tmp_path, script, timing):
-    lines = traced(tmp_path / "t", script([(0.0, mbap.seal(1, 1, RIGHT[1:-2]))]), None, timing, [READ])
+    lines = traced(tmp_path / "t", NumberedReply(), None, timing, [READ])
     assert lines[0] == "# smadrive bus trace 1: tcp, in process"
-    assert lines[3].endswith("< 00 01 00 00 00 07 01 03 04 00 0A 00 0B | unit 1: 10 11")
+    assert lines[3].endswith(" 00 00 00 07 01 03 04 00 0A 00 0B | unit 1: 10 11")
 
 
 def test_a_program_reads_the_same(tmp_path, script, timing):

@@ -1,0 +1,61 @@
+"""Replies that may still arrive although nobody waits for them any more.
+
+A request that got no proven answer leaves two frames behind that may come later: its reply and its exception. Modbus
+RTU gives a frame no number, so such a frame is told from the answer to a later request by its kind alone:
+
+    kind of a reply       unit, head (function and byte count, or the echo of a write), payload size
+    kind of an exception  unit, function with the top bit set
+
+An outstanding frame is forgotten after `LATEST_REPLY_S`, or when its unit has proved that it is past it: a device
+answers in order, so nothing older can follow the answer to a later request.
+"""
+
+from __future__ import annotations
+
+from smadrive.modbus.requests import Request
+
+LATEST_REPLY_S = 10.0
+"""A reply that has not arrived by then is lost for good. Longer than any latency of a connection."""
+
+Kind = tuple[int, bytes, int]
+
+
+def reply_kind(unit_id: int, request: Request) -> Kind:
+    """The kind of the right reply of `unit_id` to `request`."""
+    return unit_id, request.reply_head, request.payload_size
+
+
+def exception_kind(unit_id: int, request: Request) -> Kind:
+    """The kind of an exception of `unit_id` to `request`: one for all requests of that function."""
+    return unit_id, bytes((request.function | 0x80,)), 1
+
+
+class Outstanding:
+    """The kinds of frames that may still arrive, and until when."""
+
+    def __init__(self) -> None:
+        self._until_s: dict[Kind, float] = {}
+
+    def __bool__(self) -> bool:
+        """Whether anything may still arrive."""
+        return bool(self._until_s)
+
+    def add(self, unit_id: int, request: Request, now_s: float) -> None:
+        """Both answers to `request` may still arrive."""
+        until_s = now_s + LATEST_REPLY_S
+        self._until_s[reply_kind(unit_id, request)] = until_s
+        self._until_s[exception_kind(unit_id, request)] = until_s
+
+    def holds(self, kind: Kind, now_s: float) -> bool:
+        """Whether a frame of this kind may still arrive at `now_s`."""
+        until_s = self._until_s.get(kind)
+        if until_s is None:
+            return False
+        if until_s > now_s:
+            return True
+        del self._until_s[kind]
+        return False
+
+    def clear(self, unit_id: int) -> None:
+        """`unit_id` is past all of its requests."""
+        self._until_s = {kind: until_s for kind, until_s in self._until_s.items() if kind[0] != unit_id}

@@ -1,0 +1,302 @@
+"""The client's side of Modbus without I/O: a request in, bytes in, a verdict out.
+
+A reply counts only if unit, function, byte count (or echo), length and CRC are those of the request. Frames that belong
+to an earlier request are told by their transaction number (Modbus TCP) or by their kind (RTU, see outstanding.py):
+
+    arrived                      nothing of that kind outstanding     such a frame outstanding
+    the reply                    ANSWERED                             STALE
+    an exception                 REFUSED                              STALE
+    another frame                FOREIGN                              FOREIGN
+    the right head, wrong size   WRONG_SIZE                           WRONG_SIZE
+    a wrong CRC                  DAMAGED                              DAMAGED
+    no frame of the protocol     MALFORMED                            MALFORMED
+    nothing, or half a frame     SILENT                               SILENT
+
+What a verdict leaves behind (`CONSEQUENCES`): only ANSWERED ends the matter. An exception may be doubled, or, from a
+gateway or a busy device, be followed by the real reply, so a refused request stays outstanding. It proves that the unit
+is past its older requests only where its code is a final one of the device itself (`FINAL_CODES`).
+
+The states of the connection (`TRANSITIONS`):
+
+    READY         a request may go out
+    WAITING       a request is out
+    SUSPECT       bytes may be on their way that nobody waits for: silence must come first (RTU only)
+    OUT_OF_STEP   a frame was left unfinished in a stream: only a new connection helps (TCP only)
+
+One thing no client of RTU can tell: the second copy of a reply that arrives after the next request of the same kind
+went out. `sync_request` gives a request of another kind; once that is answered, no such copy can follow.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from enum import Enum, auto
+from itertools import chain
+from typing import NamedTuple
+
+from smadrive.errors import ProtocolError
+from smadrive.modbus import requests
+from smadrive.modbus.framing import Framing
+from smadrive.modbus.outstanding import Kind, Outstanding, exception_kind, reply_kind
+from smadrive.modbus.requests import Request
+
+FINAL_CODES = frozenset((1, 2, 3, 4, 7, 8))
+"""Exception codes by which a device ends a request; 5, 6, 10 and 11 may be followed by the real reply."""
+
+
+class Verdict(Enum):
+    """What arrived for a request."""
+
+    ANSWERED = auto()
+    REFUSED = auto()
+    STALE = auto()
+    FOREIGN = auto()
+    WRONG_SIZE = auto()
+    DAMAGED = auto()
+    MALFORMED = auto()
+    SILENT = auto()
+
+
+class State(Enum):
+    """Whether a request may go out."""
+
+    READY = auto()
+    WAITING = auto()
+    SUSPECT = auto()
+    OUT_OF_STEP = auto()
+
+
+class Event(Enum):
+    """What changes the state."""
+
+    SENT = auto()
+    DONE = auto()
+    FAILED = auto()
+    STRAY = auto()
+    SILENCE = auto()
+    NEW_CONNECTION = auto()
+
+
+class Consequence(NamedTuple):
+    """`proves`: the unit is past its older requests. `remains`: an answer may still arrive. `event`: of the state."""
+
+    proves: bool
+    remains: bool
+    event: Event
+
+
+VERDICTS = {
+    (Verdict.ANSWERED, False): Verdict.ANSWERED,
+    (Verdict.ANSWERED, True): Verdict.STALE,
+    (Verdict.REFUSED, False): Verdict.REFUSED,
+    (Verdict.REFUSED, True): Verdict.STALE,
+}
+"""By what arrived, and whether such a frame is outstanding; every other arrival is its own verdict."""
+
+CONSEQUENCES = {
+    Verdict.ANSWERED: Consequence(proves=True, remains=False, event=Event.DONE),
+    Verdict.REFUSED: Consequence(proves=True, remains=True, event=Event.DONE),
+    Verdict.STALE: Consequence(proves=False, remains=True, event=Event.FAILED),
+    Verdict.FOREIGN: Consequence(proves=False, remains=True, event=Event.FAILED),
+    Verdict.WRONG_SIZE: Consequence(proves=False, remains=True, event=Event.FAILED),
+    Verdict.DAMAGED: Consequence(proves=False, remains=True, event=Event.FAILED),
+    Verdict.MALFORMED: Consequence(proves=False, remains=True, event=Event.FAILED),
+    Verdict.SILENT: Consequence(proves=False, remains=True, event=Event.FAILED),
+}
+
+TRANSITIONS = {
+    (State.READY, Event.SENT): State.WAITING,
+    (State.WAITING, Event.DONE): State.READY,
+    (State.WAITING, Event.FAILED): State.SUSPECT,
+    (State.READY, Event.FAILED): State.SUSPECT,
+    (State.READY, Event.STRAY): State.SUSPECT,
+    (State.SUSPECT, Event.STRAY): State.SUSPECT,
+    (State.SUSPECT, Event.FAILED): State.SUSPECT,
+    (State.SUSPECT, Event.SILENCE): State.READY,
+    (State.READY, Event.SILENCE): State.READY,
+    **{(state, Event.NEW_CONNECTION): State.SUSPECT for state in State},
+}
+"""Of RTU; in a numbered stream SUSPECT is READY, or OUT_OF_STEP where a frame was left unfinished."""
+
+
+class Outcome(NamedTuple):
+    """A verdict; the payload of a reply, the code of an exception, or the bytes that prove the reply wrong."""
+
+    verdict: Verdict
+    data: bytes = b""
+    code: int = 0
+
+
+class ClientProtocol:
+    """One connection's requests and replies, one at a time. Times are arguments; nothing is read or written here."""
+
+    def __init__(self, framing: Framing) -> None:
+        self._framing = framing
+        self._outstanding = Outstanding()
+        self._answered: dict[Kind, tuple[float, Request]] = {}
+        self._unit_id = 0
+        self._request = requests.read_holding(0, 1)
+        self._head = self._exception_head = self._reply = b""
+        self._size = 0
+        self.state = State.READY
+        self._become(Event.NEW_CONNECTION)
+
+    def new_connection(self) -> None:
+        """The connection was opened anew: nobody knows what was asked through it before."""
+        self._framing.restart()
+        self._become(Event.NEW_CONNECTION)
+
+    def stray(self, data: bytes) -> None:
+        """`data` arrived although no request is out: it answers nothing."""
+        self._framing.skip(data)
+        self._become(Event.STRAY)
+
+    def silence(self) -> None:
+        """The bus has been silent for as long as a reply may take."""
+        self._become(Event.SILENCE)
+
+    def distrust(self, now_s: float) -> None:
+        """The content of the last reply proved it stale: the answer to its request may still arrive."""
+        self._outstanding.add(self._unit_id, self._request, now_s)
+        self._become(Event.FAILED)
+
+    def send(self, unit_id: int, request: Request) -> bytes:
+        """The frame to write; what arrives from now on may be its answer."""
+        self._become(Event.SENT)
+        self._unit_id, self._request, self._reply = unit_id, request, b""
+        self._head = bytes((unit_id,)) + request.reply_head
+        self._exception_head = bytes((unit_id, request.function | 0x80))
+        self._size = len(self._head) + request.payload_size + self._framing.tail_size
+        return self._framing.request(unit_id, request.pdu)
+
+    def receive(self, data: bytes, now_s: float) -> Outcome | None:
+        """The outcome once `data` decides it, None while more may come."""
+        try:
+            self._reply = self._framing.reply(data)
+        except ProtocolError:
+            outcome: Outcome | None = Outcome(Verdict.MALFORMED, data)
+        else:
+            outcome = self._judged(self._reply, now_s)
+        return None if outcome is None else self._concluded(outcome, now_s)
+
+    def give_up(self, now_s: float) -> Outcome:
+        """The outcome when the deadline has passed, or the wait was interrupted."""
+        return self._concluded(Outcome(Verdict.SILENT, self._reply), now_s)
+
+    def may_be_mistaken(self, unit_id: int, request: Request, now_s: float) -> bool:
+        """Whether an outstanding frame is of the kind of this request's reply: it must not be sent then."""
+        return bool(self._outstanding) and self._outstanding.holds(reply_kind(unit_id, request), now_s)
+
+    def needs_probe(self, unit_id: int, request: Request, now_s: float) -> bool:
+        """Whether a probe must go first, or should: it costs one sure reply, and an exception can be believed then."""
+        if self.may_be_mistaken(unit_id, request, now_s):
+            return True
+        doubtful = self._exception_is_doubtful(unit_id, request, now_s)
+        return doubtful and next(self._clean(unit_id, self._known(unit_id), now_s), None) is not None
+
+    def probe_request(self, unit_id: int, request: Request, attempt: int, now_s: float) -> Request | None:
+        """A read whose reply no outstanding frame can be mistaken for, at best one that was answered before.
+
+        None when there is none: the unit owes too many replies.
+        """
+        others = () if attempt == 0 else _other_functions(request)
+        tries = chain(self._known(unit_id), others, _other_lengths(request))
+        return next(self._clean(unit_id, tries, now_s), None)
+
+    def sync_request(self, unit_id: int, request: Request, now_s: float) -> Request:
+        """A read of another kind than `request`, and of the kind that was answered longest ago, or never."""
+        own = reply_kind(unit_id, request)
+        known = [one for one in self._known(unit_id) if reply_kind(unit_id, one) != own]
+        tries = known or [one for one in _other_lengths(request) if reply_kind(unit_id, one) != own][:1]
+        clean = list(self._clean(unit_id, tries, now_s)) or tries
+        return min(clean, key=lambda one: self._answered_s(reply_kind(unit_id, one)))
+
+    def has_answered(self, unit_id: int, request: Request) -> bool:
+        """Whether the unit has ever answered a read of this kind, or one of the same address with more."""
+        return any(one.pdu[:3] == request.pdu[:3] for kind, (_, one) in self._answered.items() if kind[0] == unit_id)
+
+    def _judged(self, reply: bytes, now_s: float) -> Outcome | None:
+        if reply.startswith(self._head):
+            return self._whole(reply, self._size, Verdict.ANSWERED, now_s)
+        if reply.startswith(self._exception_head):
+            return self._whole(reply, len(self._exception_head) + 1 + self._framing.tail_size, Verdict.REFUSED, now_s)
+        if not reply or (self._head.startswith(reply) and not self._framing.numbered):
+            return None
+        return Outcome(Verdict.FOREIGN, reply)
+
+    def _whole(self, reply: bytes, size: int, arrived: Verdict, now_s: float) -> Outcome | None:
+        """What a reply of the right head is, once it has its `size`."""
+        if len(reply) < size and not self._framing.numbered:
+            return None
+        if len(reply) != size:
+            return Outcome(Verdict.WRONG_SIZE, reply)
+        if not self._framing.intact(reply):
+            return Outcome(Verdict.DAMAGED, reply)
+        match VERDICTS[arrived, self._is_outstanding(arrived, now_s)]:
+            case Verdict.ANSWERED:
+                at = len(self._head)
+                return Outcome(Verdict.ANSWERED, reply[at : at + self._request.payload_size])
+            case Verdict.REFUSED:
+                return Outcome(Verdict.REFUSED, reply, code=reply[2])
+            case verdict:
+                return Outcome(verdict, reply, code=0 if arrived is Verdict.ANSWERED else reply[2])
+
+    def _is_outstanding(self, arrived: Verdict, now_s: float) -> bool:
+        """Whether a frame of the kind that arrived may be that of an earlier request."""
+        if arrived is Verdict.ANSWERED:
+            return self.may_be_mistaken(self._unit_id, self._request, now_s)
+        return self._exception_is_doubtful(self._unit_id, self._request, now_s)
+
+    def _exception_is_doubtful(self, unit_id: int, request: Request, now_s: float) -> bool:
+        """Numbers prove an exception. They do not prove a reply: a gateway may number a late one of its serial line."""
+        if self._framing.numbered or not self._outstanding:
+            return False
+        return self._outstanding.holds(exception_kind(unit_id, request), now_s)
+
+    def _concluded(self, outcome: Outcome, now_s: float) -> Outcome:
+        consequence = CONSEQUENCES[outcome.verdict]
+        if self._outstanding and consequence.proves and (not outcome.code or outcome.code in FINAL_CODES):
+            self._outstanding.clear(self._unit_id)
+        if consequence.remains:
+            self._outstanding.add(self._unit_id, self._request, now_s)
+        elif not self._request.writes:
+            self._answered[reply_kind(self._unit_id, self._request)] = now_s, self._request
+        self._become(consequence.event)
+        return outcome
+
+    def _become(self, event: Event) -> None:
+        state = TRANSITIONS[self.state, event]
+        if state is State.SUSPECT and self._framing.numbered:
+            state = State.OUT_OF_STEP if self._framing.out_of_step else State.READY
+        self.state = state
+
+    def _answered_s(self, kind: Kind) -> float:
+        return self._answered[kind][0] if kind in self._answered else float("-inf")
+
+    def _clean(self, unit_id: int, tries: Iterable[Request], now_s: float) -> Iterator[Request]:
+        """Those whose replies are certain to be their own."""
+        return (one for one in tries if not self.may_be_mistaken(unit_id, one, now_s))
+
+    def _known(self, unit_id: int) -> Iterator[Request]:
+        """Reads that this unit has answered, and the first parts of them."""
+        known = [request for kind, (_, request) in self._answered.items() if kind[0] == unit_id]
+        yield from known
+        for request in known:
+            for count in range(1, requests.read_count(request)):
+                yield requests.read_like(request, count)
+
+
+def _other_lengths(request: Request) -> Iterator[Request]:
+    """Reads from the same address on, by the same function where that reads."""
+    for count in range(1, requests.MAX_READ_REGISTERS + 1):
+        yield requests.read_like(request, count)
+
+
+def _other_functions(request: Request) -> Iterator[Request]:
+    """One read by each other function. A device that lacks the function refuses, which proves as much as a reply."""
+    address = requests.read_like(request, 1).address
+    reads = (requests.read_holding, requests.read_input, requests.read_discrete, requests.read_coils)
+    for read in reads:
+        other = read(address, 1)
+        if other.function != request.function:
+            yield other

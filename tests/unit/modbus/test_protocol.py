@@ -1,0 +1,173 @@
+"""The client's protocol without I/O: every cell of its tables."""
+
+import pytest
+
+from smadrive.modbus import frames, mbap, requests
+from smadrive.modbus.framing import RtuFraming, TcpFraming
+from smadrive.modbus.outstanding import LATEST_REPLY_S
+from smadrive.modbus.protocol import CONSEQUENCES, FINAL_CODES, TRANSITIONS, ClientProtocol, Event, State, Verdict
+
+READ = requests.read_holding(10, 2)
+SAME_KIND = requests.read_holding(500, 2)
+SAME_FUNCTION = requests.read_holding(500, 7)
+ANOTHER_FUNCTION = requests.read_input(10, 3)
+OUTSTANDING = {"nothing": None, "reply": SAME_KIND, "exception": SAME_FUNCTION, "another": ANOTHER_FUNCTION}
+PDUS = {
+    "reply": bytes.fromhex("03 04 000A 000B"),
+    "exception": bytes.fromhex("83 02"),
+    "foreign": bytes.fromhex("04 04 000A 000B"),
+    "foreign exception": bytes.fromhex("84 02"),
+    "too long": bytes.fromhex("03 04 000A 000B 000C"),
+}
+VERDICTS = {  # by what arrives, for each of OUTSTANDING; SAME_KIND leaves an exception outstanding, too
+    "reply": (Verdict.ANSWERED, Verdict.STALE, Verdict.ANSWERED, Verdict.ANSWERED),
+    "exception": (Verdict.REFUSED, Verdict.STALE, Verdict.STALE, Verdict.REFUSED),
+    "foreign": (Verdict.FOREIGN,) * 4,
+    "foreign exception": (Verdict.FOREIGN,) * 4,
+    "too long": (Verdict.WRONG_SIZE,) * 4,
+    "damaged": (Verdict.DAMAGED,) * 4,
+    "half a reply": (Verdict.SILENT,) * 4,
+    "nothing": (Verdict.SILENT,) * 4,
+}
+CELLS = [
+    (outstanding, arrives, verdict)
+    for arrives, row in VERDICTS.items()
+    for outstanding, verdict in zip(OUTSTANDING, row, strict=True)
+]
+
+
+def ready():
+    protocol = ClientProtocol(RtuFraming())
+    protocol.silence()
+    return protocol
+
+
+def rtu_frame(arrives):
+    match arrives:
+        case "nothing":
+            return b""
+        case "half a reply":
+            return frames.seal(1, PDUS["reply"])[:5]
+        case "damaged":
+            return frames.seal(1, PDUS["reply"])[:-1] + b"\0"
+    return frames.seal(1, PDUS[arrives])
+
+
+def outcome_of(protocol, request, data, now_s=1.0):
+    protocol.send(1, request)
+    outcome = protocol.receive(data, now_s) if data else None
+    return outcome or protocol.give_up(now_s)
+
+
+def unanswered(protocol, request, now_s=0.0):
+    protocol.send(1, request)
+    protocol.give_up(now_s)
+    protocol.silence()
+
+
+@pytest.mark.parametrize(("outstanding", "arrives", "verdict"), CELLS)
+def test_the_verdict_on_rtu(outstanding, arrives, verdict):
+    protocol = ready()
+    if OUTSTANDING[outstanding] is not None:
+        unanswered(protocol, OUTSTANDING[outstanding])
+    outcome = outcome_of(protocol, READ, rtu_frame(arrives))
+    assert outcome.verdict is verdict
+    if verdict is Verdict.ANSWERED:
+        assert requests.registers_of(outcome.data) == (10, 11)
+    if arrives == "exception":
+        assert outcome.code == 2
+
+
+@pytest.mark.parametrize(("outstanding", "arrives", "verdict"), CELLS)
+def test_the_verdict_on_tcp(outstanding, arrives, verdict):
+    """As on RTU, but a number proves an exception, and TCP guards against damage."""
+    if arrives in ("damaged", "half a reply", "nothing"):
+        return
+    protocol = ClientProtocol(TcpFraming())
+    if OUTSTANDING[outstanding] is not None:
+        protocol.send(1, OUTSTANDING[outstanding])
+        protocol.give_up(0.0)
+    number = mbap.Header.of(protocol.send(1, READ)).transaction
+    outcome = protocol.receive(mbap.seal(number, 1, PDUS[arrives]), 1.0)
+    assert outcome.verdict is (Verdict.REFUSED if arrives == "exception" else verdict)
+
+
+def test_what_is_no_modbus_tcp_is_malformed_and_needs_a_new_connection():
+    protocol = ClientProtocol(TcpFraming())
+    protocol.send(1, READ)
+    assert protocol.receive(frames.seal(1, PDUS["reply"]), 0.0).verdict is Verdict.MALFORMED
+    assert protocol.state is State.OUT_OF_STEP
+    protocol.new_connection()
+    assert protocol.state is State.READY
+
+
+@pytest.mark.parametrize("arrives", VERDICTS)
+def test_what_a_verdict_leaves_outstanding(arrives):
+    """Of the request itself, and of an older one of the same unit."""
+    protocol = ready()
+    unanswered(protocol, ANOTHER_FUNCTION)
+    verdict = outcome_of(protocol, READ, rtu_frame(arrives)).verdict
+    consequence = CONSEQUENCES[verdict]
+    assert protocol.may_be_mistaken(1, READ, 2.0) is consequence.remains
+    assert protocol.may_be_mistaken(1, ANOTHER_FUNCTION, 2.0) is not consequence.proves
+    assert protocol.state is (State.READY if consequence.event is Event.DONE else State.SUSPECT)
+
+
+@pytest.mark.parametrize("code", range(1, 12))
+def test_only_a_final_exception_of_the_device_proves_that_nothing_older_comes(code):
+    protocol = ready()
+    unanswered(protocol, ANOTHER_FUNCTION)
+    outcome_of(protocol, READ, frames.seal(1, bytes((0x83, code))))
+    assert protocol.may_be_mistaken(1, ANOTHER_FUNCTION, 2.0) is (code not in FINAL_CODES)
+
+
+def test_another_unit_owes_its_reply_all_the_same():
+    protocol = ready()
+    protocol.send(2, READ)
+    protocol.give_up(0.0)
+    protocol.silence()
+    assert outcome_of(protocol, READ, rtu_frame("reply")).verdict is Verdict.ANSWERED
+    assert protocol.may_be_mistaken(2, READ, 2.0)
+
+
+def test_an_outstanding_reply_is_forgotten_when_it_can_no_longer_come():
+    protocol = ready()
+    unanswered(protocol, READ, now_s=0.0)
+    assert protocol.may_be_mistaken(1, READ, 0.99 * LATEST_REPLY_S)
+    assert not protocol.may_be_mistaken(1, READ, LATEST_REPLY_S)
+
+
+def test_every_state_has_an_answer_to_what_can_happen_in_it():
+    """A request goes out in READY alone; silence, strays and new connections come at any time between requests."""
+    assert {state for state, event in TRANSITIONS if event is Event.SENT} == {State.READY}
+    assert {state for state, event in TRANSITIONS if event is Event.DONE} == {State.WAITING}
+    for event in (Event.STRAY, Event.SILENCE, Event.FAILED):
+        assert {State.READY, State.SUSPECT} <= {state for state, one in TRANSITIONS if one is event}
+    assert {state for state, event in TRANSITIONS if event is Event.NEW_CONNECTION} == set(State)
+
+
+def test_a_probe_is_a_read_that_has_been_answered_and_whose_reply_nothing_resembles():
+    protocol = ready()
+    outcome_of(protocol, ANOTHER_FUNCTION, frames.seal(1, bytes.fromhex("04 06 0001 0002 0003")))
+    unanswered(protocol, READ)
+    assert protocol.needs_probe(1, SAME_KIND, 1.0)
+    assert protocol.probe_request(1, SAME_KIND, 0, 1.0) == ANOTHER_FUNCTION
+    unanswered(protocol, ANOTHER_FUNCTION)
+    assert protocol.probe_request(1, SAME_KIND, 0, 1.0) == requests.read_input(10, 1)
+    assert not protocol.needs_probe(1, requests.write_register(1, 2), 1.0)
+
+
+def test_an_unknown_device_is_probed_with_another_length_then_with_another_function():
+    protocol = ready()
+    unanswered(protocol, READ)
+    assert protocol.probe_request(1, READ, 0, 1.0) == requests.read_holding(10, 1)
+    assert protocol.probe_request(1, READ, 1, 1.0) == requests.read_input(10, 1)
+
+
+def test_a_sync_is_of_the_kind_that_was_answered_longest_ago():
+    protocol = ready()
+    for now_s, first, count in ((1.0, 0, 3), (2.0, 0, 2), (3.0, 0, 1)):
+        reply = bytes((3, 2 * count)) + bytes(2 * count)
+        outcome_of(protocol, requests.read_holding(first, count), frames.seal(1, reply), now_s)
+    assert protocol.sync_request(1, requests.read_holding(50, 3), 4.0) == requests.read_holding(0, 2)
+    assert protocol.sync_request(1, requests.read_holding(50, 2), 4.0) == requests.read_holding(0, 3)
