@@ -79,8 +79,6 @@ class Device:
         self._switched = False
         timing = profile.bus_timing()
         self._timing = timing if read_retries is None else replace(timing, read_retries=read_retries)
-        self._interval_s = profile.timing.poll_interval_ms / 1e3
-        self._next_s = 0.0
         self.identity = identity
         self._proved_on: int | None = None
         self._written: set[str] = set()
@@ -96,7 +94,7 @@ class Device:
         proofs = self._family.identify
         names = tuple(dict.fromkeys(chain((proof.register_ for proof in proofs), self._telling)))
         names = names or self._family.measured[:1]  # where nothing proves its type, it answers at least
-        readings = self._read_patiently(names) if self._proved_on is None else self._read(names)
+        readings = self._read_patiently(names) if self._proved_on is None else self._read(names, proved=True)
         check_type(proofs, readings, f"unit {self.unit_id} is no '{self.profile.profile.id}'")
         found = identity_of(self._family, readings)
         check_same(self.identity, found, f"unit {self.unit_id}, a '{self.profile.profile.id}'")
@@ -106,11 +104,16 @@ class Device:
         self._become(self._family if variant is None else self._family.as_variant(variant))
         self.identity, self._proved_on = found, connection
 
-    def read(self, names: Sequence[str]) -> dict[str, Reading]:
-        """The registers `names`, in as few requests as their addresses allow."""
+    def read(self, names: Sequence[str], *, proved: bool = False) -> dict[str, Reading]:
+        """The registers `names`, in as few requests as their addresses allow.
+
+        Plain Modbus RTU cannot tell a stale reply from a current one of equal length: a second copy of the reply before
+        may be taken for this one. Where a safety decision rests on the readings, ask for `proved` ones: a request of
+        another length is answered first (see Master.execute), which costs one more transaction for each request.
+        """
         if self._telling or self.identity:
             self._prove_identity()
-        return self._read(tuple(names))
+        return self._read(tuple(names), proved=proved)
 
     def write(self, name: str, value: float) -> None:
         """Write one register and read it back (unless it is write-only); ReadBackError when it did not arrive."""
@@ -159,36 +162,31 @@ class Device:
         steps = [partial(self.write, step.register_, step.value) for step in self.profile.safe_state]
         insist(steps, self.master.clock)
 
-    def _execute(self, request: Request) -> bytes:
-        """One transaction, no sooner after the last than the device stands."""
-        clock = self.master.clock
-        clock.sleep_until(self._next_s)
-        try:
-            connection = self._proved_on if request.writes else None
-            payload = self.master.execute(self.unit_id, request, self._timing, connection)
-        finally:
-            self._next_s = clock.now_s() + self._interval_s
-        return payload
+    def _execute(self, request: Request, *, proved: bool = False) -> bytes:
+        """One transaction, or one with a proof; a write goes out only where the identity was proved."""
+        connection = self._proved_on if request.writes else None
+        return self.master.execute(self.unit_id, request, self._timing, connection, proved=proved)
 
-    def _read(self, names: tuple[str, ...]) -> dict[str, Reading]:
+    def _read(self, names: tuple[str, ...], *, proved: bool = False) -> dict[str, Reading]:
         spans = self._plans.read(names)
-        return decode(spans, [self._span_words(span) for span in spans], names)
+        return decode(spans, [self._span_words(span, proved=proved) for span in spans], names)
 
     def _read_patiently(self, names: tuple[str, ...]) -> dict[str, Reading]:
         give_up_s = self.master.clock.now_s() + self.profile.timing.boot_ms / 1e3
         while True:
             try:
-                return self._read(names)
+                return self._read(names, proved=True)
             except DeadlineError:
                 if self.master.clock.now_s() >= give_up_s:
                     raise
 
-    def _span_words(self, span: Span) -> tuple[int, ...]:
-        return span.words(self._execute(span.read_request(self.profile.timing.function_codes)))
+    def _span_words(self, span: Span, *, proved: bool = False) -> tuple[int, ...]:
+        request = span.read_request(self.profile.timing.function_codes)
+        return span.words(self._execute(request, proved=proved))
 
-    def _words(self, name: str) -> tuple[int, ...]:
+    def _words(self, name: str, *, proved: bool = False) -> tuple[int, ...]:
         spans = [span for span in self._plans.read((name,)) if any(part.name == name for part in span.parts)]
-        return words_of_register(spans, [self._span_words(span) for span in spans], name)
+        return words_of_register(spans, [self._span_words(span, proved=proved) for span in spans], name)
 
     def _writable(self, name: str) -> Register:
         register = self.profile.register(name)
@@ -206,11 +204,11 @@ class Device:
         return _Write(name, register, context, register.codec.encode(value, name, context))
 
     def _store(self, write: _Write) -> None:
-        """Send the write and read it back."""
+        """Send the write and read it back, proved."""
         self._commanded.pop(write.name, None)
         self._send(write)
         if write.register.access == "rw":
-            self._confirm(write, self._words(write.name))
+            self._confirm(write, self._words(write.name, proved=True))
 
     def _send(self, write: _Write) -> None:
         name, register = write.name, write.register

@@ -150,6 +150,7 @@ class Profile(Section):
             response_timeout_s=timing.response_timeout_ms / 1e3,
             min_gap_s=timing.min_gap_ms / 1e3,
             post_write_s=timing.post_write_ms / 1e3,
+            interval_s=timing.poll_interval_ms / 1e3,
             silence=timing.silence,
             read_retries=timing.retries,
         )

@@ -54,13 +54,15 @@ class BusTiming:
     """What one device needs of the bus.
 
     `response_timeout_s` starts when the request has left the wire; `min_gap_s` is the least pause before a request, and
-    `post_write_s` what a write adds to it; `silence` keeps the standard's 3.5 characters; only requests that write
-    nothing are retried, `read_retries` times.
+    `post_write_s` what a write adds to it; from the end of one request of this device to its next at least `interval_s`
+    pass; `silence` keeps the standard's 3.5 characters; only requests that write nothing are retried, `read_retries`
+    times.
     """
 
     response_timeout_s: float = 0.2
     min_gap_s: float = 0.0
     post_write_s: float = 0.0
+    interval_s: float = 0.0
     silence: bool = True
     read_retries: int = 2
 

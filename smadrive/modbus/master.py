@@ -62,6 +62,7 @@ class Master:
         self._silence_s = silence_s(transport.baudrate) if transport.baudrate else 0.0
         self._character_s = 11 / transport.baudrate if transport.baudrate else 0.0
         self._free_at_s = self.clock.now_s()
+        self._next_s: dict[int, float] = {}
         self._turn = Lock()
         self._heard = b""
         self._heard_s = 0.0
@@ -102,7 +103,7 @@ class Master:
     def broadcast(self, request: Request, timing: BusTiming) -> None:
         """Send a write to every device; none answers. Returns after the turnaround delay of the standard."""
         with self._turn:
-            self._settle(timing)
+            self._settle(frames.BROADCAST, timing)
             self._write(self.transport.framing.request(frames.BROADCAST, request.pdu))
             self.clock.sleep_until(self.clock.now_s() + TURNAROUND_S)
 
@@ -113,13 +114,13 @@ class Master:
     def _transact_surely(
         self, unit_id: int, request: Request, timing: BusTiming, connection: int | None, *, proved: bool
     ) -> bytes:
-        self._settle(timing)
+        self._settle(unit_id, timing)
         if self._protocol.needs_probe(unit_id, request, self.clock.now_s()):
             self._probe(unit_id, request, timing)
-            self._settle(timing)
+            self._settle(unit_id, timing)
         if proved:
             self._sync(unit_id, request, timing)
-            self._settle(timing)
+            self._settle(unit_id, timing)
         if connection not in (None, self.connection):
             raise TransportError(
                 f"{self._who(unit_id, request)}: not sent, because the connection was opened anew and the device is "
@@ -141,7 +142,10 @@ class Master:
             raise
         finally:
             self._told_received()
-            self._free_at_s = self.clock.now_s() + (timing.post_write_s if request.writes else 0.0)
+            now_s = self.clock.now_s()
+            self._free_at_s = now_s + (timing.post_write_s if request.writes else 0.0)
+            if timing.interval_s:
+                self._next_s[unit_id] = now_s + timing.interval_s
             if self._protocol.state is State.OUT_OF_STEP:
                 self.transport.lose()
         if outcome.verdict is Verdict.ANSWERED:
@@ -164,7 +168,7 @@ class Master:
     def _failure(self, outcome: Outcome, unit_id: int, request: Request) -> SmadriveError:
         """The error that the verdict means, counted."""
         who, verdict = self._who(unit_id, request), outcome.verdict
-        if verdict is Verdict.REFUSED:
+        if verdict in (Verdict.REFUSED, Verdict.DEFERRED):
             self.counters.replies += 1
             self.counters.exceptions += 1
             meaning = EXCEPTIONS.get(outcome.code, "unknown")
@@ -189,12 +193,12 @@ class Master:
         self.transport.write(frame)
         self.trace(now_s, "sent", frame)
 
-    def _settle(self, timing: BusTiming) -> None:
-        """Return when the bus may be used: open, silent for long enough, and empty."""
+    def _settle(self, unit_id: int, timing: BusTiming) -> None:
+        """Return when the bus and the unit may be used: open, silent for long enough, and empty."""
         if self.transport.lost:
             self._reopen()
         gap_s = max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)
-        self.clock.sleep_until(self._free_at_s + gap_s)
+        self.clock.sleep_until(max(self._free_at_s + gap_s, self._next_s.get(unit_id, 0.0)))
         if stray := self._discard():
             self._discarded(stray)
             self._protocol.stray(stray)
@@ -262,7 +266,7 @@ class Master:
                 failure = error
             if not self._protocol.may_be_mistaken(unit_id, request, self.clock.now_s()):
                 return
-            self._settle(timing)
+            self._settle(unit_id, timing)
         raise failure
 
     def _sync(self, unit_id: int, request: Request, timing: BusTiming) -> None:
@@ -275,7 +279,7 @@ class Master:
         try:
             self._transact(unit_id, sync, timing)
         except ExceptionReply as refusal:
-            if refusal.code not in FINAL_CODES:
+            if refusal.code not in FINAL_CODES:  # the real answer may still come: nothing is proved
                 raise
         except DeadlineError:
             if self._protocol.has_answered(unit_id, sync):

@@ -1,7 +1,7 @@
 """Replies that may still arrive although nobody waits for them any more.
 
-A request that got no proven answer leaves two frames behind that may come later: its reply and its exception. Modbus
-RTU gives a frame no number, so such a frame is told from the answer to a later request by its kind alone:
+A request that got no answer leaves two frames behind that may come later: its reply and its exception. Modbus RTU
+gives a frame no number, so such a frame is told from the answer to a later request by its kind alone:
 
     kind of a reply       unit, head (function and byte count, or the echo of a write), payload size
     kind of an exception  unit, function with the top bit set
@@ -40,11 +40,9 @@ class Outstanding:
         """Whether anything may still arrive."""
         return bool(self._until_s)
 
-    def add(self, unit_id: int, request: Request, now_s: float) -> None:
-        """Both answers to `request` may still arrive."""
-        until_s = now_s + LATEST_REPLY_S
-        self._until_s[reply_kind(unit_id, request)] = until_s
-        self._until_s[exception_kind(unit_id, request)] = until_s
+    def add(self, kind: Kind, now_s: float) -> None:
+        """A frame of this kind may still arrive."""
+        self._until_s[kind] = now_s + LATEST_REPLY_S
 
     def holds(self, kind: Kind, now_s: float) -> bool:
         """Whether a frame of this kind may still arrive at `now_s`."""

@@ -5,16 +5,17 @@ to an earlier request are told by their transaction number (Modbus TCP) or by th
 
     arrived                      nothing of that kind outstanding     such a frame outstanding
     the reply                    ANSWERED                             STALE
-    an exception                 REFUSED                              STALE
+    an exception                 REFUSED, or DEFERRED by its code     STALE
     another frame                FOREIGN                              FOREIGN
     the right head, wrong size   WRONG_SIZE                           WRONG_SIZE
     a wrong CRC                  DAMAGED                              DAMAGED
     no frame of the protocol     MALFORMED                            MALFORMED
     nothing, or half a frame     SILENT                               SILENT
 
-What a verdict leaves behind (`CONSEQUENCES`): only ANSWERED ends the matter. An exception may be doubled, or, from a
-gateway or a busy device, be followed by the real reply, so a refused request stays outstanding. It proves that the unit
-is past its older requests only where its code is a final one of the device itself (`FINAL_CODES`).
+What a verdict leaves behind (`CONSEQUENCES`): only ANSWERED ends the matter. After a failure both the reply and an
+exception may still arrive. Behind an exception the real reply may come: a busy device or a gateway answers later after
+all (DEFERRED), and a second copy of an older exception looks like this one. So the reply stays outstanding, and a lag
+by one reply cannot begin. A final exception of the device proves that it is past its older requests.
 
 The states of the connection (`TRANSITIONS`):
 
@@ -42,6 +43,7 @@ from smadrive.modbus.requests import Request
 
 FINAL_CODES = frozenset((1, 2, 3, 4, 7, 8))
 """Exception codes by which a device ends a request; 5, 6, 10 and 11 may be followed by the real reply."""
+_FINAL = frozenset(bytes((code,)) for code in FINAL_CODES)
 
 
 class Verdict(Enum):
@@ -49,6 +51,7 @@ class Verdict(Enum):
 
     ANSWERED = auto()
     REFUSED = auto()
+    DEFERRED = auto()
     STALE = auto()
     FOREIGN = auto()
     WRONG_SIZE = auto()
@@ -78,10 +81,11 @@ class Event(Enum):
 
 
 class Consequence(NamedTuple):
-    """`proves`: the unit is past its older requests. `remains`: an answer may still arrive. `event`: of the state."""
+    """`proves`: the unit is past its older requests. What may still arrive of this one. `event`: of the state."""
 
     proves: bool
-    remains: bool
+    reply_remains: bool
+    exception_remains: bool
     event: Event
 
 
@@ -90,18 +94,22 @@ VERDICTS = {
     (Verdict.ANSWERED, True): Verdict.STALE,
     (Verdict.REFUSED, False): Verdict.REFUSED,
     (Verdict.REFUSED, True): Verdict.STALE,
+    (Verdict.DEFERRED, False): Verdict.DEFERRED,
+    (Verdict.DEFERRED, True): Verdict.STALE,
 }
 """By what arrived, and whether such a frame is outstanding; every other arrival is its own verdict."""
 
+_FAILED = Consequence(proves=False, reply_remains=True, exception_remains=True, event=Event.FAILED)
 CONSEQUENCES = {
-    Verdict.ANSWERED: Consequence(proves=True, remains=False, event=Event.DONE),
-    Verdict.REFUSED: Consequence(proves=True, remains=True, event=Event.DONE),
-    Verdict.STALE: Consequence(proves=False, remains=True, event=Event.FAILED),
-    Verdict.FOREIGN: Consequence(proves=False, remains=True, event=Event.FAILED),
-    Verdict.WRONG_SIZE: Consequence(proves=False, remains=True, event=Event.FAILED),
-    Verdict.DAMAGED: Consequence(proves=False, remains=True, event=Event.FAILED),
-    Verdict.MALFORMED: Consequence(proves=False, remains=True, event=Event.FAILED),
-    Verdict.SILENT: Consequence(proves=False, remains=True, event=Event.FAILED),
+    Verdict.ANSWERED: Consequence(proves=True, reply_remains=False, exception_remains=False, event=Event.DONE),
+    Verdict.REFUSED: Consequence(proves=True, reply_remains=True, exception_remains=False, event=Event.DONE),
+    Verdict.DEFERRED: Consequence(proves=False, reply_remains=True, exception_remains=False, event=Event.DONE),
+    Verdict.STALE: _FAILED,
+    Verdict.FOREIGN: _FAILED,
+    Verdict.WRONG_SIZE: _FAILED,
+    Verdict.DAMAGED: _FAILED,
+    Verdict.MALFORMED: _FAILED,
+    Verdict.SILENT: _FAILED,
 }
 
 TRANSITIONS = {
@@ -157,7 +165,7 @@ class ClientProtocol:
 
     def distrust(self, now_s: float) -> None:
         """The content of the last reply proved it stale: the answer to its request may still arrive."""
-        self._outstanding.add(self._unit_id, self._request, now_s)
+        self._outstanding.add(reply_kind(self._unit_id, self._request), now_s)
         self._become(Event.FAILED)
 
     def send(self, unit_id: int, request: Request) -> bytes:
@@ -219,7 +227,8 @@ class ClientProtocol:
         if reply.startswith(self._head):
             return self._whole(reply, self._size, Verdict.ANSWERED, now_s)
         if reply.startswith(self._exception_head):
-            return self._whole(reply, len(self._exception_head) + 1 + self._framing.tail_size, Verdict.REFUSED, now_s)
+            arrived = Verdict.REFUSED if reply[2:3] in _FINAL else Verdict.DEFERRED
+            return self._whole(reply, len(self._exception_head) + 1 + self._framing.tail_size, arrived, now_s)
         if not reply or (self._head.startswith(reply) and not self._framing.numbered):
             return None
         return Outcome(Verdict.FOREIGN, reply)
@@ -236,8 +245,6 @@ class ClientProtocol:
             case Verdict.ANSWERED:
                 at = len(self._head)
                 return Outcome(Verdict.ANSWERED, reply[at : at + self._request.payload_size])
-            case Verdict.REFUSED:
-                return Outcome(Verdict.REFUSED, reply, code=reply[2])
             case verdict:
                 return Outcome(verdict, reply, code=0 if arrived is Verdict.ANSWERED else reply[2])
 
@@ -255,11 +262,13 @@ class ClientProtocol:
 
     def _concluded(self, outcome: Outcome, now_s: float) -> Outcome:
         consequence = CONSEQUENCES[outcome.verdict]
-        if self._outstanding and consequence.proves and (not outcome.code or outcome.code in FINAL_CODES):
+        if self._outstanding and consequence.proves:
             self._outstanding.clear(self._unit_id)
-        if consequence.remains:
-            self._outstanding.add(self._unit_id, self._request, now_s)
-        elif not self._request.writes:
+        if consequence.reply_remains:
+            self._outstanding.add(reply_kind(self._unit_id, self._request), now_s)
+        if consequence.exception_remains:
+            self._outstanding.add(exception_kind(self._unit_id, self._request), now_s)
+        if outcome.verdict is Verdict.ANSWERED and not self._request.writes:
             self._answered[reply_kind(self._unit_id, self._request)] = now_s, self._request
         self._become(consequence.event)
         return outcome

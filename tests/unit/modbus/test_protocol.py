@@ -15,6 +15,7 @@ OUTSTANDING = {"nothing": None, "reply": SAME_KIND, "exception": SAME_FUNCTION, 
 PDUS = {
     "reply": bytes.fromhex("03 04 000A 000B"),
     "exception": bytes.fromhex("83 02"),
+    "deferral": bytes.fromhex("83 06"),
     "foreign": bytes.fromhex("04 04 000A 000B"),
     "foreign exception": bytes.fromhex("84 02"),
     "too long": bytes.fromhex("03 04 000A 000B 000C"),
@@ -22,6 +23,7 @@ PDUS = {
 VERDICTS = {  # by what arrives, for each of OUTSTANDING; SAME_KIND leaves an exception outstanding, too
     "reply": (Verdict.ANSWERED, Verdict.STALE, Verdict.ANSWERED, Verdict.ANSWERED),
     "exception": (Verdict.REFUSED, Verdict.STALE, Verdict.STALE, Verdict.REFUSED),
+    "deferral": (Verdict.DEFERRED, Verdict.STALE, Verdict.STALE, Verdict.DEFERRED),
     "foreign": (Verdict.FOREIGN,) * 4,
     "foreign exception": (Verdict.FOREIGN,) * 4,
     "too long": (Verdict.WRONG_SIZE,) * 4,
@@ -89,7 +91,8 @@ def test_the_verdict_on_tcp(outstanding, arrives, verdict):
         protocol.give_up(0.0)
     number = mbap.Header.of(protocol.send(1, READ)).transaction
     outcome = protocol.receive(mbap.seal(number, 1, PDUS[arrives]), 1.0)
-    assert outcome.verdict is (Verdict.REFUSED if arrives == "exception" else verdict)
+    numbered = {"exception": Verdict.REFUSED, "deferral": Verdict.DEFERRED}
+    assert outcome.verdict is numbered.get(arrives, verdict)
 
 
 def test_what_is_no_modbus_tcp_is_malformed_and_needs_a_new_connection():
@@ -108,16 +111,21 @@ def test_what_a_verdict_leaves_outstanding(arrives):
     unanswered(protocol, ANOTHER_FUNCTION)
     verdict = outcome_of(protocol, READ, rtu_frame(arrives)).verdict
     consequence = CONSEQUENCES[verdict]
-    assert protocol.may_be_mistaken(1, READ, 2.0) is consequence.remains
+    assert protocol.may_be_mistaken(1, READ, 2.0) is consequence.reply_remains
     assert protocol.may_be_mistaken(1, ANOTHER_FUNCTION, 2.0) is not consequence.proves
     assert protocol.state is (State.READY if consequence.event is Event.DONE else State.SUSPECT)
+    protocol.silence()
+    exception = outcome_of(protocol, SAME_FUNCTION, frames.seal(1, b"\x83\x02")).verdict
+    assert (exception is Verdict.STALE) is consequence.exception_remains
 
 
 @pytest.mark.parametrize("code", range(1, 12))
 def test_only_a_final_exception_of_the_device_proves_that_nothing_older_comes(code):
     protocol = ready()
     unanswered(protocol, ANOTHER_FUNCTION)
-    outcome_of(protocol, READ, frames.seal(1, bytes((0x83, code))))
+    outcome = outcome_of(protocol, READ, frames.seal(1, bytes((0x83, code))))
+    assert outcome.verdict is (Verdict.REFUSED if code in FINAL_CODES else Verdict.DEFERRED)
+    assert outcome.code == code
     assert protocol.may_be_mistaken(1, ANOTHER_FUNCTION, 2.0) is (code not in FINAL_CODES)
 
 
