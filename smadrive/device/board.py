@@ -2,11 +2,15 @@
 
 One exchange is one FC23: it writes the command (a new sequence number, current, enable) and reads all measurements,
 in which the device echoes the sequence number. The echo proves that the measurements are younger than the command.
+
+The sequence starts at random and is never a small number. Beside the echo stand state, faults and limits, which are
+small: in a reply that is shifted by one register they would otherwise pass for the echo.
 """
 
 from __future__ import annotations
 
 from math import nan
+from random import SystemRandom
 
 from smadrive.clock import Clock
 from smadrive.device.device import Device
@@ -16,6 +20,9 @@ from smadrive.device.readings import Reading
 from smadrive.errors import ProtocolError, SafetyError
 
 STALE_S = 0.5  # the device converts at least every 0.1 s; a counter that stands still this long is a dead sensor
+
+SEQUENCES = range(0x0100, 0x10000)
+"""Greater than what the registers beside the echo may hold."""
 
 _MEASURED = (
     "sequence_echo",
@@ -50,7 +57,7 @@ class HeaterBoard:
         self._sequence_name = profile.role("sequence")
         self._current_name = profile.role("heater_current")
         self._enable_name = profile.role("heater_enable")
-        self._sequence = 0
+        self._sequence = SystemRandom().choice(SEQUENCES)
         self._armed = False
         self._counter = -1
         self._counter_since_s = clock.now_s()
@@ -66,11 +73,9 @@ class HeaterBoard:
         return self._armed
 
     def connect(self) -> None:
-        """Prove the board's identity, bring it to its safe state, and go on from its sequence number."""
+        """Prove the board's identity and bring it to its safe state."""
         self.device.check_identity()
         self.enter_safe_state()
-        echo = self._names["sequence_echo"]
-        self._sequence = int(self.device.read((echo,))[echo].raw)
         self._counter_since_s = self._clock.now_s()
 
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:
@@ -84,7 +89,7 @@ class HeaterBoard:
         """Turn the key; SafetyError when the board does not arm."""
         self._turn_key("arm")
         status = self._names["status"]
-        if "armed" not in (words := self.device.read((status,))[status].words):
+        if "armed" not in (words := self.device.read((status,), proved=True)[status].words):
             raise SafetyError(f"not armed: the device stays in state {', '.join(words)}")
         self._armed = True
 
@@ -94,7 +99,7 @@ class HeaterBoard:
         ProtocolError when the echoed sequence number is not the one just sent: the measurements are then not of this
         exchange and are discarded.
         """
-        self._sequence = (self._sequence + 1) & 0xFFFF
+        self._sequence = self._sequence + 1 if self._sequence + 1 in SEQUENCES else SEQUENCES[0]
         command = {
             self._sequence_name: self._sequence,
             self._current_name: current_a,

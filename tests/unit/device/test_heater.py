@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from smadrive.device.board import HeaterBoard
+from smadrive.device.board import SEQUENCES, HeaterBoard
 from smadrive.device.device import Device
 from smadrive.device.heater import Heater
 from smadrive.device.heatsource import HeaterLimits
@@ -16,6 +16,8 @@ from smadrive.errors import (
     ProtocolError,
     SafetyError,
 )
+from smadrive.modbus import frames
+from smadrive.modbus.inprocess import InProcessTransport
 from smadrive.modbus.master import Master
 
 
@@ -207,6 +209,48 @@ def test_a_stale_exchange_is_refused_by_its_sequence(heater, run, rig):
     assert rig.firmware.commanded_a == 0.0  # nothing known of the temperature: one tick without heat
     run(0.3, 0.05)
     assert rig.firmware.commanded_a == pytest.approx(0.3)
+
+
+class Shifted:
+    """The far end of a line whose device answers exchanges out of the registers behind those that were asked for."""
+
+    def __init__(self, line, shift):
+        self._line = line
+        self._shift = shift
+
+    def receive(self, data, time_s):
+        if data[1] == 23:
+            address = int.from_bytes(data[2:4], "big") + self._shift
+            data = frames.seal(data[0], data[1:2] + address.to_bytes(2, "big") + data[4:-2])
+        return self._line.receive(data, time_s)
+
+
+@pytest.mark.parametrize("shift", [1, 2])
+@pytest.mark.parametrize("draw", range(3))
+def test_a_reply_of_the_registers_beside_is_never_taken_for_the_echo(rig, clock, shift, draw):
+    """State, faults and limits stand there: small numbers, which a sequence that starts small would meet."""
+    transport = InProcessTransport(Shifted(rig.line, shift), clock)
+    board = HeaterBoard(Device(load_profile("sma-reference"), Master(transport)), clock)
+    board.device.check_identity()
+    for _ in range(300):
+        with pytest.raises(ProtocolError):
+            board.exchange(0.0)
+
+
+def test_the_sequence_starts_at_random_and_stays_above_what_stands_beside_its_echo(rig, clock):
+    def board():
+        return HeaterBoard(Device(load_profile("sma-reference"), Master(rig.transport(clock))), clock)
+
+    assert len({board()._sequence for _ in range(8)}) > 1
+    wrapping = board()
+    wrapping.device.check_identity()
+    wrapping._sequence = SEQUENCES[-1] - 1
+    sent = []
+    for _ in range(3):
+        wrapping.exchange(0.0)
+        sent.append(rig.firmware.sequence)
+    assert sent == [SEQUENCES[-1], SEQUENCES[0], SEQUENCES[0] + 1]
+    assert SEQUENCES[0] > 0b1111111  # every fault bit of map version 1
 
 
 def test_disarming_ends_with_zero_current_confirmed(heater, run, rig):
