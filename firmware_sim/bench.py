@@ -105,8 +105,7 @@ class SimulatedBench:
         self._timeline.pass_time(self.time_s)
         if script.random is not None:
             for device in self.devices:
-                chance = script.random
-                ChanceFaults(device.faults, device.power_cycle, chance.share, chance.slowest_s, self.seed)
+                ChanceFaults(device.faults, device.power_cycle, seed=self.seed, **script.random.model_dump())
 
     def known_faults(self) -> dict[str, Callable[..., None]]:
         """Everything that a script can do; the faults of a named device begin with its name and a point."""

@@ -114,7 +114,7 @@ def _serve_bench(bench: SimulatedBench, entrances: Sequence[Entrance], time: Tim
     server = Server(bench, [entrance.door for entrance in entrances])
     for entrance in entrances:
         for device in entrance.devices:
-            device.faults.ears.append(server.ear(entrance.door))
+            device.faults.connect(server.ear(entrance.door), numbered=entrance.door.url.startswith("tcp:"))
     try:
         _run(server, [str(entrance) for entrance in entrances], time)
     finally:

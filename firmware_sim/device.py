@@ -104,7 +104,7 @@ class Line:
         line = self._profile.serial_settings()
         transport = InProcessTransport(self, clock or BenchClock(self._bench), None if line is None else line.baudrate)
         for device in self.devices:
-            device.faults.ears.append(transport)
+            device.faults.connect(transport, numbered=line is None)
         return transport
 
 

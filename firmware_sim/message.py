@@ -58,6 +58,11 @@ class Message(Protocol):
         """A reply that says less than was asked for."""
         ...
 
+    @property
+    def of_next(self) -> Self:
+        """The reply that the next request would get, if frames are numbered by counting."""
+        ...
+
 
 class ModbusMessage(NamedTuple):
     """`number` is the transaction of a Modbus TCP frame; RTU frames have none."""
@@ -111,6 +116,11 @@ class ModbusMessage(NamedTuple):
         less = 1 if function <= 2 else 2
         return self._replace(pdu=bytes((function, self.pdu[1] - less)) + self.pdu[2:-less])
 
+    @property
+    def of_next(self) -> Self:
+        """The same under the next transaction number."""
+        return self if self.number is None else self._replace(number=(self.number + 1) & 0xFFFF)
+
 
 class TextMessage(NamedTuple):
     """A line of text; a reply ends with CR LF."""
@@ -156,3 +166,8 @@ class TextMessage(NamedTuple):
     def of_less(self) -> Self:
         """The reply without its last character."""
         return self._replace(pdu=self.pdu[:-1])
+
+    @property
+    def of_next(self) -> Self:
+        """The same: lines have no numbers."""
+        return self

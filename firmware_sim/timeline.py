@@ -9,6 +9,8 @@
     [random]                # drawn by the simulator's seed, beside the timeline
     share = 0.1             # of the replies
     slowest_s = 0.5         # the longest delay, pause and absence
+    copies = true           # also frames of no request behind the next request: plain RTU cannot tell them
+    lag = true              # also replies that are each the one before: neither RTU nor TCP can tell
 
 Names and keys are those of the methods, so that a script can do whatever a test can.
 """
@@ -38,6 +40,8 @@ class RandomConfig(Section):
 
     share: float = Field(gt=0, le=1)
     slowest_s: float = Field(default=0.5, gt=0)
+    copies: bool = False
+    lag: bool = False
 
 
 class Entry(Section):

@@ -200,7 +200,7 @@ class ClientProtocol:
         if self.may_be_mistaken(unit_id, request, now_s):
             return True
         doubtful = self._exception_is_doubtful(unit_id, request, now_s)
-        return doubtful and next(self._clean(unit_id, self._known(unit_id), now_s), None) is not None
+        return doubtful and next(self._clean(unit_id, request, self._known(unit_id), now_s), None) is not None
 
     def probe_request(self, unit_id: int, request: Request, attempt: int, now_s: float) -> Request | None:
         """A read whose reply no outstanding frame can be mistaken for, at best one that was answered before.
@@ -209,15 +209,13 @@ class ClientProtocol:
         """
         others = () if attempt == 0 else _other_functions(request)
         tries = chain(self._known(unit_id), others, _other_lengths(request))
-        return next(self._clean(unit_id, tries, now_s), None)
+        return next(self._clean(unit_id, request, tries, now_s), None)
 
     def sync_request(self, unit_id: int, request: Request, now_s: float) -> Request:
         """A read of another kind than `request`, and of the kind that was answered longest ago, or never."""
-        own = reply_kind(unit_id, request)
-        known = [one for one in self._known(unit_id) if reply_kind(unit_id, one) != own]
-        tries = known or [one for one in _other_lengths(request) if reply_kind(unit_id, one) != own][:1]
-        clean = list(self._clean(unit_id, tries, now_s)) or tries
-        return min(clean, key=lambda one: self._answered_s(reply_kind(unit_id, one)))
+        known = list(self._clean(unit_id, request, self._known(unit_id), now_s))
+        tries = known or list(self._clean(unit_id, request, _other_lengths(request), now_s))[:1]
+        return min(tries, key=lambda one: self._answered_s(reply_kind(unit_id, one)), default=request)
 
     def has_answered(self, unit_id: int, request: Request) -> bool:
         """Whether the unit has ever answered a read of this kind, or one of the same address with more."""
@@ -282,9 +280,11 @@ class ClientProtocol:
     def _answered_s(self, kind: Kind) -> float:
         return self._answered[kind][0] if kind in self._answered else float("-inf")
 
-    def _clean(self, unit_id: int, tries: Iterable[Request], now_s: float) -> Iterator[Request]:
-        """Those whose replies are certain to be their own."""
-        return (one for one in tries if not self.may_be_mistaken(unit_id, one, now_s))
+    def _clean(self, unit_id: int, request: Request, tries: Iterable[Request], now_s: float) -> Iterator[Request]:
+        """Those whose replies are certain to be their own, and cannot be mistaken for that to `request`."""
+        own = reply_kind(unit_id, request)
+        kinds = ((one, reply_kind(unit_id, one)) for one in tries)
+        return (one for one, kind in kinds if kind != own and not self._outstanding.holds(kind, now_s))
 
     def _known(self, unit_id: int) -> Iterator[Request]:
         """Reads that this unit has answered, and the first parts of them."""

@@ -1,4 +1,11 @@
-"""Exchanges with a device on a bus where everything goes wrong: python tests/benchmarks/fuzz.py [EXCHANGES]
+"""Exchanges with a device on a bus where everything goes wrong.
+
+    python tests/benchmarks/fuzz.py [EXCHANGES] [IN PROCESS]
+
+EXCHANGES over each way in (pty, tcp, rtu+tcp), and IN PROCESS with RTU and with Modbus TCP in virtual time; half of
+either meet also what plain Modbus cannot tell: frames of no request behind the next one, and replies that are each the
+one before (see docs/simulator.md). There a wrong value of a plain read is counted and printed; a proved read, and an
+exchange whose sequence number is echoed, must be right all the same.
 
 The oracle: three registers of the device (watchdog, highest temperature, highest current) are written with numbers that
 follow from a nonce, another one for every write, and never with numbers used before. So what a read must return is
@@ -12,14 +19,20 @@ import random
 import subprocess
 import sys
 import tempfile
+import tomllib
 from collections import Counter
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
+from firmware_sim.timeline import FaultScript
+from smadrive.clock import VirtualClock
 from smadrive.errors import SmadriveError, TransportError
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.connect import open_transport
+from smadrive.modbus.inprocess import InProcessTransport
 from smadrive.modbus.master import NEVER_SILENT_S, PROBES, Master
 from smadrive.modbus.transport import SerialSettings
 
@@ -29,6 +42,12 @@ LEAST = (50, 1, 1)
 COUNT = len(SPANS)
 TIMING = BusTiming(response_timeout_s=0.01, silence=False, read_retries=0)
 SCRIPT = "[random]\nshare = 0.25\nslowest_s = 0.05\n"
+WAYS = ("pty", "tcp", "rtu-tcp")
+TELLS = {"tcp": "copies = true\n"}
+"""What a client can tell beside the common faults, by way in: numbered replies tell copies."""
+BEYOND = "copies = true\nlag = true\n"
+VIRTUAL = "[random]\nshare = 0.3\nslowest_s = 0.6\n"
+VIRTUAL_TIMING = BusTiming(response_timeout_s=0.1, read_retries=0)
 
 
 def pattern(nonce):
@@ -46,7 +65,10 @@ class Figures:
     """What came of the exchanges."""
 
     right: int = 0
-    wrong: list[str] = field(default_factory=list)
+    wrong: list[str] = field(default_factory=list)  # where a proof was asked for, or plain Modbus can tell
+    indistinguishable: int = 0  # wrong values of plain reads where it cannot
+    proved: int = 0
+    caught: int = 0  # replies that their echo proved stale
     errors: Counter = field(default_factory=Counter)
     slowest_s: float = 0.0
     hangs: int = 0
@@ -54,18 +76,21 @@ class Figures:
     def __str__(self):
         failed = ", ".join(f"{count} {name}" for name, count in sorted(self.errors.items()))
         return (
-            f"{self.right + len(self.wrong) + sum(self.errors.values())} exchanges: {self.right} right, "
-            f"{len(self.wrong)} wrong values, {self.hangs} hangs, {failed}; slowest {self.slowest_s:.3f} s"
+            f"{self.right + len(self.wrong) + self.indistinguishable + self.caught + sum(self.errors.values())} "
+            f"exchanges: {self.right} right ({self.proved} of them proved), {len(self.wrong)} wrong values, "
+            f"{self.indistinguishable} wrong values of plain reads that Modbus cannot tell, {self.caught} stale ones "
+            f"caught by their echo, {self.hangs} hangs, {failed}; slowest {self.slowest_s:.3f} s"
         )
 
 
 class Fuzzer:
     """Makes random exchanges through `master` and judges what comes back."""
 
-    def __init__(self, master, seed, timing=TIMING):
+    def __init__(self, master, seed, timing=TIMING, *, plain_is_sure=True):
         self.figures = Figures()
         self._master = master
         self._timing = timing
+        self._plain_is_sure = plain_is_sure
         self._random = random.Random(seed)
         self._nonce = 0
         self._defaults = requests.registers_of(self._until_answered(requests.read_holding(FIRST, COUNT)))
@@ -77,7 +102,7 @@ class Fuzzer:
         for _ in range(exchanges):
             began_s = self._master.clock.now_s()
             if self._random.random() < 0.3:  # else the same again, as a control loop does: late replies then fit
-                act = self._random.choice((self._read, self._write, self._exchange, self._echo))
+                act = self._random.choice((self._read, self._write, self._exchange, self._echo, self._prove))
             try:
                 act()
             except SmadriveError as error:
@@ -95,6 +120,12 @@ class Fuzzer:
         words = self._execute(requests.read_holding(FIRST + first, count))
         self._judge(words, {known[first : first + count] for known in self._possible | {self._defaults}})
 
+    def _prove(self):
+        words = self._execute(requests.read_holding(FIRST, COUNT), proved=True)
+        self._judge(words, self._possible | {self._defaults}, sure=True)
+        if not self._plain_is_sure and words in self._possible:
+            self._possible = {words}
+
     def _write(self):
         words = self._next()
         if self._random.random() < 0.5:
@@ -111,7 +142,8 @@ class Fuzzer:
     def _change(self, request, after):
         self._possible |= after
         words = self._execute(request)
-        self._possible = after
+        if self._plain_is_sure:
+            self._possible = after
         return words
 
     def _echo(self):
@@ -119,20 +151,27 @@ class Fuzzer:
         self._nonce += 1
         sequence = self._nonce & 0xFFFF
         words = self._execute(requests.exchange(32, (sequence, 0, 0), 16, 11))
-        self._judge(words[:1], {(sequence,)})
+        if words[0] != sequence:
+            self._master.distrust()
+            self.figures.caught += 1
+            return
+        self._judge(words[:1], {(sequence,)}, sure=True)
 
     def _next(self):
         self._nonce += 1
         return pattern(self._nonce)
 
-    def _execute(self, request):
-        return requests.registers_of(self._master.execute(1, request, self._timing))
+    def _execute(self, request, *, proved=False):
+        return requests.registers_of(self._master.execute(1, request, self._timing, proved=proved))
 
-    def _judge(self, words, possible):
+    def _judge(self, words, possible, *, sure=False):
         if words in possible:
             self.figures.right += 1
-        else:
+            self.figures.proved += sure
+        elif sure or self._plain_is_sure:
             self.figures.wrong.append(f"{words} instead of one of {possible}")
+        else:
+            self.figures.indistinguishable += 1
 
     def _until_answered(self, request):
         while True:
@@ -142,27 +181,49 @@ class Fuzzer:
                 continue
 
 
-def over(way_in, exchanges, seed=1):
+def over(way_in, exchanges, beyond="", seed=1):
     """The figures of one run against the simulator as a process behind `way_in`."""
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder, "faults.toml")
-        script.write_text(SCRIPT, encoding="utf-8")
+        script.write_text(SCRIPT + beyond, encoding="utf-8")
         option = ["--pty", str(Path(folder, "port"))] if way_in == "pty" else [f"--{way_in}", "0"]
         command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--faults", str(script), *option]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as simulator:
             try:
                 with open_transport(simulator.stdout.readline().strip(), SerialSettings()) as transport:
-                    master = Master(transport)
-                    figures = Fuzzer(master, seed).run(exchanges)
+                    return told(way_in, beyond, Master(transport), exchanges, seed, TIMING)
             finally:
                 simulator.kill()
-    print(f"{way_in}: {figures}\n    {master.counters}", *figures.wrong[:5], sep="\n    ", flush=True)
+
+
+def in_process(way_in, exchanges, beyond="", seed=1):
+    """The same in virtual time, without a process or a port."""
+    device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed)
+    device.bench.follow_script(FaultScript.model_validate(tomllib.loads(VIRTUAL + beyond)))
+    numbered = way_in == "tcp"
+    device.line.port = device.line.new_port(numbered=numbered)
+    clock = VirtualClock()
+    clock.follow(device.bench.advance_to)
+    transport = InProcessTransport(device.line, clock, None if numbered else 115200)
+    device.faults.connect(transport, numbered=numbered)
+    return told(f"in process, {way_in}", beyond, Master(transport), exchanges, seed, VIRTUAL_TIMING)
+
+
+def told(name, beyond, master, exchanges, seed, timing):
+    """Run, print and return the figures."""
+    figures = Fuzzer(master, seed, timing, plain_is_sure=beyond != BEYOND).run(exchanges)
+    kind = " ".join(beyond.split()) or "what plain Modbus can tell"
+    print(f"{name} ({kind}): {figures}\n    {master.counters}", *figures.wrong[:5], sep="\n    ", flush=True)
     return figures
 
 
 def main():
     exchanges = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
-    figures = [over(way_in, exchanges) for way_in in ("pty", "tcp", "rtu-tcp")]
+    simulated = int(sys.argv[2]) if len(sys.argv) > 2 else 10 * exchanges
+    figures = []
+    for run, ways, number in ((in_process, ("rtu", "tcp"), simulated // 2), (over, WAYS, exchanges)):
+        for way_in in ways:
+            figures += [run(way_in, number // 2, beyond) for beyond in (TELLS.get(way_in, ""), BEYOND)]
     sys.exit(any(one.wrong or one.hangs for one in figures))
 
 
