@@ -21,7 +21,7 @@ from re import Pattern
 from typing import NamedTuple
 
 from smadrive.errors import DeadlineError, IdentityError, ProtocolError, TransportError
-from smadrive.modbus.bus import NEVER_SILENT_S, Direction, Trace
+from smadrive.modbus.bus import NEVER_SILENT_S, Direction, GuardedTrace, Trace
 from smadrive.modbus.transport import Transport
 
 LONGEST = 64
@@ -59,7 +59,7 @@ class TextLine:
         self._timeout_s = timeout_s + transport.latency_s
         self._greeting = greeting
         self._tokens = map(token, count())
-        self._trace = trace
+        self._trace = GuardedTrace(trace)
         self._banner: str | None = None
         self._in_step = False
         self._heard = b""
@@ -133,8 +133,8 @@ class TextLine:
 
     def _send(self, command: str) -> None:
         data = command.encode("ascii") + b"\n"
-        self._tell("sent", data)
         self._transport.write(data)
+        self._tell("sent", data)
 
     def _line(self, deadline_s: float, command: str) -> str:
         """The next line, without its end; what comes with it stays in `_heard`."""
@@ -162,5 +162,4 @@ class TextLine:
             self._tell("discarded", data)
 
     def _tell(self, direction: Direction, data: bytes) -> None:
-        if self._trace is not None:
-            self._trace(self.clock.now_s(), direction, data)
+        self._trace(self.clock.now_s(), direction, data)

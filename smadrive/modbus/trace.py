@@ -12,6 +12,8 @@ which is for people only.
 
 from __future__ import annotations
 
+import logging
+from contextlib import suppress
 from pathlib import Path
 from typing import NamedTuple, Self
 
@@ -21,6 +23,8 @@ from smadrive.modbus.bus import Direction
 from smadrive.modbus.transport import Transport
 
 HEADER = "# smadrive bus trace 1:"
+
+_LOG = logging.getLogger(__name__)
 
 _MARKS: dict[Direction, str] = {"sent": ">", "received": "<", "discarded": "x"}
 _DIRECTIONS = {mark: direction for direction, mark in _MARKS.items()}
@@ -37,7 +41,8 @@ class Line(NamedTuple):
 class TraceFile:
     """Writes what passes on the bus of `transport`: `Master(transport, trace=TraceFile(path, transport))`.
 
-    A context manager. Times are seconds since the trace began; every line is on disk when the next frame goes out.
+    A context manager. Times are seconds since the trace began. A line is written after its frame has passed. A trace
+    that cannot be written any more (a full disk) ends there; leaving it logs a warning that says when and why.
     `speaks_text`: lines of text pass there, no frames.
     """
 
@@ -46,6 +51,8 @@ class TraceFile:
         self._clock_start_s = transport.clock.now_s()
         self._numbered = transport.framing.numbered
         self._speaks_text = speaks_text
+        self._path = path
+        self._ended: str | None = None
         self._asked = b"\0"
         try:
             self._file = path.open("x", encoding="ascii", buffering=1)
@@ -54,20 +61,34 @@ class TraceFile:
         except OSError as error:
             raise ConfigError(f"{path}: the trace cannot be written ({error.strerror})") from None
         kind = "text" if speaks_text else "tcp" if self._numbered else "rtu"
-        self._file.write(f"{HEADER} {kind}, {transport.name}\n")
-        self._file.write("# seconds, > sent or < received or x discarded, the bytes, what they say\n")
+        try:
+            self._file.write(f"{HEADER} {kind}, {transport.name}\n")
+            self._file.write("# seconds, > sent or < received or x discarded, the bytes, what they say\n")
+        except OSError as error:
+            with suppress(OSError):
+                self._file.close()
+            raise ConfigError(f"{path}: the trace cannot be written ({error.strerror})") from None
 
     def __call__(self, time_s: float, direction: Direction, data: bytes) -> None:
         """One frame."""
-        told = self._meaning(direction, data)
-        line = f"{time_s - self._clock_start_s:12.6f} {_MARKS[direction]} {data.hex(' ').upper()}"
-        self._file.write(f"{line} | {told}\n" if told else f"{line}\n")
+        if self._ended is not None:
+            return
+        meaning = self._meaning(direction, data)
+        elapsed_s = time_s - self._clock_start_s
+        line = f"{elapsed_s:12.6f} {_MARKS[direction]} {data.hex(' ').upper()}"
+        try:
+            self._file.write(f"{line} | {meaning}\n" if meaning else f"{line}\n")
+        except OSError as error:
+            self._ended = f"{self._path}: the trace ends at {elapsed_s:.3f} s ({error.strerror}). Free the disk"
 
     def __enter__(self) -> Self:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        self._file.close()
+        with suppress(OSError):  # of what could not be written
+            self._file.close()
+        if self._ended is not None:
+            _LOG.warning(self._ended)
 
     def _meaning(self, direction: Direction, data: bytes) -> str:
         if direction == "discarded":

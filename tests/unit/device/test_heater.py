@@ -1,9 +1,13 @@
 """The choke point: limits, arming, freshness, faults; driver and rig in virtual time."""
 
+import errno
 import math
 
 import pytest
 
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
+from smadrive.clock import VirtualClock
 from smadrive.device.board import SEQUENCES, HeaterBoard
 from smadrive.device.device import Device
 from smadrive.device.heater import Heater
@@ -19,6 +23,8 @@ from smadrive.errors import (
 from smadrive.modbus import frames
 from smadrive.modbus.inprocess import InProcessTransport
 from smadrive.modbus.master import Master
+
+LIMITS = HeaterLimits(current_max_a=0.6, temperature_max_c=130.0)
 
 
 def test_it_heats_only_when_armed(heater, run, rig):
@@ -209,6 +215,33 @@ def test_a_stale_exchange_is_refused_by_its_sequence(heater, run, rig):
     assert rig.firmware.commanded_a == 0.0  # nothing known of the temperature: one tick without heat
     run(0.3, 0.05)
     assert rig.firmware.commanded_a == pytest.approx(0.3)
+
+
+def test_a_trace_that_fails_at_any_frame_keeps_no_safe_state_from_going_out():
+    failing = 0
+    while True:
+        clock = VirtualClock()
+        rig = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=1)
+        clock.follow(rig.bench.advance_to)
+        seen = []
+
+        def trace(*event, seen=seen, failing=failing):
+            seen.append(event)
+            if len(seen) > failing:
+                raise OSError(errno.ENOSPC, "No space left on device")
+
+        master = Master(rig.transport(clock), trace)
+        heater = Heater(HeaterBoard(Device(load_profile("sma-reference"), master), clock), LIMITS, clock)
+        heater.connect()
+        heater.arm(0.5)
+        heater.exchange(0.3)
+        heater.enter_safe_state()
+        assert rig.firmware.current_a == 0.0
+        assert rig.bench.events[-1].endswith("disarmed")
+        if len(seen) <= failing:
+            break
+        failing += 1
+    assert failing > 20
 
 
 class Shifted:

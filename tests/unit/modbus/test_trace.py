@@ -1,5 +1,7 @@
 """A trace is read by people and by programs."""
 
+import resource
+
 import pytest
 
 from smadrive.clock import VirtualClock
@@ -128,3 +130,23 @@ def test_what_is_no_trace_is_refused(tmp_path, text, says):
 def test_a_trace_that_cannot_be_kept_is_refused(tmp_path, script):
     with pytest.raises(ConfigError, match="the trace cannot be written"):
         TraceFile(tmp_path / "no" / "t", InProcessTransport(script(), VirtualClock()))
+
+
+def test_a_full_disk_ends_the_trace_and_nothing_else(tmp_path, script, timing, caplog):
+    """The limit of the file's size stands for the full disk."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    far = script(*[[(0.0, RIGHT)]] * 50)
+    transport = InProcessTransport(far, VirtualClock())
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        with TraceFile(tmp_path / "bus.trace", transport) as trace:
+            master = Master(transport, trace)
+            for _ in range(50):
+                master.execute(1, READ, timing)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert master.counters.replies == 50
+    assert [record.levelname for record in caplog.records] == ["WARNING"]
+    numbered, lines = read_trace(tmp_path / "bus.trace")
+    assert not numbered
+    assert 0 < len(lines) < 100
