@@ -3,6 +3,9 @@
 A request is answered by what came to the same request in the recording: the first time by the first answer, and so on;
 when the recording has no more of them, by the last. What was not answered then is not answered now, and a spoilt reply
 comes spoilt. A request that the recording does not know is met with silence, and told as an event.
+
+An exchange (FC23) is the same request whatever it writes: a driver begins its sequence at random. Where the recorded
+reply repeats a word that was written, the word that is written now is repeated.
 """
 
 from __future__ import annotations
@@ -20,13 +23,28 @@ from smadrive.modbus import frames, meaning
 from smadrive.modbus.inprocess import InProcessTransport
 from smadrive.modbus.trace import Line, content_of, read_trace
 
+EXCHANGE = b"\x17"
+WRITTEN = 10
+"""Where in the PDU of an exchange the written words begin."""
+
 
 class Answer(NamedTuple):
-    """What came, and how long after the request: nothing (`data` is empty), or a frame; `pdu` is None if not intact."""
+    """What came, and how long after the request: nothing (`data` is empty), or a frame; `pdu` is None if not intact.
+
+    `echoes`: where the reply repeats a written word, and where that word stands in the request.
+    """
 
     after_s: float
     data: bytes
     pdu: bytes | None
+    echoes: tuple[tuple[int, int], ...] = ()
+
+    def pdu_for(self, request: bytes) -> bytes:
+        """What the reply says to `request`."""
+        reply = bytearray(self.pdu or b"")
+        for there, here in self.echoes:
+            reply[there : there + 2] = request[here : here + 2]
+        return bytes(reply)
 
 
 class Replay:
@@ -44,7 +62,7 @@ class Replay:
             request = content_of(line.data, numbered=numbered) if line.direction == "sent" else None
             if request is not None and request[0] != frames.BROADCAST:
                 unit_id, pdu = request
-                answers[unit_id][pdu].append(_answer(line, after, numbered=numbered))
+                answers[unit_id][_key(pdu)].append(_answer(line, after, numbered=numbered))
         self.units = tuple(ReplayedUnit(unit_id, known, self._unknown) for unit_id, known in sorted(answers.items()))
         self.port = self.new_port(numbered=numbered)
 
@@ -82,12 +100,12 @@ class ReplayedUnit:
 
     def answer(self, request: ModbusMessage, time_s: float) -> list[Delivery]:
         """What came then, as long after."""
-        answers = self._known.get(request.pdu)
+        answers = self._known.get(_key(request.pdu))
         if not answers:
             self._tell_unknown(request)
             return []
         answer = answers.popleft() if len(answers) > 1 else answers[0]
-        data = answer.data if answer.pdu is None else request.answered(answer.pdu).frame
+        data = answer.data if answer.pdu is None else request.answered(answer.pdu_for(request.pdu)).frame
         return [(time_s + answer.after_s, data)] if data else []
 
 
@@ -96,5 +114,20 @@ def _answer(request: Line, after: Line | None, *, numbered: bool) -> Answer:
         return Answer(0.0, b"", None)
     content = content_of(after.data, numbered=numbered)
     asked = content_of(request.data, numbered=numbered)
-    right = content is not None and asked is not None and content[0] == asked[0]
-    return Answer(after.time_s - request.time_s, after.data, content[1] if right and content else None)
+    if content is None or asked is None or content[0] != asked[0]:
+        return Answer(after.time_s - request.time_s, after.data, None)
+    return Answer(after.time_s - request.time_s, after.data, content[1], _echoes(asked[1], content[1]))
+
+
+def _key(pdu: bytes) -> bytes:
+    """What makes two requests the same: all of it, or all but the words that an exchange writes."""
+    return pdu[:WRITTEN] if pdu[:1] == EXCHANGE else pdu
+
+
+def _echoes(request: bytes, reply: bytes) -> tuple[tuple[int, int], ...]:
+    """The first place of each written word among the words of the reply to an exchange; zeros are no echo."""
+    if request[:1] != EXCHANGE or reply[:1] != EXCHANGE:
+        return ()
+    words = [reply[there : there + 2] for there in range(2, len(reply), 2)]
+    written = ((here, request[here : here + 2]) for here in range(WRITTEN, len(request), 2))
+    return tuple((2 + 2 * words.index(word), here) for here, word in written if word in words and any(word))

@@ -10,6 +10,7 @@ from __future__ import annotations
 import os
 import select
 from abc import ABC, abstractmethod
+from contextlib import suppress
 from typing import ClassVar, NoReturn, Protocol, Self
 
 from smadrive.clock import MonotonicClock
@@ -42,6 +43,7 @@ class DescriptorTransport(ABC):
     end: ClassVar[str]
     suspicion: ClassVar[str]
     reconnects: ClassVar[bool]
+    empty_reads_at_end: ClassVar[int] = 1
     lease: Lease | None = None
 
     def __init__(
@@ -87,18 +89,26 @@ class DescriptorTransport(ABC):
     def read(self, deadline_s: float) -> bytes:
         """Whatever has arrived, at least one byte; empty when nothing came before `deadline_s`."""
         self._hold()
+        if self.lost:
+            self._fail(OSError("closed"))
+        empty_reads = 0
         try:
-            remaining_s = max(deadline_s - self.clock.now_s(), 0.0)
-            ready, _, _ = select.select((self._descriptor,), (), (), remaining_s)
-            if not ready:
-                return b""
-            self._hold()
-            data = os.read(self._descriptor, _CHUNK)
-        except (OSError, ValueError) as error:  # ValueError: select on a closed connection
+            while self._is_readable(deadline_s):
+                self._hold()
+                with suppress(BlockingIOError):  # flushed between the two calls
+                    if data := os.read(self._descriptor, _CHUNK):
+                        return data
+                    empty_reads += 1
+                    if empty_reads == self.empty_reads_at_end:
+                        self._fail(OSError(self.end))
+        except OSError as error:
             self._fail(error)
-        if not data:
-            self._fail(OSError(self.end))
-        return data
+        return b""
+
+    def _is_readable(self, deadline_s: float) -> bool:
+        """Whether something has arrived, or the connection has ended, before `deadline_s`."""
+        remaining_s = max(deadline_s - self.clock.now_s(), 0.0)
+        return bool(self._poll.poll(remaining_s * 1e3))
 
     def discard(self) -> bytes:
         """Take away what has arrived, without waiting."""
@@ -110,6 +120,7 @@ class DescriptorTransport(ABC):
     def lose(self) -> None:
         """Let the connection go; what is on its way is gone."""
         if self._descriptor != _GONE:
+            self._poll.unregister(self._descriptor)
             self._descriptor = _GONE
             self._held.close()
 
@@ -131,6 +142,8 @@ class DescriptorTransport(ABC):
     def _open(self, timeout_s: float) -> None:
         self._held = self._channel(timeout_s)
         self._descriptor = self._held.fileno()
+        self._poll = select.poll()  # select knows no descriptor above 1023
+        self._poll.register(self._descriptor, select.POLLIN)
 
     def _fail(self, error: Exception) -> NoReturn:
         self.lose()

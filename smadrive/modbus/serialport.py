@@ -25,6 +25,7 @@ class SerialTransport(DescriptorTransport):
     end = "the port is readable and has no data"
     suspicion = "is the adapter plugged in and the device powered?"
     reconnects = False  # opening a port resets many boards
+    empty_reads_at_end = 3  # another process that opens the port flushes what was about to be read
 
     def __init__(self, port: str, settings: SerialSettings, *, exclusive: bool = True, latency_s: float = 0.0) -> None:
         """Open `port`; TransportError tells whether it is missing, busy or forbidden, and the cure."""
