@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from dataclasses import fields
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from smadrive.configfile import validate
 from smadrive.control.reference import Reference
+from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, ExcitationRecord
 from smadrive.rigconfig import RigConfig
@@ -32,18 +35,17 @@ def logged_rig(log: Log) -> RigConfig:
 
 def nominal_balance(log: Log) -> HeatBalance:
     """The heat balance of the wire's data sheet."""
-    return HeatBalance(**log.json("nominal_balance"))
+    return log.parsed("nominal_balance", lambda parameters: HeatBalance(**parameters))
 
 
 def logged_excitation(log: Log) -> Excitation:
     """The experiment that was run. DataError when it was another one."""
-    told = log.json("excitation")
-    return Excitation(tuple(told["turning_points_c"]), told["rate_c_per_s"])
+    return log.parsed("excitation", _excitation)
 
 
 def excitation_caveats(log: Log) -> tuple[str, ...]:
     """What lets doubt a model that is identified from this log. DataError when the log is of another experiment."""
-    wanted_s, done_s = logged_excitation(log).duration_s, float(log.column("time_s")[-1])
+    wanted_s, done_s = logged_excitation(log).duration_s, float(_ticks(log)[-1])
     if done_s > WHOLE * wanted_s:
         return ()
     return (f"the experiment ended after {done_s:.0f} of its {wanted_s:.0f} s: the wire may do what it never showed",)
@@ -51,12 +53,30 @@ def excitation_caveats(log: Log) -> tuple[str, ...]:
 
 def logged_reference(log: Log) -> Reference:
     """The reference that was tracked, approach included. DataError when none was."""
-    told = log.json("reference")
-    times_s, displacement_mm = np.array(told["times_s"]), np.array(told["displacement_mm"])
-    return Reference(times_s, displacement_mm, told["scored_from_s"], told["endless"])
+    return log.parsed("reference", _reference)
 
 
 def logged_wire(log: Log) -> tuple[HysteresisModel, HeatBalance]:
     """Model and heat balance that tracked. DataError when none did."""
-    log.json("wire")
-    return parse_wire(log.about["wire"], f"{log.path}: wire")
+    return parse_wire(log.text("wire"), f"{log.path}: wire")
+
+
+def _excitation(fields: dict[str, Any]) -> Excitation:
+    return Excitation(tuple(map(float, fields["turning_points_c"])), float(fields["rate_c_per_s"]))
+
+
+def _reference(fields: dict[str, Any]) -> Reference:
+    times_s, displacement_mm = (np.array(fields[name], np.float64) for name in ("times_s", "displacement_mm"))
+    if times_s.shape != displacement_mm.shape or times_s.ndim != 1 or times_s.size < 2:
+        raise ValueError(f"{times_s.shape} times and {displacement_mm.shape} displacements")
+    if not (np.isfinite(displacement_mm).all() and (np.diff(times_s) > 0.0).all()):
+        raise ValueError("its times do not increase, or a displacement is not finite")
+    return Reference(times_s, displacement_mm, float(fields["scored_from_s"]), bool(fields["endless"]))
+
+
+def _ticks(log: Log) -> NDArray[np.float64]:
+    """When each tick was; DataError when none was recorded."""
+    time_s = log.column("time_s")
+    if time_s.size == 0:
+        raise DataError(f"{log.path}: no tick was recorded: run the experiment again")
+    return time_s

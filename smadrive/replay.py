@@ -14,7 +14,7 @@ from math import inf, nan
 import numpy as np
 from numpy.typing import NDArray
 
-from smadrive.control.controller import Controller
+from smadrive.control.controller import Command, Controller
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.wire import travel_mm
 from smadrive.controllers import excitation_controller, tracking_controller
@@ -69,17 +69,28 @@ def replay(log: Log, wire: Wire | None = None) -> Replay:
     if log.column("time_s").size == 0:
         raise DataError(f"{log.path}: no tick was recorded: there is nothing to replay")
     controller = _controller(log, wire)
-    commands = [controller.update(time_s, sample, dt_s) for time_s, sample, dt_s in _samples(log)]
+    commands = list(_commands(log, controller))
     signals = {name: np.array([getattr(command, key) for command in commands]) for name, key in ANSWERS.items()}
     time_s = log.column("time_s")
-    differences = {name: _difference(log.columns[name], values, time_s) for name, values in signals.items()}
+    differences = {name: _difference(log.signal(name), values, time_s) for name, values in signals.items()}
     return Replay(time_s, signals, differences)
+
+
+def _commands(log: Log, controller: Controller) -> Iterator[Command]:
+    """What the controller answers to each sample. DataError for a sample that it cannot compute with."""
+    for time_s, sample, dt_s in _samples(log):
+        try:
+            yield controller.update(time_s, sample, dt_s)
+        except (ArithmeticError, ValueError) as error:
+            raise DataError(
+                f"{log.path}: the sample at {time_s:g} s cannot be replayed ({error}): record it again"
+            ) from None
 
 
 def prediction_percent(log: Log, estimated_mm: Array, model: HysteresisModel) -> float:
     """RMS of estimated minus measured displacement, in % of the stroke of `model`; NaN when none was measured."""
     cold_mm, hot_mm = travel_mm(model)
-    missed = (estimated_mm - log.columns["displacement_mm"]) / abs(hot_mm - cold_mm)
+    missed = (estimated_mm - log.signal("displacement_mm")) / abs(hot_mm - cold_mm)
     return float(100.0 * np.sqrt(np.mean(missed**2)))
 
 
@@ -98,7 +109,7 @@ def _controller(log: Log, wire: Wire | None) -> Controller:
 def _samples(log: Log) -> Iterator[tuple[float, Measurement, float]]:
     """What the loop handed to its controller: time, measurement, period."""
     last_s = -1.0 / logged_rig(log).rate_hz
-    for values in zip(*(log.columns[name].tolist() for name in ("time_s", *MEASURED)), strict=True):
+    for values in zip(*(log.signal(name).tolist() for name in ("time_s", *MEASURED)), strict=True):
         time_s, *measured = values
         yield time_s, Measurement(time_s, **dict(zip(MEASURED.values(), measured, strict=True))), time_s - last_s
         last_s = time_s

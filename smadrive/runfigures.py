@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from math import nan
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +28,7 @@ def error_percent(log: Log) -> Array:
     DataError when the log is of no tracking run.
     """
     cold_mm, hot_mm = travel_mm(logged_wire(log)[0])
-    error = 100.0 * (log.columns["reference_mm"] - log.columns["displacement_mm"]) / abs(hot_mm - cold_mm)
+    error = 100.0 * (log.signal("reference_mm") - log.signal("displacement_mm")) / abs(hot_mm - cold_mm)
     return np.where(log.column("time_s") >= logged_reference(log).scored_from_s, error, nan)
 
 
@@ -66,8 +68,12 @@ def tracking_caveats(log: Log) -> tuple[str, ...]:
 
     First what was known before the run, a reference that was smoothed for instance; then what its samples tell.
     """
-    told_before = tuple(log.json("caveats")) if "caveats" in log.about else ()
+    told_before = log.parsed("caveats", _texts) if "caveats" in log.about else ()
     return (*told_before, *_doubtful_samples(log))
+
+
+def _texts(values: Iterable[Any]) -> tuple[str, ...]:
+    return tuple(map(str, values))
 
 
 def _doubtful_samples(log: Log) -> tuple[str, ...]:
@@ -111,16 +117,16 @@ def run_summary(log: Log) -> RunSummary:
         raise DataError(f"{log.path}: no tick was recorded: there is nothing to report")
     tracked = "reference" in log.about
     error = error_percent(log) if tracked else np.array([nan])
-    power_w = log.columns["current_a"] * log.columns["voltage_v"]
+    power_w = log.signal("current_a") * log.signal("voltage_v")
     return RunSummary(
-        log.about["kind"],
+        log.text("kind"),
         time_s.size,
         float(time_s[-1]),
         *_rms_and_max(error),
         _missed_deadlines(log),
         float(log.column("late_s").max()),
-        _largest(log.columns["temperature_c"]),
-        _largest(log.columns["current_a"]),
+        _largest(log.signal("temperature_c")),
+        _largest(log.signal("current_a")),
         float(np.nansum(power_w[1:] * np.diff(time_s))),
         100.0 * float(np.mean(log.column("limited"))),
     )

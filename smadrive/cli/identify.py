@@ -82,7 +82,7 @@ def _fitted(data: Path, columns: tuple[str, str], kind: Kind, sets: int) -> _Fou
     if LOG.names(data):
         log = read_log(data)
         wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets)
-        caveats = (*excitation_caveats(log), *wire.hysteresis.caveats)
+        caveats = (*log.caveats, *excitation_caveats(log), *wire.hysteresis.caveats)
         return _Found(wire.hysteresis, wire.thermal, caveats, ("wire temperature, °C", "displacement, mm"))
     if not TABLE.names(data):
         raise DataError(f"{data}: neither a log nor a CSV: give the log (.h5) of `smadrive excite`, or a .csv")

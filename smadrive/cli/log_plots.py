@@ -39,7 +39,7 @@ def log_plots(log: Log) -> Iterator[Plot]:
     if "reference" in log.about:
         yield _tracking(log)
     yield _heat(log)
-    if np.isfinite(log.columns["displacement_mm"]).any():
+    if np.isfinite(log.signal("displacement_mm")).any():
         yield _plane(log)
     yield _timing(log)
 
@@ -48,9 +48,9 @@ def _tracking(log: Log) -> Plot:
     time_s = log.column("time_s")
     is_scored = np.isfinite(error_percent(log)).any()
     figure, (upper, *lower) = panels((3.0, 1.7) if is_scored else (3.0,))
-    line(upper, time_s, log.columns["displacement_mm"], color=MEASURED, lw=1.8, label="measured")
-    line(upper, time_s, log.columns["estimated_mm"], color=ESTIMATED, lw=0.9, label="estimated")
-    line(upper, time_s, log.columns["reference_mm"], color=WANTED, ls="--", lw=1.0, label="reference")
+    line(upper, time_s, log.signal("displacement_mm"), color=MEASURED, lw=1.8, label="measured")
+    line(upper, time_s, log.signal("estimated_mm"), color=ESTIMATED, lw=0.9, label="estimated")
+    line(upper, time_s, log.signal("reference_mm"), color=WANTED, ls="--", lw=1.0, label="reference")
     upper.set_ylabel("displacement / mm")
     legend(upper)
     for ax in lower:
@@ -71,15 +71,15 @@ def draw_error(ax: Axes, log: Log, colour: str) -> None:
 def _heat(log: Log) -> Plot:
     time_s, limits = log.column("time_s"), logged_rig(log).limits
     figure, (upper, lower) = panels((2.6, 1.9))
-    line(upper, time_s, log.columns["temperature_c"], color=FAINT, lw=1.6, label="thermocouple")
-    line(upper, time_s, log.columns["estimated_c"], color=ESTIMATED, lw=1.1, label="wire, estimated")
-    line(upper, time_s, log.columns["wanted_c"], color=WANTED, ls="--", lw=0.8, label="wanted")
+    line(upper, time_s, log.signal("temperature_c"), color=FAINT, lw=1.6, label="thermocouple")
+    line(upper, time_s, log.signal("estimated_c"), color=ESTIMATED, lw=1.1, label="wire, estimated")
+    line(upper, time_s, log.signal("wanted_c"), color=WANTED, ls="--", lw=0.8, label="wanted")
     upper.axhline(limits.temperature_max_c, color=LIMIT, ls=":", lw=1.2, label="trip limit")
     upper.set_ylabel("temperature / °C")
     legend(upper)
     _shade(lower, time_s, log.column("limited") > 0)
-    line(lower, time_s, log.columns["commanded_a"], color=WANTED, lw=0.7, label="commanded")
-    line(lower, time_s, log.columns["current_a"], color=MEASURED, lw=1.0, label="measured")
+    line(lower, time_s, log.signal("commanded_a"), color=WANTED, lw=0.7, label="commanded")
+    line(lower, time_s, log.signal("current_a"), color=MEASURED, lw=1.0, label="measured")
     lower.axhline(limits.current_max_a, color=LIMIT, ls=":", lw=1.2, label="limit")
     lower.set(ylabel="current / A", xlabel="time / s", ylim=(-0.03 * limits.current_max_a, 1.08 * limits.current_max_a))
     legend(lower)
@@ -93,10 +93,10 @@ def _heat(log: Log) -> Plot:
 def _plane(log: Log) -> Plot:
     figure, (ax,) = panels((4.6,))
     every = max(1, log.column("time_s").size // PLANE_POINTS)
-    temperature_c = log.columns["estimated_c"][::every]
+    temperature_c = log.signal("estimated_c")[::every]
     dots = ax.scatter(
         temperature_c,
-        log.columns["displacement_mm"][::every],
+        log.signal("displacement_mm")[::every],
         c=log.column("time_s")[::every],
         s=4,
         cmap="viridis",

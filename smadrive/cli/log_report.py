@@ -21,7 +21,7 @@ TITLES = {"excitation": "identification experiment", "tracking": "tracking run"}
 def write_log_report(path: Path, log: Log) -> RunSummary:
     """Write the page of `log` to `path`. DataError when the log tells too little, or the page cannot be written."""
     config, summary = logged_rig(log), run_summary(log)
-    devices = ", ".join(f"{name}: {identity}" for name, identity in log.json("devices").items())
+    devices = ", ".join(f"{name}: {identity}" for name, identity in log.parsed("devices", _items))
     parts: list[Part] = [
         _state(log, summary),
         *_caveats(log),
@@ -52,7 +52,9 @@ def _state(log: Log, summary: RunSummary) -> State:
 
 
 def _caveats(log: Log) -> Iterator[State]:
-    """What lets doubt the figures, as `run` tells it on the terminal."""
+    """Reasons to distrust the content or the metrics, as `run` prints them on the terminal."""
+    for caveat in log.caveats:
+        yield State("odd", f"Warning: {caveat}.")
     if "reference" in log.about:
         for caveat in tracking_caveats(log):
             yield State("odd", f"Beware: {caveat}.")
@@ -81,15 +83,15 @@ def _events(log: Log) -> Iterator[Grid]:
 
 
 def _provenance(log: Log) -> Grid:
-    versions = ", ".join(f"{name} {number}" for name, number in log.json("versions").items())
+    versions = ", ".join(f"{name} {number}" for name, number in log.parsed("versions", _items))
     rows = [
         ("log", str(log.path)),
         ("begun", _clock(log.start_time)),
         ("ended", _clock(log.end_time) or "not ended"),
-        *((f"device {name}", identity) for name, identity in log.json("devices").items()),
+        *((f"device {name}", identity) for name, identity in log.parsed("devices", _items)),
         *((f"address of {device.name}", device.url) for device in logged_rig(log).devices),
         ("versions", versions),
-        ("machine", log.about["machine"]),
+        ("machine", log.text("machine")),
         *((name, log.about[name]) for name in ("inverse", "seed", "title") if name in log.about),
     ]
     return Grid(("", ""), rows, "Provenance", texts=True)
@@ -99,7 +101,7 @@ def _background(log: Log) -> Iterator[Part]:
     """What one rarely needs, folded away."""
     yield Grid(("key", "value"), list(_flat(log.json("rig"))), "Rig file", texts=True, folded=True)
     if "wire" in log.about:
-        yield Listing("Wire: the model that tracked", log.about["wire"])
+        yield Listing("Wire: the model that tracked", log.text("wire"))
     if "excitation" in log.about:
         yield Grid(("key", "value"), list(_flat(log.json("excitation"))), "Excitation", texts=True, folded=True)
     yield Grid(("key", "value"), list(_flat(log.json("nominal_balance"))), "Nominal heat balance", True, True)
@@ -116,6 +118,10 @@ def _flat(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
             yield from _flat(inner, f"{key}[{number}]")
     else:
         yield key, json.dumps(value, ensure_ascii=False)
+
+
+def _items(values: dict[str, Any]) -> list[tuple[str, str]]:
+    return [(name, str(value)) for name, value in values.items()]
 
 
 def _clock(time: str) -> str:

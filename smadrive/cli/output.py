@@ -31,6 +31,11 @@ class Output:
         if not self.quiet:
             self._console.print(text, markup=False)
 
+    def warn(self, caveats: Iterable[str]) -> None:
+        """Reasons to distrust what follows, a line each."""
+        for caveat in caveats:
+            self.say(f"warning: {caveat}")
+
     def table(self, header: Sequence[str], rows: Iterable[Sequence[str]], *, notes: bool = False) -> None:
         """A table for a person: the first column names, the others are numbers; with `notes` the last is text, too."""
         if self.quiet:

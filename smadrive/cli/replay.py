@@ -12,8 +12,8 @@ import typer
 from smadrive.cli.output import AsJson, Output
 from smadrive.loggedrun import logged_wire, nominal_balance
 from smadrive.replay import Replay, Wire, prediction_percent, replay
+from smadrive.telemetry.layout import UNITS
 from smadrive.telemetry.log import Log, read_log
-from smadrive.telemetry.logfile import UNITS
 from smadrive.wirefile import load_wire_file
 
 
@@ -28,6 +28,7 @@ def main(
     """
     output = Output(as_json)
     log = read_log(log_file)
+    output.warn(log.caveats)
     wire = None if model is None else _wire(model, log)
     with output.progress() as progress:
         progress.add_task(f"replaying {log_file.name}", total=None)
@@ -42,6 +43,7 @@ def main(
             "exact": again.exact,
             "differences": {name: asdict(difference) for name, difference in again.differences.items()},
             "prediction_percent": predictions,
+            "caveats": log.caveats,
         }
     )
 
@@ -58,7 +60,7 @@ def _predictions(log: Log, again: Replay, wire: Wire | None) -> dict[str, float]
     recorded, _ = logged_wire(log)
     replayed = recorded if wire is None else wire[0]
     return {
-        "recorded": prediction_percent(log, log.columns["estimated_mm"], recorded),
+        "recorded": prediction_percent(log, log.signal("estimated_mm"), recorded),
         "replayed": prediction_percent(log, again.signals["estimated_mm"], replayed),
     }
 

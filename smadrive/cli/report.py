@@ -32,6 +32,7 @@ def main(
     if csv_file is not None:
         check_output(csv_file, TABLE, log_file)
     log = read_log(log_file)
+    output.warn(log.caveats)
     with output.progress() as progress:
         progress.add_task(f"drawing {log_file.name}", total=None)
         summary = write_log_report(page, log)
@@ -46,6 +47,7 @@ def main(
             "complete": bool(log.end_time) and not log.ended_by,
             "ended_by": log.ended_by if log.end_time else "a kill, or it still runs",
             **asdict(summary),
+            "caveats": log.caveats,
             "events": [event._asdict() for event in log.events],
         }
     )

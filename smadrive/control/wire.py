@@ -20,6 +20,9 @@ SHORT_WAY_C = 0.1
 PIECE_C = 2.0
 """Length of the pieces of a longer way, K."""
 
+MOST_PIECES = 200
+"""Pieces of one step: beyond 400 K no wire is left, and an absurd power must not take the loop's time."""
+
 
 class WireState(NamedTuple):
     """Wire temperature and the state of its hysteresis."""
@@ -59,7 +62,7 @@ class WireModel:
     def _way(self, state: WireState, power_w: float, dt_s: float) -> tuple[WireState, float]:
         """The state at which the last piece of the way begins, and the temperature at its end."""
         after_c = self._heated_c(state, power_w, dt_s)
-        pieces = ceil(abs(after_c - state.temperature_c) / PIECE_C)
+        pieces = min(ceil(abs(after_c - state.temperature_c) / PIECE_C), MOST_PIECES)
         if pieces > 1:
             dt_s /= pieces
             for _ in range(pieces - 1):

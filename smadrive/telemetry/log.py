@@ -1,29 +1,34 @@
 """What a run's log says: the columns of a tick, what was run, and what happened, read back into memory.
 
 A log is readable at every moment of its life (see logfile.py): that of a run that still goes on or whose writer was
-killed ends with its last complete row.
+killed ends with its last complete row. What was read is proved by the log's checksums.
 """
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from smadrive.errors import DataError
+from smadrive.errors import DataError, SmadriveError
 from smadrive.filekind import LOG, check_kind
 from smadrive.nearest import nearest
+from smadrive.telemetry.content import Content, read_content
+from smadrive.telemetry.selfcontained import ForeignContentError
 
 Array = NDArray[np.float64]
+ValueT = TypeVar("ValueT")
 
 ENDED_BY = "ended by "
 """How the event begins that tells what ended a run before its time."""
+
+RESTORE = "restore the log from a copy, or record it again"
 
 
 class Event(NamedTuple):
@@ -36,7 +41,7 @@ class Event(NamedTuple):
 @dataclass(frozen=True)
 class Log:
     """The content of a log file. `about` are texts that tell what was recorded; `end_time` is empty when nobody ended
-    the log: its writer was killed, or still writes.
+    the log: its writer was killed, or still writes. `is_checked`: checksums prove the content.
     """
 
     path: Path
@@ -46,6 +51,7 @@ class Log:
     start_time: str
     end_time: str
     version: str
+    is_checked: bool = True
 
     @property
     def ended_by(self) -> str:
@@ -53,51 +59,89 @@ class Log:
         causes = [event.message for event in self.events if event.message.startswith(ENDED_BY)]
         return causes[-1].removeprefix(ENDED_BY) if causes else ""
 
-    def column(self, name: str) -> Array:
-        """The named column; DataError when there is none, or when it holds a value that is not finite."""
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """Reasons to distrust the content."""
+        if self.is_checked:
+            return ()
+        return (f"{self.path.name} has no checksums (smadrive {self.version} wrote none): damage would not be seen",)
+
+    def signal(self, name: str) -> Array:
+        """The named column, NaN where nothing was measured; DataError when there is none."""
         if name not in self.columns:
             raise DataError(f"{self.path}: no column '{name}'" + nearest(name, self.columns))
-        values = self.columns[name]
+        return self.columns[name]
+
+    def column(self, name: str) -> Array:
+        """The named column; DataError when there is none, or when it holds a value that is not finite."""
+        values = self.signal(name)
         if not np.all(np.isfinite(values)):
             row = int(np.flatnonzero(~np.isfinite(values))[0])
             raise DataError(f"{self.path}, sample {row + 1}, column '{name}': not a finite number: record it again")
         return values
 
-    def json(self, name: str) -> Any:
-        """What `about` tells of `name`, as the JSON it is; DataError when it tells nothing."""
+    def text(self, name: str) -> str:
+        """What `about` tells of `name`; DataError when it tells nothing."""
         if name not in self.about:
             raise DataError(f"{self.path}: the log does not tell its {name}: record it with this version of smadrive")
-        return json.loads(self.about[name])
+        return self.about[name]
+
+    def json(self, name: str) -> Any:
+        """What `about` tells of `name`, as the JSON it is; DataError when it tells nothing, or is no JSON."""
+        return self.parsed(name, lambda value: value)
+
+    def parsed(self, name: str, make: Callable[[Any], ValueT]) -> ValueT:
+        """What `make` makes of the JSON that `about` tells of `name`; DataError when it cannot be made of it."""
+        text = self.text(name)
+        try:
+            return make(json.loads(text))
+        except SmadriveError:
+            raise
+        except (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError) as error:
+            raise DataError(f"{self.path}: {name}: cannot be understood ({_said(error)}): {RESTORE}") from None
 
 
 def read_log(path: Path) -> Log:
-    """The log at `path`; DataError when it is missing or no log."""
+    """The log at `path`; DataError when it is missing, no log, damaged, or refers to other files."""
     check_kind(path, LOG)
     if not path.exists():
         raise DataError(f"{path}: no such file")
     try:
         with h5py.File(path, "r", locking=False) as file:
-            return _read(path, file["entry"])
-    except (OSError, KeyError, RuntimeError) as error:
-        damage = f" ({error})" if h5py.is_hdf5(path) else ""
-        raise DataError(f"{path}: not a readable log of smadrive{damage}: {LOG.cure}") from None
+            content = read_content(file, path.stat().st_size)
+    except ForeignContentError as error:
+        raise DataError(f"{path}: not a log of smadrive alone: {error}. {LOG.cure.capitalize()}") from None
+    except Exception as error:  # noqa: BLE001 - a damaged file makes h5py raise errors of every kind
+        raise DataError(_unreadable(path, error)) from None
+    return _log(path, content)
 
 
-def _read(path: Path, entry: h5py.Group) -> Log:
-    events = _written(entry["events"])
-    messages = [message.rstrip(b"\0").decode(errors="ignore") for message in events["message"]]
+def _log(path: Path, content: Content) -> Log:
+    columns = content.columns
+    backwards = np.flatnonzero(~(np.diff(columns["time_s"]) > 0.0))
+    if backwards.size:
+        row = int(backwards[0])
+        before_s, after_s = columns["time_s"][row : row + 2]
+        raise DataError(f"{path}, sample {row + 2}: time goes from {before_s:g} s to {after_s:g} s: {RESTORE}")
+    events = tuple(Event(time_s, text) for time_s, text in content.events)
     return Log(
         path,
-        columns=_written(entry["data"]),
-        about={name: text.asstr()[()] for name, text in entry["about"].items()},
-        events=tuple(Event(float(time_s), text) for time_s, text in zip(events["time_s"], messages, strict=True)),
-        start_time=entry["start_time"].asstr()[()],
-        end_time=entry["end_time"][()].decode(),
-        version=str(entry["program_name"].attrs["version"]),
+        columns,
+        content.about,
+        events,
+        content.start_time,
+        content.end_time,
+        content.version,
+        content.is_checked,
     )
 
 
-def _written(group: h5py.Group) -> dict[str, Array]:
-    """The datasets of a group, up to the last row that was written completely: time is written last."""
-    rows = int(np.count_nonzero(np.isfinite(group["time_s"][:])))
-    return {name: values[:rows] for name, values in group.items()}
+def _unreadable(path: Path, error: Exception) -> str:
+    if not h5py.is_hdf5(path):
+        return f"{path}: not a readable log of smadrive: {LOG.cure}"
+    return f"{path}: not a readable log of smadrive, or damaged ({_said(error)}): {RESTORE}, or {LOG.cure}"
+
+
+def _said(error: Exception) -> str:
+    """The first line of a message, or the error's type where it says nothing."""
+    return (str(error).splitlines() or [type(error).__name__])[0]

@@ -7,11 +7,8 @@ where HDF5 said that its values lie. At every moment the file is a complete HDF5
 not written yet reads NaN. At the end the columns are cut to the rows there are; a killed writer's log just has a tail
 of NaN. Only a log that gets longer than was said opens HDF5 in between, to get room for the next `GROWTH_ROWS` rows.
 
-    /                       NXroot; every column once more as a link, so that plain readers find it
-    /entry                  NXentry: start_time, end_time (empty: the writer was killed), program_name
-    /entry/data             NXdata: the columns along `time_s`, float64, each with its `units`
-    /entry/about            NXcollection: texts (config, model, provenance), JSON where they are structured
-    /entry/events           NXcollection: time_s, message
+The layout is in layout.py. A checksum (see checksums.py) is written after what it belongs to: a row is complete when
+its checksum is there.
 """
 
 from __future__ import annotations
@@ -19,8 +16,6 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from datetime import UTC, datetime
-from importlib.metadata import version
 from pathlib import Path
 
 import h5py
@@ -29,29 +24,17 @@ from numpy.typing import NDArray
 
 from smadrive.errors import DataError
 from smadrive.outfile import creating
-
-CHUNK_ROWS = 1024
-"""Rows of a column that lie together."""
+from smadrive.telemetry.checksums import SUM, VALUE, alphabetical, end_sum, event_sum, row_sums
+from smadrive.telemetry.layout import CHUNK_ROWS, EVENT_BYTES, EVENT_ROWS, create_log, time_text
 
 GROWTH_ROWS = 8 * CHUNK_ROWS
 """Rows that a log of unknown length gets room for at a time: seven minutes at 20 Hz."""
 
-EVENT_ROWS = 128
-"""Events that a log gets room for at a time."""
-
-EVENT_BYTES = 400
-"""Events have a fixed length, or their place could not be known."""
-
 STRUCTURE_BYTES = 1 << 18
 """More than HDF5 needs beside the rows and texts."""
 
-UNITS = {"s": "s", "c": "degC", "a": "A", "v": "V", "w": "W", "mm": "mm"}
-"""The unit of a column, told by the suffix of its name."""
-
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """How every HDF5 file begins."""
-
-_NOW_BYTES = 32
 
 
 class Field:
@@ -99,15 +82,18 @@ class LogFile:
         self._path = path
         self._rows = self._events = 0
         with creating(path) as partial, self._told_plainly():
-            needed = 8 * len(columns) * (rows + CHUNK_ROWS) + sum(map(len, about.values())) + STRUCTURE_BYTES
+            needed = 8 * (len(columns) + 1) * (rows + CHUNK_ROWS) + sum(map(len, about.values())) + STRUCTURE_BYTES
             _claim(partial, needed)
-            _create(partial, columns, about, rows)
+            create_log(partial, columns, about, rows)
         with self._told_plainly():
             self._handle = os.open(path, os.O_RDWR)
             self._size = os.fstat(self._handle).st_size
             with h5py.File(path, "r", locking=False) as file:
                 self._columns = [Field(file[f"entry/data/{name}"]) for name in columns]
-                self._event_fields = [Field(file[f"entry/events/{name}"]) for name in ("message", "time_s")]
+                self._row_sums = Field(file["entry/checksums/rows"])
+                events = ("events/message", "events/time_s", "checksums/events")
+                self._event_fields = [Field(file[f"entry/{name}"]) for name in events]
+        self._order = alphabetical(columns)
 
     @property
     def rows(self) -> int:
@@ -115,23 +101,29 @@ class LogFile:
         return self._rows
 
     def append(self, block: NDArray[np.float64]) -> None:
-        """Write rows, one column of `block` for each of the log's. Time comes last: a row that has it is complete."""
+        """Write rows, one column of `block` for each of the log's.
+
+        Time comes after the other columns, and the checksum after the time: a row that has it is complete.
+        """
         self._check_untouched()
         with self._told_plainly():
-            while self._rows + len(block) > self._columns[0].rows:
-                self._grow(self._columns, GROWTH_ROWS)
+            while self._rows + len(block) > self._row_sums.rows:
+                self._grow((*self._columns, self._row_sums), GROWTH_ROWS)
             for n in reversed(range(len(self._columns))):
-                self._columns[n].write(self._handle, self._rows, np.ascontiguousarray(block[:, n]).tobytes())
+                self._columns[n].write(self._handle, self._rows, block[:, n].astype(VALUE).tobytes())
+            self._row_sums.write(self._handle, self._rows, row_sums(block[:, self._order], self._rows).tobytes())
             self._rows += len(block)
 
     def add_event(self, time_s: float, message: str) -> None:
         """Write one event; of a message the first `EVENT_BYTES` are kept."""
         self._check_untouched()
         text = message.encode()[:EVENT_BYTES].ljust(EVENT_BYTES, b"\0")
+        checksum = np.array(event_sum(time_s, text, self._events), SUM)
         with self._told_plainly():
-            if self._events >= self._event_fields[0].rows:
+            if self._events >= self._event_fields[-1].rows:
                 self._grow(self._event_fields, EVENT_ROWS)
-            for field, value in zip(self._event_fields, (text, np.float64(time_s).tobytes()), strict=True):
+            values = (text, np.array(time_s, VALUE).tobytes(), checksum.tobytes())
+            for field, value in zip(self._event_fields, values, strict=True):
                 field.write(self._handle, self._events, value)
             self._events += 1
 
@@ -140,11 +132,13 @@ class LogFile:
         try:
             self._check_untouched()
             with self._told_plainly(), h5py.File(self._path, "r+", locking=False) as file:
-                for field in self._columns:
+                for field in (*self._columns, self._row_sums):
                     file[field.name].resize(self._rows, axis=0)
                 for field in self._event_fields:
                     file[field.name].resize(self._events, axis=0)
-                file["entry/end_time"][()] = _now()
+                now = time_text()
+                file["entry/end_time"][()] = now.encode()
+                file["entry/checksums/end"][()] = end_sum(now, self._rows, self._events)
         finally:
             os.close(self._handle)
 
@@ -204,55 +198,3 @@ def _claim(path: Path, size: int) -> None:
         os.posix_fallocate(handle, 0, size)
     finally:
         os.close(handle)
-
-
-def _create(path: Path, columns: Sequence[str], about: Mapping[str, str], rows: int) -> None:
-    with h5py.File(path, "w") as file:
-        file.attrs.update(NX_class="NXroot", default="entry")
-        entry = _group(file, "entry", "NXentry")
-        entry.attrs["default"] = "data"
-        entry["start_time"] = _now().decode()
-        entry.create_dataset("end_time", data=np.array(b"", f"S{_NOW_BYTES}"))
-        entry["program_name"] = "smadrive"
-        entry["program_name"].attrs["version"] = version("smadrive")
-        texts = _group(entry, "about", "NXcollection")
-        for name, text in about.items():
-            texts[name] = text
-        events = _group(entry, "events", "NXcollection")
-        _reserve(events, "time_s", np.dtype("f8"), EVENT_ROWS, EVENT_ROWS, np.nan).attrs["units"] = "s"
-        _reserve(events, "message", h5py.string_dtype("utf-8", EVENT_BYTES), EVENT_ROWS, EVENT_ROWS, None)
-        _create_columns(file, _group(entry, "data", "NXdata"), columns, rows)
-
-
-def _create_columns(file: h5py.File, data: h5py.Group, columns: Sequence[str], rows: int) -> None:
-    room = -(-rows // CHUNK_ROWS) * CHUNK_ROWS
-    data.attrs.update(axes="time_s", signal="displacement_mm" if "displacement_mm" in columns else columns[-1])
-    for name in columns:
-        column = _reserve(data, name, np.dtype("f8"), room, CHUNK_ROWS, np.nan)
-        column.attrs["units"] = UNITS.get(name.rpartition("_")[2], "1")
-        file[name] = h5py.SoftLink(f"/entry/data/{name}")
-    data["time_s"].make_scale("time_s")
-    for name in columns:
-        if name != "time_s":
-            data[name].dims[0].attach_scale(data["time_s"])
-
-
-def _reserve(
-    group: h5py.Group, name: str, dtype: np.dtype[np.generic], rows: int, chunk_rows: int, fill: float | None
-) -> h5py.Dataset:
-    """A dataset whose chunks all exist from the start."""
-    creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
-    creation.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
-    return group.create_dataset(
-        name, (rows,), dtype, chunks=(chunk_rows,), maxshape=(None,), fillvalue=fill, dcpl=creation
-    )
-
-
-def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
-    group = parent.create_group(name, track_order=True)
-    group.attrs["NX_class"] = nexus_class
-    return group
-
-
-def _now() -> bytes:
-    return datetime.now(UTC).isoformat(timespec="seconds").encode()

@@ -1,7 +1,7 @@
 """The log of a run as its writer sees it: rows of numbers and events, buffered for at most a second.
 
-A buffered row costs the control loop microseconds; once a second of the run, or every `BUFFER_ROWS`, the buffer goes to
-the file (see logfile.py for what is there at every moment). So a killed process loses at most the last second.
+A buffered row costs the control loop microseconds; once a second of the run, or every `MOST_OPEN_ROWS`, the buffer goes
+to the file (see logfile.py for what is there at every moment). So a killed process loses at most the last second.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from typing import Self
 import numpy as np
 
 from smadrive.errors import DataError
+from smadrive.telemetry.layout import MOST_OPEN_ROWS
 from smadrive.telemetry.log import ENDED_BY, Event
 from smadrive.telemetry.logfile import GROWTH_ROWS, LogFile
 
 BUFFER_S = 1.0
-BUFFER_ROWS = 1000
 
 LATEST_EVENTS = 3
 """Events that are kept for those who watch the run."""
@@ -67,7 +67,7 @@ class Recorder:
         """Append one row, a value for each column. DataError when the disk takes no more."""
         self._buffer.append(values)
         self._now_s = values[0]
-        if self._now_s - self._flushed_s >= BUFFER_S or len(self._buffer) >= BUFFER_ROWS:
+        if self._now_s - self._flushed_s >= BUFFER_S or len(self._buffer) >= MOST_OPEN_ROWS:
             self.flush()
 
     def event(self, message: str) -> None:

@@ -12,8 +12,9 @@ import pytest
 import xarray
 
 from smadrive.errors import DataError
+from smadrive.telemetry.layout import EVENT_ROWS
 from smadrive.telemetry.log import read_log
-from smadrive.telemetry.logfile import EVENT_ROWS, GROWTH_ROWS
+from smadrive.telemetry.logfile import GROWTH_ROWS
 from smadrive.telemetry.recorder import Recorder
 
 COLUMNS = ("time_s", "temperature_c", "current_a", "displacement_mm")
@@ -181,7 +182,7 @@ def test_a_disk_without_room_is_told_before_the_run(tmp_path):
 
 def test_a_disk_that_fills_during_the_run_leaves_what_it_took(tmp_path):
     path = tmp_path / "run.h5"
-    done = in_a_child(path, 3 * GROWTH_ROWS, 100, limit=500_000)
+    done = in_a_child(path, 3 * GROWTH_ROWS, 100, limit=600_000)
     assert done.returncode == 0, done.stderr
     assert "run.h5: the log takes no more (File too large)" in done.stdout
     log = read_log(path)

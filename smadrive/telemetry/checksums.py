@@ -1,0 +1,59 @@
+"""CRC-32 checksums of a log: of every row, of every event, of the metadata, and of how the log ended.
+
+HDF5's own Fletcher-32 filter works on whole chunks: a chunk of a live log would be unreadable from the moment a row is
+put into it to the moment its checksum follows. So a log has checksums of its own. Each is computed from the content,
+not from the bytes of the file, therefore damage to the structure of the file that changes what is read is found too.
+The value 0 is that of a place that was never written.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from zlib import crc32
+
+import numpy as np
+from numpy.typing import NDArray
+
+Sums = NDArray[np.uint32]
+
+SUM = np.dtype("<u4")
+VALUE = np.dtype("<f8")
+
+
+def row_sums(block: NDArray[np.float64], first_row: int) -> Sums:
+    """Checksums of consecutive rows of the columns in alphabetical order; a row's number is part of its checksum."""
+    rows = memoryview(block.astype(VALUE).tobytes())
+    size = VALUE.itemsize * block.shape[1]
+    sums = (crc32(rows[n * size : (n + 1) * size], first_row + n) or 1 for n in range(len(block)))
+    return np.fromiter(sums, SUM, len(block))
+
+
+def event_sum(time_s: float, text: bytes, number: int) -> int:
+    """Checksum of an event; `text` is padded to its fixed length."""
+    return crc32(text, crc32(np.array(time_s, VALUE).tobytes(), number)) or 1
+
+
+def metadata_sum(start_time: str, version: str, columns: Iterable[str], about: Mapping[str, str]) -> int:
+    """Checksum of what is known before the first row; `columns` are the names of all."""
+    return _text_sum([start_time, version, sorted(columns), sorted(about.items())])
+
+
+def end_sum(end_time: str, rows: int, events: int) -> int:
+    """Checksum of the end of a log: when it was, and how much there is."""
+    return _text_sum([end_time, rows, events])
+
+
+def first_bad(found: Sums, expected: Sums) -> int | None:
+    """Index of the first checksum that differs; None when all agree."""
+    bad = np.flatnonzero(found != expected)
+    return int(bad[0]) if bad.size else None
+
+
+def alphabetical(names: Sequence[str]) -> list[int]:
+    """Places of `names` in alphabetical order."""
+    return sorted(range(len(names)), key=names.__getitem__)
+
+
+def _text_sum(values: list[object]) -> int:
+    return crc32(json.dumps(values).encode()) or 1

@@ -1,0 +1,63 @@
+"""Whether an HDF5 file holds all of its content itself.
+
+HDF5 lets a link, a dataset or a filter lead out of the file: into another file, into raw bytes of any file, into a
+plugin that is loaded and run. A log from a stranger could show a report's reader what is on the reader's own disk. So
+everything that can be reached is checked before anything is read.
+"""
+
+from __future__ import annotations
+
+import h5py
+
+MOST_DEPTH = 8
+"""Groups within groups; a log has two."""
+
+MOST_OBJECTS = 10_000
+"""Links of the whole file; a log has some fifty."""
+
+
+class ForeignContentError(Exception):
+    """The file leads out of itself, or claims more than it holds."""
+
+
+def check_self_contained(file: h5py.File, size: int) -> None:
+    """ForeignContentError when the file, of `size` bytes, refers to content that is not its own."""
+    places = [(name, MOST_DEPTH, file, name) for name in file if not _is_alias(file, name)]
+    count = 0
+    while places:
+        place, depth, group, name = places.pop()
+        count += 1
+        if depth == 0 or count > MOST_OBJECTS:
+            raise ForeignContentError(f"{place}: more than {MOST_DEPTH} levels or {MOST_OBJECTS} links")
+        inner = _opened(group, name, place)
+        if isinstance(inner, h5py.Group):
+            places += [(f"{place}/{below}", depth - 1, inner, below) for below in inner]
+        elif isinstance(inner, h5py.Dataset):
+            _check_dataset(inner, place, size)
+
+
+def _is_alias(file: h5py.File, name: str) -> bool:
+    """Whether this is the link to a column that a log has at its root."""
+    link = file.get(name, getlink=True)
+    return isinstance(link, h5py.SoftLink) and link.path == f"/entry/data/{name}"
+
+
+def _opened(group: h5py.Group, name: str, place: str) -> object:
+    try:
+        link = group.get(name, getlink=True)
+    except TypeError:  # a user-defined link
+        link = None
+    if not isinstance(link, h5py.HardLink):
+        raise ForeignContentError(f"{place}: is a link to another place, which a log does not have")
+    return group[name]
+
+
+def _check_dataset(dataset: h5py.Dataset, place: str, size: int) -> None:
+    creation = dataset.id.get_create_plist()
+    if creation.get_layout() == h5py.h5d.VIRTUAL or creation.get_external_count():
+        raise ForeignContentError(f"{place}: its values are in another file")
+    if creation.get_nfilters():
+        raise ForeignContentError(f"{place}: passes through a filter; unpack the log with `h5repack -f NONE`")
+    claimed = (dataset.size or 0) * dataset.id.get_type().get_size()
+    if claimed > size:
+        raise ForeignContentError(f"{place}: claims {claimed} bytes, the file has {size}")
