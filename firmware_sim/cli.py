@@ -60,7 +60,7 @@ def serve(
     faults: Annotated[
         Path | None, typer.Option(help="What goes wrong and when (docs/simulator.md).", metavar="FAULTS.toml")
     ] = None,
-    seed: Annotated[int, typer.Option(help="Of the sensors' noise and of random faults.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Of the sensors' noise and of random faults.")] = 0,
     log: Annotated[Path | None, typer.Option(help="Write the event lines there instead of standard error.")] = None,
 ) -> None:
     """Serve simulated devices on serial or TCP ports, and print their URLs, one a line."""

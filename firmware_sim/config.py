@@ -12,6 +12,10 @@ from smadrive.filekind import SIM
 from smadrive.shipped import config_file
 
 
+MOST_SIGMA_C = 100.0
+"""A Preisach plane has a cell for every quarter of a kelvin: it grows with the square of the widths."""
+
+
 class Wire(Section):
     """The lumped wire. Mass and heat capacity stand apart because the latent heat is per mass."""
 
@@ -30,8 +34,8 @@ class Branches(Section):
 
     mu_heating_c: float
     mu_cooling_c: float
-    sigma_heating_c: float = Field(gt=0)
-    sigma_cooling_c: float = Field(gt=0)
+    sigma_heating_c: float = Field(gt=0, le=MOST_SIGMA_C)
+    sigma_cooling_c: float = Field(gt=0, le=MOST_SIGMA_C)
 
 
 class Component(Branches):

@@ -22,6 +22,7 @@ from typing import Protocol
 from firmware_sim.doors import Door
 from firmware_sim.faults import Ear
 from smadrive.errors import ConfigError
+from smadrive.numbertext import parse_number, shortened
 
 STEP_S = 0.01
 _CHUNK = 512
@@ -137,11 +138,13 @@ class _DoorEar:
 
 def _time_of(line: str) -> float:
     try:
-        time_s = float(line)
+        time_s = parse_number(line)
     except ValueError:
         time_s = math.nan
     if not math.isfinite(time_s):
-        raise ConfigError(f"--time driven: standard input says '{line}'; write the time in seconds, one number a line")
+        raise ConfigError(
+            f"--time driven: standard input says {shortened(line)}; write the time in seconds, one number a line"
+        )
     return time_s
 
 

@@ -14,6 +14,7 @@ from collections.abc import Callable
 from math import inf, sqrt
 
 from firmware_sim.sensors import Sensors
+from smadrive.numbertext import parse_number
 
 BANNER = "TCLab Firmware 2.0.1 Arduino Uno"
 PULSE_MAX = 255
@@ -94,6 +95,6 @@ class TCLabFirmware:
 def _float(text: str) -> float:
     """A number, or 0, as the Arduino's own conversion has it."""
     try:
-        return float(text)
+        return parse_number(text)
     except ValueError:
         return 0.0

@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from firmware_sim.doors import Heard, Talk
 from firmware_sim.ports import Port
 from smadrive.errors import ConfigError
+from smadrive.numbertext import shortened
 
 LOOPBACK = "127.0.0.1"
 _CHUNK = 2048
@@ -91,6 +92,8 @@ class _Client:
 
 def _parsed(address: str) -> tuple[str, int]:
     host, _, port = address.rpartition(":")
-    if not port.isdecimal() or int(port) > 0xFFFF:
-        raise ConfigError(f"'{address}' is no address to listen on; write HOST:PORT, or PORT for this machine alone")
+    if not (port.isascii() and port.isdecimal() and len(port) <= len("65535")) or int(port) > 0xFFFF:
+        raise ConfigError(
+            f"{shortened(address)} is no address to listen on; write HOST:PORT, or PORT for this machine alone"
+        )
     return host or LOOPBACK, int(port)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from pathlib import Path
 from types import NoneType
 from typing import Any, TypeVar
@@ -12,6 +11,11 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from smadrive.errors import ConfigError
 from smadrive.filekind import check_regular
 from smadrive.nearest import nearest
+from smadrive.numbertext import shortened
+from smadrive.tomltext import parse_toml
+
+MOST_WHOLE = 1 << 63
+"""TOML promises whole numbers of 64 bits, and no config needs more."""
 
 
 class Section(BaseModel):
@@ -26,7 +30,9 @@ class Section(BaseModel):
         for name, field in cls.model_fields.items() if isinstance(values, dict) else ():
             allowed = set(getattr(field.annotation, "__args__", (field.annotation,)))
             if allowed <= {int, float, NoneType} and isinstance(values.get(name), str | bool):
-                raise ValueError(f"{name} = {values[name]!r}: put a number there, without quotes")
+                raise ValueError(f"{name} = {shortened(values[name])}: put a number there, without quotes")
+            if isinstance(values.get(name), int) and abs(values[name]) >= MOST_WHOLE:
+                raise ValueError(f"{name} = {shortened(values[name])}: is beyond 64 bits: correct it")
         return values
 
 
@@ -37,12 +43,12 @@ def read_toml(path: Path) -> dict[str, Any]:
     """The tables of the file; ConfigError when it is missing, unreadable, no regular file or no TOML."""
     check_regular(path, ConfigError)
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+        return parse_toml(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
         raise ConfigError(f"{path}: no such file") from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"{path}: cannot be read ({error})") from None
-    except tomllib.TOMLDecodeError as error:
+    except ValueError as error:
         raise ConfigError(f"{path}: not valid TOML: {error}") from None
     except RecursionError:
         raise ConfigError(f"{path}: nested too deeply for a config file: remove the inner brackets") from None
@@ -82,7 +88,7 @@ def _complaint(problem: dict[str, Any], kind: type[BaseModel]) -> str:
         return "is missing"
     message = str(problem["msg"]).removeprefix("Value error, ")
     value = problem["input"]
-    return message if isinstance(value, dict) else f"{message} (it is {value!r})"
+    return message if isinstance(value, dict) else f"{message} (it is {shortened(value)})"
 
 
 def _known_keys(kind: type[BaseModel], path: tuple[Any, ...]) -> set[str]:

@@ -11,12 +11,13 @@ import csv
 import json
 import os
 import stat
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from smadrive.errors import ConfigError, DataError, ModelError
+from smadrive.numbertext import parse_number, shortened
+from smadrive.tomltext import parse_toml
 
 HEAD_BYTES = 1 << 20
 """Of a file so much is looked at; every config and every model is smaller."""
@@ -78,8 +79,10 @@ def check_regular(path: Path, error: type[ConfigError | DataError | ModelError])
     """The given error when something other than a regular file is at `path`; whether anything is, its reader tells."""
     try:
         kind = irregular_kind(path.stat())
-    except (OSError, ValueError):
+    except OSError:
         return
+    except ValueError as problem:
+        raise error(f"{shortened(str(path))}: is no path ({problem}): give the path of a file") from None
     if kind:
         raise error(f"{path}: is {kind}, no regular file: give the path of a file")
 
@@ -106,7 +109,7 @@ def _kind_of(path: Path, wanted: FileKind) -> FileKind | None:
         return PAGE
     if text.startswith("{"):
         return _marked(_keys(json.loads, text), MODEL)
-    return _marked(_keys(tomllib.loads, text), wanted, *CONFIGS) or (TABLE if _is_table(text) else None)
+    return _marked(_keys(parse_toml, text), wanted, *CONFIGS) or (TABLE if _is_table(text) else None)
 
 
 def _marked(keys: frozenset[str], *kinds: FileKind) -> FileKind | None:
@@ -131,7 +134,7 @@ def _is_table(text: str) -> bool:
 
 def _is_number(cell: str) -> bool:
     try:
-        float(cell)
+        parse_number(cell)
     except ValueError:
         return False
     return True

@@ -65,7 +65,7 @@ def main(
     real_time: Annotated[
         bool, typer.Option("--real-time", help="Run at 1x (some ten minutes) instead of virtual time.")
     ] = False,
-    seed: Annotated[int, typer.Option(help="Seed of the simulated sensors' noise.")] = 0,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the simulated sensors' noise.")] = 0,
     as_json: AsJson = False,
 ) -> None:
     """Excite a simulated wire, identify it from the record, track with and without the inverse, write a report."""

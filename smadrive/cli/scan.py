@@ -11,6 +11,7 @@ from smadrive.device.profile import load_profile
 from smadrive.device.scan import Found, scan
 from smadrive.errors import ConfigError, DeviceError
 from smadrive.modbus.transport import SerialSettings
+from smadrive.numbertext import parse_whole
 from smadrive.shipped import configs_dir
 
 Port = Annotated[
@@ -57,10 +58,11 @@ def unit_ids_of(text: str) -> list[int]:
     """The numbers of `1-10` or `1,3,7`; ConfigError when they are none."""
     try:
         spans = [part.partition("-") for part in text.split(",")]
-        unit_ids = [unit for first, _, last in spans for unit in range(int(first), int(last or first) + 1)]
+        ends = [(parse_whole(first), parse_whole(last or first)) for first, _, last in spans]
     except ValueError:
-        unit_ids = []
-    if not unit_ids or not all(0 <= unit <= 255 for unit in unit_ids):
+        ends = []
+    unit_ids = [unit for first, last in ends if 0 <= first <= last <= 255 for unit in range(first, last + 1)]
+    if not unit_ids or not all(0 <= first <= last <= 255 for first, last in ends):
         raise ConfigError(f"--units {text}: write unit ids of 0 to 255, as in 1-10 or 1,3,7")
     return unit_ids
 

@@ -14,6 +14,7 @@ import numpy as np
 from smadrive.control.reference import LONGEST_S, SHORTEST_S, TABLE_STEP_S, Reference, check_displacement, check_length
 from smadrive.errors import ConfigError, DataError
 from smadrive.nearest import meant, nearest
+from smadrive.numbertext import parse_number
 
 ROUNDING = 1e-9
 """Share by which a quotient of keys may miss a bound, or a whole number, that they meet."""
@@ -36,7 +37,7 @@ def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
         told = ", ".join(_told(key) for key in keys.values())
         raise ConfigError(f"reference '{spec}': {wrong}; the keys of '{shape}' are {told}")
     try:
-        return make(longest_s, **{key: float(value) for key, value in given})
+        return make(longest_s, **{key: parse_number(value) for key, value in given})
     except ValueError as error:
         raise ConfigError(f"reference '{spec}': {error}") from None
 

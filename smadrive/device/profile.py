@@ -35,6 +35,7 @@ from smadrive.filekind import PROFILE
 from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.transport import SerialSettings
 from smadrive.nearest import nearest
+from smadrive.numbertext import parse_whole
 from smadrive.shipped import config_file
 
 QUANTITIES = ("temperature", "displacement", "measured_current", "measured_voltage")
@@ -214,6 +215,6 @@ def load_profile(name_or_path: str | Path) -> Profile:
 def _raw_of(pair: str, choice: str) -> tuple[str, int]:
     name, _, raw = pair.partition("=")
     try:
-        return name.strip(), int(raw, 0)
+        return name.strip(), parse_whole(raw)
     except ValueError:
         raise ConfigError(f"'{choice}': write REGISTER=RAW, several with commas, raw values as whole numbers") from None

@@ -15,6 +15,7 @@ from smadrive.configfile import Section
 from smadrive.device import words as bus
 from smadrive.device.codec import Codec
 from smadrive.device.words import Kind, Order
+from smadrive.numbertext import parse_whole
 
 Table = Literal["holding", "input", "coil", "discrete"]
 Evidence = Literal["own", "two", "one", "uncertain", ""]
@@ -53,7 +54,7 @@ class Register(Section):
     @classmethod
     def _numbered(cls, table: dict[Any, str]) -> dict[int, str]:
         """TOML keys are text: accept 32768, 0x8000 and -32768."""
-        return {int(key, 0) if isinstance(key, str) else key: word for key, word in table.items()}
+        return {parse_whole(key) if isinstance(key, str) else key: word for key, word in table.items()}
 
     @field_validator("scale")
     @classmethod

@@ -26,7 +26,7 @@ class Head(Section):
 class Serial(Section):
     """The device's factory settings of its serial line; a connection URL may overrule all but `bytesize`."""
 
-    baudrate: int = Field(gt=0)
+    baudrate: int = Field(ge=50, le=12_000_000)
     bytesize: Literal[8] = 8
     parity: Parity = "N"
     stopbits: Literal[1, 2] = 1
@@ -42,13 +42,13 @@ class Tcp(Section):
 class Timing(Section):
     """What the device needs of a master, in milliseconds; the simulated device insists on it."""
 
-    response_timeout_ms: float = Field(gt=0)
-    min_gap_ms: float = Field(default=0.0, ge=0)
-    post_write_ms: float = Field(default=0.0, ge=0)
-    poll_interval_ms: float = Field(default=0.0, ge=0)
-    boot_ms: float = Field(default=0.0, ge=0)
-    settle_ms: float = Field(default=0.0, ge=0)
-    update_ms: float = Field(default=0.0, ge=0)
+    response_timeout_ms: float = Field(gt=0, le=60_000)
+    min_gap_ms: float = Field(default=0.0, ge=0, le=60_000)
+    post_write_ms: float = Field(default=0.0, ge=0, le=60_000)
+    poll_interval_ms: float = Field(default=0.0, ge=0, le=60_000)
+    boot_ms: float = Field(default=0.0, ge=0, le=60_000)
+    settle_ms: float = Field(default=0.0, ge=0, le=60_000)
+    update_ms: float = Field(default=0.0, ge=0, le=60_000)
     silence: bool = True
     retries: int = Field(default=2, ge=0, le=20)
     max_read_registers: int = Field(default=MAX_READ_REGISTERS, ge=1, le=MAX_READ_REGISTERS)

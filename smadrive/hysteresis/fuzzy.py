@@ -16,6 +16,10 @@ import numpy as np
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis.arrays import FloatArray
+from smadrive.numbertext import shortened
+
+MOST_SETS = 200
+"""The weights of 20,000 sets at every point of the finest grid would take 100 GB; a wire needs some 11."""
 
 
 class Rule(NamedTuple):
@@ -135,9 +139,11 @@ def hat_weights(v: FloatArray, centres: FloatArray) -> FloatArray:
 
 
 def check_centres(centres: tuple[float, ...]) -> None:
-    """Refuse centres that are not at least two finite ascending numbers (ModelError)."""
+    """Refuse centres that are not 2 to `MOST_SETS` finite ascending numbers (ModelError)."""
     if len(centres) < 2:
         raise ModelError(f"fuzzy sets: {len(centres)} centre(s); at least 2 are needed to blend laws")
+    if len(centres) > MOST_SETS:
+        raise ModelError(f"fuzzy sets: {len(centres)} centres; at most {MOST_SETS} are tabulated: use fewer sets")
     steps = np.diff(np.array(centres, dtype=np.float64))
     if not (np.isfinite(steps).all() and (steps > 0).all()):
-        raise ModelError(f"fuzzy sets: centres {tuple(centres)} must be finite and strictly ascending")
+        raise ModelError(f"fuzzy sets: centres {shortened(tuple(centres))} must be finite and strictly ascending")

@@ -20,6 +20,10 @@ from smadrive.hysteresis.arrays import FloatArray
 _LOG_ROOT_TWO_PI = 0.5 * np.log(2 * np.pi)
 
 
+MOST_COMPONENTS = 20
+"""Of one branch; a measured wire needs two."""
+
+
 class MixtureLogs(NamedTuple):
     """Logarithms of h, 1 - h and g at some inputs."""
 
@@ -42,6 +46,8 @@ class GaussianMixture:
                 f"mixture: {len(self.weights)} weights, {len(self.means)} means and {len(self.sigmas)} sigmas; "
                 "give one of each per component, at least one"
             )
+        if len(self.means) > MOST_COMPONENTS:
+            raise ModelError(f"mixture: {len(self.means)} components; at most {MOST_COMPONENTS} are used: give fewer")
         for mean, sigma in zip(self.means, self.sigmas, strict=True):
             if not (isfinite(mean) and isfinite(sigma) and sigma > 0):
                 raise ModelError(

@@ -20,9 +20,13 @@ from smadrive.hysteresis.fuzzy import FuzzySets, GaussianSets, TrapezoidSets, Tr
 from smadrive.hysteresis.mixture import GaussianMixture
 from smadrive.hysteresis.model import HysteresisModel
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
+from smadrive.numbertext import shortened
 from smadrive.outfile import replacing
 
 SCHEMA_VERSION = 1
+MOST_BYTES = 1 << 20
+"""A model of 200 sets takes some 20,000."""
+
 CURE = "give a model file, which `smadrive identify` or save_model writes"
 _LAWS = ("a_heating", "b_heating", "a_cooling", "b_cooling")
 
@@ -48,6 +52,9 @@ def read_model(path: str | os.PathLike[str]) -> str:
     """The text of a model file. Raises ModelError for what is none, or cannot be read."""
     check_kind(Path(path), MODEL)
     try:
+        size = Path(path).stat().st_size
+        if size > MOST_BYTES:
+            raise ModelError(f"{path}: {size} bytes, at most {MOST_BYTES} are read; {CURE}")
         return Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {error.strerror}; check the path") from error
@@ -82,10 +89,9 @@ def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> Du
         raise ModelError(f"{place}: not a JSON file{damage}; {CURE}") from error
     except RecursionError:
         raise ModelError(f"{place}: nested too deeply for a model file; {CURE}") from None
-    if fields.value("schema") != SCHEMA_VERSION:
-        raise ModelError(
-            f"{place}: schema is {fields.value('schema')!r}; this version reads {SCHEMA_VERSION}; identify again"
-        )
+    schema = fields.value("schema")
+    if schema != SCHEMA_VERSION:
+        raise ModelError(f"{place}: schema is {shortened(schema)}; this version reads {SCHEMA_VERSION}; identify again")
     model = _build(fields)
     certificate = model.certificate()
     if not (certificate.holds or allow_uncertified):
@@ -144,21 +150,23 @@ class Fields:
         """The number at `key`."""
         value = self.value(key)
         if not _is_finite(value):
-            raise ModelError(f"{self.place}: {key} = {value!r} is not a number; put a finite number there")
+            raise ModelError(f"{self.place}: {key} = {shortened(value)} is not a number; put a finite number there")
         return float(value)
 
     def numbers(self, key: str) -> tuple[float, ...]:
         """The list of numbers at `key`."""
         values = self.value(key)
         if not isinstance(values, list) or not all(map(_is_finite, values)):
-            raise ModelError(f"{self.place}: {key} = {values!r} is not a list of finite numbers; put one there")
+            raise ModelError(
+                f"{self.place}: {key} = {shortened(values)} is not a list of finite numbers; put one there"
+            )
         return tuple(map(float, values))
 
     def texts(self, key: str) -> tuple[str, ...]:
         """The list of texts at `key`."""
         values = self.value(key)
         if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
-            raise ModelError(f"{self.place}: {key} = {values!r} is not a list of texts; put one there")
+            raise ModelError(f"{self.place}: {key} = {shortened(values)} is not a list of texts; put one there")
         return tuple(values)
 
     def inner(self, key: str) -> Fields:
@@ -189,7 +197,7 @@ def _build(fields: Fields) -> DuhemModel | TSFuzzyDuhem:
     except ModelError as error:
         message = str(error)
         raise ModelError(message if message.startswith(fields.place) else f"{fields.place}: {message}") from error
-    raise ModelError(f"{fields.place}: kind = {kind!r} is unknown; it must be 'duhem' or 'tsfuzzy'")
+    raise ModelError(f"{fields.place}: kind = {shortened(kind)} is unknown; it must be 'duhem' or 'tsfuzzy'")
 
 
 def _mixture(fields: Fields) -> GaussianMixture:
@@ -205,5 +213,5 @@ def _sets(fields: Fields) -> FuzzySets:
     if shape == "gaussian":
         return GaussianSets(centres, fields.number("width"))
     raise ModelError(
-        f"{fields.place}: shape = {shape!r} is unknown; it must be 'triangular', 'trapezoid' or 'gaussian'"
+        f"{fields.place}: shape = {shortened(shape)} is unknown; it must be 'triangular', 'trapezoid' or 'gaussian'"
     )

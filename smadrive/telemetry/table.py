@@ -6,6 +6,7 @@ Columns that nobody asked for are carried along as text, untouched.
 from __future__ import annotations
 
 import csv
+from collections import Counter
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -16,6 +17,7 @@ from numpy.typing import NDArray
 from smadrive.errors import DataError
 from smadrive.filekind import TABLE, check_kind
 from smadrive.nearest import nearest
+from smadrive.numbertext import parse_number, shortened
 from smadrive.outfile import replacing
 
 Array = NDArray[np.float64]
@@ -24,12 +26,20 @@ OTHER_SEPARATORS = (";", "\t")
 """What spreadsheets write where the comma is the decimal sign."""
 
 
+LARGEST = 1e12
+"""No sample is larger in any unit of use; the square of 1e300 would overflow."""
+
+MOST_BYTES = 1 << 29
+"""Ten days at 20 Hz with three columns; in memory a table takes ten times as much as on the disk."""
+
+
 @dataclass(frozen=True)
 class Table:
-    """The cells of a CSV file as text, by column."""
+    """The cells of a CSV file as text, by column; `lines` tells the line of each row."""
 
     path: Path
     cells: dict[str, list[str]] = field(repr=False)
+    lines: list[int] = field(repr=False)
 
     def column(self, name: str) -> Array:
         """The column as float64. DataError names the file, the row and the cell that is no finite number."""
@@ -42,36 +52,54 @@ class Table:
 
     def _number(self, name: str, row: int, cell: str) -> float:
         try:
-            value = float(cell)
+            value = parse_number(cell)
         except ValueError:
             value = np.nan
+        where = f"{self.path}, line {self.lines[row]}, column '{name}'"
         if not np.isfinite(value):
-            where = f"{self.path}, line {row + 2}, column '{name}'"
-            raise DataError(f"{where}: '{cell}' is not a finite number: correct or remove the line")
+            raise DataError(f"{where}: {shortened(cell)} is not a finite number: correct or remove the line")
+        if abs(value) > LARGEST:
+            raise DataError(f"{where}: {cell} is larger than {LARGEST:g}: correct it, or use another unit")
         return value
 
 
 def read_table(path: Path) -> Table:
-    """The CSV file at `path`. DataError when it is missing, empty, without header, ragged, or separated otherwise."""
+    """The CSV file at `path`.
+
+    DataError when it is missing, too large, empty, without header, ragged, or separated otherwise, and when two columns
+    have the same name.
+    """
     check_kind(path, TABLE)
-    try:
-        with path.open(newline="", encoding="utf-8-sig") as file:
-            rows = list(csv.reader(file, strict=True))
-    except FileNotFoundError:
-        raise DataError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise DataError(f"{path}: cannot be read as CSV ({error})") from None
-    rows = [row for row in rows if row]
+    rows = _rows(path)
     if len(rows) < 2:
         raise DataError(f"{path}: no samples: a header line and at least one line of numbers are needed")
-    header = [name.strip() for name in rows[0]]
+    header = [name.strip() for name in rows[0][1]]
     separator = next((known for known in OTHER_SEPARATORS if known in header[0]), None)
     if len(header) == 1 and separator is not None:
         raise DataError(f"{path}: separated by {separator!r}: write it with commas between cells, and decimal points")
-    for number, row in enumerate(rows[1:], start=2):
+    for line, row in rows[1:]:
         if len(row) != len(header):
-            raise DataError(f"{path}, line {number}: {len(row)} cells, the header has {len(header)}: repair the line")
-    return Table(path, {name: [row[n] for row in rows[1:]] for n, name in enumerate(header)})
+            raise DataError(f"{path}, line {line}: {len(row)} cells, the header has {len(header)}: repair the line")
+    columns = [(name, [row[n] for _, row in rows[1:]]) for n, name in enumerate(header)]
+    named = [(name, cells) for name, cells in columns if name or any(cells)]  # spreadsheets leave empty columns behind
+    twice = [name for name, times in Counter(name for name, _ in named).items() if times > 1]
+    if twice:
+        raise DataError(f"{path}: {len(named)} columns, two of them named {shortened(twice[0])}: rename or remove one")
+    return Table(path, dict(named), [line for line, _ in rows[1:]])
+
+
+def _rows(path: Path) -> list[tuple[int, list[str]]]:
+    """The lines that are not empty, each with its number and its cells."""
+    try:
+        if path.stat().st_size > MOST_BYTES:
+            raise DataError(f"{path}: {path.stat().st_size} bytes, at most {MOST_BYTES} are read: split the table")
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            reader = csv.reader(file, strict=True)
+            return [(reader.line_num, row) for row in reader if row]
+    except FileNotFoundError:
+        raise DataError(f"{path}: no such file") from None
+    except (OSError, ValueError, csv.Error) as error:
+        raise DataError(f"{path}: cannot be read as CSV ({error})") from None
 
 
 def write_table(path: Path, carried: Mapping[str, list[str]], added: Mapping[str, Array]) -> None:

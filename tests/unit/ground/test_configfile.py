@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from smadrive.configfile import Section, load_config
+from smadrive.configfile import Section, load_config, read_toml
 from smadrive.errors import ConfigError
 
 
@@ -46,7 +46,7 @@ def test_a_valid_file_loads_and_is_immutable(tmp_path):
         ('name = "x"\n[[parts]]\ncurrent_max_a = true', "current_max_a = True: put a number there"),
         ('name = "x"\n[[parts]]\ncurrent_max_a = nan', "finite number"),
         ("name = ", "not valid TOML"),
-        ("name = " + "[" * 10_000, "rig.toml: nested too deeply for a config file"),
+        ("name = " + "[\n" * 10_000, "rig.toml: nested too deeply for a config file"),
     ],
 )
 def test_what_is_wrong_is_named(tmp_path, text, told):
@@ -68,3 +68,26 @@ def test_a_pipe_is_not_waited_for(tmp_path):
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(ConfigError, match=r"absent\.toml: no such file"):
         load_config(tmp_path / "absent.toml", Outer)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "a." * 500_000 + "a = 1",
+        "name = 'x'\n" * 100_000,
+        "name = " + "9" * 5000,
+        "name = 0x" + "f" * 500,
+        "parts = [{current_max_a = 0x1" + "f" * 500 + "}]",
+        "parts = [{current_max_a = 1" + "0" * 400 + "}]",
+        'name = "a"\nname = "b"',
+    ],
+)
+def test_file_out_of_bounds_is_refused_at_once(tmp_path, text):
+    with pytest.raises(ConfigError) as caught:
+        load(tmp_path, text)
+    assert len(str(caught.value)) < 600
+
+
+def test_path_with_a_null_character_is_refused(tmp_path):
+    with pytest.raises(ConfigError):
+        read_toml(tmp_path / "a\0b.toml")

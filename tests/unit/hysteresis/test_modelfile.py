@@ -116,3 +116,27 @@ def test_a_model_whose_branch_comes_back_is_refused(path):
     with pytest.raises(CertificateError, match=r"a branch comes back by \d+ % of the travel"):
         load_model(path)
     assert load_model(path, allow_uncertified=True).input_range == model.input_range
+
+
+def test_more_sets_than_are_of_use_are_refused(path):
+    count = 20_000
+    laws = {"a_heating": -1.0, "b_heating": 1.0, "a_cooling": 1.0, "b_cooling": 0.0}
+    document = {
+        "schema": 1,
+        "kind": "tsfuzzy",
+        "sets": {"shape": "triangular", "centres": list(range(count))},
+        **{name: [value] * count for name, value in laws.items()},
+        "scale": 1.0,
+        "offset": 0.0,
+        "input_range": [0, count],
+    }
+    path.write_text(json.dumps(document))
+    with pytest.raises(ModelError, match="at most 200") as caught:
+        load_model(path)
+    assert len(str(caught.value)) < 300
+
+
+def test_file_larger_than_any_model_is_refused(model, path):
+    save_model(model, path, provenance={"source": "x" * (1 << 20)})
+    with pytest.raises(ModelError, match="bytes"):
+        load_model(path)
