@@ -19,17 +19,25 @@ from smadrive.modbus.framing import RtuFraming, TcpFraming
 from smadrive.modbus.serialport import SerialTransport
 from smadrive.modbus.socketport import SocketTransport
 from smadrive.modbus.transport import Lease, Parity, SerialSettings, Transport
+from smadrive.numbertext import shortened
 
 MODBUS_TCP_PORT = 502
+MOST_CHARACTERS = 1000
+"""Of a URL: longer than any path or name."""
+
 BY_ID = Path("/dev/serial/by-id")
 
+_FORMS = "serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port"
 _PARITIES: dict[str, Parity] = {"N": "N", "E": "E", "O": "O"}
 _ALLOWED = {
-    "baudrate": "baudrate=<bits per second>",
+    "baudrate": "baudrate=<50 to 12000000>",
     "parity": "parity=N|E|O",
     "stopbits": "stopbits=1|2",
     "latency_ms": "latency_ms=<0 to 5000>",
 }
+BAUDRATES = (50, 12_000_000)
+"""The slowest line that Linux knows, and the fastest adapter on sale."""
+
 MOST_LATENCY_MS = 5000
 """A reply that comes still later is not waited for, and not remembered as owed for much longer."""
 
@@ -55,7 +63,7 @@ def port_of(url: str) -> str:
     A serial adapter that has a name of its own in `/dev/serial/by-id` goes by that: it keeps it when it is plugged in
     anew. ConfigError when the URL names no port.
     """
-    parts = urlsplit(url)
+    parts = _split(url)
     if parts.scheme == "serial":
         port = Path(_port_path(url, parts)).resolve()
         own = (name for name in sorted(BY_ID.glob("*")) if name.resolve() == port)
@@ -66,11 +74,11 @@ def port_of(url: str) -> str:
 
 def is_remote(url: str) -> bool:
     """Whether the far end may have room for one client only; a port of this machine can be opened a second time."""
-    return urlsplit(url).scheme in ("tcp", "rtu+tcp")
+    return _split(url).scheme in ("tcp", "rtu+tcp")
 
 
 def _opened(url: str, line: SerialSettings, *, exclusive: bool) -> DescriptorTransport:
-    parts = urlsplit(url)
+    parts = _split(url)
     match parts.scheme:
         case "serial":
             settings, latency_s = _options(url, parts.query, line, tuple(_ALLOWED))
@@ -83,40 +91,60 @@ def _opened(url: str, line: SerialSettings, *, exclusive: bool) -> DescriptorTra
             host, port = _address(url, parts, None)
             settings, latency_s = _options(url, parts.query, line, allowed=("baudrate", "latency_ms"))
             return SocketTransport(host, port, RtuFraming(), settings.baudrate, latency_s)
-    raise ConfigError(
-        f"connection '{url}': unknown scheme '{parts.scheme}'; write serial:///dev/ttyUSB0, tcp://host:502 or "
-        "rtu+tcp://host:port"
-    )
+    raise ConfigError(f"connection {shortened(url, 200)}: unknown scheme {shortened(parts.scheme)}; write {_FORMS}")
+
+
+def _split(url: str) -> SplitResult:
+    """The parts of a URL. ConfigError when it has a character that no address has, or brackets without an address."""
+    wrong = "" if url.isprintable() else "it has a control character"
+    if len(url) > MOST_CHARACTERS:
+        wrong = f"it has {len(url)} characters, at most {MOST_CHARACTERS} are read"
+    try:
+        parts = urlsplit(url)
+    except ValueError as error:
+        wrong = wrong or str(error)
+    if wrong:
+        raise ConfigError(f"connection {shortened(url, 200)}: {wrong}; write {_FORMS}")
+    return parts
 
 
 def _port_path(url: str, parts: SplitResult) -> str:
     if parts.netloc or not parts.path.strip("/"):
-        raise ConfigError(f"connection '{url}': names no port; write three slashes, as in serial:///dev/ttyUSB0")
+        raise ConfigError(
+            f"connection {shortened(url, 200)}: names no port; write three slashes, as in serial:///dev/ttyUSB0"
+        )
     return parts.path
 
 
 def _address(url: str, parts: SplitResult, default_port: int | None) -> tuple[str, int]:
     try:
         host, port = parts.hostname, parts.port or default_port
-    except ValueError:  # a port that is no number, or too great
+        (host or "").encode("idna")  # as the look-up of names does
+    except ValueError:  # a port that is no number, or too great; a name with an empty or too long part
         host, port = None, None
     if not host or port is None or parts.path.strip("/"):
-        raise ConfigError(f"connection '{url}': names no host and port; write {parts.scheme}://192.168.1.10:502")
+        raise ConfigError(
+            f"connection {shortened(url, 200)}: names no host and port; write {parts.scheme}://192.168.1.10:502"
+        )
     return host, port
 
 
 def _options(url: str, query: str, defaults: SerialSettings, allowed: tuple[str, ...]) -> tuple[SerialSettings, float]:
     settings, latency_s = defaults, 0.0
     for key, text in parse_qsl(query, keep_blank_values=True):
-        if key == "baudrate" in allowed and text.isdecimal() and int(text) > 0:
+        if key == "baudrate" in allowed and _is_whole(text, *BAUDRATES):
             settings = replace(settings, baudrate=int(text))
         elif key == "parity" in allowed and text in _PARITIES:
             settings = replace(settings, parity=_PARITIES[text])
         elif key == "stopbits" in allowed and text in ("1", "2"):
             settings = replace(settings, stopbits=1 if text == "1" else 2)
-        elif key == "latency_ms" and key in allowed and text.isdecimal() and int(text) <= MOST_LATENCY_MS:
+        elif key == "latency_ms" and key in allowed and _is_whole(text, 0, MOST_LATENCY_MS):
             latency_s = int(text) / 1e3
         else:
             cure = "allowed are " + ", ".join(_ALLOWED[name] for name in allowed)
-            raise ConfigError(f"connection '{url}': cannot use '{key}={text}'; {cure}")
+            raise ConfigError(f"connection {shortened(url, 200)}: cannot use {shortened(f'{key}={text}')}; {cure}")
     return settings, latency_s
+
+
+def _is_whole(text: str, least: int, most: int) -> bool:
+    return text.isascii() and text.isdecimal() and len(text) <= len(str(most)) and least <= int(text) <= most

@@ -77,6 +77,20 @@ def test_what_else_is_wrong_in_the_file_does_not_matter(hot, right, wrong):
 
 
 @pytest.mark.parametrize(
+    "url", ["tcp://192.168.1..10:502", "tcp://[::1", r"serial:///dev/tty\u0000", "sim://a\\u0000b.toml"]
+)
+def test_bad_address_of_one_device_keeps_no_other_from_being_switched_off(hot, url):
+    process, rig, _ = hot
+    other = f'[[devices]]\nname = "other"\nprofile = "riden-rd60xx"\nurl = "{url}"\n'
+    rig.write_text(rig.read_text().replace("\n[[devices]]", f"\n{other}\n[[devices]]", 1))
+    done = off(rig)
+    assert done.returncode == 2, done.stderr
+    assert is_off(process)
+    assert UNCONFIRMED in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
     ("text", "code"),
     [
         (SHIPPED, 3),
