@@ -71,13 +71,13 @@ def serve(
             if replay is not None:
                 if sim or profile or faults or line_speed:
                     raise ConfigError("--replay takes the place of SIM.toml, --profile, --faults and --line-speed")
-                _serve_replay(Replay(replay, tell), way_in, stack, time)
+                _serve_replay(Replay(replay, tell), way_in, stack, tell, time)
             else:
                 bench = SimulatedBench(load_sim(_named(sim)), seed, tell)
                 placed = _placed(bench, way_in, profile)
                 if faults is not None:
                     bench.follow_script(load_script(faults))
-                _serve_bench(bench, open_entrances(placed, stack, line_speed=line_speed), time)
+                _serve_bench(bench, open_entrances(placed, stack, tell, line_speed=line_speed), time)
     except SmadriveError as error:
         typer.echo(f"firmware-sim: {error}", err=True)
         raise typer.Exit(error.exit_code) from None
@@ -121,9 +121,11 @@ def _serve_bench(bench: SimulatedBench, entrances: Sequence[Entrance], time: Tim
         bench.switch_off()
 
 
-def _serve_replay(replay: Replay, way_in: WayIn | None, stack: ExitStack, time: Time) -> None:
+def _serve_replay(
+    replay: Replay, way_in: WayIn | None, stack: ExitStack, tell: Callable[[str], None], time: Time
+) -> None:
     way_in = way_in or WayIn("tcp" if replay.numbered else "pty")
-    door = open_door(way_in, lambda numbered: replay.new_port(numbered=numbered), None, line_speed=False)
+    door = open_door(way_in, lambda numbered: replay.new_port(numbered=numbered), None, tell, line_speed=False)
     stack.callback(door.close)
     _run(Server(replay, (door,)), [door.url], time)
 

@@ -11,7 +11,6 @@ from smadrive.configfile import Section, load_config
 from smadrive.filekind import SIM
 from smadrive.shipped import config_file
 
-
 MOST_SIGMA_C = 100.0
 """A Preisach plane has a cell for every quarter of a kelvin: it grows with the square of the widths."""
 

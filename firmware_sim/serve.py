@@ -11,7 +11,6 @@ import contextlib
 import heapq
 import math
 import os
-import select
 import signal
 import sys
 import time
@@ -21,6 +20,7 @@ from typing import Protocol
 
 from firmware_sim.doors import Door
 from firmware_sim.faults import Ear
+from firmware_sim.readiness import readable
 from smadrive.errors import ConfigError
 from smadrive.numbertext import parse_number, shortened
 
@@ -71,7 +71,7 @@ class Server:
         while True:
             next_s = min(self._rig.time_s + STEP_S, self._agenda[0][0] if self._agenda else math.inf)
             doors = self._by_descriptor()
-            ready, _, _ = select.select(doors, (), (), max(start_s + next_s - time.monotonic(), 0.0))
+            ready = readable(doors, max(start_s + next_s - time.monotonic(), 0.0))
             self._pass_time(time.monotonic() - start_s)
             for descriptor in ready:
                 self._take_request(doors[descriptor], descriptor)
@@ -82,7 +82,7 @@ class Server:
         stdin = sys.stdin.fileno()
         while True:
             doors = self._by_descriptor()
-            ready, _, _ = select.select([*doors, stdin], (), ())
+            ready = readable((*doors, stdin), None)
             for descriptor in ready:
                 if descriptor != stdin:
                     self._take_request(doors[descriptor], descriptor)

@@ -1,8 +1,14 @@
-"""The simulated device on a TCP port: any number of clients, each with its own stream of frames."""
+"""The simulated device on a TCP port: up to `MOST_CLIENTS` clients, each with its own stream of frames.
+
+A client too many is let in and closed at once, so that it learns of it. To be able to do so when the process has no
+descriptor left, a door keeps one in reserve.
+"""
 
 from __future__ import annotations
 
 import contextlib
+import errno
+import os
 import socket
 from collections.abc import Callable, Sequence
 
@@ -12,16 +18,24 @@ from smadrive.errors import ConfigError
 from smadrive.numbertext import shortened
 
 LOOPBACK = "127.0.0.1"
+MOST_CLIENTS = 64
+"""Of one port. A real gateway has room for 1 to 32."""
+
 _CHUNK = 2048
 
 
 class TcpDoor:
     """Listens on [HOST:]PORT (0: any free port), by default for programs on this machine alone."""
 
-    def __init__(self, address: str, scheme: str, new_port: Callable[[], Port]) -> None:
-        """ConfigError when the address makes no sense, or nobody may listen there."""
+    def __init__(self, address: str, scheme: str, new_port: Callable[[], Port], tell: Callable[[str], None]) -> None:
+        """`tell` gets a line when clients are turned away, once.
+
+        ConfigError when the address makes no sense, or nobody may listen there.
+        """
         self._address = _parsed(address)
         self._new_port = new_port
+        self._tell = tell
+        self._has_told = False
         self._clients: dict[int, _Client] = {}
         try:
             self.open()
@@ -34,12 +48,13 @@ class TcpDoor:
     def open(self) -> None:
         """Listen; when opened again, on the same port."""
         self._listener = socket.create_server(self._address)
+        self._reserve = _Reserve()
         self._listener.setblocking(False)
         self._address = (self._address[0], self._listener.getsockname()[1])
 
     def descriptors(self) -> list[int]:
-        """The listening socket and the clients'."""
-        return [] if self._listener.fileno() < 0 else [self._listener.fileno(), *self._clients]
+        """Those of the clients, then the listening socket: who leaves makes room for who comes."""
+        return [] if self._listener.fileno() < 0 else [*self._clients, self._listener.fileno()]
 
     def talks(self) -> Sequence[Talk]:
         """The clients."""
@@ -48,9 +63,7 @@ class TcpDoor:
     def hear(self, descriptor: int) -> Heard | None:
         """Take what a client sent; let a new one in, or one that is done out."""
         if descriptor == self._listener.fileno():
-            with contextlib.suppress(OSError):  # gone before it was let in
-                client = _Client(self._listener.accept()[0], self._new_port())
-                self._clients[client.connection.fileno()] = client
+            self._let_in()
             return None
         talk = self._clients.get(descriptor)
         if talk is None:
@@ -67,9 +80,38 @@ class TcpDoor:
         talk.connection.close()
         return None
 
+    def _let_in(self) -> None:
+        """Take the next client, if there is room for it and it is still there."""
+        try:
+            connection, _ = self._listener.accept()
+        except OSError as error:
+            if error.errno in (errno.EMFILE, errno.ENFILE):
+                self._turn_away("the process has no descriptor left")
+            return
+        if len(self._clients) >= MOST_CLIENTS:
+            connection.close()
+            self._tell_once(f"{MOST_CLIENTS} clients are connected, no more are let in")
+            return
+        with contextlib.suppress(OSError):  # gone before it was let in
+            self._clients[connection.fileno()] = _Client(connection, self._new_port())
+
+    def _turn_away(self, why: str) -> None:
+        """Close a connection that there is no descriptor for, by means of the reserved one."""
+        self._reserve.close()
+        with contextlib.suppress(OSError):
+            self._listener.accept()[0].close()
+        self._reserve = _Reserve()
+        self._tell_once(f"{why}, new clients are turned away")
+
+    def _tell_once(self, what: str) -> None:
+        if not self._has_told:
+            self._has_told = True
+            self._tell(f"{self.url}: {what}")
+
     def close(self) -> None:
         """Close every connection."""
         self._listener.close()
+        self._reserve.close()
         for client in self._clients.values():
             client.connection.close()
         self._clients.clear()
@@ -88,6 +130,18 @@ class _Client:
         """Let `reply` go; a client that is gone, or takes nothing, loses it."""
         with contextlib.suppress(OSError):
             self.connection.send(reply)
+
+
+class _Reserve:
+    """A descriptor that is kept free for a connection."""
+
+    def __init__(self) -> None:
+        self._taken = [os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)]
+
+    def close(self) -> None:
+        """Give it back; nothing happens the second time."""
+        while self._taken:
+            os.close(self._taken.pop())
 
 
 def _parsed(address: str) -> tuple[str, int]:

@@ -48,9 +48,16 @@ class Entrance(NamedTuple):
 
 
 def open_entrances(
-    placed: Sequence[tuple[SimulatedDevice, WayIn]], stack: ExitStack, *, line_speed: bool
+    placed: Sequence[tuple[SimulatedDevice, WayIn]],
+    stack: ExitStack,
+    tell: Callable[[str], None],
+    *,
+    line_speed: bool,
 ) -> list[Entrance]:
-    """A door for every way in, closed by `stack`; ConfigError when devices cannot share it, or it cannot be opened."""
+    """A door for every way in, closed by `stack`; `tell` gets a line when one is full.
+
+    ConfigError when devices cannot share it, or it cannot be opened.
+    """
     behind: dict[WayIn, list[SimulatedDevice]] = {}
     for device, way_in in placed:
         behind.setdefault(way_in, []).append(device)
@@ -59,7 +66,7 @@ def open_entrances(
         _check_units(way_in, devices)
         _check_speech(way_in, devices)
         ports = _ports_of(Line(devices))
-        door = open_door(way_in, ports, _settings(way_in, devices), line_speed=line_speed)
+        door = open_door(way_in, ports, _settings(way_in, devices), tell, line_speed=line_speed)
         stack.callback(door.close)
         entrances.append(Entrance(door, tuple(devices)))
     return entrances
@@ -85,7 +92,12 @@ def _check_speech(way_in: WayIn, devices: Sequence[SimulatedDevice]) -> None:
 
 
 def open_door(
-    way_in: WayIn, new_port: Callable[[bool], Port], settings: SerialSettings | None, *, line_speed: bool
+    way_in: WayIn,
+    new_port: Callable[[bool], Port],
+    settings: SerialSettings | None,
+    tell: Callable[[str], None],
+    *,
+    line_speed: bool,
 ) -> Door:
     """The door to ports that `new_port(numbered)` makes, on a line set like `settings`, as slow as it or not."""
     if way_in.kind == "tcp":
@@ -93,14 +105,14 @@ def open_door(
             raise ConfigError(
                 "--line-speed: Modbus TCP has no serial line; serve a device that has one with --pty or --rtu-tcp"
             )
-        return TcpDoor(way_in.address or "0", "tcp", lambda: new_port(True))
+        return TcpDoor(way_in.address or "0", "tcp", lambda: new_port(True), tell)
 
     def rtu_port() -> Port:
         port = new_port(False)
         return SlowLine(port, settings) if line_speed and settings is not None else port
 
     if way_in.kind == "rtu_tcp":
-        return TcpDoor(way_in.address or "0", "rtu+tcp", rtu_port)
+        return TcpDoor(way_in.address or "0", "rtu+tcp", rtu_port, tell)
     return Terminal(None if way_in.address is None else Path(way_in.address), rtu_port())
 
 

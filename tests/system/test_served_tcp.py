@@ -1,6 +1,9 @@
 """firmware-sim on a TCP port: conformance on the wire, the driver through both protocols, a third party."""
 
+import contextlib
+import os
 import re
+import resource
 import shutil
 import signal
 import socket
@@ -9,6 +12,8 @@ import subprocess
 import pytest
 from served import COMMAND, SIM, served
 
+from firmware_sim.readiness import readable
+from firmware_sim.tcpdoor import MOST_CLIENTS
 from smadrive.clock import MonotonicClock
 from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
@@ -175,3 +180,70 @@ def test_bad_input_is_one_clear_line(options, says):
     assert run.returncode == 2
     assert says in run.stderr
     assert run.stderr.count("\n") == 1
+
+
+def connected(url, count):
+    """So many clients, in the order in which they came."""
+    address = re.fullmatch(r"tcp://(127\.0\.0\.1):(\d+)", url)
+    return [socket.create_connection((address[1], int(address[2])), 5.0) for _ in range(count)]
+
+
+def is_served(client):
+    """Whether a client gets an answer; False when its connection was closed."""
+    client.settimeout(5.0)
+    try:
+        client.sendall(mbap.seal(1, 1, READ))
+        return bool(client.recv(256))
+    except ConnectionError:
+        return False
+
+
+@contextlib.contextmanager
+def few_descriptors(count):
+    """Processes started here may have so many descriptors."""
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (count, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+
+def test_clients_beyond_the_limit_are_turned_away_which_is_told_once():
+    with contextlib.ExitStack() as stack:
+        process, url = stack.enter_context(served("--tcp", "0", "--profile", "adam-6018"))
+        clients = [stack.enter_context(client) for client in connected(url, MOST_CLIENTS + 20)]
+        assert [is_served(client) for client in clients] == [True] * MOST_CLIENTS + [False] * 20
+        clients[0].close()
+        assert is_served(clients[1])
+        assert is_served(stack.enter_context(connected(url, 1)[0]))
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(10) == 0
+        assert sum("no more are let in" in line for line in process.stderr.read().splitlines()) == 1
+
+
+def test_simulator_without_descriptors_goes_on_serving_the_clients_that_it_has():
+    with contextlib.ExitStack() as stack:
+        with few_descriptors(40):
+            process, url = stack.enter_context(served("--tcp", "0", "--profile", "adam-6018"))
+        clients = [stack.enter_context(client) for client in connected(url, 50)]
+        were_served = [is_served(client) for client in clients]
+        assert were_served[:10] == [True] * 10
+        assert were_served[-5:] == [False] * 5
+        assert is_served(clients[0])
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(10) == 0
+        assert sum("turned away" in line for line in process.stderr.read().splitlines()) == 1
+
+
+def test_simulator_serves_descriptors_beyond_those_of_select():
+    """`select` takes none from 1024 on; here the first thousand are taken by other files."""
+    with contextlib.ExitStack() as stack:
+        taken = [os.open(os.devnull, os.O_RDONLY) for _ in range(1024)]
+        stack.callback(lambda: [os.close(descriptor) for descriptor in taken])
+        near, far = os.pipe()
+        stack.callback(os.close, near)
+        os.write(far, b"x")
+        assert near > 1023
+        assert readable([near], 0.0) == [near]
+        os.close(far)
