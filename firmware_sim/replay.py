@@ -19,6 +19,7 @@ from firmware_sim.faults import Delivery
 from firmware_sim.message import ModbusMessage
 from firmware_sim.ports import Port, RtuPort, TcpPort
 from smadrive.clock import Clock
+from smadrive.errors import ConfigError
 from smadrive.modbus import frames, meaning
 from smadrive.modbus.inprocess import InProcessTransport
 from smadrive.modbus.trace import Line, content_of, read_trace
@@ -26,6 +27,8 @@ from smadrive.modbus.trace import Line, content_of, read_trace
 EXCHANGE = b"\x17"
 WRITTEN = 10
 """Where in the PDU of an exchange the written words begin."""
+LONGEST_S = 3600.0
+"""No driver waits longer for a reply."""
 
 
 class Answer(NamedTuple):
@@ -62,7 +65,13 @@ class Replay:
             request = content_of(line.data, numbered=numbered) if line.direction == "sent" else None
             if request is not None and request[0] != frames.BROADCAST:
                 unit_id, pdu = request
-                answers[unit_id][_key(pdu)].append(_answer(line, after, numbered=numbered))
+                answer = _answer(line, after, numbered=numbered)
+                if not 0.0 <= answer.after_s <= LONGEST_S:
+                    raise ConfigError(
+                        f"{path}: a reply comes {answer.after_s:g} s after its request at {line.time_s:g} s, "
+                        f"allowed are 0 to {LONGEST_S:g} s: correct the times, or remove the exchange"
+                    )
+                answers[unit_id][_key(pdu)].append(answer)
         self.units = tuple(ReplayedUnit(unit_id, known, self._unknown) for unit_id, known in sorted(answers.items()))
         self.port = self.new_port(numbered=numbered)
 

@@ -8,7 +8,7 @@ from firmware_sim.replay import Replay
 from smadrive.clock import VirtualClock
 from smadrive.device.device import Device
 from smadrive.device.profile import load_profile
-from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, SmadriveError
+from smadrive.errors import ConfigError, DeadlineError, ExceptionReply, ProtocolError, SmadriveError
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.master import Master
@@ -86,3 +86,17 @@ def test_answers_come_in_their_order_the_last_one_stays_and_the_unknown_is_silen
     with pytest.raises(DeadlineError):
         master.execute(1, requests.read_holding(1, 1), TIMING)
     assert told == ["t=0.040 s not in the recording: unit 1, read 1 holding registers from 1"]
+
+
+@pytest.mark.parametrize("time_s", ["nan", "inf", "1e300", "0.5"])
+def test_trace_with_a_reply_at_an_impossible_time_is_refused(config, tmp_path, time_s):
+    transport = Line((SimulatedBench(config).attach(load_profile("sma-reference")),)).transport(VirtualClock())
+    path = tmp_path / "bus.trace"
+    with TraceFile(path, transport) as trace:
+        Master(transport, trace).execute(1, requests.read_holding(0, 1), TIMING)
+    head, sent, received = path.read_text().splitlines()[:3]
+    Replay(path)
+    mark = received.split()[1]
+    path.write_text("\n".join((head, "1.0" + sent[sent.index(" ") :], f"{time_s} {mark}{received.split(mark, 1)[1]}")))
+    with pytest.raises(ConfigError):
+        Replay(path)
