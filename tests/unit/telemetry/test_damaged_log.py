@@ -6,6 +6,7 @@ from contextlib import suppress
 import h5py
 import numpy as np
 import pytest
+from benchmarks.oldlog import strip_checksums
 
 from smadrive.errors import DataError
 from smadrive.telemetry.layout import MOST_OPEN_ROWS
@@ -35,16 +36,9 @@ def sound(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def without_checksums(sound, tmp_path_factory):
-    """The log as version 0.1 wrote it: no checksums, texts of variable length."""
     path = tmp_path_factory.mktemp("old") / "run.h5"
     path.write_bytes(sound.read_bytes())
-    with h5py.File(path, "r+") as file:
-        del file["entry/checksums"], file.attrs["checksums"], file["entry/program_name"].attrs["version"]
-        for name in ("entry/start_time", "entry/program_name", *(f"entry/about/{name}" for name in ABOUT)):
-            text = file[name].asstr()[()]
-            del file[name]
-            file[name] = text
-        file["entry/program_name"].attrs["version"] = "0.1.0"
+    strip_checksums(path)
     return path
 
 
