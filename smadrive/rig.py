@@ -17,7 +17,7 @@ from smadrive.clock import Clock
 from smadrive.control.controller import Controller
 from smadrive.control.faults import CLEAR
 from smadrive.control.feedforward import DisplacementInverse
-from smadrive.control.loop import ControlLoop, LoopFigures, Tick, ends_safe
+from smadrive.control.loop import ControlLoop, LoopFigures, Tick
 from smadrive.control.placement import PlausibleDisplacement
 from smadrive.control.plausibility import IDENTIFIED, NOMINAL, PlausibleTemperature, Uncertainty
 from smadrive.control.reference import Reference
@@ -32,6 +32,7 @@ from smadrive.modbus.transport import Transport
 from smadrive.rigconfig import RigConfig, load_wire
 from smadrive.rigdevices import open_devices
 from smadrive.samewire import check_same_wire
+from smadrive.shutdown import ends_safe
 from smadrive.thermal import HeatBalance
 from smadrive.wirelimits import check_limits
 
@@ -90,7 +91,7 @@ class Rig:
             opened = open_devices(self.config, stack, self._clock, self._transports, self._trace_folder)
             self.heater, self.devices, self.clock, self.latch = opened
             self.heater.connect()
-            stack.enter_context(ends_safe(self.heater))
+            stack.enter_context(ends_safe(self.heater.enter_safe_state))
             self._on_exit = stack.pop_all()
         return self
 

@@ -14,11 +14,13 @@ from typing import TypeVar
 from smadrive.device.heatsource import HeatSource
 from smadrive.device.profile import load_profile
 from smadrive.device.safestate import see_it_off
-from smadrive.errors import CUT, UNCONFIRMED, ConfigError, SafetyError, SmadriveError
+from smadrive.errors import ConfigError, SafetyError
+from smadrive.interrupts import HeldSignals
 from smadrive.latch import TripLatch
 from smadrive.rigconfig import DeviceConfig, RigAddresses, load_addresses
 from smadrive.rigconnections import SIMULATED, Connections
 from smadrive.rigdevices import HEATING, address, heat_source
+from smadrive.shutdown import ShutdownOutcome, carry
 
 DoneT = TypeVar("DoneT")
 
@@ -30,7 +32,7 @@ class SwitchedOff:
     rig: str
     devices: tuple[str, ...]
     latched: tuple[str, ...]
-    failure: SmadriveError | None
+    failure: Exception | None
 
 
 @dataclass(frozen=True)
@@ -46,17 +48,17 @@ class _Off:
 def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
     """Put every device of the rig file `name` into its safe state, confirmed; then clear what is latched, if wanted.
 
-    Every error before the heat is confirmed off says so in a note. SafetyError when a fault persists.
+    Every error before that is confirmed carries an unconfirmed ShutdownOutcome. The first signals meanwhile are not
+    obeyed (see HeldSignals). SafetyError when a fault persists.
     """
     with ExitStack() as stack:
-        with _tells_when_unconfirmed():
+        with _tells_when_unconfirmed(), HeldSignals():
             rig = load_addresses(name)
             connections = Connections(stack, trace_folder=None)
             heating = [device for device in rig.devices if _heats(device)]
             off, unconfirmed = _each(heating, lambda device: _heat_off(device, connections, rig))
-        others = [device for device in rig.devices if device not in heating]
-        rested, failure = _each(others, lambda device: _rest(device, connections))
-        with _tells_when_unconfirmed():
+            others = [device for device in rig.devices if device not in heating]
+            rested, failure = _each(others, lambda device: _rest(device, connections))
             if unconfirmed is not None:
                 raise unconfirmed
             if not off:
@@ -73,20 +75,20 @@ def _tells_when_unconfirmed() -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        error.add_note(f"{UNCONFIRMED}: {CUT}")
+        carry(error, ShutdownOutcome(error))
         raise
 
 
 def _each(
     devices: Iterable[DeviceConfig], act: Callable[[DeviceConfig], DoneT]
-) -> tuple[list[DoneT], SmadriveError | None]:
+) -> tuple[list[DoneT], Exception | None]:
     """What comes of it for each device, and the first error: it keeps no other from its turn."""
     done: list[DoneT] = []
-    failure: SmadriveError | None = None
+    failure: Exception | None = None
     for device in devices:
         try:
             done.append(act(device))
-        except SmadriveError as error:
+        except Exception as error:  # noqa: BLE001  (whatever it is, the other devices get their turn)
             failure = failure or error
     return done, failure
 

@@ -2,7 +2,8 @@
 
 Every error of smadrive becomes one line on stderr and its exit code: 2 usage or config, 3 communication or device,
 4 safety trip, 5 identification. Ctrl-C, SIGTERM and a terminal that is closed unwind the program, so the heater is at
-zero before it ends; what comes after the first does not interrupt the switching off.
+zero before it ends; signals that come while it is switched off do not interrupt that (see interrupts.py). Whatever
+ended a run, the last lines say whether it tripped and whether the heater is confirmed off.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ import importlib
 import os
 import signal
 import sys
+from contextlib import suppress
 from importlib.metadata import version
 from types import FrameType
 from typing import Annotated
@@ -18,11 +20,12 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.stdout import open_stdout
-from smadrive.errors import SmadriveError
+from smadrive.errors import SmadriveError, TripError
+from smadrive.interrupts import SIGNALS
 from smadrive.onethread import ONE_THREAD
+from smadrive.shutdown import shutdown_of
 
 INTERRUPTED = 130
-INTERRUPTS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 COMMANDS = {
     "demo": "A simulated wire, identified and driven: the whole product at work, with a report.",
@@ -45,23 +48,42 @@ def main() -> None:
     """Entry point of the command `smadrive`."""
     os.environ |= {**ONE_THREAD, **os.environ}
     open_stdout()
-    for number in INTERRUPTS:
+    interrupt = _Interrupt()
+    for number in SIGNALS:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup: go on without a terminal
-            signal.signal(number, _interrupt)
+            signal.signal(number, interrupt)
     try:
         _app(wanted=next(iter(sys.argv[1:]), ""))()
     except SmadriveError as error:
-        _tell(str(error), error)
+        _tell(error, str(error))
         sys.exit(error.exit_code)
     except SystemExit as ended:
-        if ended.code == INTERRUPTED:
-            _tell("interrupted", ended)
-        raise
+        if ended.code != INTERRUPTED:
+            raise
+        trip = _trip_before(ended)
+        if trip is None:
+            _tell(ended, "interrupted")
+            raise
+        _tell(ended, str(trip), "then interrupted")
+        sys.exit(trip.exit_code)
 
 
-def _tell(how: str, error: BaseException) -> None:
-    """How it ended, and what else there is to know of that: a line each."""
-    print(f"smadrive: {how}", *getattr(error, "__notes__", ()), sep="\nsmadrive: ", file=sys.stderr)
+def _trip_before(interruption: SystemExit) -> TripError | None:
+    """The trip that was ending the run already when the signal came; the signal must not hide it."""
+    error: BaseException | None = interruption
+    while error is not None and not isinstance(error, TripError):
+        error = error.__context__
+    return error
+
+
+def _tell(error: BaseException, *ending: str) -> None:
+    """How it ended, and what else `error` carries: a line each. A broken stderr does not change the exit code."""
+    outcome = shutdown_of(error)
+    confirmed = () if outcome is None or not outcome.confirmed else (str(outcome),)
+    if sys.stderr is not None:
+        with suppress(OSError, ValueError):
+            lines = (*ending, *getattr(error, "__notes__", ()), *confirmed)
+            print(*(f"smadrive: {line}" for line in lines), sep="\n", file=sys.stderr)
 
 
 def _tell_version(wanted: bool) -> None:
@@ -99,8 +121,16 @@ def _not_imported() -> None:
     """Stands in the list for a command that was not asked for."""
 
 
-def _interrupt(number: int, frame: FrameType | None) -> None:  # noqa: ARG001
-    """Unwind once; what comes after that must not interrupt the way to zero current."""
-    for interrupt in INTERRUPTS:
-        signal.signal(interrupt, signal.SIG_IGN)
-    raise SystemExit(INTERRUPTED)  # nothing is printed here: a stalled terminal must not keep the heater on
+class _Interrupt:
+    """The handler of `SIGNALS`: the first one unwinds the program, later ones must not interrupt that.
+
+    Nothing is printed here: a stalled terminal must not keep the heater on.
+    """
+
+    _is_ending = False
+
+    def __call__(self, _number: int, _frame: FrameType | None) -> None:
+        """Raise SystemExit once."""
+        if not self._is_ending:
+            self._is_ending = True
+            raise SystemExit(INTERRUPTED)

@@ -7,8 +7,7 @@ the silence lasts. Every way out of `run` (end, trip, exception, Ctrl-C) first p
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -17,8 +16,6 @@ from smadrive.control.controller import Command, Controller
 from smadrive.control.faults import Fault, Trip
 from smadrive.control.supervisor import Supervisor
 from smadrive.errors import (
-    CUT,
-    UNCONFIRMED,
     DeviceError,
     ExceptionReply,
     ProtocolError,
@@ -27,14 +24,13 @@ from smadrive.errors import (
     TripError,
 )
 from smadrive.measurement import Measurement
+from smadrive.shutdown import ends_safe
 
 LATE_FRACTION = 0.5
 """A tick that starts later than this fraction of the period after its deadline counts as missed."""
 
 BUSY = (5, 6, 11)
 """Exception codes of a device, or of the gateway before it, that could not answer in time."""
-
-CONFIRMED = "the heater is off, confirmed by read-back"
 
 
 class Heater(Protocol):
@@ -98,7 +94,7 @@ class ControlLoop:
 
     def run(self, watchdog_s: float) -> LoopFigures:
         """Arm, tick until the controller's duration is over, end in the safe state. TripError when tripped."""
-        with ends_safe(self._heater):
+        with ends_safe(self._heater.enter_safe_state):
             self._supervisor.check_may_arm(self._heater.exchange(0.0))
             self._heater.arm(watchdog_s)
             self._start_s = self._clock.now_s()
@@ -160,25 +156,3 @@ class ControlLoop:
     def _tripped(self, trip: Trip) -> TripError:
         self.figures.trips += 1
         return TripError(str(trip), trip.fault.number)
-
-
-@contextmanager
-def ends_safe(heater: Heater) -> Iterator[None]:
-    """Whatever ends the block, the heater is put into its safe state.
-
-    When that cannot be confirmed, the error that ended the block says so in a note; without one, the failure is raised.
-    Who interrupted is told that it is confirmed.
-    """
-    try:
-        yield
-    except BaseException as error:
-        try:
-            heater.enter_safe_state()
-        except Exception as failure:  # noqa: BLE001  (whatever it is, the first error must be told, and this one)
-            if not any(note.startswith(UNCONFIRMED) for note in getattr(error, "__notes__", ())):
-                error.add_note(f"{UNCONFIRMED} ({failure}): {CUT}")
-        else:
-            if isinstance(error, SystemExit) and CONFIRMED not in getattr(error, "__notes__", ()):
-                error.add_note(CONFIRMED)
-        raise
-    heater.enter_safe_state()

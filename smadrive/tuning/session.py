@@ -11,11 +11,12 @@ from collections.abc import Callable, Mapping
 from math import isfinite
 
 from smadrive.control.controller import Command
-from smadrive.control.loop import Tick, ends_safe
+from smadrive.control.loop import Tick
 from smadrive.control.reference import Reference
 from smadrive.control.supervisor import check_thermocouple
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.rig import Rig
+from smadrive.shutdown import ends_safe, shutdown_of
 from smadrive.thermal import HeatBalance
 from smadrive.tuning.adapting import Adapting
 from smadrive.tuning.channel import MESSAGES_PER_TICK, ControlEnd, row_of
@@ -116,7 +117,7 @@ class TuningSession:
         """One run of the control loop, holding the wire where it is to begin with; told as begun by its first tick."""
         self._status.fault = None
         try:
-            with ends_safe(self._rig.heater):
+            with ends_safe(self._rig.heater.enter_safe_state):
                 measured = self._rig.heater.exchange(0.0)
                 check_thermocouple(measured)
                 hold = self._offered.hold(self.bench.in_force, measured)
@@ -134,13 +135,12 @@ class TuningSession:
 
     def _failed(self, error: SmadriveError) -> None:
         """Tell the fault; the rig stays connected, so that its remedy can be seen to work."""
-        notes = getattr(error, "__notes__", [])
-        self._status.is_safe = not notes
-        if notes:
+        self._status.fail(self._now_s, error)
+        if not self._status.is_safe:
             self._idle.make_safe()
-        self._status.fault = " — ".join([str(error), *notes])
-        self._status.tell(self._now_s, self._status.fault)
         self._answer(self._arming, self._status.fault)
+        if (outcome := shutdown_of(error)) is not None:
+            outcome.obey_signals()
 
     def _take(self, tick: Tick) -> None:
         """Where every tick goes: to the page, and to the log."""

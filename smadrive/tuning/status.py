@@ -8,6 +8,7 @@ from typing import Any
 from smadrive.control.wire import travel_mm
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
+from smadrive.shutdown import shutdown_of
 from smadrive.thermal import HeatBalance
 from smadrive.tuning.live import LiveController
 from smadrive.tuning.tuning import Tuning
@@ -56,6 +57,13 @@ class Status:
         if len(event) > LONGEST_EVENT:
             event = event[: LONGEST_EVENT - 1] + "…"
         self.events.append((round(time_s, 2), event))
+
+    def fail(self, time_s: float, error: BaseException) -> None:
+        """Take over what `error` says of the fault and of the heater."""
+        outcome = shutdown_of(error)
+        self.is_safe = outcome is None or outcome.confirmed
+        self.fault = " — ".join([str(error), *getattr(error, "__notes__", ())])
+        self.tell(time_s, self.fault)
 
     def document(self, live: LiveController | None, *, adapts: bool) -> dict[str, Any]:
         """Everything as plain values."""

@@ -5,6 +5,7 @@ import signal
 import subprocess
 import sys
 import time
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
@@ -130,7 +131,9 @@ def test_a_controller_that_could_heat_too_is_made_safe_although_the_supply_is_go
         assert controller.read((step.register_,))[step.register_].value == step.value
 
 
-def test_who_interrupts_it_is_not_told_that_the_heater_is_off(hot):
+@contextmanager
+def switching_off_in_silence(hot):
+    """`smadrive off` that has opened the port of a supply which does not answer."""
     process, rig, port = hot
     process.send_signal(signal.SIGSTOP)
     with subprocess.Popen(
@@ -138,7 +141,14 @@ def test_who_interrupts_it_is_not_told_that_the_heater_is_off(hot):
     ) as switching:
         while not any(one.resolve() == port for one in Path(f"/proc/{switching.pid}/fd").iterdir()):
             time.sleep(0.02)
-        switching.send_signal(signal.SIGINT)
+        yield switching
+
+
+def test_who_interrupts_it_three_times_is_not_told_that_the_heater_is_off(hot):
+    process, rig, _ = hot
+    with switching_off_in_silence(hot) as switching:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            switching.send_signal(number)
         _, told = switching.communicate()
     assert switching.returncode == 130
     assert "interrupted" in told
@@ -146,3 +156,15 @@ def test_who_interrupts_it_is_not_told_that_the_heater_is_off(hot):
     process.send_signal(signal.SIGCONT)
     assert off(rig).returncode == 3
     assert is_off(process)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_signal_does_not_keep_it_from_switching_off_a_supply_that_answers_again(hot, number):
+    process, _, _ = hot
+    with switching_off_in_silence(hot) as switching:
+        switching.send_signal(number)
+        process.send_signal(signal.SIGCONT)
+        _, told = switching.communicate()
+    assert is_off(process)
+    assert switching.returncode == 3  # the sensors of the rig are missing
+    assert UNCONFIRMED not in told

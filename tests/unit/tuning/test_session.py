@@ -8,7 +8,7 @@ import pytest
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
 from smadrive.control.reference import Reference
-from smadrive.errors import ConfigError
+from smadrive.errors import ConfigError, DataError
 from smadrive.tuning.offered import Offered
 from smadrive.wirefile import parse_wire
 
@@ -128,6 +128,19 @@ def test_off_that_no_device_confirms_is_told_and_tried_until_one_does(bench, mod
     bench.run(until_s=8.0)
     assert modes() == ["off", "off, unconfirmed", "off"]
     assert [event for _, event in bench.status["events"]] == ["OFF", "heater off, confirmed"]
+
+
+def test_an_unrelated_note_on_the_error_that_ended_a_run_raises_no_alarm(bench, modes):
+    def fail():
+        error = DataError("the log takes no more")
+        error.add_note("its folder is gone")
+        raise error
+
+    bench.at(1.0, "arm")
+    bench.do(2.0, fail)
+    bench.run(until_s=4.0)
+    assert modes() == ["off", "holding", "off"]
+    assert "its folder is gone" in bench.status["fault"]
 
 
 def stand_still(bench, *, from_s, to_s):

@@ -1,0 +1,71 @@
+"""Signals that end a program, held back while the heater is switched off.
+
+SIGINT (Ctrl-C), SIGTERM and SIGHUP (a closed terminal) normally unwind the program. A signal that interrupted the
+switching off would leave the heater on. `HeldSignals` therefore counts these signals while its block lasts. The user
+still gets out of a device that never answers: signal number `ABORTS_AT` ends the block.
+"""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Callable
+from types import FrameType, TracebackType
+from typing import Any, Self
+
+SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+
+Handler = Callable[[int, FrameType | None], Any] | int
+
+ABORTS_AT = 3
+"""The signal with this number ends what the first ones could not interrupt."""
+
+
+class AbortedError(KeyboardInterrupt):
+    """`ABORTS_AT` signals arrived while signals were held."""
+
+
+class HeldSignals:
+    """A context manager that counts `SIGNALS` instead of obeying them; `received` lists them.
+
+    Number `ABORTS_AT` ends the block: the program's own handler is called for it, and AbortedError leaves the block if
+    that handler raises nothing. The caller decides what becomes of the others. Ignored signals stay ignored. Outside
+    the main thread nothing is held, because signals arrive only there.
+    """
+
+    def __init__(self) -> None:
+        self.received: list[signal.Signals] = []
+        self._handlers: dict[signal.Signals, Handler] = {}
+        self._may_abort = False
+
+    @property
+    def aborted(self) -> bool:
+        """Whether so many signals arrived that the block was ended."""
+        return len(self.received) >= ABORTS_AT
+
+    def __enter__(self) -> Self:
+        """Hold the signals from now on."""
+        self._may_abort = True
+        if threading.current_thread() is threading.main_thread():
+            for number in SIGNALS:
+                handler = signal.getsignal(number)
+                if handler is not None and handler != signal.SIG_IGN:
+                    self._handlers[number] = handler
+                    signal.signal(number, self._count)
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Give the signals back to the program's own handlers."""
+        self._may_abort = False
+        for number, handler in self._handlers.items():
+            signal.signal(number, handler)
+        if isinstance(error, AbortedError):
+            signal.raise_signal(self.received[-1])
+
+    def _count(self, number: int, _frame: FrameType | None) -> None:
+        self.received.append(signal.Signals(number))
+        if self._may_abort and self.aborted:
+            self._may_abort = False
+            raise AbortedError(f"{ABORTS_AT} signals")
