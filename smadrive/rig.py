@@ -17,7 +17,7 @@ from smadrive.clock import Clock
 from smadrive.control.controller import Controller
 from smadrive.control.faults import CLEAR
 from smadrive.control.feedforward import DisplacementInverse
-from smadrive.control.loop import ControlLoop, LoopFigures, Tick
+from smadrive.control.loop import ControlLoop, LoopFigures, StopRequested, Tick, never
 from smadrive.control.placement import PlausibleDisplacement
 from smadrive.control.plausibility import IDENTIFIED, NOMINAL, PlausibleTemperature, Uncertainty
 from smadrive.control.reference import Reference
@@ -139,15 +139,21 @@ class Rig:
         return self.drive(controller, balance, record, model)
 
     def drive(
-        self, controller: Controller, balance: HeatBalance, record: Record, model: HysteresisModel | None = None
+        self,
+        controller: Controller,
+        balance: HeatBalance,
+        record: Record,
+        model: HysteresisModel | None = None,
+        stop_requested: StopRequested = never,
     ) -> LoopFigures:
         """Arm, run a controller on the wire of this heat balance to its end, disarm; every tick goes to `record`.
 
-        With the wire's `model` a displacement that it cannot have is a fault. ConfigError as of `check_balance`.
+        With the wire's `model` a displacement that it cannot have is a fault. `stop_requested` ends the run before the
+        next exchange. ConfigError as of `check_balance`.
         """
         self.check_balance(balance)
         known = NOMINAL if balance is self.nominal_balance else IDENTIFIED
-        return self._run(controller, self._supervisor(balance, known, model), record)
+        return self._run(controller, self._supervisor(balance, known, model), record, stop_requested)
 
     def check_balance(self, balance: HeatBalance) -> None:
         """ConfigError when this heat balance cannot be that of the rig's wire; see check_same_wire."""
@@ -193,11 +199,13 @@ class Rig:
         plausible = PlausibleTemperature(balance, uncertainty, lag_s + self.heater.temperature_period_s)
         return Supervisor(guarded, plausible, None if model is None else PlausibleDisplacement(model))
 
-    def _run(self, controller: Controller, supervisor: Supervisor, record: Record) -> LoopFigures:
+    def _run(
+        self, controller: Controller, supervisor: Supervisor, record: Record, stop_requested: StopRequested = never
+    ) -> LoopFigures:
         if self.latch.told is not None:
             raise SafetyError(f"refused to arm: the last run tripped ({self.latch.told}). {CLEAR}")
         self._check_rate()
-        loop = ControlLoop(self.heater, controller, supervisor, self.clock, self.period_s, record)
+        loop = ControlLoop(self.heater, controller, supervisor, self.clock, self.period_s, record, stop_requested)
         try:
             return loop.run(self.config.limits.watchdog_s)
         except TripError as trip:

@@ -3,6 +3,8 @@
 One exchange per tick writes the command of the tick before and reads the wire, so a command acts one period after the
 measurement it answers; the controllers know that. A missed exchange is not an error yet: the supervisor trips when
 the silence lasts. Every way out of `run` (end, trip, exception, Ctrl-C) first puts the heater into its safe state.
+A request to stop (OFF) is looked at before every exchange, so that no later exchange carries current, whether the
+device answers or not.
 """
 
 from __future__ import annotations
@@ -31,6 +33,14 @@ LATE_FRACTION = 0.5
 
 BUSY = (5, 6, 11)
 """Exception codes of a device, or of the gateway before it, that could not answer in time."""
+
+StopRequested = Callable[[], bool]
+"""Whether the user has asked to stop; called before every exchange."""
+
+
+def never() -> bool:
+    """No request to stop: the run ends with its controller, or by an exception."""
+    return False
 
 
 class Heater(Protocol):
@@ -69,7 +79,10 @@ class LoopFigures:
 
 
 class ControlLoop:
-    """Runs one controller on one heater under one supervisor, every `period_s`, telling each tick to `record`."""
+    """Runs one controller on one heater under one supervisor, every `period_s`, telling each tick to `record`.
+
+    Once `stop_requested` returns True, nothing but the safe state is sent.
+    """
 
     def __init__(
         self,
@@ -79,6 +92,7 @@ class ControlLoop:
         clock: Clock,
         period_s: float,
         record: Callable[[Tick], None],
+        stop_requested: StopRequested = never,
     ) -> None:
         self._heater = heater
         self._controller = controller
@@ -86,6 +100,7 @@ class ControlLoop:
         self._clock = clock
         self._period_s = period_s
         self._record = record
+        self._stop_requested = stop_requested
         self._command = Command(0.0)
         self._start_s = 0.0
         self._last_s = 0.0
@@ -93,19 +108,27 @@ class ControlLoop:
         self.figures = LoopFigures()
 
     def run(self, watchdog_s: float) -> LoopFigures:
-        """Arm, tick until the controller's duration is over, end in the safe state. TripError when tripped."""
+        """Arm, tick until the controller's duration is over or a stop is requested, end in the safe state.
+
+        TripError when tripped.
+        """
         with ends_safe(self._heater.enter_safe_state):
             self._supervisor.check_may_arm(self._heater.exchange(0.0))
             self._heater.arm(watchdog_s)
             self._start_s = self._clock.now_s()
             self._last_s = -self._period_s
-            number = 0
-            while number * self._period_s <= self._controller.duration_s:
-                due_s = self._start_s + number * self._period_s
-                self._clock.sleep_until(due_s)
-                self.tick(late_s=self._clock.now_s() - due_s)
-                number += 1 + self._skipped(due_s)
+            self._tick_to_the_end()
         return self.figures
+
+    def _tick_to_the_end(self) -> None:
+        number = 0
+        while number * self._period_s <= self._controller.duration_s:
+            due_s = self._start_s + number * self._period_s
+            self._clock.sleep_until(due_s)
+            if self._stop_requested():
+                return
+            self.tick(late_s=self._clock.now_s() - due_s)
+            number += 1 + self._skipped(due_s)
 
     def _skipped(self, due_s: float) -> int:
         """How many deadlines passed during the tick that was due at `due_s`: a late loop does not run to catch up."""

@@ -12,10 +12,11 @@ from smadrive.measurement import Measurement
 
 
 class LiveController:
-    """Runs a tracking controller until told to end; `at_tick` is called before every update and may exchange it."""
+    """Runs a tracking controller without end; `at_tick` is called before every update and may exchange it."""
+
+    duration_s = inf
 
     def __init__(self, controller: TrackingController, reference: Reference, at_tick: Callable[[], None]) -> None:
-        self.duration_s = inf
         self.reference = reference
         self.time_s = 0.0
         self._controller = controller
@@ -44,7 +45,3 @@ class LiveController:
         self._controller = controller
         if reference is not self.reference:
             self.reference, self._began_s = reference, self.time_s
-
-    def end(self) -> None:
-        """Make this tick the last: the loop then puts the heater into its safe state."""
-        self.duration_s = -inf

@@ -1,8 +1,8 @@
 """The control side of the tuning page: a rig that is idle or heats, and at every tick a look at what the page asks.
 
 Idle, the wire is measured and the heater is off. Armed, one run of the control loop lasts until somebody switches off
-or the supervisor trips; its controller is exchanged between two ticks. What takes longer than a tick allows, building
-and checking models, is done in a workshop beside the loop. The page is never waited for: see channel.
+or the supervisor trips; its controller is exchanged between two ticks. The loop looks at OFF before every exchange.
+Building and checking models takes longer; a workshop beside the loop does it. The page is never waited for (channel).
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from smadrive.rig import Rig
 from smadrive.shutdown import ends_safe, shutdown_of
 from smadrive.thermal import HeatBalance
 from smadrive.tuning.adapting import Adapting
+from smadrive.tuning.arming import Arming
 from smadrive.tuning.channel import MESSAGES_PER_TICK, ControlEnd, row_of
 from smadrive.tuning.idle import Idle
 from smadrive.tuning.live import LiveController
@@ -41,9 +42,6 @@ from smadrive.tuning.status import STATUS_S, Status
 from smadrive.tuning.tuning import Tuning
 from smadrive.tuning.workbench import Workbench
 from smadrive.tuning.workshop import Workshop, tuned_controller
-
-LONGEST_ARMING_S = 2.0
-"""So long an Arm may wait for a change on its way into force: heat that nobody expects any more must not come."""
 
 
 class TuningSession:
@@ -70,8 +68,8 @@ class TuningSession:
         self._status = Status(rig, self._offered.names, balance, self.bench)
         self._began_s = rig.clock.now_s()
         self._idle = Idle(rig.heater, self._status)
-        self._arming: Arm | None = None
-        self._asked_s = 0.0
+        self._arming = Arming(self._answer)
+        self._stops = self._is_served = False
         self._publish()
 
     def run(self) -> None:
@@ -108,14 +106,13 @@ class TuningSession:
             due_s = max(due_s + period_s, clock.now_s())
 
     def _may_heat(self) -> bool:
-        if self._arming is not None and self._now_s - self._asked_s > LONGEST_ARMING_S:
-            self._answer(self._arming, "a change was still on its way into force: press again")
-            self._arming = None
-        return self._arming is not None and not self.bench.is_busy
+        self._arming.expire(self._now_s)
+        return self._arming.waits and not self.bench.is_busy
 
     def _heat(self) -> None:
         """One run of the control loop, holding the wire where it is to begin with; told as begun by its first tick."""
         self._status.fault = None
+        self._stops, self._is_served = False, True
         try:
             with ends_safe(self._rig.heater.enter_safe_state):
                 measured = self._rig.heater.exchange(0.0)
@@ -125,12 +122,12 @@ class TuningSession:
                 self._live = LiveController(controller, hold, self._serve)
                 if self.bench.in_force.feedback.adapt and not self._adapting.is_on:
                     self._adapting.switch(True, self.bench.in_force)
-                self._rig.drive(self._live, self._balance, self._take, self.bench.in_force.model)
+                self._rig.drive(self._live, self._balance, self._take, self.bench.in_force.model, self._stop_requested)
             self._status.tell(self._now_s, "heater off, confirmed")
         except SmadriveError as error:
             self._failed(error)
         finally:
-            self._live = self._arming = None
+            self._live = None
             self.bench.forget()
 
     def _failed(self, error: SmadriveError) -> None:
@@ -138,7 +135,7 @@ class TuningSession:
         self._status.fail(self._now_s, error)
         if not self._status.is_safe:
             self._idle.make_safe()
-        self._answer(self._arming, self._status.fault)
+        self._arming.settle(self._status.fault)
         if (outcome := shutdown_of(error)) is not None:
             outcome.obey_signals()
 
@@ -147,7 +144,8 @@ class TuningSession:
         measurement, command = tick.measurement, tick.command
         self._channel.append(row_of(tick, self._began_s))
         self._status.measured = measurement
-        self.bench.score(command.wanted_mm - _known(measurement.displacement_mm, command.estimated_mm))
+        is_measured = isfinite(measurement.displacement_mm)
+        self.bench.score(command.wanted_mm - (measurement.displacement_mm if is_measured else command.estimated_mm))
         self._adapt(tick)
         self._record(tick)
 
@@ -161,10 +159,10 @@ class TuningSession:
 
     def _serve(self) -> None:
         """What the page has asked since the last tick, what the workshop has finished, and the status for the page."""
-        if self._live is not None and self._arming is not None:
+        self._is_served = True
+        if self._live is not None and self._arming.waits:
             self._status.tell(self._now_s, "armed, holding")
-            self._answer(self._arming, None)
-            self._arming = None
+            self._arming.settle(None)
         self._heed_off()
         for message in self._channel.received(MESSAGES_PER_TICK):
             self._receive(message)
@@ -182,6 +180,14 @@ class TuningSession:
     def _heed_off(self) -> None:
         if self._channel.off_requested():
             self._off()
+
+    def _stop_requested(self) -> bool:
+        """Whether the page has asked to switch off; serves it where a lost exchange left that undone."""
+        if not self._is_served:
+            self._serve()
+        self._is_served = False
+        self._heed_off()
+        return self._stops
 
     def _receive(self, message: bytes) -> None:
         self._heed_off()  # an OFF that was known when this was asked has come before it
@@ -201,9 +207,9 @@ class TuningSession:
             case Off():
                 self._off()
             case Arm():
-                if self._live is not None or self._arming is not None:
+                if self._live is not None:
                     raise ConfigError("it is armed already")
-                self._arming, self._asked_s = request, self._now_s  # answered when the wire holds
+                self._arming.begin(request, self._now_s)
                 return
             case ClearFaults():
                 self._clear()
@@ -223,13 +229,12 @@ class TuningSession:
         self._answer(request, None)
 
     def _off(self) -> None:
-        self._answer(self._arming, "the heater was switched off meanwhile")
-        self._arming = None
+        self._arming.settle("the heater was switched off meanwhile")
         self._status.tell(self._now_s, "OFF")
         if self._live is None:
             self._idle.make_safe()
         else:
-            self._live.end()
+            self._stops = True
 
     def _clear(self) -> None:
         if self._live is not None:
@@ -243,7 +248,3 @@ class TuningSession:
             self._channel.send({"number": request.number, "refused": refused})
             if refused:
                 self._status.tell(self._now_s, f"refused: {refused}")
-
-
-def _known(first: float, second: float) -> float:
-    return first if isfinite(first) else second

@@ -49,8 +49,12 @@ class Ended(BaseException):
 class Bench:
     """The session, the page's end of its channel, the simulated device, and the ticks that were recorded.
 
-    `wire` is what was true at each of them: time, temperature and displacement of the plant.
+    `wire` is what was true at each of them: time, temperature and displacement of the plant. `trace_folder` and
+    `stale_after_s` are those of the rig.
     """
+
+    trace_folder = None
+    stale_after_s = 0.3
 
     def __init__(self, model, control):
         self.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=3)
@@ -101,12 +105,17 @@ class Bench:
 
         with (
             suppress(Ended),
-            Rig(load_rig("in-process"), transports={"board": self.device.transport(self.clock)}) as rig,
+            Rig(self._config(), None, {"board": self.device.transport(self.clock)}, self.trace_folder) as rig,
         ):
             tuning = Tuning.of(self.model, FeedbackConfig(), "as identified")
             references = {"sine": REFERENCE}
             self.session = TuningSession(rig, tuning, BALANCE, references, self.control, self.workshop, record)
             self.session.run()
+
+    def _config(self):
+        config = load_rig("in-process")
+        limits = config.limits.model_copy(update={"stale_after_s": self.stale_after_s})
+        return config.model_copy(update={"limits": limits})
 
     def _read(self):
         for message in self.page.received(100):
