@@ -2,6 +2,7 @@
 
     thermocouple   open, short (both are told by its converter); bridge, reverse, freeze, stop_conversions, drift, spike
     displacement   stick, spike
+    sense          lose_current, lose_voltage (of the device that heats: NaN in a float register)
     heater         short_switch (stuck on), open_switch (stuck off), weaken_current, limit_voltage, corrode_contact,
                    break_wire
 
@@ -12,7 +13,7 @@ finds all of them in `by_name`, and gives their parameters.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import inf
+from math import inf, nan
 from random import Random
 from typing import Annotated, NamedTuple
 
@@ -28,6 +29,7 @@ SENSOR_FAULTS = (
     *("open_thermocouple", "short_thermocouple", "bridge_thermocouple", "reverse_thermocouple", "freeze_thermocouple"),
     *("stop_conversions", "drift_thermocouple", "spike_thermocouple", "mend_thermocouple"),
     *("stick_displacement", "spike_displacement", "mend_displacement"),
+    *("lose_current", "lose_voltage", "mend_sense"),
 )
 HEATER_FAULTS = (
     *("short_switch", "open_switch", "weaken_current", "limit_voltage", "corrode_contact", "break_wire"),
@@ -78,13 +80,15 @@ class Ailment:
 
 
 class SensorFaults:
-    """What is wrong with `thermocouple` and `displacement`."""
+    """What is wrong with `thermocouple`, `displacement`, and the sense of `current` and `voltage`."""
 
     def __init__(self, seed: int) -> None:
         """`seed` is that of the spikes."""
         self.thermocouple = Ailment()
         self.displacement = Ailment()
-        self._ailments = self.thermocouple, self.displacement
+        self.current = Ailment()
+        self.voltage = Ailment()
+        self._ailments = self.thermocouple, self.displacement, self.current, self.voltage
         self._random = Random(seed)
 
     def open_thermocouple(self, for_s: Seconds | None = None) -> None:
@@ -134,6 +138,19 @@ class SensorFaults:
     def mend_displacement(self) -> None:
         """Undo whatever is wrong with it."""
         self.displacement.end()
+
+    def lose_current(self, for_s: Seconds | None = None) -> None:
+        """The current is measured as NaN."""
+        self.current.begin("lost", for_s, lambda _reading, _age_s: nan)
+
+    def lose_voltage(self, for_s: Seconds | None = None) -> None:
+        """The voltage is measured as NaN."""
+        self.voltage.begin("lost", for_s, lambda _reading, _age_s: nan)
+
+    def mend_sense(self) -> None:
+        """Measure current and voltage again."""
+        self.current.end()
+        self.voltage.end()
 
     def pass_time(self, dt_s: float) -> None:
         """Let `dt_s` pass, and what is over end."""

@@ -7,6 +7,7 @@ tells of the device holds here too: decimals and unit held in registers, and the
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from math import isnan
 from typing import NamedTuple
 
 from firmware_sim.refusal import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, Refusal
@@ -175,11 +176,15 @@ class RegisterBank:
 
 
 def _words_for(cell: Cell, value: Quantity, context: Context) -> tuple[int, ...]:
-    """No reading as the sentinel that says "open" (or the first), a state by its number or its bit."""
-    if isinstance(value, (int, float)):
-        return cell.codec.saturated(value, context)
+    """No reading as the sentinel that says "open" (or the first), a state by its number or its bit.
+
+    NaN is no reading where the register cannot hold it.
+    """
     register = cell.register
-    if value is None:
+    no_reading = value is None or (isinstance(value, float) and isnan(value) and register.type != "float32")
+    if isinstance(value, (int, float)) and not no_reading:
+        return cell.codec.saturated(value, context)
+    if no_reading:
         opens = (bits for bits, reason in register.invalid.items() if "open" in reason)
         return cell.codec.pattern(next(opens, next(iter(register.invalid), 0)))
     flags = {1 << bit: word for bit, word in register.bits.items()}

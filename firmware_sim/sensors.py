@@ -76,5 +76,7 @@ class Sensors:
         self.temperature_c = round(shown_c / self._quantum_c) * self._quantum_c
 
     def _sense_heater(self) -> None:
-        self.current_a = max(0.0, self._plant.current_a + self._noise_a * next(self._noise))
-        self.voltage_v = max(0.0, self._plant.voltage_v + self._noise_v * next(self._noise))
+        right_a = max(0.0, self._plant.current_a + self._noise_a * next(self._noise))
+        right_v = max(0.0, self._plant.voltage_v + self._noise_v * next(self._noise))
+        self.current_a = self.faults.current.shown(right_a, self.current_a)
+        self.voltage_v = self.faults.voltage.shown(right_v, self.voltage_v)

@@ -13,7 +13,8 @@ class Measurement(NamedTuple):
     the command written by the same exchange acts only afterwards. Temperature and displacement are the latest there
     are; `temperature_age_s` and `displacement_age_s` tell by how much a slower device's reading is older than `time_s`.
 
-    `temperature_fault` names why the temperature is invalid (open thermocouple, ...), None when it is valid.
+    `temperature_fault` names why the temperature is invalid (open thermocouple, ...), None when it is valid;
+    `supply_fault` why the current or the voltage is.
     `device_faults` and `device_limits` are the names of the device's own latched faults and "limited by" codes;
     `host_limits` those of the driver, for the command that this exchange sent.
     """
@@ -31,3 +32,4 @@ class Measurement(NamedTuple):
     commanded_a: float = 0.0
     temperature_age_s: float = 0.0
     displacement_age_s: float = 0.0
+    supply_fault: str | None = None

@@ -72,6 +72,12 @@ class Fault(Enum):
         "is the sensor alive, in millimetres and zero at the cold wire? is the wire blocked, slack or another one?",
     )
 
+    POWER_UNKNOWN = (
+        18,
+        "the heater's current or voltage is unknown",
+        "check the device that measures them, and its profile",
+    )
+
     def __init__(self, number: int, cause: str, remedy: str) -> None:
         self.number = number
         self.cause = cause

@@ -7,9 +7,10 @@ The first fault is latched. Conditions that noise can fake are debounced: a faul
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from math import inf, isfinite
 
+from smadrive.control.debounce import Debounce
 from smadrive.control.faults import CLEAR, Fault, Trip
 from smadrive.control.placement import PlausibleDisplacement
 from smadrive.control.plausibility import FROZEN_C, PlausibleTemperature
@@ -41,27 +42,6 @@ class SafetyLimits:
     misplaced_for_s: float = 2.0
 
 
-@dataclass(slots=True)
-class _Debounce:
-    """True when `needed` of the last `window` samples were bad."""
-
-    needed: int
-    window: int
-    _recent: deque[bool] = field(init=False)
-
-    def __post_init__(self) -> None:
-        self._recent = deque(maxlen=self.window)
-
-    def update(self, bad: bool) -> bool:
-        if not (bad or self._recent):
-            return False
-        self._recent.append(bad)
-        count = sum(self._recent)
-        if not count:
-            self._recent.clear()
-        return count >= self.needed
-
-
 class Supervisor:
     """Checks each measurement and each silence; the first fault is latched as `trip`.
 
@@ -79,14 +59,16 @@ class Supervisor:
         self._plausible = plausible
         self._placed = placed
         self.trip: Trip | None = None
-        self._hot = _Debounce(2, 3)
-        self._cold = _Debounce(3, 5)
-        self._invalid = _Debounce(3, 5)
-        self._disarmed = _Debounce(2, 2)
-        self._mismatch = _Debounce(4, 5)
-        self._implausible = _Debounce(3, 4)
-        self._frozen = _Debounce(2, 3)
-        self._strayed = _Debounce(3, 5)
+        self._hot = Debounce(2, 3)
+        self._cold = Debounce(3, 5)
+        self._invalid = Debounce(3, 5)
+        self._powerless = Debounce(3, 5)
+        self._power_w = 0.0
+        self._disarmed = Debounce(2, 2)
+        self._mismatch = Debounce(4, 5)
+        self._implausible = Debounce(3, 4)
+        self._frozen = Debounce(2, 3)
+        self._strayed = Debounce(3, 5)
         self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
         self._following_s: float | None = None
@@ -101,6 +83,7 @@ class Supervisor:
         self._check_device(measurement)
         self._check_temperature(measurement)
         self._check_current(measurement)
+        self._check_power(measurement)
         self._check_heat(measurement, dt_s)
         self._check_displacement(measurement, wanted_mm)
         self._check_placement(measurement)
@@ -144,7 +127,10 @@ class Supervisor:
                 f"refused to arm: the wire reads {temperature_c:.1f} °C, "
                 f"below temperature_min_c = {limits.temperature_min_c:g}; {Fault.UNDER_TEMPERATURE.remedy}"
             )
-        if not measurement.current_a <= limits.current_tolerance_a:
+        if not isfinite(measurement.current_a):
+            fault, reason = Fault.POWER_UNKNOWN, measurement.supply_fault or "no reading of the current"
+            raise SafetyError(f"refused to arm: {fault.cause} ({reason}): {fault.remedy}")
+        if measurement.current_a > limits.current_tolerance_a:
             raise SafetyError(
                 f"refused to arm: {measurement.current_a:.3f} A flow although none was commanded; "
                 f"{Fault.UNEXPECTED_HEATING.remedy}"
@@ -183,18 +169,27 @@ class Supervisor:
         commanded_a = [command_a for _, command_a in self._commands]
         least_a, most_a = min(commanded_a), max(commanded_a)
         lacking = measured_a < least_a - tolerance_a and not _is_excused(measurement, least_a)
-        if self._mismatch.update(not isfinite(measured_a) or measured_a > most_a + tolerance_a or lacking):
+        if self._mismatch.update(measured_a > most_a + tolerance_a or lacking):
             fault = Fault.CURRENT_MISMATCH if most_a > 0 else Fault.UNEXPECTED_HEATING
             self._raise(
                 fault, measurement.time_s, f"{measured_a:.3f} A measured, {least_a:.3f} to {most_a:.3f} A commanded"
             )
 
-    def _check_heat(self, measurement: Measurement, dt_s: float) -> None:
+    def _check_power(self, measurement: Measurement) -> None:
+        """The heat is not known without current and voltage; a sample without them counts as the one before."""
         power_w = measurement.current_a * measurement.voltage_v
-        if self._plausible is None or not isfinite(power_w):
+        is_known = isfinite(power_w)
+        if is_known:
+            self._power_w = power_w
+        if self._powerless.update(not is_known):
+            detail = f"{measurement.current_a:.3f} A, {measurement.voltage_v:.2f} V"
+            self._raise(Fault.POWER_UNKNOWN, measurement.time_s, measurement.supply_fault or detail)
+
+    def _check_heat(self, measurement: Measurement, dt_s: float) -> None:
+        if self._plausible is None:
             return
         reading_c = measurement.temperature_c
-        band = self._plausible.update(reading_c, power_w, dt_s)
+        band = self._plausible.update(reading_c, self._power_w, dt_s)
         if band.coldest_c > self._limits.temperature_max_c:
             detail = (
                 f"at least {band.coldest_c:.0f} °C by the heat that went in, the thermocouple reads {reading_c:.1f} °C"

@@ -130,14 +130,15 @@ class TrackingController:
         return TrackingState(estimate, 0.0, 0.0, 1, None)
 
     def _observed(self, measurement: Measurement, dt_s: float) -> WireEstimate:
-        """The estimate advanced by the power measured over the period that ends now."""
+        """The estimate advanced by the power measured over the period that ends now, the commanded one if unknown."""
         if self._state is None:
             return self._observer.start(measurement.temperature_c, measurement.displacement_mm)
+        measured_w = measurement.current_a * measurement.voltage_v
         return self._observer.update(
             self._state.estimate,
             measurement.temperature_c,
             measurement.displacement_mm,
-            measurement.current_a * measurement.voltage_v,
+            measured_w if isfinite(measured_w) else self._state.power_w,
             dt_s,
         )
 

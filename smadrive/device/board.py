@@ -9,14 +9,14 @@ small: in a reply that is shifted by one register they would otherwise pass for 
 
 from __future__ import annotations
 
-from math import nan
+from math import isfinite, nan
 from random import SystemRandom
 
 from smadrive.clock import Clock
 from smadrive.device.device import Device
 from smadrive.device.heatsource import HeaterLimits, Sample, Supplied
 from smadrive.device.identity import Identity
-from smadrive.device.readings import Reading
+from smadrive.device.readings import Reading, problem_of
 from smadrive.errors import ProtocolError, SafetyError
 
 STALE_S = 0.5  # the device converts at least every 0.1 s; a counter that stands still this long is a dead sensor
@@ -59,7 +59,7 @@ class HeaterBoard:
         self._enable_name = profile.role("heater_enable")
         self._sequence = SystemRandom().choice(SEQUENCES)
         self._armed = False
-        self._counter = -1
+        self._counter = -1.0
         self._counter_since_s = clock.now_s()
 
     @property
@@ -139,12 +139,13 @@ class HeaterBoard:
             readings["limits"].words,
             Sample(readings["temperature"].value if problem is None else nan, now_s, problem),
             Sample(readings["displacement"].value, now_s, readings["displacement"].invalid),
+            problem_of(readings, ("measured_current", "measured_voltage")),
         )
 
     def _temperature_fault(self, now_s: float, readings: dict[str, Reading]) -> str | None:
         """Why the temperature cannot be used: the device says so, or its sensor stopped converting."""
-        counter = int(readings["sample_counter"].raw)
-        if counter != self._counter:
+        counter = readings["sample_counter"].value
+        if isfinite(counter) and counter != self._counter:
             self._counter, self._counter_since_s = counter, now_s
         invalid = readings["temperature"].invalid
         if invalid is not None:

@@ -56,7 +56,9 @@ class Codec:
         self._enum, self._bits = enum, bits
         self._sentinels = {self.pattern(pattern): reason for pattern, reason in invalid.items()}
         self._has_states = bool(enum or bits)
-        self._is_plain = not (self._has_states or valid != (None, None) or kind in bus.NOT_A_NUMBER)
+        ends = self._lowest * scale + offset, self._highest * scale + offset
+        always_finite = kind not in bus.NOT_A_NUMBER and all(map(isfinite, ends))
+        self._is_plain = always_finite and not self._has_states and valid == (None, None)
         """Every pattern that is no sentinel is a number, and every number a value."""
         self._state = lru_cache(STATES)(lambda words: self._decoded(words, ALONE))
 

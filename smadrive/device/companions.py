@@ -25,7 +25,7 @@ def context_of(register: Register, readings: Mapping[str, Reading]) -> Context:
     scale = _word(register.scale_from, readings)
     unit = _word(register.unit_from, readings)
     problem = _doubt(register, readings)
-    for name, word in ((register.scale_from, scale), (register.unit_from, unit)):
+    for name, word in ((register.scale_from, scale), (register.unit_from, unit), (register.sign_register, sign)):
         if name is not None and word is None:
             problem = f"'{name}' is {readings[name].raw:g}, a state that is not known"
     if unit not in (None, CELSIUS, FAHRENHEIT):

@@ -185,4 +185,5 @@ class Heater:
             commanded_a=in_force_a,
             temperature_age_s=now_s - temperature.time_s,
             displacement_age_s=now_s - displacement.time_s,
+            supply_fault=supplied.problem,
         )

@@ -40,7 +40,7 @@ class Supplied(NamedTuple):
     """What a heat source says after a command: what it drove in the period that ends, and how it stands.
 
     `armed` is what it says of itself now, whoever armed it. `temperature` and `displacement` are None where the source
-    measures no such thing.
+    measures no such thing. A current or voltage that the source cannot tell is NaN, and `problem` says why.
     """
 
     current_a: float = nan
@@ -50,6 +50,7 @@ class Supplied(NamedTuple):
     limits: tuple[str, ...] = ()
     temperature: Sample | None = None
     displacement: Sample | None = None
+    problem: str | None = None
 
 
 class HeatSource(Protocol):

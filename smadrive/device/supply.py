@@ -13,7 +13,7 @@ from math import inf, isfinite
 from smadrive.device.device import Device
 from smadrive.device.heatsource import HeaterLimits, Supplied
 from smadrive.device.identity import Identity
-from smadrive.device.readings import Reading
+from smadrive.device.readings import Reading, problem_of
 from smadrive.errors import ConfigError, ReadBackError, SafetyError
 
 _NEEDED = ("heater_current", "heater_enable", "measured_current", "measured_voltage")
@@ -42,6 +42,7 @@ class BenchSupply:
             if (name := getattr(profile.roles, role)) is not None:
                 self._names[role] = name
         self._reads = tuple(self._names.values())
+        self._measured = self._names["measured_current"], self._names["measured_voltage"]
         self._armed = False
         self._voltage_max_v = inf
         self._voltage_set: Reading | None = None
@@ -87,6 +88,7 @@ class BenchSupply:
             on,
             self._faults(readings),
             ("voltage",) if on and self._limits_voltage(readings, voltage_v) else (),
+            problem=problem_of(readings, self._measured),
         )
 
     def enter_safe_state(self) -> None:

@@ -1,15 +1,17 @@
 """The supervisor: raises each fault for its cause, only after its debounce, and latches the first."""
 
-from math import nan
+from math import inf, nan
 
 import pytest
 
 from smadrive.control.faults import Fault
 from smadrive.control.placement import PlausibleDisplacement
+from smadrive.control.plausibility import IDENTIFIED, PlausibleTemperature
 from smadrive.control.supervisor import SafetyLimits, Supervisor
 from smadrive.errors import SafetyError
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
+from smadrive.thermal import HeatBalance
 
 LIMITS = SafetyLimits(temperature_max_c=120.0, stale_after_s=0.3, current_tolerance_a=0.05, misplaced_for_s=3.5)
 
@@ -48,6 +50,36 @@ def test_an_invalid_thermocouple_needs_three_of_five():
 def test_the_current_must_be_the_commanded_one():
     assert trips_after([sample(current_a=0.1)] * 10) == (4, Fault.CURRENT_MISMATCH)
     assert trips_after([sample(current_a=0.1, commanded_a=0.0)] * 10) == (4, Fault.UNEXPECTED_HEATING)
+
+
+@pytest.mark.parametrize("unknown", [{"current_a": nan}, {"voltage_v": nan}, {"voltage_v": inf}])
+def test_an_unknown_power_needs_three_of_five(unknown):
+    bad = sample()._replace(**unknown)
+    assert trips_after([bad, bad, sample(), sample(), sample(), sample(), bad]) is None
+    assert trips_after([bad, bad, sample(), bad]) == (4, Fault.POWER_UNKNOWN)
+
+
+def test_a_sample_of_unknown_power_counts_as_the_one_before():
+    """A wire that is heated hard, with a bead that fell off: every other sample lacks the voltage."""
+    balance = HeatBalance(0.0298, 0.014, 0.83, 22.0, 16.5, -0.12, 0.15)
+    tripped = []
+    for lacking in (False, True):
+        supervisor = Supervisor(LIMITS, PlausibleTemperature(balance, IDENTIFIED, 0.5))
+        for n in range(400):
+            one = sample(n, temperature_c=22.0, current_a=0.5, commanded_a=0.5)._replace(voltage_v=8.0)
+            if lacking and n % 3 == 2:
+                one = one._replace(voltage_v=nan)
+            if trip := supervisor.update(one, nan):
+                tripped.append((trip.fault, n))
+                break
+    (first, n), (second, other) = tripped
+    assert first is second
+    assert abs(n - other) <= 2
+
+
+def test_a_current_that_is_unknown_does_not_arm():
+    with pytest.raises(SafetyError):
+        Supervisor(LIMITS).check_may_arm(sample(current_a=nan, commanded_a=0.0))
 
 
 def test_a_device_that_limits_the_current_and_says_so_is_no_mismatch():

@@ -8,6 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from smadrive.device.companions import context_of
 from smadrive.device.readings import Context
 from smadrive.device.registers import Register
 from smadrive.errors import ConfigError
@@ -53,6 +54,28 @@ def test_float32_is_exact(value):
     entry = register(type="float32", access="rw", min=-3.4e38, max=3.4e38)
     if abs(value) <= 3.4e38:
         assert entry.codec.decode(entry.codec.encode(value, "r")).value == value
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("fields", [{}, {"scale": 0.1, "offset": 3.0}, {"valid_min": -1e9, "valid_max": 1e9}])
+def test_a_float_that_is_not_finite_is_an_invalid_reading(value, fields):
+    reading = register(type="float32", **fields).codec.decode(struct.unpack(">2H", struct.pack(">f", value)))
+    assert math.isnan(reading.value)
+    assert reading.invalid is not None
+
+
+def test_a_scale_that_overflows_makes_an_invalid_reading():
+    reading = register(type="uint32", scale=1e300).codec.decode((0xFFFF, 0xFFFF))
+    assert math.isnan(reading.value)
+    assert reading.invalid is not None
+
+
+def test_an_invalid_sign_makes_the_value_invalid():
+    value = register(sign_register="sign")
+    sign = register(type="float32", address=1).codec.decode(struct.unpack(">2H", struct.pack(">f", math.nan)))
+    reading = value.codec.decode((7,), context_of(value, {"sign": sign}))
+    assert math.isnan(reading.value)
+    assert reading.invalid is not None
 
 
 @given(st.floats(0, 6.5535))
