@@ -1,6 +1,7 @@
 """A measuring device beside the heater: read at its own rate, by its own bus, each reading with its time.
 
 A reading that fails is no news: the last one grows older. Once it is older than `stale_s` it is no value any more.
+That holds for every failure of the sensor, an exception reply too: it must not discard what the heater has answered.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from math import inf, nan
 from smadrive.clock import Clock
 from smadrive.device.device import Device
 from smadrive.device.heatsource import Sample
-from smadrive.errors import ProtocolError, TransportError
+from smadrive.errors import DeviceError, ProtocolError, SmadriveError, TransportError
 
 
 class PolledSensor:
@@ -26,6 +27,7 @@ class PolledSensor:
         self._clock = clock
         self._due_s = -inf
         self._last = Sample(nan, -inf, f"no {quantity} has been read yet")
+        self._failure: SmadriveError | None = None
 
     def connect(self) -> None:
         """Prove the device's identity; one that could heat by itself (a controller) is brought to its safe state."""
@@ -40,12 +42,13 @@ class PolledSensor:
             self._poll()
         age_s = self._clock.now_s() - self._last.time_s
         if age_s > self._stale_s and self._last.problem is None:
-            return Sample(nan, self._last.time_s, f"no new {self._quantity} for {age_s:.2f} s")
+            return Sample(nan, self._last.time_s, f"no new {self._quantity} for {age_s:.2f} s ({self._failure})")
         return self._last
 
     def _poll(self) -> None:
         try:
             reading = self._device.read((self._name,))[self._name]
-        except (TransportError, ProtocolError):
+        except (TransportError, ProtocolError, DeviceError) as failure:
+            self._failure = failure
             return
         self._last = Sample(reading.value, self._clock.now_s(), reading.invalid)

@@ -132,7 +132,9 @@ def supplies():
         Case("reader.drop", (Fault.SENSOR_INVALID, Fault.STALE_DATA), 4.0, FOREVER),
         Case("reader.corrupt", (Fault.SENSOR_INVALID, Fault.STALE_DATA), 4.0, FOREVER),
         Case("reader.vanish", (Fault.SENSOR_INVALID, Fault.STALE_DATA), 4.0, FOREVER),
+        Case("reader.refuse", (Fault.SENSOR_INVALID, Fault.STALE_DATA), 4.0, FOREVER | {"code": 4}),
         Case("supply.drop", parameters={"replies": 1}),
+        Case("reader.refuse", parameters={"replies": 1, "code": 4}),
         Case("reader.drop", parameters={"replies": 1}),
         Case("supply.brown_out", (Fault.DISARMED, Fault.COMMAND_REFUSED, *lost), 4.0, {"for_s": 2.5}),
         Case(

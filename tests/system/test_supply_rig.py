@@ -90,6 +90,20 @@ def test_every_device_is_known_and_measures_its_part(bench):
     assert bench.devices["supply"].firmware.current_a == 0.0
 
 
+@pytest.mark.parametrize("code", [1, 2, 4, 6])
+def test_an_exception_reply_of_a_sensor_is_no_news_of_it_and_refuses_no_command(bench, code):
+    with bench.rig as rig:
+        rig.heater.arm(1.0)
+        (before,) = bench.heat(rig, 0.25, 1)
+        bench.devices["reader"].faults.refuse(code, replies=1)
+        after = bench.heat(rig, 0.25, 2)
+        assert after[0].temperature_c == before.temperature_c
+        assert after[0].temperature_age_s > before.temperature_age_s
+        assert [one.armed for one in after] == [True, True]
+        bench.devices["reader"].faults.refuse(code, for_s=10.0)
+        assert "no new temperature" in bench.heat(rig, 0.25, 12)[-1].temperature_fault
+
+
 def test_a_supply_is_told_only_what_changes_and_read_back_every_time(bench):
     with bench.rig as rig:
         rig.heater.arm(1.0)
