@@ -125,10 +125,9 @@ class Heater:
         """
         self._sent_a = 0.0
         if self._guard is None:
-            self.source.enter_safe_state()
+            self._switch_off()
         else:
-            self._enter_safe_state_under(self._guard)
-        see_it_off(self.source, self.limits.current_max_a, self._clock)
+            self._switch_off_under(self._guard)
 
     def clear_faults(self) -> Measurement:
         """Clear the latched faults; SafetyError names those that persist. Nothing is armed afterwards."""
@@ -139,12 +138,17 @@ class Heater:
             raise SafetyError(f"not cleared, the cause persists: {', '.join(measurement.device_faults)}")
         return measurement
 
-    def _enter_safe_state_under(self, guard: Guard) -> None:
-        """The driver may stand still on the way to its safe state too; then the guardian goes there."""
+    def _switch_off(self) -> None:
+        """Off by read-back, and no current any more."""
+        self.source.enter_safe_state()
+        see_it_off(self.source, self.limits.current_max_a, self._clock)
+
+    def _switch_off_under(self, guard: Guard) -> None:
+        """Switch off; the guardian watches until no current flows, and does it where the driver stands still."""
         while True:
             guard.take_back()
             try:
-                self.source.enter_safe_state()
+                self._switch_off()
             except TakenOverError:
                 continue
             guard.rest()

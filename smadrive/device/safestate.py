@@ -1,16 +1,18 @@
 """How a device is brought to its safe state on a bad bus, and how it is seen that the heat has ended.
 
-Every step is tried, again and again; one that fails does not keep the others from being tried: any may end the heat.
+Every step is tried, again and again. A step that fails, by whatever exception, does not keep the others from being
+tried: any of them may end the heat. Only a guardian that has taken the devices over, and a signal, end the tries.
 What a device says of itself is not all: the current that it measures must be gone, too.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from math import isnan
 
 from smadrive.clock import Clock
 from smadrive.device.heatsource import HeatSource, Supplied
-from smadrive.errors import DeviceError, ProtocolError, SafetyError, SmadriveError, TransportError
+from smadrive.errors import DeviceError, ProtocolError, SafetyError, TakenOverError, TransportError
 
 PAUSES_S = (0.0, 0.0, 0.5, 0.5)
 """Between the attempts: a spoilt reply is tried again at once, a plug that slipped out later."""
@@ -27,11 +29,13 @@ LOOK_AGAIN_S = 0.05
 def insist(steps: Sequence[Callable[[], None]], clock: Clock) -> None:
     """Take all steps until none of them fails; raises the first error of the last round."""
     for pause_s in (*PAUSES_S, None):
-        failed: SmadriveError | None = None
+        failed: Exception | None = None
         for step in steps:
             try:
                 step()
-            except (TransportError, ProtocolError, DeviceError) as error:
+            except TakenOverError:
+                raise  # the devices are the guardian's until it lets go of them
+            except Exception as error:  # noqa: BLE001  (a trace on a full disk, for instance)
                 failed = failed or error
         if failed is None:
             return
@@ -49,7 +53,7 @@ def see_it_off(source: HeatSource, current_max_a: float, clock: Clock) -> Suppli
     while True:
         try:
             supplied = source.exchange(0.0)
-        except (TransportError, ProtocolError):
+        except (TransportError, ProtocolError, DeviceError):
             if clock.now_s() >= give_up_s:
                 raise
             continue
@@ -57,6 +61,14 @@ def see_it_off(source: HeatSource, current_max_a: float, clock: Clock) -> Suppli
         if not (flows or supplied.armed):
             return supplied
         if clock.now_s() >= give_up_s:
-            what = f"{supplied.current_a:.3f} A still flow" if flows else "the device claims to be armed"
-            raise SafetyError(f"{what} although the heater is off: cut its supply")
+            raise SafetyError(f"{_remaining(supplied, flows=flows)} although the heater is off: cut its supply")
         clock.sleep_until(clock.now_s() + LOOK_AGAIN_S)
+
+
+def _remaining(supplied: Supplied, *, flows: bool) -> str:
+    """Why `supplied` does not show that the heat has ended."""
+    if not flows:
+        return "the device claims to be armed"
+    if isnan(supplied.current_a):
+        return f"the current is unknown ({supplied.problem or 'no reading'})"
+    return f"{supplied.current_a:.3f} A still flow"

@@ -18,7 +18,7 @@ from smadrive.device import guardian
 from smadrive.device.guard import Guard
 from smadrive.device.guardian import GuardedDevice, Task
 from smadrive.device.profile import load_profile
-from smadrive.errors import ConfigError, SafetyError, TakenOverError
+from smadrive.errors import UNCONFIRMED, ConfigError, SafetyError, TakenOverError
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 
@@ -140,7 +140,7 @@ def driven(tmp_path, fate="", *options, script=DRIVER, stderr=subprocess.PIPE, t
             try:
                 assert driver.stdout.readline() == "heating\n"
                 guardians = children(driver.pid)
-                assert supply.stderr.readline().endswith("output on, no watchdog\n")
+                assert any(line.endswith("output on, no watchdog\n") for line in supply.stderr)
                 yield driver, supply
             finally:
                 driver.kill()
@@ -236,6 +236,15 @@ def test_a_driver_that_can_switch_off_does_so_itself(tmp_path, fate):
         assert supply.stderr.readline().endswith("output off\n")
         said = driver.communicate(timeout=30)[1]
         assert ("taking over" in said) == (fate == "terminated")  # to a script like this one SIGTERM is a kill
+
+
+def test_the_guardian_watches_on_while_current_flows_although_the_supply_says_that_it_is_off(tmp_path):
+    script = tmp_path / "leaks.toml"
+    script.write_text("[[faults]]\nat_s = 0.0\nname = 'short_switch'\nleak_a = 0.2\n")
+    with driven(tmp_path, "crash", "--faults", str(script)) as (driver, _):
+        said = driver.communicate(timeout=60)[1]
+    assert UNCONFIRMED in said
+    assert "taking over" in said
 
 
 def test_a_terminal_that_takes_nothing_does_not_keep_the_heat_on(tmp_path):
