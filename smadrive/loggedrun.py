@@ -15,7 +15,7 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, ExcitationRecord
 from smadrive.rigconfig import RigConfig
 from smadrive.telemetry.log import Log
-from smadrive.thermal import HeatBalance
+from smadrive.thermal import BalanceSource, HeatBalance
 from smadrive.wirefile import parse_wire
 
 WHOLE = 0.98
@@ -35,7 +35,8 @@ def logged_rig(log: Log) -> RigConfig:
 
 def nominal_balance(log: Log) -> HeatBalance:
     """The heat balance of the wire's data sheet."""
-    return log.parsed("nominal_balance", lambda parameters: HeatBalance(**parameters))
+    source = {"source": BalanceSource.DATA_SHEET}
+    return log.parsed("nominal_balance", lambda parameters: HeatBalance(**(parameters | source)))
 
 
 def logged_excitation(log: Log) -> Excitation:

@@ -19,7 +19,7 @@ from smadrive.control.faults import CLEAR
 from smadrive.control.feedforward import DisplacementInverse
 from smadrive.control.loop import ControlLoop, LoopFigures, StopRequested, Tick, never
 from smadrive.control.placement import PlausibleDisplacement
-from smadrive.control.plausibility import IDENTIFIED, NOMINAL, PlausibleTemperature, Uncertainty
+from smadrive.control.plausibility import UNCERTAINTIES, PlausibleTemperature
 from smadrive.control.reference import Reference
 from smadrive.control.supervisor import SafetyLimits, Supervisor
 from smadrive.controllers import excitation_controller, tracking_controller
@@ -124,7 +124,7 @@ class Rig:
         """Run the identification experiment; every tick goes to `record`."""
         balance = self.nominal_balance
         controller = excitation_controller(self.config, excitation, balance)
-        return self._run(controller, self._supervisor(balance, NOMINAL), record)
+        return self._run(controller, self._supervisor(balance), record)
 
     def track(
         self,
@@ -152,8 +152,7 @@ class Rig:
         next exchange. ConfigError as of `check_balance`.
         """
         self.check_balance(balance)
-        known = NOMINAL if balance is self.nominal_balance else IDENTIFIED
-        return self._run(controller, self._supervisor(balance, known, model), record, stop_requested)
+        return self._run(controller, self._supervisor(balance, model), record, stop_requested)
 
     def check_balance(self, balance: HeatBalance) -> None:
         """ConfigError when this heat balance cannot be that of the rig's wire; see check_same_wire."""
@@ -179,9 +178,7 @@ class Rig:
                 f"{balance.time_constant_s:.2g} s: read it at least every {most_s:.2g} s, or take a faster thermometer"
             )
 
-    def _supervisor(
-        self, balance: HeatBalance, uncertainty: Uncertainty, model: HysteresisModel | None = None
-    ) -> Supervisor:
+    def _supervisor(self, balance: HeatBalance, model: HysteresisModel | None = None) -> Supervisor:
         self._check_thermometer(balance)
         limits, lag_s = self.config.limits, LAG_FACTOR * balance.thermocouple_lag_s
         guarded = SafetyLimits(
@@ -196,7 +193,8 @@ class Rig:
             tracking_for_s=limits.tracking_for_s,
             misplaced_for_s=MISPLACED_S + lag_s,
         )
-        plausible = PlausibleTemperature(balance, uncertainty, lag_s + self.heater.temperature_period_s)
+        lag_s += self.heater.temperature_period_s
+        plausible = PlausibleTemperature(balance, UNCERTAINTIES[balance.source], lag_s)
         return Supervisor(guarded, plausible, None if model is None else PlausibleDisplacement(model))
 
     def _run(

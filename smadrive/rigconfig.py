@@ -13,7 +13,7 @@ from smadrive.configfile import Section, load_config, read_toml, validate
 from smadrive.errors import ConfigError
 from smadrive.filekind import RIG, WIRE
 from smadrive.shipped import config_file
-from smadrive.thermal import HeatBalance
+from smadrive.thermal import BalanceSource, HeatBalance
 
 AGEING_C = 200.0
 """Nickel-titanium begins to age there and changes for good; the file of an alloy that transforms hotter says so."""
@@ -53,6 +53,7 @@ class WireConfig(Section):
             resistance_cold_ohm=self.resistance_ohm_per_m * length_m,
             resistance_change=self.resistance_change,
             thermocouple_lag_s=self.thermocouple_lag_s,
+            source=BalanceSource.DATA_SHEET,
         )
 
 

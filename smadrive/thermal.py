@@ -12,14 +12,24 @@ The thermocouple, a bead on the wire, follows with a first-order lag: lag · dT_
 from __future__ import annotations
 
 from dataclasses import dataclass, fields
+from enum import StrEnum
 from math import exp, isfinite, sqrt
 
 from smadrive.errors import ModelError
 
 
+class BalanceSource(StrEnum):
+    """Where the parameters of a heat balance come from; how far they are believed depends on it."""
+
+    DATA_SHEET = "data sheet"
+    """The wire file."""
+    IDENTIFIED = "identified"
+    """A record of this wire."""
+
+
 @dataclass(frozen=True, slots=True)
 class HeatBalance:
-    """Parameters of the heat balance above. Every model of this module is a method of it.
+    """Parameters of the heat balance above, and their source. Every model of this module is a method of it.
 
     Raises ModelError when a parameter that must be positive is not, or is no finite number.
     """
@@ -31,6 +41,7 @@ class HeatBalance:
     resistance_cold_ohm: float
     resistance_change: float
     thermocouple_lag_s: float
+    source: BalanceSource = BalanceSource.IDENTIFIED
 
     def __post_init__(self) -> None:
         """Refuse parameters that no wire has."""
@@ -42,9 +53,9 @@ class HeatBalance:
             value = getattr(self, name)
             if not value >= 0:
                 raise ModelError(f"heat balance: {name} must not be negative, it is {value:g}")
-        for field in fields(self):
-            if not isfinite(value := getattr(self, field.name)):
-                raise ModelError(f"heat balance: {field.name} must be finite, it is {value:g}")
+        for name in PARAMETERS:
+            if not isfinite(value := getattr(self, name)):
+                raise ModelError(f"heat balance: {name} must be finite, it is {value:g}")
         if not self.resistance_change > -1:
             raise ModelError(f"heat balance: resistance_change must exceed -1, it is {self.resistance_change:g}")
 
@@ -83,3 +94,7 @@ class HeatBalance:
     def current_a(self, power_w: float, phase: float) -> float:
         """The heater current that gives `power_w` (zero for a negative power)."""
         return sqrt(max(power_w, 0.0) / self.resistance_ohm(phase))
+
+
+PARAMETERS = tuple(field.name for field in fields(HeatBalance) if field.name != "source")
+"""The names of the numbers."""

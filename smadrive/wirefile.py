@@ -6,7 +6,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, fields
+from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem, save_model
 from smadrive.hysteresis.modelfile import Fields, model_text, parse_model, read_model
-from smadrive.thermal import HeatBalance
+from smadrive.thermal import PARAMETERS, BalanceSource, HeatBalance
 
 
 class WireFile(NamedTuple):
@@ -70,15 +70,24 @@ def _balance(text: str, place: str) -> HeatBalance | None:
     if provenance is None or provenance.document.get("heat_balance") is None:
         return None
     told = provenance.inner("heat_balance")
-    names = [field.name for field in fields(HeatBalance)]
-    unknown = sorted(told.document.keys() - names)
+    unknown = sorted(told.document.keys() - {*PARAMETERS, "source"})
     if unknown:
         raise ModelError(f"{told.place}: unknown key '{unknown[0]}'; identify the wire again")
     try:
-        return HeatBalance(**{name: told.number(name) for name in names})
+        return HeatBalance(**{name: told.number(name) for name in PARAMETERS}, source=_source(told))
     except ModelError as error:
         message = str(error)
         raise ModelError(message if message.startswith(place) else f"{place}: {message}") from None
+
+
+def _source(balance: Fields) -> BalanceSource:
+    """Where the balance comes from; one without a source was identified."""
+    source = balance.document.get("source", BalanceSource.IDENTIFIED.value)
+    try:
+        return BalanceSource(source)
+    except ValueError:
+        known = " or ".join(f"'{one}'" for one in BalanceSource)
+        raise ModelError(f"{balance.place}: source is {source!r}, it must be {known}") from None
 
 
 def _caveats(text: str, place: str) -> tuple[str, ...]:

@@ -23,7 +23,7 @@ from dataclasses import dataclass
 from math import exp
 from typing import NamedTuple
 
-from smadrive.thermal import HeatBalance
+from smadrive.thermal import BalanceSource, HeatBalance
 
 TRANSFORMATION_C = 20.0
 """Span over which the latent heat is taken up, K."""
@@ -47,6 +47,8 @@ NOMINAL = Uncertainty(capacity=3.0, loss=1.6)
 """A data sheet: published specific heats differ by 2.6; convection must be that of the room, not of a fan."""
 IDENTIFIED = Uncertainty(capacity=1.5, loss=1.4)
 """A balance identified on this rig, some draught later."""
+UNCERTAINTIES = {BalanceSource.DATA_SHEET: NOMINAL, BalanceSource.IDENTIFIED: IDENTIFIED}
+"""How well a heat balance is known, by its source."""
 
 
 class Band(NamedTuple):

@@ -85,7 +85,11 @@ def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit
     grid, samples = _uniform(record, phase)
     balance, residual, within = _fit_balance(samples, start)
     resistance, within_resistance = _fit_resistance(record, phase)
-    balance = replace(balance, **resistance)
+    balance = replace(
+        balance,
+        resistance_cold_ohm=resistance["resistance_cold_ohm"],
+        resistance_change=resistance["resistance_change"],
+    )
     within |= within_resistance
     _check_told(within)
     wire = _wire_temperature(samples, balance)

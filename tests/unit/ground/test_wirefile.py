@@ -1,13 +1,14 @@
 """What the provenance of a model tells of the wire: all of it, or a refusal."""
 
 import json
+from dataclasses import replace
 
 import pytest
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel
-from smadrive.thermal import HeatBalance
-from smadrive.wirefile import load_wire_file, parse_wire, save_wire
+from smadrive.thermal import BalanceSource, HeatBalance
+from smadrive.wirefile import load_wire_file, parse_wire, save_wire, wire_text
 
 WIRE = DuhemModel.gaussian(
     mu_heating=90, mu_cooling=70, sigma_heating=5, sigma_cooling=5, scale=10, input_range=(0, 200)
@@ -26,6 +27,30 @@ def test_it_comes_back(path):
     assert load_wire_file(path).balance == BALANCE
     path.write_text("\ufeff" + path.read_text())
     assert load_wire_file(path).balance == BALANCE
+
+
+@pytest.mark.parametrize("source", BalanceSource)
+def test_the_source_of_the_balance_comes_back(path, source):
+    balance = replace(BALANCE, source=source)
+    save_wire(path, WIRE, balance, {}, source="a test")
+    assert load_wire_file(path).balance == balance
+    assert parse_wire(wire_text(WIRE, balance), "a log")[1] == balance
+
+
+def test_a_balance_without_a_source_was_identified(path):
+    document = json.loads(path.read_text())
+    del document["provenance"]["heat_balance"]["source"]
+    path.write_text(json.dumps(document))
+    assert load_wire_file(path).balance.source is BalanceSource.IDENTIFIED
+
+
+@pytest.mark.parametrize("source", ["guessed", 1, None])
+def test_an_unknown_source_is_refused(path, source):
+    document = json.loads(path.read_text())
+    document["provenance"]["heat_balance"]["source"] = source
+    path.write_text(json.dumps(document))
+    with pytest.raises(ModelError):
+        load_wire_file(path)
 
 
 def test_a_model_may_have_none(path):
