@@ -23,6 +23,7 @@ from smadrive.control.plausibility import UNCERTAINTIES, PlausibleTemperature
 from smadrive.control.reference import Reference
 from smadrive.control.supervisor import SafetyLimits, Supervisor
 from smadrive.controllers import excitation_controller, tracking_controller
+from smadrive.device.identity import DeviceType, Proof
 from smadrive.device.safestate import ZERO_SHARE
 from smadrive.errors import ConfigError, SafetyError, TripError
 from smadrive.hysteresis import HysteresisModel
@@ -55,9 +56,6 @@ CURRENT_TOLERANCE_A = 0.05
 
 RATE_EXCHANGES = 4
 """How many exchanges are timed before the loop starts, to know whether the devices keep up with it."""
-
-
-UNPROVED = ", by the rig file: it answers; its type cannot be proved"
 
 
 class Rig:
@@ -102,13 +100,22 @@ class Rig:
         self._on_exit.__exit__(kind, error, trace)
 
     @property
-    def identities(self) -> dict[str, str]:
-        """What each device, by its name, proved to be, or is taken for where nothing proves its type."""
+    def identities(self) -> dict[str, DeviceType]:
+        """The type of each device, by its name, and what the device has proved of it up to now."""
         return {
-            name: f"{device.profile.profile.id} ({device.profile.profile.vendor})"
-            + ("" if device.profile.proves_type else UNPROVED)
+            name: DeviceType(device.profile.profile.id, device.profile.profile.vendor, device.proof)
             for name, device in self.devices.items()
         }
+
+    def identify(self) -> dict[str, DeviceType]:
+        """`identities`, after the devices that no run of this rig uses have been asked too.
+
+        IdentityError when another device answers, TransportError when none does.
+        """
+        for device in self.devices.values():
+            if device.proof is Proof.NOT_ASKED:
+                device.check_identity()
+        return self.identities
 
     @property
     def period_s(self) -> float:

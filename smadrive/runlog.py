@@ -117,7 +117,7 @@ def _open(path: Path, rig: Rig, about: Mapping[str, str], duration_s: float) -> 
     everywhere = {
         "rig": rig.config.model_dump_json(),
         "nominal_balance": json.dumps(asdict(rig.nominal_balance)),
-        "devices": json.dumps(rig.identities),
+        "devices": json.dumps({name: str(identity) for name, identity in rig.identities.items()}),
         "profiles": json.dumps({name: device.profile.model_dump(mode="json") for name, device in rig.devices.items()}),
         "versions": json.dumps({"python": platform.python_version(), **{name: version(name) for name in _PACKAGES}}),
         "machine": platform.platform(),

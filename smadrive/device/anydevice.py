@@ -6,7 +6,7 @@ from typing import Protocol
 
 from smadrive.clock import Clock
 from smadrive.device.device import Device
-from smadrive.device.identity import UNKNOWN, Identity
+from smadrive.device.identity import UNKNOWN, Identity, Proof
 from smadrive.device.profile import Profile
 from smadrive.device.tclab import TCLabBoard
 from smadrive.modbus.master import Master
@@ -29,6 +29,11 @@ class AnyDevice(Protocol):
     @property
     def identity(self) -> Identity:
         """What tells it from its twins, once it has been proved; empty where nothing does."""
+        ...
+
+    @property
+    def proof(self) -> Proof:
+        """What its answers have proved of its type up to now."""
         ...
 
     def check_identity(self) -> None:

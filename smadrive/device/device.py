@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 from smadrive.device.companions import context_of
 from smadrive.device.functions import write_request
-from smadrive.device.identity import UNKNOWN, Identity, check_same, check_type, identity_of
+from smadrive.device.identity import UNKNOWN, Identity, Proof, check_same, check_type, identity_of
 from smadrive.device.plan import Span, decode
 from smadrive.device.plans import Plans, words_of_register
 from smadrive.device.profile import Profile
@@ -80,6 +80,7 @@ class Device:
         timing = profile.bus_timing()
         self._timing = timing if read_retries is None else replace(timing, read_retries=read_retries)
         self.identity = identity
+        self.proof = Proof.NOT_ASKED
         self._proved_on: int | None = None
         self._written: set[str] = set()
         self._commanded: dict[str, _Write] = {}
@@ -103,6 +104,7 @@ class Device:
         self._switched = has_switch(self._family.variants, self._family.registers, raws)
         self._become(self._family if variant is None else self._family.as_variant(variant))
         self.identity, self._proved_on = found, connection
+        self.proof = Proof.PROVED if self._family.proves_type else Proof.ANSWERED
 
     def read(self, names: Sequence[str], *, proved: bool = False) -> dict[str, Reading]:
         """The registers `names`, in as few requests as their addresses allow.

@@ -8,6 +8,8 @@ another one, whatever port leads to it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from enum import Enum
 from types import MappingProxyType
 
 from smadrive.device.profile import Profile
@@ -19,6 +21,28 @@ Identity = Mapping[str, float | str]
 """By register: its raw number, or its text."""
 
 UNKNOWN: Identity = MappingProxyType({})
+
+
+class Proof(Enum):
+    """How far it is known that a device is what the rig file says."""
+
+    NOT_ASKED = "not asked"
+    ANSWERED = "it answers; its type cannot be proved"
+    PROVED = "proved"
+
+
+@dataclass(frozen=True, slots=True)
+class DeviceType:
+    """The type of a device by its profile, and the proof that this device gave."""
+
+    profile: str
+    vendor: str
+    proof: Proof
+
+    def __str__(self) -> str:
+        """One line for the user; what is not proved is said to come from the rig file."""
+        name = f"{self.profile} ({self.vendor})"
+        return name if self.proof is Proof.PROVED else f"{name}, by the rig file: {self.proof.value}"
 
 
 def check_type(proofs: Iterable[Identify], readings: Mapping[str, Reading], who: str) -> None:

@@ -28,7 +28,7 @@ from functools import partial
 from math import floor, nan, sqrt
 
 from smadrive.device.heatsource import HeaterLimits, Sample, Supplied
-from smadrive.device.identity import UNKNOWN, Identity
+from smadrive.device.identity import UNKNOWN, Identity, Proof
 from smadrive.device.profile import Profile
 from smadrive.device.safestate import insist
 from smadrive.device.textline import Exchange, TextLine
@@ -72,6 +72,11 @@ class TCLabBoard:
         self._line = TextLine(transport, profile.timing.response_timeout_ms / 1e3, GREETING, _token, trace)
         self._name = transport.name
         self._identified = False
+
+    @property
+    def proof(self) -> Proof:
+        """See AnyDevice."""
+        return Proof.PROVED if self._identified else Proof.NOT_ASKED
 
     def check_identity(self) -> None:
         """Prove that it is a TCLab, whose start is waited for; IdentityError when something else answers."""

@@ -40,7 +40,7 @@ class Status:
         config = rig.config
         self._fixed = {
             "rig": config.name,
-            "devices": rig.identities,
+            "devices": {name: str(identity) for name, identity in rig.identities.items()},
             "rate_hz": config.rate_hz,
             "limits": {
                 "current_max_a": config.limits.current_max_a,

@@ -9,6 +9,7 @@ from smadrive.control.faults import Fault
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.shapes import sine
 from smadrive.control.wire import travel_mm
+from smadrive.device.identity import Proof
 from smadrive.device.profile import load_profile
 from smadrive.errors import ConfigError, DeadlineError, IdentityError, TripError
 from smadrive.identification.wire_fit import identify_wire
@@ -76,8 +77,11 @@ def bench():
 def test_every_device_is_known_and_measures_its_part(bench):
     with bench.rig as rig:
         assert list(rig.identities) == ["supply", "reader", "laser"]
-        assert rig.identities["supply"] == "riden-rd60xx (RDTech/Riden)"
-        assert "its type cannot be proved" in rig.identities["laser"]
+        assert {name: identity.proof for name, identity in rig.identities.items()} == {
+            "supply": Proof.PROVED,
+            "reader": Proof.ANSWERED,
+            "laser": Proof.ANSWERED,
+        }
         rig.heater.arm(1.0)
         last = bench.heat(rig, 0.25, 60)[-1]
         plant = bench.bench.plant
@@ -88,6 +92,20 @@ def test_every_device_is_known_and_measures_its_part(bench):
         assert last.displacement_mm == pytest.approx(plant.displacement_mm, abs=0.2)
         assert 0.0 <= last.temperature_age_s <= 0.5
     assert bench.devices["supply"].firmware.current_a == 0.0
+
+
+def test_a_device_that_was_not_asked_is_not_said_to_answer(bench):
+    bench = Bench(rig_of(devices(laser={"measures": []})))
+    with bench.rig as rig:
+        assert rig.identities["laser"].proof is Proof.NOT_ASKED
+        assert rig.identify()["laser"].proof is Proof.ANSWERED
+
+
+def test_an_unused_device_that_is_silent_is_found_by_asking_every_device(bench):
+    bench = Bench(rig_of(devices(laser={"measures": []})))
+    bench.devices["laser"].faults.drop(1_000_000)
+    with bench.rig as rig, pytest.raises(DeadlineError):
+        rig.identify()
 
 
 @pytest.mark.parametrize("code", [1, 2, 4, 6])

@@ -16,6 +16,7 @@ from smadrive.control.faults import Fault
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.shapes import sine
 from smadrive.control.wire import travel_mm
+from smadrive.device.identity import Proof
 from smadrive.device.profile import load_profile
 from smadrive.errors import ConfigError, TripError
 from smadrive.hysteresis import DuhemModel, save_model
@@ -40,7 +41,7 @@ def rig_of(*devices):
 def test_it_is_excited_identified_and_tracks(tmp_path):
     excited, tracked = tmp_path / "excited.h5", tmp_path / "tracked.h5"
     with Rig(rig_of(BOARD, LASER)) as rig:
-        assert rig.identities["board"] == "tclab (TCLab on Arduino)"
+        assert rig.identities["board"].proof is Proof.PROVED
         excitation = rig.excitation(22.0)
         with record_excitation(excited, rig, excitation) as recorder:
             rig.excite(excitation, recorder.tick)
