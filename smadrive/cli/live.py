@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from math import isfinite
 
 from rich.console import Console, RichCast
@@ -108,14 +108,18 @@ def watched(
 
 @contextmanager
 def drawing(view: RichCast, console: Console) -> Iterator[None]:
-    """Draw `view` while the block lasts, beside a loop in this process."""
+    """Draw `view` while the block lasts, beside a loop in this process; without its terminal nothing is drawn."""
     before_s = sys.getswitchinterval()
+    live = Live(view, console=console, refresh_per_second=DRAWN_PER_S, transient=True)
+    with suppress(OSError):
+        live.start(refresh=True)
     sys.setswitchinterval(GIVE_WAY_S)
     try:
-        with Live(view, console=console, refresh_per_second=DRAWN_PER_S, transient=True):
-            yield
+        yield
     finally:
         sys.setswitchinterval(before_s)
+        with suppress(OSError):
+            live.stop()
 
 
 def number(value: float, digits: int, unit: str) -> str:

@@ -52,16 +52,16 @@ class Recorder:
         A run that failed before its first row has commanded nothing and leaves no log. What ended the run stays the
         error that is told; a log that could not be completed is a note to it.
         """
-        if error is not None and not self._buffer and not self._file.rows:
-            self._file.discard()
-            return
         try:
-            self._end(error)
-        except DataError as lost:
+            if error is not None and not self._buffer and not self._file.rows:
+                self._file.discard()
+            else:
+                self._end(error)
+        except Exception as lost:
             if error is None:
                 raise
             if str(lost) != str(error):
-                error.add_note(str(lost))
+                error.add_note(str(lost) if isinstance(lost, DataError) else f"the log is incomplete: {lost!r}")
 
     def row(self, values: tuple[float, ...]) -> None:
         """Append one row, a value for each column. DataError when the disk takes no more."""
