@@ -78,6 +78,12 @@ class Fault(Enum):
         "check the device that measures them, and its profile",
     )
 
+    DISPLACEMENT_UNKNOWN = (
+        19,
+        "the displacement is unknown, so that its limits cannot be guarded",
+        "check the sensor, its supply and its range",
+    )
+
     def __init__(self, number: int, cause: str, remedy: str) -> None:
         self.number = number
         self.cause = cause

@@ -72,6 +72,9 @@ class Supervisor:
         self._commands: deque[tuple[float, float]] = deque()
         self._fresh_s: float | None = None
         self._following_s: float | None = None
+        self._displaced_s = inf
+        limits_mm = limits.displacement_min_mm, limits.displacement_max_mm, limits.tracking_max_mm
+        self._limits_displacement = any(map(isfinite, limits_mm))
         self._placed_s: float | None = None
         self._late_ticks = 0
 
@@ -178,12 +181,10 @@ class Supervisor:
     def _check_power(self, measurement: Measurement) -> None:
         """The heat is not known without current and voltage; a sample without them counts as the one before."""
         power_w = measurement.current_a * measurement.voltage_v
-        is_known = isfinite(power_w)
-        if is_known:
+        if is_known := isfinite(power_w):
             self._power_w = power_w
         if self._powerless.update(not is_known):
-            detail = f"{measurement.current_a:.3f} A, {measurement.voltage_v:.2f} V"
-            self._raise(Fault.POWER_UNKNOWN, measurement.time_s, measurement.supply_fault or detail)
+            self._raise(Fault.POWER_UNKNOWN, measurement.time_s, measurement.supply_fault or "no reading")
 
     def _check_heat(self, measurement: Measurement, dt_s: float) -> None:
         if self._plausible is None:
@@ -205,6 +206,10 @@ class Supervisor:
 
     def _check_displacement(self, measurement: Measurement, wanted_mm: float) -> None:
         limits, measured_mm = self._limits, measurement.displacement_mm
+        if isfinite(measured_mm):
+            self._displaced_s = measurement.time_s
+        elif self._limits_displacement and measurement.time_s - self._displaced_s > limits.tracking_for_s:
+            self._raise(Fault.DISPLACEMENT_UNKNOWN, measurement.time_s, f"no reading for {limits.tracking_for_s:g} s")
         outside = measured_mm < limits.displacement_min_mm or measured_mm > limits.displacement_max_mm
         if self._strayed.update(outside):
             self._raise(Fault.OVER_DISPLACEMENT, measurement.time_s, f"{measured_mm:.3f} mm")

@@ -56,6 +56,7 @@ def see_it_off(source: HeatSource, current_max_a: float, clock: Clock) -> Suppli
         except (TransportError, ProtocolError, DeviceError):
             if clock.now_s() >= give_up_s:
                 raise
+            clock.sleep_until(clock.now_s() + LOOK_AGAIN_S)
             continue
         flows = not supplied.current_a <= min(CURRENT_ZERO_A, ZERO_SHARE * current_max_a)
         if not (flows or supplied.armed):

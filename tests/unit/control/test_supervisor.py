@@ -1,5 +1,6 @@
 """The supervisor: raises each fault for its cause, only after its debounce, and latches the first."""
 
+from dataclasses import replace
 from math import inf, nan
 
 import pytest
@@ -75,6 +76,16 @@ def test_a_sample_of_unknown_power_counts_as_the_one_before():
     (first, n), (second, other) = tripped
     assert first is second
     assert abs(n - other) <= 2
+
+
+@pytest.mark.parametrize("limit", [{"displacement_max_mm": 10.0}, {"tracking_max_mm": 1.0}])
+def test_a_displacement_that_has_a_limit_and_is_lost_trips(limit):
+    limits = replace(LIMITS, tracking_for_s=2.0, **limit)
+    seen, lost = [sample(n, displacement_mm=5.0) for n in range(10)], [sample(n) for n in range(10, 100)]
+    assert trips_after(seen + lost, limits, wanted_mm=5.0) == (51, Fault.DISPLACEMENT_UNKNOWN)
+    assert trips_after(seen + lost[:30] + [sample(40, displacement_mm=5.0)], limits, wanted_mm=5.0) is None
+    assert trips_after(lost, limits, wanted_mm=5.0) is None  # a rig without such a sensor
+    assert trips_after(seen + lost) is None
 
 
 def test_a_current_that_is_unknown_does_not_arm():
