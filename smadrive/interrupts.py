@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from types import FrameType, TracebackType
 from typing import Any, Self
 
@@ -26,15 +26,15 @@ class AbortedError(KeyboardInterrupt):
 
 
 class HeldSignals:
-    """A context manager that counts `SIGNALS` instead of obeying them; `received` lists them.
+    """A context manager that counts `SIGNALS` instead of obeying them; `received` lists them after those of `before`.
 
     Number `ABORTS_AT` ends the block: the program's own handler is called for it, and AbortedError leaves the block if
     that handler raises nothing. The caller decides what becomes of the others. Ignored signals stay ignored. Outside
     the main thread nothing is held, because signals arrive only there.
     """
 
-    def __init__(self) -> None:
-        self.received: list[signal.Signals] = []
+    def __init__(self, before: Sequence[signal.Signals] = ()) -> None:
+        self.received = [*before]
         self._handlers: dict[signal.Signals, Handler] = {}
         self._may_abort = False
 

@@ -26,10 +26,12 @@ class ShutdownOutcome:
     """How switching off ended: `failure` is None when read-back confirmed the heater off.
 
     `signals` arrived meanwhile and were not obeyed, unless there were so many that they ended the tries (`aborted`).
+    `ended_run`: a run that may have heated ended so; the user is told of a confirmed outcome, too.
     """
 
     failure: BaseException | None = None
     signals: tuple[signal.Signals, ...] = ()
+    ended_run: bool = False
 
     @property
     def confirmed(self) -> bool:
@@ -54,16 +56,24 @@ class ShutdownOutcome:
             signal.raise_signal(self.signals[0])
 
 
-def shut_down(enter_safe_state: Callable[[], object]) -> ShutdownOutcome:
-    """Switch off by `enter_safe_state`; whatever it raises becomes the outcome. Signals are held meanwhile."""
-    held = HeldSignals()
+NOT_TRIED = ShutdownOutcome(RuntimeError("switching off was not tried"))
+
+
+def shut_down(
+    enter_safe_state: Callable[[], object], before: ShutdownOutcome = NOT_TRIED, *, is_run: bool = False
+) -> ShutdownOutcome:
+    """Switch off by `enter_safe_state`; whatever it raises becomes the outcome. Signals are held meanwhile.
+
+    `before` is the outcome of an earlier try, whose signals count too.
+    """
+    held = HeldSignals(before.signals)
     failure: BaseException | None = None
     try:
         with held:
             enter_safe_state()
     except BaseException as error:  # noqa: BLE001  (the caller decides what is raised; nothing may hide the outcome)
         failure = error
-    return ShutdownOutcome(failure, tuple(held.received))
+    return ShutdownOutcome(failure, tuple(held.received), is_run or before.ended_run)
 
 
 def carry(error: BaseException, outcome: ShutdownOutcome) -> None:
@@ -83,8 +93,8 @@ def shutdown_of(error: BaseException) -> ShutdownOutcome | None:
 
 
 @contextmanager
-def ends_safe(enter_safe_state: Callable[[], object]) -> Iterator[None]:
-    """Switch the heater off by `enter_safe_state` when the block ends, whatever ends it.
+def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -> Iterator[None]:
+    """Switch the heater off by `enter_safe_state` when the block, perhaps a run that heats, ends, whatever ends it.
 
     The error that ended the block carries the outcome and is raised again; signals that arrived meanwhile do not take
     its place. Without an error, the failure to switch off is raised, or else a signal that arrived meanwhile is obeyed.
@@ -93,11 +103,11 @@ def ends_safe(enter_safe_state: Callable[[], object]) -> Iterator[None]:
     try:
         yield
     except BaseException as error:
-        before = shutdown_of(error)
-        if before is None or not before.aborted:
-            carry(error, shut_down(enter_safe_state))
+        before = shutdown_of(error) or NOT_TRIED
+        if not before.aborted:
+            carry(error, shut_down(enter_safe_state, before, is_run=is_run))
         raise
-    outcome = shut_down(enter_safe_state)
+    outcome = shut_down(enter_safe_state, is_run=is_run)
     if outcome.failure is not None:
         carry(outcome.failure, outcome)
         raise outcome.failure

@@ -23,7 +23,7 @@ from smadrive.cli.stdout import open_stdout
 from smadrive.errors import SmadriveError, TripError
 from smadrive.interrupts import SIGNALS
 from smadrive.onethread import ONE_THREAD
-from smadrive.shutdown import shutdown_of
+from smadrive.shutdown import ShutdownOutcome, shutdown_of
 
 INTERRUPTED = 130
 
@@ -76,10 +76,15 @@ def _trip_before(interruption: SystemExit) -> TripError | None:
     return error
 
 
+def _is_told(outcome: ShutdownOutcome, error: BaseException) -> bool:
+    """Whether the user must know that the heater is off: after a run, and after an interruption."""
+    return outcome.ended_run or isinstance(error, SystemExit)
+
+
 def _tell(error: BaseException, *ending: str) -> None:
     """How it ended, and what else `error` carries: a line each. A broken stderr does not change the exit code."""
     outcome = shutdown_of(error)
-    confirmed = () if outcome is None or not outcome.confirmed else (str(outcome),)
+    confirmed = (str(outcome),) if outcome is not None and outcome.confirmed and _is_told(outcome, error) else ()
     if sys.stderr is not None:
         with suppress(OSError, ValueError):
             lines = (*ending, *getattr(error, "__notes__", ()), *confirmed)

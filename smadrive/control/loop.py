@@ -112,7 +112,7 @@ class ControlLoop:
 
         TripError when tripped.
         """
-        with ends_safe(self._heater.enter_safe_state):
+        with ends_safe(self._heater.enter_safe_state, is_run=True):
             self._supervisor.check_may_arm(self._heater.exchange(0.0))
             self._heater.arm(watchdog_s)
             self._start_s = self._clock.now_s()

@@ -15,6 +15,7 @@ from smadrive.cli.identify import certificate_rows
 from smadrive.control.shapes import SHAPES
 from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.hysteresis.certificate import Certificate
+from smadrive.shutdown import CONFIRMED
 from smadrive.telemetry.log import read_log
 
 ROOT = Path(__file__).parents[2]
@@ -197,8 +198,10 @@ def test_a_run_that_trips_answers_with_what_it_did_until_then_and_with_the_trip(
     assert 0.0 < told["rms_percent"] < 2.0
     with Path("/dev/full").open("w") as full:
         unread = smadrive(*run[:-1], "unread.h5", "--json", cwd=tmp_path, stdout=full)
-    assert (unread.returncode, len(unread.stderr.splitlines())) == (4, 1)
-    assert "fault 11" in unread.stderr
+    assert unread.returncode == 4
+    tripped, outcome = unread.stderr.splitlines()
+    assert "fault 11" in tripped
+    assert CONFIRMED in outcome
 
 
 @pytest.mark.parametrize("limit", ["displacement_max_mm = 5.0", "displacement_min_mm = 5.0"])  # on its way, at once

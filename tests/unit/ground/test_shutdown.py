@@ -68,6 +68,17 @@ def test_the_last_try_counts_when_blocks_are_nested():
     assert notes(error) == []
 
 
+def test_a_run_that_was_ended_is_known_to_the_outer_block():
+    error, device = TripError("trip", 3), Device()
+    with (
+        pytest.raises(TripError),
+        ends_safe(device.enter_safe_state),
+        ends_safe(device.enter_safe_state, is_run=True),
+    ):
+        raise error
+    assert shutdown_of(error).ended_run
+
+
 def test_without_another_error_the_failure_is_raised_and_carries_the_outcome():
     with pytest.raises(DeadlineError) as caught, ends_safe(Device(99, DeadlineError()).enter_safe_state):
         pass
@@ -102,6 +113,16 @@ def test_enough_signals_end_the_tries_and_no_other_block_tries_again():
     assert device.tries == 1
     assert shutdown_of(error).aborted
     assert not shutdown_of(error).confirmed
+
+
+def test_signals_of_nested_blocks_are_counted_together():
+    error, device = TripError("trip", 3), Device(signals=[signal.SIGINT])
+    blocks = [ends_safe(device.enter_safe_state) for _ in range(ABORTS_AT + 1)]
+    with pytest.raises(TripError), blocks[0], blocks[1], blocks[2], blocks[3]:
+        raise error
+    assert device.tries == ABORTS_AT
+    assert shutdown_of(error).signals == (signal.SIGINT,) * ABORTS_AT
+    assert shutdown_of(error).aborted
 
 
 def test_a_handler_that_does_not_raise_cannot_keep_the_block_from_being_ended():
