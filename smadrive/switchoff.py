@@ -12,13 +12,15 @@ from dataclasses import dataclass
 from typing import TypeVar
 
 from smadrive.device.heatsource import HeatSource
-from smadrive.device.profile import load_profile
+from smadrive.device.identity import Identity
+from smadrive.device.key import key_at
+from smadrive.device.latch import TripLatch
+from smadrive.device.profile import Profile, load_profile
 from smadrive.device.safestate import see_it_off
 from smadrive.errors import CUT, UNCONFIRMED, ConfigError, SafetyError, SmadriveError
-from smadrive.latch import TripLatch
 from smadrive.rigconfig import DeviceConfig, RigAddresses, load_addresses
 from smadrive.rigconnections import SIMULATED, Connections
-from smadrive.rigdevices import HEATING, address, heat_source
+from smadrive.rigdevices import HEATING, heat_source
 
 DoneT = TypeVar("DoneT")
 
@@ -110,17 +112,23 @@ def _nothing_heats(rig: RigAddresses) -> ConfigError:
 
 
 def _heat_off(config: DeviceConfig, connections: Connections, rig: RigAddresses) -> _Off:
-    device = connections.device(config, load_profile(config.profile), None, None)
+    profile = load_profile(config.profile)
+    device = connections.device(config, profile, None, None)
     source = heat_source(config, device, device.clock)
     source.connect()
     seen = see_it_off(source, rig.current_max_a, device.clock)
-    latch = TripLatch(None if config.url.startswith(SIMULATED) else address(config))
-    return _Off(config, source, latch, seen.faults)
+    return _Off(config, source, _latch(config, profile, device.identity), seen.faults)
+
+
+def _latch(config: DeviceConfig, profile: Profile, identity: Identity) -> TripLatch:
+    if config.url.startswith(SIMULATED):
+        return TripLatch(None)
+    return TripLatch(key_at(config.url, profile, config.unit_id).with_identity(profile, identity))
 
 
 def _latched(off: _Off) -> list[str]:
     """What stays latched, on the device and here."""
-    return [*off.faults, *filter(None, [off.latch.told])]
+    return [*off.faults, *filter(None, [off.latch.read()])]
 
 
 def _clear(off: _Off) -> None:

@@ -28,7 +28,7 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
     config = load_rig(rig)
     with Rig(config, trace_folder=trace) as open_rig:
         measurement = open_rig.heater.exchange(0.0)
-        identities, tripped = open_rig.identities, open_rig.latch.told
+        identities, tripped = open_rig.identities, open_rig.latch.read()
     for name, identity in identities.items():
         output.say(f"{config.name}: {name} is a {identity}")
     output.table(("quantity", "value"), _rows(measurement))
