@@ -18,7 +18,7 @@ from smadrive.device.anydevice import AnyDevice
 from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
 from smadrive.device.guard import Guard
-from smadrive.device.guardian import GuardedDevice, Task
+from smadrive.device.guardtask import GuardedDevice, Task
 from smadrive.device.heater import Heater
 from smadrive.device.heatsource import HeaterLimits, HeatSource
 from smadrive.device.key import DeviceKey, key_at
@@ -29,11 +29,9 @@ from smadrive.device.tclab import TCLab, TCLabBoard
 from smadrive.errors import ConfigError
 from smadrive.modbus.transport import Transport
 from smadrive.rigconfig import DeviceConfig, LimitsConfig, RigConfig
-from smadrive.rigconnections import SIMULATED, Connections
+from smadrive.rigconnections import HEATING, SIMULATED, Connections
 
 QUANTITIES = ("temperature", "displacement")
-HEATING = ("heater", "supply")
-"""The roles of devices that heat."""
 STALE_PERIODS = 3.0
 """A polled sensor is stale after this many of its periods, however short the rig's `stale_after_s`."""
 
@@ -94,6 +92,7 @@ def open_devices(
     limits = config.limits
     if guard is not None:
         connections.check_patience(limits.watchdog_s)
+        guard.share(connections.lock_of(roles.heater, profiles[roles.heater.name]))
         stack.enter_context(guard)
     heater = Heater(
         heat_source(roles.heater, devices[roles.heater.name], clock),
@@ -183,7 +182,7 @@ def heat_source(config: DeviceConfig, device: Device | TCLabBoard, clock: Clock)
 
 
 def _guardian_task(device: DeviceConfig, limits: LimitsConfig) -> Task:
-    return Task((GuardedDevice(device.profile, device.url, device.unit_id),), limits.watchdog_s)
+    return Task(GuardedDevice(device.profile, device.url, device.unit_id), limits.watchdog_s)
 
 
 def _sensor(

@@ -10,7 +10,6 @@ first device that is found at this address.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from contextlib import suppress
 from hashlib import sha256
@@ -21,6 +20,7 @@ from urllib.parse import quote
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from smadrive.device.key import BY_ID, TERMINALS, DeviceKey
+from smadrive.device.statedir import state_dir
 from smadrive.errors import DataError, SafetyError, TripError
 from smadrive.filekind import check_regular
 from smadrive.outfile import replacing
@@ -49,11 +49,6 @@ class _Found(NamedTuple):
 
     file: Path
     trip: str
-
-
-def state_dir() -> Path:
-    """`$XDG_STATE_HOME/smadrive`, in `~/.local/state` without that variable."""
-    return Path(os.environ.get("XDG_STATE_HOME") or Path.home() / ".local" / "state") / "smadrive"
 
 
 class TripLatch:
@@ -94,17 +89,29 @@ class TripLatch:
 
 def _applying(key: DeviceKey) -> Iterator[_Found]:
     """The records that apply to the device with this key."""
-    for file in sorted(state_dir().glob(RECORDS)):
-        try:
-            record = _Record.model_validate_json(_text(file))
-        except FileNotFoundError:
-            continue
-        except (OSError, UnicodeDecodeError, DataError, ValidationError) as error:
-            yield _Found(file, _unreadable(file, error))
-            continue
-        if record.key.applies_to(key):
-            yield _Found(file, record.trip or f"a trip of unknown cause: {file} names none")
+    try:
+        files = sorted(file for file in state_dir().iterdir() if file.match(RECORDS))
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        yield _Found(state_dir(), _unreadable(state_dir(), error))
+        return
+    for file in files:
+        yield from _applying_in(file, key)
     yield from _old_records(key)
+
+
+def _applying_in(file: Path, key: DeviceKey) -> Iterator[_Found]:
+    """The record in the file, if it applies or cannot be read."""
+    try:
+        record = _Record.model_validate_json(_text(file))
+    except FileNotFoundError:
+        return
+    except (OSError, UnicodeDecodeError, DataError, ValidationError) as error:
+        yield _Found(file, _unreadable(file, error))
+        return
+    if record.key.applies_to(key):
+        yield _Found(file, record.trip or f"a trip of unknown cause: {file} names none")
 
 
 def _write(key: DeviceKey, trip: str) -> None:

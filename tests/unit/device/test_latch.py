@@ -151,3 +151,17 @@ def test_a_trip_that_cannot_be_written_down_says_so_and_holds_in_this_process(st
     latch.latch(trip)
     assert latch.read() == "fault 1"
     assert "not remembered by the next start" in trip.__notes__[0]
+
+
+def test_a_folder_that_cannot_be_read_counts_as_a_trip(state_home):
+    (state_home / "smadrive").write_text("a file where the folder should be")
+    assert "a trip of unknown cause" in TripLatch(KEY).read()
+    TripLatch(KEY).clear()
+    assert TripLatch(KEY).read() is None
+
+
+def test_a_user_without_a_home_has_no_trips(monkeypatch):
+    monkeypatch.delenv("XDG_STATE_HOME")
+    monkeypatch.delenv("HOME")
+    monkeypatch.setattr("os.getuid", lambda: 54321)
+    assert TripLatch(KEY).read() is None
