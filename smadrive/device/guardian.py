@@ -117,6 +117,7 @@ class Guardian:
         result = self._switch.off(alone=waits)
         if waits:
             self._access.share_no_more()
+        if waits and result.outcome is not Outcome.CONFIRMED:
             self._duty.wait(result.text)
         self._tell(result, waits=waits)
         return result.outcome
@@ -153,7 +154,7 @@ def _news(result: Result, *, waits: bool) -> str:
     news = f"the heater is NOT confirmed off yet ({result.text}): cut its supply"
     if not waits:
         return news
-    return f"{news}, or connect it again. This guardian waits for it; if it is cut for good: kill -9 {os.getpid()}"
+    return f"{news}, or connect it again. This guardian waits for it; when it is cut for good, kill -9 {os.getpid()}"
 
 
 def _tell(what: bytes) -> None:

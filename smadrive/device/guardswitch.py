@@ -61,7 +61,16 @@ class Switch:
         self._access = access
 
     def off(self, *, alone: bool) -> Result:
-        """Try every port at which the device may be; `alone`: no driver holds the line any more."""
+        """Try every port at which the device may be; `alone`: no driver holds the line any more.
+
+        What goes wrong is told, whatever it is: nothing may end the guardian.
+        """
+        try:
+            return self._off_anywhere(alone=alone)
+        except Exception as error:  # noqa: BLE001
+            return Result(Outcome.UNREACHABLE, str(error))
+
+    def _off_anywhere(self, *, alone: bool) -> Result:
         if alone and self._search.is_gone:
             return Result(Outcome.GONE, "its pseudo-terminal has ended, and the device with it")
         result = Result(Outcome.UNREACHABLE, "none of its ports is there, or another device is")
@@ -72,7 +81,7 @@ class Switch:
         return result
 
     def _off_at(self, url: str, *, alone: bool) -> Result:
-        """The safe state, confirmed, or what went wrong, whatever it was: nothing may end the guardian."""
+        """The safe state, confirmed, or what went wrong."""
         try:
             with self._access.to(self._line(url), alone=alone) as exclusive:
                 self._write_safe_state(url, exclusive=exclusive)
