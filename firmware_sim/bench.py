@@ -7,14 +7,16 @@
     Line((supply, reader)).transport(clock)                                 # or several on one line
 
 The bench lives on the time it is told: `advance_to` moves everything on in ticks of 10 ms. The same config, seed and
-calls give the same bench, to the last bit, at any speed. What goes wrong is a method: of a device's `faults` (its bus),
-of `sensors.faults` and of `plant.faults`.
+calls give the same bench, to the last bit, at any speed. Only the serial number of a device is drawn anew every time,
+unless the config gives it, so that no simulated device passes for another one or for a real one. What goes wrong is a
+method: of a device's `faults` (its bus), of `sensors.faults` and of `plant.faults`.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from math import sqrt
+from random import SystemRandom
 
 from firmware_sim.behaviour import Inside, RegisterBehaviour
 from firmware_sim.chance import ChanceFaults
@@ -34,6 +36,8 @@ from smadrive.errors import ConfigError
 
 TICK_S = 0.01
 FIRMWARE_VERSION = 100
+SERIAL_NUMBERS = range(1 << 31, (1 << 32) - 1)
+"""Of simulated devices: vendors count from the low end, and the highest number means that there is none."""
 
 
 class SimulatedBench:
@@ -76,7 +80,7 @@ class SimulatedBench:
             return Inside(tclab, tclab)
         firmware = self._register_firmware(profile, tell)
         bank = RegisterBank(profile)
-        bank.preset("serial_number", board.serial_number)
+        bank.preset("serial_number", _drawn_serial_number() if board.serial_number is None else board.serial_number)
         bank.preset("firmware_version", FIRMWARE_VERSION)
         return Inside(firmware, Responder(bank, firmware, profile.timing))
 
@@ -141,6 +145,10 @@ class SimulatedBench:
         for device in self.devices:
             device.firmware.tick(dt_s)
         self._timeline.pass_time(self.time_s)
+
+
+def _drawn_serial_number() -> int:
+    return SystemRandom().choice(SERIAL_NUMBERS)
 
 
 def simulated_device(

@@ -104,12 +104,12 @@ class Sense(Section):
 
 
 class Board(Section):
-    """Power-up defaults and hardware limits of the board."""
+    """Power-up defaults and hardware limits of the board; without a `serial_number` every one has another."""
 
     watchdog_s: float = Field(ge=0.05, le=10)
     temperature_max_c: float
     supply_limit_a: float = Field(gt=0)
-    serial_number: int = Field(default=1, ge=0, le=0xFFFFFFFF)
+    serial_number: int | None = Field(default=None, ge=0, le=0xFFFFFFFF)
 
 
 class Placed(Section):

@@ -124,8 +124,8 @@ class Terminal:
 
 
 def _make_link(link: Path, target: str) -> None:
-    if link.is_symlink() and not link.exists():
-        link.unlink()  # left behind by a simulator that was killed
+    if link.is_symlink() and (not link.exists() or link.readlink() == Path(target)):
+        link.unlink()  # left behind by a simulator that was killed, whose terminal's number may be this one's now
     try:
         link.symlink_to(target)
     except OSError as error:

@@ -8,6 +8,7 @@ The tree says whose fault it is; every message names what, where, the value, the
     │   └── ModelError          a hysteresis model that cannot be true
     │       └── CertificateError    ... or that may not be used for feedforward
     ├── TransportError          the talk failed: no port, port lost             exit code 3
+    │   ├── BusyError           another smadrive has the line
     │   └── DeadlineError       no complete reply before the deadline
     ├── ProtocolError           a reply that is not the answer to the request   exit code 3
     ├── DeviceError             the device answered, and the answer is no       exit code 3
@@ -58,6 +59,10 @@ class TransportError(SmadriveError):
     """The connection failed: the port is missing, busy, forbidden or gone."""
 
     exit_code = 3
+
+
+class BusyError(TransportError):
+    """Another smadrive, a driver or a guardian, has the line."""
 
 
 class DeadlineError(TransportError):

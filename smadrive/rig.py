@@ -24,6 +24,7 @@ from smadrive.control.reference import Reference
 from smadrive.control.supervisor import SafetyLimits, Supervisor
 from smadrive.controllers import excitation_controller, tracking_controller
 from smadrive.device.identity import DeviceType, Proof
+from smadrive.device.latch import TripLatch
 from smadrive.device.safestate import ZERO_SHARE
 from smadrive.errors import ConfigError, SafetyError, TripError
 from smadrive.hysteresis import HysteresisModel
@@ -87,8 +88,9 @@ class Rig:
         """Open the ports, check who is there, put everything into its safe state."""
         with ExitStack() as stack:
             opened = open_devices(self.config, stack, self._clock, self._transports, self._trace_folder)
-            self.heater, self.devices, self.clock, self.latch = opened
+            self.heater, self.devices, self.clock = opened.heater, opened.by_name, opened.clock
             self.heater.connect()
+            self.latch = TripLatch(opened.key())
             stack.enter_context(ends_safe(self.heater.enter_safe_state))
             self._on_exit = stack.pop_all()
         return self
@@ -207,8 +209,8 @@ class Rig:
     def _run(
         self, controller: Controller, supervisor: Supervisor, record: Record, stop_requested: StopRequested = never
     ) -> LoopFigures:
-        if self.latch.told is not None:
-            raise SafetyError(f"refused to arm: the last run tripped ({self.latch.told}). {CLEAR}")
+        if (latched := self.latch.read()) is not None:
+            raise SafetyError(f"refused to arm: the last run tripped ({latched}). {CLEAR}")
         self._check_rate()
         loop = ControlLoop(self.heater, controller, supervisor, self.clock, self.period_s, record, stop_requested)
         try:

@@ -10,11 +10,13 @@ from pathlib import Path
 
 from smadrive.clock import VirtualClock
 from smadrive.device.device import Device
+from smadrive.device.key import key_at
+from smadrive.device.lock import LineLock, Role, line_of, lock_line
 from smadrive.device.profile import Profile, load_profile
 from smadrive.device.safestate import PAUSES_S
 from smadrive.device.tclab import TCLabBoard
-from smadrive.errors import ConfigError
-from smadrive.modbus.connect import open_transport
+from smadrive.errors import BusyError, ConfigError
+from smadrive.modbus.connect import is_remote, open_transport
 from smadrive.modbus.master import Master
 from smadrive.modbus.trace import TraceFile
 from smadrive.modbus.transport import Lease, Transport
@@ -23,6 +25,9 @@ from smadrive.rigconfig import DeviceConfig
 SIMULATED = "sim://"
 """Such a device ends with this process: it needs no guardian, and nobody remembers its trips."""
 
+HEATING = ("heater", "supply")
+"""The roles of devices that heat."""
+
 PATIENCE = 1.5
 """A guardian waits at least so many times as long for the driver as the driver for a reply."""
 
@@ -30,14 +35,17 @@ PATIENCE = 1.5
 class Connections:
     """One master per address, and one text line; a trace of each is named after the first device there.
 
-    `stack` closes what is opened. A `lease` that is set before that is asked at every use of a connection.
+    `stack` closes what is opened. A `lease` that is set before that is asked at every use of a connection. The line of
+    a serial port, or of a device that heats, is locked; `insists`: one that cannot be locked is used all the same.
     """
 
     lease: Lease | None = None
 
-    def __init__(self, stack: ExitStack, trace_folder: Path | None) -> None:
+    def __init__(self, stack: ExitStack, trace_folder: Path | None, *, insists: bool = False) -> None:
         self._stack = stack
         self._trace_folder = trace_folder
+        self._insists = insists
+        self._locks: dict[str, LineLock] = {}
         self._connected: list[Transport] = []
         self._longest_wait_s = max(PAUSES_S)
         self._masters: dict[str, Master] = {}
@@ -46,12 +54,18 @@ class Connections:
     def device(
         self, device: DeviceConfig, profile: Profile, given: Transport | None, read_retries: int | None
     ) -> Device | TCLabBoard:
-        """The device, at its address or on the connection that is given."""
+        """The device, at its address or on the connection that is given; BusyError: another smadrive has its line."""
+        if given is None and not device.url.startswith(SIMULATED):
+            self._lock(device, profile)
         if not profile.has_registers:
             transport = self._alone(device, profile, given)
             return TCLabBoard(profile, transport, self._trace(device, transport, speaks_text=True))
         master = self._master(device, profile) if given is None else self._master_on(given, device)
         return Device(profile, master, device.unit_id, read_retries)
+
+    def lock_of(self, device: DeviceConfig, profile: Profile) -> LineLock | None:
+        """The lock of the line of a device; None: it has none."""
+        return self._locks.get(line_of(key_at(device.url, profile, device.unit_id)))
 
     def lose(self) -> None:
         """Let every connection go; the next request on it opens it again."""
@@ -66,6 +80,16 @@ class Connections:
                 f"limits.watchdog_s = {watchdog_s:g} is too short for a guardian: the driver of this rig may wait "
                 f"{self._longest_wait_s:g} s for an answer: raise it to {least_s:g}"
             )
+
+    def _lock(self, device: DeviceConfig, profile: Profile) -> None:
+        line = line_of(key_at(device.url, profile, device.unit_id))
+        if line in self._locks or (is_remote(device.url) and profile.profile.role not in HEATING):
+            return
+        try:
+            self._locks[line] = self._stack.enter_context(lock_line(line, Role.DRIVER))
+        except BusyError:
+            if not self._insists:
+                raise
 
     def _master(self, device: DeviceConfig, profile: Profile) -> Master:
         if device.url.startswith(SIMULATED):

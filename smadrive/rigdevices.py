@@ -18,34 +18,41 @@ from smadrive.device.anydevice import AnyDevice
 from smadrive.device.board import HeaterBoard
 from smadrive.device.device import Device
 from smadrive.device.guard import Guard
-from smadrive.device.guardian import GuardedDevice, Task
+from smadrive.device.guardtask import GuardedDevice, Task
 from smadrive.device.heater import Heater
 from smadrive.device.heatsource import HeaterLimits, HeatSource
+from smadrive.device.key import DeviceKey, key_at
 from smadrive.device.profile import Profile, load_profile
 from smadrive.device.sensor import PolledSensor
 from smadrive.device.supply import BenchSupply
 from smadrive.device.tclab import TCLab, TCLabBoard
 from smadrive.errors import ConfigError
-from smadrive.latch import TripLatch
-from smadrive.modbus.connect import port_of
 from smadrive.modbus.transport import Transport
 from smadrive.rigconfig import DeviceConfig, LimitsConfig, RigConfig
-from smadrive.rigconnections import SIMULATED, Connections
+from smadrive.rigconnections import HEATING, SIMULATED, Connections
 
 QUANTITIES = ("temperature", "displacement")
-HEATING = ("heater", "supply")
-"""The roles of devices that heat."""
 STALE_PERIODS = 3.0
 """A polled sensor is stale after this many of its periods, however short the rig's `stale_after_s`."""
 
 
 class RigDevices(NamedTuple):
-    """The heater with its sensors, every device by its name, the clock that they share, and the heater's last trip."""
+    """The heater with its sensors, every device by its name, the clock that they share.
+
+    `source` is the device that heats, `port_key` its key before it has answered; None: it ends with this process.
+    """
 
     heater: Heater
     by_name: Mapping[str, AnyDevice]
     clock: Clock
-    latch: TripLatch
+    source: AnyDevice
+    port_key: DeviceKey | None
+
+    def key(self) -> DeviceKey | None:
+        """The key of the device that heats, which must have proved its identity."""
+        if self.port_key is None:
+            return None
+        return self.port_key.with_identity(self.source.profile, self.source.identity)
 
 
 def open_devices(
@@ -85,6 +92,7 @@ def open_devices(
     limits = config.limits
     if guard is not None:
         connections.check_patience(limits.watchdog_s)
+        guard.share(connections.lock_of(roles.heater, profiles[roles.heater.name]))
         stack.enter_context(guard)
     heater = Heater(
         heat_source(roles.heater, devices[roles.heater.name], clock),
@@ -94,7 +102,8 @@ def open_devices(
         sensors.get("displacement"),
         guard,
     )
-    return RigDevices(heater, devices, clock, TripLatch(None if simulated else address(roles.heater)))
+    key = None if simulated else key_at(roles.heater.url, profiles[roles.heater.name], roles.heater.unit_id)
+    return RigDevices(heater, devices, clock, devices[roles.heater.name], key)
 
 
 class _Roles(NamedTuple):
@@ -172,14 +181,8 @@ def heat_source(config: DeviceConfig, device: Device | TCLabBoard, clock: Clock)
     return TCLab(device, config.full_scale_a, config.full_scale_v)
 
 
-def address(device: DeviceConfig) -> str:
-    """How a device is known in every run that reaches it there."""
-    port = port_of(device.url)
-    return port if device.unit_id is None else f"{port} unit {device.unit_id}"
-
-
 def _guardian_task(device: DeviceConfig, limits: LimitsConfig) -> Task:
-    return Task((GuardedDevice(device.profile, device.url, device.unit_id),), limits.watchdog_s)
+    return Task(GuardedDevice(device.profile, device.url, device.unit_id), limits.watchdog_s)
 
 
 def _sensor(

@@ -11,15 +11,18 @@ from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
 from typing import TypeVar
 
+from smadrive.device.duty import relieve
 from smadrive.device.heatsource import HeatSource
-from smadrive.device.profile import load_profile
+from smadrive.device.identity import Identity
+from smadrive.device.key import DeviceKey, key_at
+from smadrive.device.latch import TripLatch
+from smadrive.device.profile import Profile, load_profile
 from smadrive.device.safestate import see_it_off
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.interrupts import HeldSignals
-from smadrive.latch import TripLatch
 from smadrive.rigconfig import DeviceConfig, RigAddresses, load_addresses
-from smadrive.rigconnections import SIMULATED, Connections
-from smadrive.rigdevices import HEATING, address, heat_source
+from smadrive.rigconnections import HEATING, SIMULATED, Connections
+from smadrive.rigdevices import heat_source
 from smadrive.shutdown import ShutdownOutcome, carry
 
 DoneT = TypeVar("DoneT")
@@ -37,7 +40,7 @@ class SwitchedOff:
 
 @dataclass(frozen=True)
 class _Off:
-    """A heat source that is confirmed off, and the faults that it tells."""
+    """A heat source that is confirmed off, and the faults that it tells; no guardian waits for it any more."""
 
     config: DeviceConfig
     source: HeatSource
@@ -54,7 +57,7 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
     with ExitStack() as stack:
         with _tells_when_unconfirmed(), HeldSignals():
             rig = load_addresses(name)
-            connections = Connections(stack, trace_folder=None)
+            connections = Connections(stack, trace_folder=None, insists=True)
             heating = [device for device in rig.devices if _heats(device)]
             off, unconfirmed = _each(heating, lambda device: _heat_off(device, connections, rig))
             others = [device for device in rig.devices if device not in heating]
@@ -112,17 +115,27 @@ def _nothing_heats(rig: RigAddresses) -> ConfigError:
 
 
 def _heat_off(config: DeviceConfig, connections: Connections, rig: RigAddresses) -> _Off:
-    device = connections.device(config, load_profile(config.profile), None, None)
+    profile = load_profile(config.profile)
+    device = connections.device(config, profile, None, None)
     source = heat_source(config, device, device.clock)
     source.connect()
     seen = see_it_off(source, rig.current_max_a, device.clock)
-    latch = TripLatch(None if config.url.startswith(SIMULATED) else address(config))
-    return _Off(config, source, latch, seen.faults)
+    key = _key(config, profile, device.identity)
+    if key is not None:
+        relieve(key)
+    return _Off(config, source, TripLatch(key), seen.faults)
+
+
+def _key(config: DeviceConfig, profile: Profile, identity: Identity) -> DeviceKey | None:
+    """That of a device which has proved its identity; None: it ends with this process."""
+    if config.url.startswith(SIMULATED):
+        return None
+    return key_at(config.url, profile, config.unit_id).with_identity(profile, identity)
 
 
 def _latched(off: _Off) -> list[str]:
     """What stays latched, on the device and here."""
-    return [*off.faults, *filter(None, [off.latch.told])]
+    return [*off.faults, *filter(None, [off.latch.read()])]
 
 
 def _clear(off: _Off) -> None:

@@ -6,6 +6,7 @@ from typing import Annotated
 
 import typer
 
+from smadrive.cli.guardians import names_waiting_guardians, waiting_guardians
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.probe import RigFile
 from smadrive.switchoff import switch_off
@@ -16,10 +17,22 @@ ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear la
 def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = False) -> None:
     """Switch the heater of RIG off, confirmed by reading back. Its port must be free: end what runs there first."""
     output = Output(as_json)
-    off = switch_off(rig, clear_faults=clear_faults)
+    with names_waiting_guardians():
+        off = switch_off(rig, clear_faults=clear_faults)
+    waiting = waiting_guardians()
     output.say(f"{off.rig}: heater off, confirmed by read-back ({', '.join(off.devices)})")
     if off.latched:
         output.say(f"latched: {', '.join(off.latched)} (clear with --clear-faults)")
-    output.result({"rig": off.rig, "devices": off.devices, "safe": True, "faults": off.latched})
+    for guardian in waiting:
+        output.say(guardian)
+    output.result(
+        {
+            "rig": off.rig,
+            "devices": off.devices,
+            "safe": True,
+            "faults": off.latched,
+            "waiting_guardians": waiting,
+        }
+    )
     if off.failure is not None:
         raise off.failure

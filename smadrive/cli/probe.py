@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from smadrive.cli.guardians import names_waiting_guardians, waiting_guardians
 from smadrive.cli.output import AsJson, Output
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
@@ -26,10 +27,11 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
     """Connect to RIG, check the identity of every device and show its live values. The heater stays off."""
     output = Output(as_json)
     config = load_rig(rig)
-    with Rig(config, trace_folder=trace) as open_rig:
+    with names_waiting_guardians(), Rig(config, trace_folder=trace) as open_rig:
         measurement = open_rig.heater.exchange(0.0)
         identities = {name: str(identity) for name, identity in open_rig.identify().items()}
-        tripped = open_rig.latch.told
+        tripped = open_rig.latch.read()
+    waiting = waiting_guardians()
     for name, identity in identities.items():
         output.say(f"{config.name}: {name} is a {identity}")
     output.table(("quantity", "value"), _rows(measurement))
@@ -38,7 +40,17 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
         output.say(f"latched: {fault}")
     if latched:
         output.say(f"clear it once its cause is gone: smadrive off {shlex.quote(rig)} --clear-faults")
-    output.result({"rig": config.name, "devices": identities, **measurement._asdict(), "tripped": tripped})
+    for guardian in waiting:
+        output.say(guardian)
+    output.result(
+        {
+            "rig": config.name,
+            "devices": identities,
+            **measurement._asdict(),
+            "tripped": tripped,
+            "waiting_guardians": waiting,
+        }
+    )
 
 
 def _rows(measurement: Measurement) -> list[tuple[str, str]]:

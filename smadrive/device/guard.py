@@ -13,8 +13,12 @@ from dataclasses import replace
 from types import TracebackType
 from typing import IO, Self
 
-from smadrive.device.guardian import BEAT, FREE, GIVES_WAY, READY, REST, TAKEN, WATCH, Task
+from smadrive.device.duty import relieve
+from smadrive.device.guardtask import BEAT, FREE, GIVES_WAY, READY, REST, TAKEN, WATCH, SharedLock, Task
 from smadrive.device.identity import Identity
+from smadrive.device.key import key_at
+from smadrive.device.lock import NO_DESCRIPTOR, LineLock
+from smadrive.device.profile import load_profile
 from smadrive.errors import SafetyError, TakenOverError
 
 STARTS_WITHIN_S = 20.0
@@ -35,10 +39,16 @@ class Guard:
     def __init__(self, task: Task, give_way: Callable[[], None]) -> None:
         self._task = task
         self._give_way = give_way
+        self._lock: LineLock | None = None
         self._watching = False
         self._taken = False
         self._gone = False
         self._heard_s = 0.0
+
+    def share(self, lock: LineLock | None) -> None:
+        """Let the guardian inherit the lock of the line, before it is started."""
+        if lock is not None and lock.descriptor != NO_DESCRIPTOR:
+            self._lock = lock
 
     def __enter__(self) -> Self:
         """Start the guardian, which comes up while the driver connects."""
@@ -48,19 +58,22 @@ class Guard:
             stdout=subprocess.PIPE,
             bufsize=0,
             start_new_session=True,  # Ctrl-C is the driver's
+            pass_fds=() if self._lock is None else (self._lock.descriptor,),
         )
         self._to, self._from = _piped(self._process.stdin), _piped(self._process.stdout)
         return self
 
-    def brief(self, *identities: Identity) -> None:
-        """Tell the guardian whom it guards, one identity for each device, and wait until it is ready.
+    def brief(self, identity: Identity) -> None:
+        """Tell the guardian which device it guards, which is confirmed off now, and wait until it is ready.
 
-        SafetyError when it does not come up.
+        Guardians of earlier runs that wait for this very device end. SafetyError when the guardian does not come up.
         """
-        known = zip(self._task.devices, identities, strict=True)
-        devices = tuple(replace(device, identity=dict(identity)) for device, identity in known)
+        device = replace(self._task.device, identity=dict(identity))
+        profile = load_profile(device.profile)
+        relieve(key_at(device.url, profile, device.unit_id).with_identity(profile, identity))
+        shared = None if self._lock is None else SharedLock(self._lock.line, self._lock.descriptor)
         with suppress(OSError):  # told below
-            self._to.write(replace(self._task, devices=devices).to_json())
+            self._to.write(replace(self._task, device=device, lock=shared).to_json())
         ready, _, _ = select.select((self._from,), (), (), STARTS_WITHIN_S)
         if not ready or self._from.read(1) != READY:
             self._process.kill()

@@ -7,20 +7,26 @@ process beside itself and writes it a byte at every use of a port, through a pip
     g   gives way: the driver has heard that it is taken over, and has let its connections go
 
 Every byte is echoed, so that the driver knows that the guardian lives too. While it watches, no byte for `timeout_s`,
-or the end of the pipe, means that the driver is gone: the guardian opens the ports itself (it needs no lock for that)
-and writes the safe state until every device has confirmed it. Two masters on one line would take each other's replies
-for their own: a driver that only stood still finds `t` (taken over) in the other pipe when it wakes, before it uses a
-port. It lets its connections go and says `g`, then `r`, and waits; the guardian looks once more, in case one last
-command slipped through. Every `r` is answered by `f` (free): the ports are the driver's, and the guardian is ready to
-watch again. From its start it needs no file and no terminal.
+or the end of the pipe, means that the driver is gone: the guardian opens the port itself and writes the safe state
+until the device has confirmed it; takeover.py has the states of that. Two masters on one line would take each other's
+replies for their own: a driver that only stood still finds `t` (taken over) in the other pipe when it wakes, before it
+uses a port. It lets its connections go and says `g`, then `r`, and waits; the guardian looks once more, in case one
+last command slipped through. Every `r` is answered by `f` (free): the ports are the driver's, and the guardian is ready
+to watch again.
 
-A serial port can be opened beside a driver that stands still. A device or gateway behind a socket may have room for one
-client only, and that is the driver as long as it lives. Where the guardian fails there, it waits `timeout_s` more: a
-driver that wakes gives way in that time, also where its guardian stood still with it (a wait so interrupted goes on for
-what was left of it). One that says nothing is ended (SIGKILL), whatever else lives in its process, and the
-guardian takes the freed socket. A device that is unplugged looks the same from here, and the driver is ended in vain;
-but were it spared, it would still hold the way in when the plug is back. Only the parent is ended, and only while it is
-that: the guardian of a driver that has ended is another's child, and the driver's number may be a stranger's.
+A serial port can be opened beside a driver that stands still, whose lock of the line the guardian shares (lock.py). A
+device or gateway behind a socket may have room for one client only, and that is the driver as long as it lives. Where
+the guardian fails there, it waits `timeout_s` more: a driver that wakes gives way in that time, also where its guardian
+stood still with it (a wait so interrupted goes on for what was left of it). One that says nothing is ended (SIGKILL),
+whatever else lives in its process, and the guardian takes the freed socket. A device that is unplugged looks the same
+from here, and the driver is ended in vain; but were it spared, it would still hold the way in when the plug is back.
+Only the parent is ended, and only while it is that: the guardian of a driver that has ended is another's child, and the
+driver's number may be a stranger's.
+
+When the driver has ended and the device cannot be reached, the guardian waits for it without end, at the ports that
+search.py names. It tells what remains to be done, and leaves the line to every other program. It ends when the device
+has confirmed, when another driver or `smadrive off` has confirmed the same device off (duty.py), or when its
+pseudo-terminal has ended.
 
     python -m smadrive.device.guardian        its task, a JSON object, is the first line of standard input
 """
@@ -28,58 +34,28 @@ that: the guardian of a driver that has ended is another's child, and the driver
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import select
 import signal
 import threading
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
-from typing import NamedTuple
 
-from smadrive.device.anydevice import device_on
-from smadrive.device.identity import Identity
-from smadrive.device.profile import Profile, load_profile
-from smadrive.modbus.connect import is_remote, open_transport
+from smadrive.device.duty import HeldDuty
+from smadrive.device.guardswitch import Access, Result, Switch
+from smadrive.device.guardtask import BEAT, ECHO, FREE, GIVES_WAY, READY, REST, TAKEN, WATCH, Task
+from smadrive.device.key import key_at
+from smadrive.device.lock import Role
+from smadrive.device.profile import load_profile
+from smadrive.device.search import Search
+from smadrive.device.takeover import Action, Heard, Outcome, State, run
 
-WATCH, BEAT, REST, GIVES_WAY = b"w", b"b", b"r", b"g"
-READY, ECHO, TAKEN, FREE = b"y", b"e", b"t", b"f"
 DRIVER_FD, TERMINAL_FD = 1, 2
+HEARD = {WATCH: Heard.BEAT, BEAT: Heard.BEAT, REST: Heard.REST, GIVES_WAY: Heard.GIVES_WAY}
+ANSWERS = {Action.ECHO: ECHO, Action.FREE: FREE, Action.TAKE: TAKEN}
 
-LOOK_AGAIN_S = 0.5
 TERMINAL_WITHIN_S = 0.2
-GIVE_UP_S = 3600.0
-"""A device that cannot be reached for an hour has been taken away."""
-
-
-@dataclass(frozen=True)
-class GuardedDevice:
-    """A device to bring to its safe state, as the rig file names it."""
-
-    profile: str
-    url: str
-    unit_id: int | None
-    identity: Identity = field(default_factory=dict)
-    """What the driver found it to be: no other confirms anything."""
-
-
-@dataclass(frozen=True)
-class Task:
-    """What the guardian is told at its start."""
-
-    devices: tuple[GuardedDevice, ...]
-    timeout_s: float
-
-    def to_json(self) -> bytes:
-        """One line."""
-        return json.dumps(asdict(self)).encode() + b"\n"
-
-    @classmethod
-    def from_json(cls, line: bytes) -> Task:
-        """What `to_json` wrote."""
-        task = json.loads(line)
-        return cls(tuple(GuardedDevice(**device) for device in task["devices"]), task["timeout_s"])
+REMIND_S = 600.0
+"""A guardian that waits for its device says so again after this time."""
 
 
 class Driver:
@@ -90,7 +66,7 @@ class Driver:
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
-        self._pid = os.getppid()
+        self.pid = os.getppid()
         self.ended = False
 
     def read_line(self) -> bytes:
@@ -100,85 +76,85 @@ class Driver:
             line += byte
         return line
 
-    def said(self, within_s: float) -> bytes:
-        """The last thing said, waiting at most `within_s` for it; empty when nothing was."""
+    def listen(self, within_s: float) -> Heard:
+        """The last thing that the driver says within this time; once it has ended, silence."""
         if self.ended:
             time.sleep(within_s)
-            return b""
+            return Heard.SILENCE
         ready, _, _ = select.select((self._descriptor,), (), (), within_s)
         if not ready:
-            return b""
+            return Heard.SILENCE
         data = os.read(self._descriptor, 4096)
         self.ended = not data
-        return data[-1:]
+        return HEARD.get(data[-1:], Heard.BEAT) if data else Heard.CLOSED
 
-    def kill(self) -> None:
-        """End the process, if it is still the parent, and await that its connections are closed."""
-        if os.getppid() == self._pid:
-            _say(f"the driver gives no sign of life and may hold the only connection: ending it (process {self._pid})")
+    def end(self) -> None:
+        """End the process, if it is still the parent."""
+        if os.getppid() == self.pid:
+            _say(f"the driver gives no sign of life and may hold the only connection: ending it (process {self.pid})")
             with contextlib.suppress(OSError):
-                os.kill(self._pid, signal.SIGKILL)
-            self.said(LOOK_AGAIN_S)
+                os.kill(self.pid, signal.SIGKILL)
 
 
-def guard(task: Task, profiles: Sequence[Profile], driver: Driver) -> None:
-    """Watch until the driver ends; take over whenever it fails while heating."""
-    watching = False
-    while not driver.ended:
-        said = driver.said(task.timeout_s)
-        if watching and not said:
-            reason = "ended" if driver.ended else f"stood still for {task.timeout_s:g} s"
-            _take_over(task, profiles, driver, reason)
-            watching = False
-        elif said:
-            _tell(FREE if said == REST else ECHO)
-            watching = said in (WATCH, BEAT)
+class Guardian:
+    """What the table of states asks for, done: attempts, answers to the driver, and what the terminal shows."""
 
+    def __init__(self, driver: Driver, switch: Switch, access: Access, duty: HeldDuty, timeout_s: float) -> None:
+        self._driver = driver
+        self._switch = switch
+        self._access = access
+        self._duty = duty
+        self._timeout_s = timeout_s
+        self._last: Outcome | None = None
+        self._said_s = 0.0
 
-def _take_over(task: Task, profiles: Sequence[Profile], driver: Driver, reason: str) -> None:
-    """Safe state, confirmed; then again and again while a driver that stood still may still wake and command."""
-    _tell(TAKEN)
-    give_up_s = time.monotonic() + GIVE_UP_S
-    told = ""
-    gives_way = rests = False
-    while time.monotonic() < give_up_s:
-        problem = _switch_off(task, profiles)
-        if not told:
-            _say(f"the driver {reason} while heating: taking over")
-        news = problem.text if problem else "heater off, confirmed by read-back"
-        if news != told:
-            _say(news)
-            told = news
-        if problem is None and (rests or driver.ended):
-            _tell(FREE)
+    def attempt(self, state: State) -> Outcome:
+        """Try to switch the device off; see run."""
+        waits = state is State.WAITING_FOR_DEVICE
+        if waits and self._duty.relieved:
+            _say("another driver, or `smadrive off`, has confirmed the heater off: this guardian ends")
+            return Outcome.RELIEVED
+        result = self._switch.off(alone=waits)
+        if waits:
+            self._access.share_no_more()
+        if waits and result.outcome is not Outcome.CONFIRMED:
+            self._duty.wait(result.text)
+        self._tell(result, waits=waits)
+        return result.outcome
+
+    def act(self, action: Action) -> None:
+        """Answer the driver, or end it; see run."""
+        if action is Action.END_DRIVER:
+            self._driver.end()
             return
-        may_bar = problem is not None and problem.is_remote and not (gives_way or driver.ended)
-        said = driver.said(task.timeout_s if may_bar else LOOK_AGAIN_S)
-        rests = rests or said == REST
-        gives_way = gives_way or said in (GIVES_WAY, REST)
-        if may_bar and not (said or driver.ended):
-            driver.kill()
-    _say(f"giving up after {GIVE_UP_S / 60:g} min; the last: {told}")
+        if action is Action.TAKE:
+            self._access.hold_as(Role.GUARDIAN, os.getpid())
+        if action is Action.FREE:
+            self._access.hold_as(Role.DRIVER, self._driver.pid)
+            self._last = None
+        _tell(ANSWERS[action])
+
+    def _tell(self, result: Result, *, waits: bool) -> None:
+        """What has changed since the last attempt; while it waits, again from time to time."""
+        if self._last is None:
+            reason = "ended" if self._driver.ended else f"stood still for {self._timeout_s:g} s"
+            _say(f"the driver {reason} while heating: taking over")
+        reminds = waits and time.monotonic() - self._said_s > REMIND_S
+        if result.outcome is not self._last or reminds:
+            _say(_news(result, waits=waits))
+            self._said_s = time.monotonic()
+        self._last = result.outcome
 
 
-class _Problem(NamedTuple):
-    text: str
-    is_remote: bool
-
-
-def _switch_off(task: Task, profiles: Sequence[Profile]) -> _Problem | None:
-    """Bring every device to its safe state; None, or what went wrong, whatever it was: nothing may end the guardian."""
-    problem = None
-    for guarded, profile in zip(task.devices, profiles, strict=True):
-        try:
-            with open_transport(guarded.url, profile.serial_settings(), exclusive=False) as transport:
-                device = device_on(transport, profile, guarded.unit_id, guarded.identity)
-                device.check_identity()
-                device.enter_safe_state()
-        except Exception as error:  # noqa: BLE001
-            text = f"the heater is NOT confirmed off yet ({error}): cut its supply"
-            problem = _Problem(text, is_remote(guarded.url) or (problem is not None and problem.is_remote))
-    return problem
+def _news(result: Result, *, waits: bool) -> str:
+    if result.outcome is Outcome.CONFIRMED:
+        return result.text
+    if result.outcome is Outcome.GONE:
+        return f"the heater was NOT confirmed off ({result.text}): this guardian ends"
+    news = f"the heater is NOT confirmed off yet ({result.text}): cut its supply"
+    if not waits:
+        return news
+    return f"{news}, or connect it again. This guardian waits for it; when it is cut for good, kill -9 {os.getpid()}"
 
 
 def _tell(what: bytes) -> None:
@@ -199,19 +175,30 @@ def _say(text: str) -> None:
     writer.join(TERMINAL_WITHIN_S)
 
 
+def guard(task: Task, driver: Driver) -> None:
+    """Say that the guardian is ready, and guard until the work is done."""
+    device, profile = task.device, load_profile(task.device.profile)
+    key = key_at(device.url, profile, device.unit_id).with_identity(profile, device.identity)
+    duty = HeldDuty.take(f"{device.profile} at {device.url}", key)
+    if duty is None:
+        _say(f"another guardian of {device.profile} at {device.url} does not end: end it first")
+        return
+    with duty:
+        access = Access(task.lock)
+        switch = Switch(device, profile, Search(device.url, key.names, time.monotonic), access)
+        guardian = Guardian(driver, switch, access, duty, task.timeout_s)
+        _tell(READY)
+        run(driver.listen, guardian.attempt, guardian.act, task.timeout_s)
+
+
 def main() -> None:
-    """Read the task and all that it needs, say that it is ready, watch."""
+    """Read the task, then guard."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)  # it ends when the driver does
     os.set_blocking(DRIVER_FD, False)
     driver = Driver(0)
-    line = driver.read_line()
-    if not line:
-        return  # the driver ended before it knew whom to guard
-    task = Task.from_json(line)
-    profiles = [load_profile(guarded.profile) for guarded in task.devices]
-    _tell(READY)
-    guard(task, profiles, driver)
+    if line := driver.read_line():  # else the driver ended before it knew whom to guard
+        guard(Task.from_json(line), driver)
 
 
 if __name__ == "__main__":

@@ -9,14 +9,15 @@ that leaves `SILENT` requests unanswered is taken as absent.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 
 from smadrive.device.anydevice import device_on
 from smadrive.device.device import Device
+from smadrive.device.lock import Role, lock_line
 from smadrive.device.profile import Profile
 from smadrive.errors import DeadlineError, DeviceError, ProtocolError, TransportError
-from smadrive.modbus.connect import open_transport
+from smadrive.modbus.connect import open_transport, port_of
 from smadrive.modbus.master import Master
 from smadrive.modbus.transport import SerialSettings, Transport
 
@@ -41,8 +42,16 @@ def scan(
 ) -> Iterator[Found]:
     """What answers at `url`; `ask(line, unit_id)` is told before each question.
 
-    A serial URL without a baud rate is tried with the line settings of all profiles.
+    A serial URL without a baud rate is tried with the line settings of all profiles. BusyError when another smadrive
+    has the port.
     """
+    with lock_line(port_of(url), Role.DRIVER) if url.startswith("serial:") else nullcontext():
+        yield from _scan(url, unit_ids, profiles, ask)
+
+
+def _scan(
+    url: str, unit_ids: Sequence[int], profiles: Sequence[Profile], ask: Callable[[str, int], None]
+) -> Iterator[Found]:
     found: set[int] = set()
     units = [profile for profile in profiles if profile.has_registers]
     others = [profile for profile in profiles if not profile.has_registers]

@@ -25,8 +25,6 @@ MODBUS_TCP_PORT = 502
 MOST_CHARACTERS = 1000
 """Of a URL: longer than any path or name."""
 
-BY_ID = Path("/dev/serial/by-id")
-
 _FORMS = "serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port"
 _PARITIES: dict[str, Parity] = {"N": "N", "E": "E", "O": "O"}
 _ALLOWED = {
@@ -58,16 +56,13 @@ def open_transport(
 
 
 def port_of(url: str) -> str:
-    """The port itself, however a URL spells it: without query, links resolved, host in lower case.
+    """The port that a URL leads to now, however it is spelled: without query, links resolved, host in lower case.
 
-    A serial adapter that has a name of its own in `/dev/serial/by-id` goes by that: it keeps it when it is plugged in
-    anew. ConfigError when the URL names no port.
+    ConfigError when the URL names no port.
     """
     parts = _split(url)
     if parts.scheme == "serial":
-        port = Path(_port_path(url, parts)).resolve()
-        own = (name for name in sorted(BY_ID.glob("*")) if name.resolve() == port)
-        return f"serial://{next(own, port)}"
+        return f"serial://{Path(_port_path(url, parts)).resolve()}"
     host, number = _address(url, parts, MODBUS_TCP_PORT if parts.scheme == "tcp" else None)
     return f"tcp://{host}:{number}"
 

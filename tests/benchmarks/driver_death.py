@@ -69,7 +69,7 @@ def tables(kind: str, folder: Path) -> tuple[Path, Path]:
 
 @contextlib.contextmanager
 def orphans_ended(driver: BaseProcess) -> Iterator[None]:
-    """End what the driver has started, and what outlives it: for an hour a guardian looks for a bench that is gone."""
+    """End what the driver has started, and what outlives it: a guardian looks without end for a bench that is gone."""
     started = Path(f"/proc/{driver.pid}/task/{driver.pid}/children").read_text().split()
     try:
         yield

@@ -14,10 +14,8 @@ from urllib.parse import urlsplit
 
 import pytest
 
-from smadrive.device import guardian
 from smadrive.device.guard import Guard
-from smadrive.device.guardian import GuardedDevice, Task
-from smadrive.device.profile import load_profile
+from smadrive.device.guardtask import GuardedDevice, Task
 from smadrive.errors import UNCONFIRMED, ConfigError, SafetyError, TakenOverError
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
@@ -333,7 +331,7 @@ def test_a_supply_can_be_switched_off_whatever_its_rig_says_of_heating(tmp_path)
 def test_a_driver_gives_way_to_its_guardian_and_waits_for_it_also_where_it_noticed_nothing():
     gave_way = []
     with served("riden-rd60xx") as (_, url):
-        task = Task((GuardedDevice("riden-rd60xx", url, None),), timeout_s=0.3)
+        task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
         with Guard(task, lambda: gave_way.append(True)) as guard:
             guard.brief({})
             guard.watch()
@@ -353,25 +351,13 @@ def test_a_driver_gives_way_to_its_guardian_and_waits_for_it_also_where_it_notic
             guard.rest()
 
 
-def test_a_guardian_that_gives_up_says_so(monkeypatch, capfd):
-    monkeypatch.setattr(guardian, "GIVE_UP_S", 0.1)
-    task = Task((GuardedDevice("riden-rd60xx", "serial:///dev/null", None),), timeout_s=0.1)
-    hears, speaks = os.pipe()
-    try:
-        guardian._take_over(task, [load_profile("riden-rd60xx")], guardian.Driver(hears), "stood still")
-    finally:
-        os.close(hears)
-        os.close(speaks)
-    assert "giving up after" in (last := capfd.readouterr().err.splitlines()[-1])
-    assert "NOT confirmed off" in last
-
-
 @pytest.mark.parametrize("name", ["select.py", "smadrive.py"])
 def test_no_file_of_the_present_folder_runs_in_place_of_the_guardian(tmp_path, monkeypatch, name):
     (tmp_path / name).write_text("raise RuntimeError")
     monkeypatch.chdir(tmp_path)
-    with Guard(Task((), timeout_s=0.3), lambda: None) as guard:
-        guard.brief()
+    task = Task(GuardedDevice("riden-rd60xx", "serial:///dev/null", None), timeout_s=0.3)
+    with Guard(task, lambda: None) as guard:
+        guard.brief({})
         guard.watch()
         guard.check()
         guard.rest()
@@ -379,7 +365,7 @@ def test_no_file_of_the_present_folder_runs_in_place_of_the_guardian(tmp_path, m
 
 def test_a_guardian_that_stands_still_when_the_driver_rests_is_ended():
     with served("riden-rd60xx") as (_, url):
-        task = Task((GuardedDevice("riden-rd60xx", url, None),), timeout_s=0.3)
+        task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
         with Guard(task, lambda: None) as guard:
             guard.brief({})
             guard.watch()
@@ -392,7 +378,7 @@ def test_a_guardian_that_stands_still_when_the_driver_rests_is_ended():
 
 def test_a_guardian_confirms_nothing_on_another_device_than_the_one_that_heated():
     with served("riden-rd60xx") as (_, url):
-        task = Task((GuardedDevice("riden-rd60xx", url, None),), timeout_s=0.3)
+        task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
         with Guard(task, lambda: None) as guard:
             guard.brief({"serial_number": 2})
             guard.watch()

@@ -2,10 +2,14 @@
 
 import contextlib
 import json
+import os
 import subprocess
 import sys
 
 import pytest
+
+from smadrive.device.lock import Role, lock_line
+from smadrive.modbus.connect import port_of
 
 
 @contextlib.contextmanager
@@ -35,6 +39,13 @@ def test_a_device_is_found_with_the_profiles_that_match(profile, proved, possibl
     assert found["unit_id"] == 1
     assert found["profiles"] == proved
     assert found["possible"] == possible
+
+
+def test_a_line_that_another_smadrive_has_is_not_scanned():
+    with served("riden-rd60xx") as url, lock_line(port_of(url), Role.DRIVER):
+        done = scan(url, "--units", "1")
+    assert done.returncode == 3
+    assert f"process {os.getpid()}" in done.stderr
 
 
 def test_what_is_found_can_be_put_into_a_rig_file():

@@ -7,7 +7,6 @@ from pathlib import Path
 import pytest
 
 from smadrive.errors import ConfigError, TakenOverError, TransportError
-from smadrive.modbus import connect
 from smadrive.modbus.connect import open_transport, port_of
 from smadrive.modbus.transport import SerialSettings
 
@@ -192,18 +191,12 @@ def test_a_connection_that_is_another_s_now_sends_nothing_and_believes_nothing(t
             os.read(near, 10)
 
 
-def test_a_port_is_the_same_however_it_is_spelled(tmp_path, monkeypatch):
+def test_a_port_is_the_same_however_it_is_spelled(tmp_path):
     port = tmp_path / "ttyUSB0"
     port.touch()
     (tmp_path / "link").symlink_to(port)
     spelled = (f"{tmp_path}/./ttyUSB0", f"{tmp_path}//ttyUSB0?baudrate=9600", f"{tmp_path}/link")
     assert {port_of(f"serial://{path}") for path in spelled} == {f"serial://{port}"}
-    by_id = tmp_path / "by-id"
-    by_id.mkdir()
-    (by_id / "usb-1a86").symlink_to(port)
-    monkeypatch.setattr(connect, "BY_ID", by_id)
-    own = (port, by_id / "usb-1a86", tmp_path / "link")
-    assert {port_of(f"serial://{path}") for path in own} == {f"serial://{by_id}/usb-1a86"}
 
 
 def test_a_host_is_the_same_however_it_is_spelled():
