@@ -36,12 +36,14 @@ ACCENT = "#0b8f87"
 COMPACT = f"""
 :host {{ font-size: 12px; }} .bk-input, .bk-btn {{ min-height: 26px; padding: 2px 8px; }}
 .bk-btn-primary, .bk-btn-primary:is(:hover, :active, :focus) {{ background: {ACCENT}; border-color: {ACCENT}; }}
+.noUi-target:not([disabled]) .noUi-connect {{ background: {ACCENT}; }}
 """
+"""The last line: bokeh gives a slider its `bar_color` only if it is enabled when it is drawn for the first time."""
 
 LAWS = ("a_heating", "b_heating", "a_cooling", "b_cooling")
 
-Ask = Callable[..., None]
-"""Ask for an act: `ask(act, **values)`."""
+Act = Callable[..., None]
+"""Do something: `act(name, **values)`."""
 
 
 class Knob:
@@ -100,12 +102,13 @@ class Knob:
 
 
 class Controls:
-    """All widgets, by the name under which the page's template places them; every act goes to `ask`."""
+    """All widgets, by the name under which the page's template places them.
 
-    def __init__(
-        self, ask: Ask, fit: Callable[[float], None], save: Callable[[str], None], references: list[str]
-    ) -> None:
-        self._ask = ask
+    Whatever a user does comes to `act`, which decides whether this user may do it.
+    """
+
+    def __init__(self, act: Act, references: list[str]) -> None:
+        self._act = act
         self.knobs = {
             "mu_heating": Knob("mu_heating", "μ heating / °C", 0.05, self._shape),
             "mu_cooling": Knob("mu_cooling", "μ cooling / °C", 0.05, self._shape),
@@ -118,21 +121,21 @@ class Controls:
         }
         self.presses = Presses(name="presses")
         self.buttons = {
-            "arm": self._driving("arm", "Arm", "primary", lambda offs: ask("arm", offs=offs)),
-            "disarm": self._button("disarm", "Disarm", "default", partial(ask, "off")),
-            "clear": self._button("clear", "Clear faults", "default", partial(ask, "clear")),
+            "arm": self._driving("arm", "Arm", "primary", lambda offs: act("arm", offs=offs)),
+            "disarm": self._button("disarm", "Disarm", "default", partial(act, "off")),
+            "clear": self._button("clear", "Clear faults", "default", partial(act, "clear")),
             "start": self._driving("start", "Start", "primary", self._start),
-            "hold": self._driving("hold", "Hold", "default", lambda offs: ask("hold", offs=offs)),
-            "undo": self._button("undo", "Undo", "default", partial(ask, "undo")),
-            "redo": self._button("redo", "Redo", "default", partial(ask, "redo")),
-            "keep_a": self._button("keep_a", "Keep A", "default", partial(ask, "keep", slot="A")),
-            "keep_b": self._button("keep_b", "Keep B", "default", partial(ask, "keep", slot="B")),
-            "use_a": self._button("use_a", "Use A", "default", partial(ask, "recall", slot="A")),
-            "use_b": self._button("use_b", "Use B", "default", partial(ask, "recall", slot="B")),
+            "hold": self._driving("hold", "Hold", "default", lambda offs: act("hold", offs=offs)),
+            "undo": self._button("undo", "Undo", "default", partial(act, "undo")),
+            "redo": self._button("redo", "Redo", "default", partial(act, "redo")),
+            "keep_a": self._button("keep_a", "Keep A", "default", partial(act, "keep", slot="A")),
+            "keep_b": self._button("keep_b", "Keep B", "default", partial(act, "keep", slot="B")),
+            "use_a": self._button("use_a", "Use A", "default", partial(act, "recall", slot="A")),
+            "use_b": self._button("use_b", "Use B", "default", partial(act, "recall", slot="B")),
             "compare": self._driving("compare", "Compare", "default", self._compare),
-            "adapt": self._button("adapt", "Adapt", "default", lambda: ask("adapt", on=not self._is_adapting)),
-            "fit": self._button("fit", "Fit", "default", lambda: fit(float(self._fit_s.value))),
-            "save": self._button("save", "Save", "default", lambda: save(str(self._name.value))),
+            "adapt": self._button("adapt", "Adapt", "default", lambda: act("adapt", on=not self._is_adapting)),
+            "fit": self._button("fit", "Fit", "default", lambda: act("fit", seconds=float(self._fit_s.value))),
+            "save": self._button("save", "Save", "default", lambda: act("save", name=str(self._name.value))),
         }
         self._reference = Select(value=references[0] if references else "", options=references, name="reference")
         self._reference.sizing_mode = "stretch_width"
@@ -198,16 +201,16 @@ class Controls:
         return button
 
     def _shape(self, key: str, value: float) -> None:
-        self._ask("shape", key=key, value=value)
+        self._act("shape", key=key, value=value)
 
     def _feedback(self, key: str, value: float) -> None:
-        self._ask("feedback", key=key, value=value)
+        self._act("feedback", key=key, value=value)
 
     def _start(self, offs: int) -> None:
-        self._ask("track", offs=offs, reference=str(self._spec.value).strip() or str(self._reference.value))
+        self._act("track", offs=offs, reference=str(self._spec.value).strip() or str(self._reference.value))
 
     def _compare(self, offs: int) -> None:
-        self._ask("compare", offs=offs, on=not self._is_comparing)
+        self._act("compare", offs=offs, on=not self._is_comparing)
 
     def _rule_edited(self, _attribute: str, _old: Any, data: dict[str, Any]) -> None:
         for law, shown in zip(LAWS, self._shown_rules, strict=True):
@@ -216,7 +219,7 @@ class Controls:
                     direction = 1 if law.endswith("heating") else -1
                     branch = "heating" if direction > 0 else "cooling"
                     a, b = (float(data[f"{symbol}_{branch}"][index]) for symbol in "ab")
-                    self._ask("rule", index=index, direction=direction, a=a, b=b)
+                    self._act("rule", index=index, direction=direction, a=a, b=b)
                     return
 
     def _rule_table(self) -> DataTable:

@@ -15,6 +15,8 @@ from smadrive.tuning.channel import PageEnd
 
 MOST_ANSWERS = 50
 
+WATCHES = "this page only watches: another one controls, or it was opened without the token"
+
 Answered = Callable[[str | None], None]
 """Told when a request was answered: None, or why it was refused."""
 
@@ -49,6 +51,10 @@ class Desk:
             self._tell()
         return self._controlling == client
 
+    def controls(self, client: str) -> bool:
+        """Whether `client` controls: the gate that every act passes."""
+        return self._controlling == client
+
     def leave(self, client: str) -> None:
         """`client` has closed it."""
         self._clients.discard(client)
@@ -58,8 +64,8 @@ class Desk:
 
     def ask(self, client: str, act: str, answered: Answered, **values: Any) -> None:
         """Send a request of the controlling client; that of another is refused here."""
-        if self._controlling != client:
-            answered("another client controls; this one watches")
+        if not self.controls(client):
+            answered(WATCHES)
             return
         self._number += 1
         self._asked[self._number] = answered

@@ -17,7 +17,7 @@ from bokeh.models import Div
 from smadrive.errors import SmadriveError
 from smadrive.hysteresis.modelfile import parse_model
 from smadrive.tuning.controls import LAWS, Controls
-from smadrive.tuning.desk import Desk
+from smadrive.tuning.desk import WATCHES, Desk
 from smadrive.tuning.fit import FittedWire, Fitter
 from smadrive.tuning.panel import Timing, banner_html, chips_html, events_html, scores_html
 from smadrive.tuning.plots import POINTS, Plots
@@ -48,7 +48,7 @@ class Page:
         self._has_token = desk.may_control(token)
         status = desk.status
         self._plots = Plots(status["limits"]["current_max_a"], status["limits"]["temperature_max_c"])
-        self._controls = Controls(self._ask, self._fit, self._save, status["references"])
+        self._controls = Controls(self._act, status["references"])
         self._texts = {name: _text(name) for name in ("chips", "banner", "events", "scores")}
         self._note = ""
         self._timing = Timing(1.0 / status["rate_hz"])
@@ -124,6 +124,19 @@ class Page:
     def _text(self, name: str, html: str) -> None:
         if self._texts[name].text != html:
             self._texts[name].text = html
+
+    def _act(self, act: str, **values: Any) -> None:
+        """The one way from a widget to anything that is done: only for the client that controls."""
+        if not self._desk.controls(self._client):
+            self._answered(act, WATCHES)
+            return
+        match act:
+            case "fit":
+                self._fit(**values)
+            case "save":
+                self._save(**values)
+            case _:
+                self._ask(act, **values)
 
     def _ask(self, act: str, **values: Any) -> None:
         self._desk.ask(self._client, act, partial(self._answered, act), **values)
