@@ -24,7 +24,7 @@ from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig, rig_file
 from smadrive.tuning.channel import ControlEnd
 from smadrive.tuning.parcels import ParcelPair
-from smadrive.tuning.process import PageProcess, WorkshopProcess
+from smadrive.tuning.process import TuningPage, WorkshopProcess
 from smadrive.tuning.punctual import be_punctual
 from smadrive.tuning.session import TuningSession
 from smadrive.tuning.tuning import Tuning
@@ -63,12 +63,12 @@ def main(
         _check_real_time(bench)
         balance = known.balance or bench.nominal_balance
         bench.check_balance(balance)
-        page = PageProcess(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
+        page = TuningPage(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
         view = TuneView(config.name, page, channel)
         session = TuningSession(bench, tuning, balance, references, channel, workshop, view.tick)
         with page:
             output.say(f"{config.name}: {page.url}")
-            output.result({"url": page.url, "pid": page.pid})
+            output.result({"url": page.url, "pid": page.server.pid})
             if browser and not as_json:
                 webbrowser.open(page.url)
             be_punctual()

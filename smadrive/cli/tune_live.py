@@ -20,7 +20,7 @@ from smadrive.cli.output import Output
 from smadrive.control.loop import Tick
 from smadrive.errors import ConfigError
 from smadrive.tuning.channel import ControlEnd
-from smadrive.tuning.process import PageProcess
+from smadrive.tuning.process import TuningPage
 
 LOOKED_S = 0.2
 """How often it is looked whether there is anything new to say."""
@@ -36,7 +36,7 @@ _HEATER = {
 class TuneView:
     """The picture of a session on `channel` with its `page`."""
 
-    def __init__(self, name: str, page: PageProcess, channel: ControlEnd) -> None:
+    def __init__(self, name: str, page: TuningPage, channel: ControlEnd) -> None:
         self._name = name
         self._page = page
         self._channel = channel

@@ -3,8 +3,10 @@
     control → page   samples    a ring of rows in shared memory; the page copies what is new, the oldest is overwritten
     control → page   status     one JSON document in shared memory, replaced as a whole
     page → control   off        a counter in shared memory: switching off needs no queue, no room, no answer;
-                                what drives the wire is asked for with the count that was known (see presses)
+                                what drives the wire is asked for with the count that was known (see presses);
+                                the front process alone counts, so that no count is lost between two writers
     page → control   pages      two numbers in shared memory: how many pages are open, and whether one controls
+    page → front     alive      two numbers in shared memory: the page process, and when it last read the channel
     both ways        messages   datagrams on a socket pair, each whole or not there; a full queue refuses, never waits
 
 The memory has no name: both processes hold its file descriptor, so nothing is left behind whoever dies, when and how.
@@ -19,6 +21,7 @@ import mmap
 import os
 import socket
 import tempfile
+import time
 from collections.abc import Iterator
 from contextlib import suppress
 from types import TracebackType
@@ -54,7 +57,7 @@ STATUS_BYTES = 1 << 18
 MESSAGE_BYTES = 1 << 16
 MESSAGES_PER_TICK = 4
 
-_WRITTEN, _OFF, _VERSION, _LENGTH, _PAGES, _CONTROLLED, _HEADER = 0, 1, 2, 3, 4, 5, 8
+_WRITTEN, _OFF, _VERSION, _LENGTH, _PAGES, _CONTROLLED, _SERVER, _BEAT_NS, _HEADER = range(9)
 _SIZE = 8 * _HEADER + STATUS_BYTES + 8 * CAPACITY * (1 + len(COLUMNS))
 
 Rows = NDArray[np.float64]
@@ -173,6 +176,20 @@ class PageEnd(Channel):
     def tell_pages(self, count: int, *, is_controlled: bool) -> None:
         """How many pages are open, and whether one of them controls."""
         self._header[_PAGES], self._header[_CONTROLLED] = count, is_controlled
+
+    @property
+    def pages_open(self) -> int:
+        """How many pages are open."""
+        return int(self._header[_PAGES])
+
+    def beat(self) -> None:
+        """Leave word that this process, the page process, answers now."""
+        self._header[_SERVER], self._header[_BEAT_NS] = os.getpid(), time.monotonic_ns()
+
+    def page_server(self, within_s: float) -> int | None:
+        """The page process that has answered within this time; None if there is none."""
+        age_s = 1e-9 * (time.monotonic_ns() - int(self._header[_BEAT_NS]))
+        return int(self._header[_SERVER]) if age_s < within_s else None
 
     @property
     def written(self) -> int:

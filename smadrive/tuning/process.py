@@ -1,47 +1,119 @@
-"""The processes beside the loop, as the control process sees them: the page, and the workshop."""
+"""The processes beside the loop, as the control process sees them: front, page and workshop."""
 
 from __future__ import annotations
 
+import socket
+from contextlib import ExitStack
 from pathlib import Path
+from tempfile import TemporaryDirectory
+from types import TracebackType
+from typing import Self
 
+from smadrive.errors import ConfigError
+from smadrive.tuning.address import ADDRESS
 from smadrive.tuning.beside import Beside
 from smadrive.tuning.channel import ControlEnd
 from smadrive.tuning.parcels import ParcelPair
 from smadrive.tuning.workshop import Order, Outcome, Refused, packed_order, unpacked_outcome
 
+BACKLOG = 512
+"""Connections that wait while the front process is started anew."""
+
 NICENESS = 5
-"""The page stands back; not the workshop: what it builds, somebody with a hand on a knob waits for."""
+"""The page process stands back; not the front process, and not the workshop, for which somebody waits."""
+
+COMPLETE = "is the installation complete?"
 
 
 class PageProcess(Beside):
-    """A context manager: `url` is where the page is while it lasts; it stays there when the process is started anew."""
+    """Builds the pages, for the front process alone, on the Unix socket at `path`."""
 
-    def __init__(self, channel: ControlEnd, *, port: int, token: str, rig_file: Path, folder: Path) -> None:
-        fds = (channel.memory_fd, channel.page_socket.fileno())
-        told = {
+    def __init__(self, channel: ControlEnd, *, port: int, path: str, token: str, rig_file: Path, folder: Path) -> None:
+        parameters = {
+            **_ends(channel),
             "port": port,
+            "path": path,
             "token": token,
             "rig_file": str(rig_file),
             "folder": str(folder),
-            "memory_fd": fds[0],
-            "socket_fd": fds[1],
         }
-        cure = "is the port taken? choose another --port"
-        super().__init__("smadrive.tuning.server", told, fds, cure, niceness=NICENESS)
+        super().__init__(
+            "smadrive.tuning.server", parameters, tuple(_ends(channel).values()), COMPLETE, niceness=NICENESS
+        )
+
+
+class FrontProcess(Beside):
+    """Answers OFF on the page's port, and passes page loads on to the socket at `path`."""
+
+    def __init__(self, channel: ControlEnd, listener: socket.socket, path: str) -> None:
+        fds = {**_ends(channel), "listener_fd": listener.fileno()}
+        parameters = {**fds, "port": listener.getsockname()[1], "path": path}
+        super().__init__("smadrive.tuning.front", parameters, tuple(fds.values()), COMPLETE)
+
+
+class TuningPage:
+    """The tuning page: its port, its front process and its page process. A context manager.
+
+    `url` is where the page is while it lasts. ConfigError when the port is taken.
+    """
+
+    server: PageProcess
+    front: FrontProcess
+
+    def __init__(self, channel: ControlEnd, *, port: int, token: str, rig_file: Path, folder: Path) -> None:
+        self._channel = channel
+        self._port = port
+        self._token = token
+        self._rig_file, self._folder = rig_file, folder
 
     @property
     def url(self) -> str:
         """The address of the page, with the token that allows to control."""
-        return f"http://127.0.0.1:{self._told['port']}/?token={self._told['token']}"
+        return f"http://{ADDRESS}:{self._port}/?token={self._token}"
+
+    def __enter__(self) -> Self:
+        """Listen, and start both processes. The front process ends first, since it tells the pages of the end."""
+        with ExitStack() as stack:
+            listener = stack.enter_context(_listen(self._port))
+            self._port = listener.getsockname()[1]
+            path = str(Path(stack.enter_context(TemporaryDirectory(prefix="smadrive-"))) / "page")
+            self.server = PageProcess(
+                self._channel,
+                port=self._port,
+                path=path,
+                token=self._token,
+                rig_file=self._rig_file,
+                folder=self._folder,
+            )
+            stack.enter_context(self.server)
+            self.front = stack.enter_context(FrontProcess(self._channel, listener, path))
+            self._on_exit = stack.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End both processes."""
+        self._on_exit.__exit__(kind, error, trace)
+
+
+def _ends(channel: ControlEnd) -> dict[str, int]:
+    """The descriptors of the page's end of the channel."""
+    return {"memory_fd": channel.memory_fd, "socket_fd": channel.page_socket.fileno()}
+
+
+def _listen(port: int) -> socket.socket:
+    try:
+        return socket.create_server((ADDRESS, port), backlog=BACKLOG)
+    except OSError as error:
+        raise ConfigError(f"port {port} of {ADDRESS}: {error.strerror}: choose another --port") from None
 
 
 class WorkshopProcess(Beside):
     """A Workshop in a process of its own, at the other end of `parcels`."""
 
     def __init__(self, parcels: ParcelPair) -> None:
-        super().__init__(
-            "smadrive.tuning.workshop_server", {"fds": parcels.fds}, parcels.fds, "is the installation complete?"
-        )
+        super().__init__("smadrive.tuning.workshop_server", {"fds": parcels.fds}, parcels.fds, COMPLETE)
         self._parcels = parcels
         self._order: Order | None = None
         self._number = 0

@@ -74,9 +74,21 @@ class TuningSession:
 
     def run(self) -> None:
         """Until interrupted: nothing that the page does ends this."""
-        while True:
-            self._wait()
-            self._heat()
+        try:
+            while True:
+                self._wait()
+                self._heat()
+        finally:
+            self._end()
+
+    def _end(self) -> None:
+        """Switch off, and leave word for the pages whether that is confirmed."""
+        try:
+            self._rig.heater.enter_safe_state()
+            self._status.is_safe, self._status.end = True, "off"
+        except Exception:  # noqa: BLE001  (whatever it is: the heater is then not confirmed off)
+            self._status.is_safe, self._status.end = False, "unconfirmed"
+        self._publish()
 
     @property
     def is_heating(self) -> bool:

@@ -28,13 +28,15 @@ LONGEST_EVENT = 400
 class Status:
     """Collects what there is to tell: events, the open fault, a lost connection, the last measurement.
 
-    `is_safe` until a try to make the heater safe has failed, and again when one has succeeded.
+    `is_safe` until a try to make the heater safe has failed, and again when one has succeeded. `end` is None while the
+    session lasts, then "off" if the devices have confirmed the safe state, otherwise "unconfirmed".
     """
 
     def __init__(self, rig: Rig, references: list[str], balance: HeatBalance, bench: Workbench) -> None:
         self.fault: str | None = None
         self.lost: str | None = None
         self.is_safe = True
+        self.end: str | None = None
         self.measured: Measurement | None = None
         self.events: deque[tuple[float, str]] = deque(maxlen=EVENTS)
         config = rig.config
@@ -72,6 +74,7 @@ class Status:
         return {
             **self._fixed,
             "mode": _mode(live, is_safe=self.is_safe),
+            "end": self.end,
             "fault": self.fault,
             "lost": self.lost,
             "device_faults": [] if measured is None else measured.device_faults,

@@ -1,10 +1,11 @@
 """What the tuning page costs: the punctuality of the loop beside it, the time a change takes, the load it makes.
 
-    .venv/bin/python tests/benchmarks/tuning.py [--browser]
+    .venv/bin/python tests/benchmarks/tuning.py [--browser | --off]
 
 The loop runs at 50 Hz on a served simulator, in real time and in a process that does nothing else, as `smadrive tune`
 has it: without a page, with one, with one whose user changes something all the time, and while the page is killed and
 comes back. With --browser a chromium shows the page, and its load is taken at 20 Hz with 2,000 points in every trace.
+With --off only the time from POST /off to a zero current command is taken, at 20 Hz, while page loads are pending.
 
 Lateness is the driver's own: from a tick's deadline to its beginning. Device, page, browser and workshop share the
 processors with it: how much each used, and how long the loop was ready but had no processor, is told beside it. What
@@ -13,6 +14,7 @@ TCP: what comes through a virtual serial port is passed on by a kernel thread th
 else, and beside a browser on two cores one exchange in a hundred then takes 18 ms longer, whatever the driver does.
 """
 
+import http.client
 import json
 import os
 import secrets
@@ -27,6 +29,7 @@ import threading
 import time
 from contextlib import ExitStack, suppress
 from pathlib import Path
+from urllib.parse import urlsplit
 
 import numpy as np
 
@@ -39,7 +42,7 @@ from smadrive.thermal import HeatBalance
 from smadrive.tuning.channel import COLUMNS, ControlEnd, PageEnd
 from smadrive.tuning.parcels import ParcelPair
 from smadrive.tuning.plots import POINTS
-from smadrive.tuning.process import PageProcess, WorkshopProcess
+from smadrive.tuning.process import TuningPage, WorkshopProcess
 from smadrive.tuning.punctual import be_punctual
 from smadrive.tuning.session import TuningSession
 from smadrive.tuning.tuning import Tuning
@@ -52,7 +55,9 @@ WIRE = DuhemModel.gaussian(
     mu_heating=89.9, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(0.0, 200.0)
 )
 CHANGE = struct.Struct("d")
-TIME, LATE, CURRENT = (COLUMNS.index(name) for name in ("time_s", "late_s", "current_a"))
+TIME, LATE, CURRENT, COMMANDED = (COLUMNS.index(name) for name in ("time_s", "late_s", "current_a", "commanded_a"))
+OFF_RATE_HZ, OFF_TRIALS = 20.0, 5
+PENDING_LOADS = (0, 5, 20, 60, 200)
 
 
 class Ended(BaseException):
@@ -90,9 +95,9 @@ def control(script, rate_hz):
                     if line == ":open\n":
                         token = secrets.token_urlsafe(8)
                         rig = rig_file("simulated")
-                        page = PageProcess(channel, port=0, token=token, rig_file=rig, folder=Path())
+                        page = TuningPage(channel, port=0, token=token, rig_file=rig, folder=Path())
                         pages.enter_context(page)
-                    child.stdin.write(json.dumps({"url": page.url, "pid": page.pid}) + "\n")
+                    child.stdin.write(json.dumps({"url": page.url, "pid": page.server.pid}) + "\n")
                     child.stdin.flush()
                     if line == ":close\n":
                         pages.close()
@@ -264,6 +269,41 @@ def load(script):
     script.order("close")
 
 
+def off_beside_page_loads(script):
+    """From POST /off to the first tick that commands no current, while page loads wait for their answers."""
+    address = urlsplit(script.order("open")["url"]).netloc
+    for count in PENDING_LOADS:
+        replied_ms, off_ms = zip(*(off_among(script, address, count) for _ in range(OFF_TRIALS)), strict=True)
+        print(
+            f"{count:3d} page loads pending: POST /off answered after median {np.median(replied_ms):.0f} ms, "
+            f"worst {max(replied_ms):.0f} ms; zero current commanded after median {np.median(off_ms):.0f} ms, "
+            f"worst {max(off_ms):.0f} ms",
+            flush=True,
+        )
+    script.order("close")
+
+
+def off_among(script, address, count):
+    """Milliseconds to the reply and to the command."""
+    script.heat()
+    host, port = address.split(":")
+    loads = [socket.create_connection((host, int(port))) for _ in range(count)]
+    for load in loads:
+        load.sendall(f"GET / HTTP/1.1\r\nHost: {address}\r\n\r\n".encode())
+    seen, began_s = script.page.written, time.monotonic()
+    off = http.client.HTTPConnection(address)
+    off.request("POST", "/off")
+    assert off.getresponse().status == http.client.OK
+    replied_s = time.monotonic()
+    while not (rows := script.page.since(seen)[1]).size or rows[-1, COMMANDED] > 0.0:
+        time.sleep(0.001)
+    ended_s = time.monotonic()
+    for load in loads:
+        load.close()
+    time.sleep(2.0)
+    return 1e3 * (replied_s - began_s), 1e3 * (ended_s - began_s)
+
+
 class shown:  # noqa: N801
     """A chromium on the page."""
 
@@ -324,9 +364,14 @@ def cpu_s(pid):
 
 if __name__ == "__main__":
     if "--script" in sys.argv:
-        {"punctuality": punctuality, "load": load}[sys.argv[-2]](Script(json.loads(sys.argv[-1])))
+        {"punctuality": punctuality, "load": load, "off": off_beside_page_loads}[sys.argv[-2]](
+            Script(json.loads(sys.argv[-1]))
+        )
     else:
         if "--browser" in sys.argv:
             control("load", LOAD_RATE_HZ)
-        control("punctuality", RATE_HZ)
+        if "--off" in sys.argv:
+            control("off", OFF_RATE_HZ)
+        else:
+            control("punctuality", RATE_HZ)
         print(json.dumps({"load average": os.getloadavg()}))

@@ -20,7 +20,7 @@ from smadrive.testing.simulator import ServedSimulator
 from smadrive.thermal import HeatBalance
 from smadrive.tuning.channel import ControlEnd, PageEnd
 from smadrive.tuning.parcels import ParcelPair
-from smadrive.tuning.process import PageProcess, WorkshopProcess
+from smadrive.tuning.process import TuningPage, WorkshopProcess
 from smadrive.tuning.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 
@@ -64,7 +64,7 @@ class Session:
         tuning = Tuning.of(rules(), self.rig.config.feedback, "as loaded")
         references = {"sine": sine(low_mm=2.0, high_mm=9.0, period_s=30.0, cycles=1)}
         self.session = TuningSession(self.rig, tuning, BALANCE, references, channel, workshop, self._record)
-        self.page = PageProcess(
+        self.page = TuningPage(
             channel, port=0, token=secrets.token_urlsafe(8), rig_file=rig_file("simulated"), folder=self.folder
         )
         self._stack.enter_context(self.page)

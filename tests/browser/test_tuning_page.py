@@ -1,10 +1,12 @@
 """The tuning page in a real browser: it shows, it acts, and OFF works whatever else does not."""
 
 import http.client
+import http.server
 import math
 import os
 import re
 import signal
+import threading
 import time
 import urllib.parse
 
@@ -12,6 +14,8 @@ import pytest
 
 from smadrive.hysteresis import load_model
 from smadrive.rigconfig import load_rig
+
+from .conftest import PATIENCE_S, Session
 
 NONE_A = 0.002
 
@@ -81,7 +85,7 @@ def test_everything_the_page_needs_comes_from_this_machine_and_the_plots_move(cl
     live.wait(lambda: newest(page, "time_s") > first + 1.0)
 
 
-@pytest.mark.parametrize("width", [700, 1000, 1280, 1600])
+@pytest.mark.parametrize("width", [390, 700, 1000, 1280, 1600])
 def test_nothing_is_cut_off_however_wide_the_window(client, width):
     page = client()
     page.set_viewport_size({"width": width, "height": 800})
@@ -96,11 +100,40 @@ def test_nothing_is_cut_off_however_wide_the_window(client, width):
     assert page.locator("#off").bounding_box()["y"] < 40
 
 
-def test_what_is_turned_and_what_is_pressed_have_one_colour(client):
+OVERLAPS = """() => {
+    const places = [...document.querySelectorAll("header > *, .card")].map(
+        element => [element, element.getBoundingClientRect()]);
+    const overlap = (a, b) => Math.min(a.right, b.right) > Math.max(a.left, b.left) + 1
+        && Math.min(a.bottom, b.bottom) > Math.max(a.top, b.top) + 1;
+    return places.flatMap(([element, place], n) => places.slice(n + 1).filter(([other, there]) =>
+        element.parentNode.tagName === other.parentNode.tagName
+        && overlap(place, there)).map(([other]) => [element.innerText, other.innerText])) }"""
+"""Which parts of the head, and which cards, lie over each other."""
+
+OVER_OFF = """() => {
+    const off = document.getElementById("off"), place = off.getBoundingClientRect();
+    const shares = [0.05, 0.5, 0.95];
+    return shares.flatMap(x => shares.map(y => document.elementFromPoint(
+        place.left + x * place.width, place.top + y * place.height))).filter(top => !off.contains(top)).length }"""
+"""At how many of nine points something lies over OFF."""
+
+
+@pytest.mark.parametrize("width", [390, 700, 720, 1000, 1280, 1600])
+def test_nothing_lies_over_anything_else_however_wide_the_window(client, width):
     page = client()
+    page.set_viewport_size({"width": width, "height": 800})
+    assert page.evaluate(OVERLAPS) == []
+    assert page.evaluate(OVER_OFF) == 0
+
+
+def test_what_is_turned_and_what_is_pressed_have_one_colour_on_a_page_that_watched_before(client, live):
+    first, page = client(), client(says="watches")
+    first.close()
+    arm = page.get_by_role("button", name="Arm", exact=True)
+    live.wait(arm.is_enabled)
     colour = "element => getComputedStyle(element).backgroundColor"
-    assert page.locator(".noUi-connect").first.evaluate(colour) == "rgb(11, 143, 135)"
-    assert page.get_by_role("button", name="Arm", exact=True).evaluate(colour) == "rgb(11, 143, 135)"
+    for element in (page.locator(".noUi-connect").first, arm):
+        live.wait(lambda element=element: element.evaluate(colour) == "rgb(11, 143, 135)")
 
 
 def test_arm_start_hold_and_disarm(client, live):
@@ -189,7 +222,14 @@ def test_off_works_for_a_watcher_and_without_the_socket(client, live):
     live.wait(lambda: live.current_a < NONE_A and not live.session.is_heating)
 
 
-@pytest.mark.parametrize("headers", [{"Origin": "http://elsewhere.example"}, {"Host": "elsewhere.example:80"}])
+FOREIGN = [
+    {"Origin": "http://elsewhere.example"},
+    {"Host": "elsewhere.example:80"},
+    {"Sec-Fetch-Site": "cross-site"},
+]
+
+
+@pytest.mark.parametrize("headers", FOREIGN)
 def test_pages_of_other_sites_may_not_even_switch_off(client, live, headers):
     heat(client(), live)
     assert post_off(live, **headers) == 403
@@ -302,7 +342,7 @@ def test_a_second_client_watches_until_the_first_leaves(client, live):
         """() => { for (const model of Bokeh.documents[0]._all_models.values())
             if (model.type === "Spinner" && model.format === "0.[000]") { model.value = 95; break } }"""
     )
-    second.get_by_text("another client controls").wait_for()
+    second.get_by_text("this page only watches").wait_for()
     assert live.in_force is before
     first.close()
     live.wait(lambda: second.get_by_role("button", name="Arm", exact=True).is_enabled())
@@ -321,10 +361,11 @@ def test_the_terminal_is_told_of_the_pages_that_are_open(client, live):
 def test_a_killed_page_comes_back_and_the_loop_has_not_noticed(client, live):
     page = client()
     heat(page, live)
-    killed_s, restarts = time.monotonic(), live.page.restarts
-    os.kill(live.page.pid, signal.SIGKILL)
-    page.get_by_text("The page has lost its server").wait_for()
-    live.wait(lambda: live.page.restarts > restarts)
+    killed_s, restarts = time.monotonic(), live.page.server.restarts
+    page.evaluate("() => { window.isOld = true }")
+    os.kill(live.page.server.pid, signal.SIGKILL)
+    live.wait(lambda: live.page.server.restarts > restarts)
+    page.wait_for_function("() => !window.isOld")
     page.get_by_text("tracking").first.wait_for()
     assert live.session.is_tracking
     assert len([stamp for stamp, _ in live.ticks if stamp > killed_s]) > 10
@@ -332,38 +373,96 @@ def test_a_killed_page_comes_back_and_the_loop_has_not_noticed(client, live):
     live.wait(lambda: not live.session.is_heating)
 
 
-def test_a_page_that_is_asked_for_as_soon_as_its_server_listens_is_there(live):
-    address = urllib.parse.urlsplit(live.page.url)
-    for _ in range(3):
-        restarts = live.page.restarts
-        os.kill(live.page.pid, signal.SIGKILL)
-        live.wait(lambda restarts=restarts: live.page.restarts > restarts)
-        assert _first_answer(address) == http.client.OK
+def test_a_page_that_is_asked_for_while_its_process_starts_is_there_as_soon_as_that_answers(browser, live):
+    context = browser.new_context()
+    for _ in range(2):
+        restarts = live.page.server.restarts
+        os.kill(live.page.server.pid, signal.SIGKILL)
+        page = context.new_page()
+        assert page.goto(live.page.url).status == http.client.SERVICE_UNAVAILABLE
+        page.get_by_text("controls", exact=True).wait_for(timeout=1000 * PATIENCE_S)
+        assert live.page.server.restarts > restarts
+        page.close()
+    context.close()
 
 
-def _first_answer(address):
-    """The status of the first answer that a server gives which is just starting."""
-    while True:
-        connection = http.client.HTTPConnection(address.netloc)
-        try:
-            connection.request("GET", f"/?{address.query}")
-            return connection.getresponse().status
-        except ConnectionError:
-            time.sleep(0.001)
-        finally:
-            connection.close()
-
-
-def test_a_frozen_page_holds_nothing_up(client, live):
+def test_a_frozen_page_holds_up_neither_the_loop_nor_off(client, live):
     page = client()
     heat(page, live)
-    os.kill(live.page.pid, signal.SIGSTOP)
+    os.kill(live.page.server.pid, signal.SIGSTOP)
     try:
+        page.get_by_text("The page has lost its server").wait_for()
         ticks = len(live.ticks)
         live.wait(lambda: len(live.ticks) > ticks + 40)
         assert live.session.is_tracking
+        page.locator("#off").dispatch_event("click")
+        live.wait(lambda: live.current_a < NONE_A and not live.session.is_heating)
     finally:
-        os.kill(live.page.pid, signal.SIGCONT)
+        os.kill(live.page.server.pid, signal.SIGCONT)
+    page.get_by_text("The page has lost its server").wait_for(state="hidden")
+
+
+def test_a_killed_front_process_comes_back_and_the_page_says_so_meanwhile(client, live):
+    page = client()
+    page.evaluate("() => { window.isOld = true }")
+    os.kill(live.page.front.pid, signal.SIGKILL)
+    page.get_by_text("No connection to smadrive tune").wait_for()
+    page.wait_for_function("() => !window.isOld")
+    page.get_by_text("controls", exact=True).wait_for()
+    heat(page, live)
+    page.locator("#off").dispatch_event("click")
+    live.wait(lambda: not live.session.is_heating)
+
+
+class Elsewhere(http.server.BaseHTTPRequestHandler):
+    """A web server with one page."""
+
+    def do_GET(self):
+        self.send_response(http.client.OK)
+        self.end_headers()
+        self.wfile.write(b"<p>elsewhere</p>")
+
+    def log_message(self, *args):
+        """Nothing is told."""
+
+
+@pytest.fixture
+def elsewhere():
+    """The address of another server on this machine."""
+    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere) as server:
+        serving = threading.Thread(target=server.serve_forever)
+        serving.start()
+        yield f"http://127.0.0.1:{server.server_port}/"
+        server.shutdown()
+        serving.join()
+
+
+def test_a_page_of_another_server_can_neither_switch_off_nor_have_pages_built(browser, live, elsewhere):
+    live.wait(lambda: live.channel.pages == (0, False))
+    offs, url = live.channel.offs, live.page.url.split("?")[0]
+    with browser.new_context() as context:
+        page = context.new_page()
+        page.goto(elsewhere)
+        with page.expect_event("requestfailed"):
+            page.evaluate("url => { document.body.append(Object.assign(new Image(), {src: url})) }", url)
+        with page.expect_response(url + "off") as off:
+            page.evaluate("url => { fetch(url, {method: 'POST', mode: 'no-cors'}).catch(() => {}) }", url + "off")
+    assert off.value.status == http.client.FORBIDDEN
+    assert live.channel.offs == offs
+    assert live.channel.pages == (0, False)
+
+
+def test_a_page_says_that_the_run_has_ended_and_the_heater_is_confirmed_off(browser, tmp_path):
+    with browser.new_context() as context:
+        page = context.new_page()
+        with Session(tmp_path) as live:
+            page.goto(live.page.url)
+            page.get_by_text("controls", exact=True).wait_for(timeout=1000 * PATIENCE_S)
+            heat(page, live)
+        page.get_by_text("The run has ended. The heater is off, confirmed.").wait_for()
+        page.locator("#off").dispatch_event("click")
+        page.wait_for_timeout(2000)
+        assert page.get_by_text("The run has ended. The heater is off, confirmed.").is_visible()
 
 
 def test_what_cannot_be_fitted_is_told(client, live):

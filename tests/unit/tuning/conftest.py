@@ -50,7 +50,8 @@ class Bench:
     """The session, the page's end of its channel, the simulated device, and the ticks that were recorded.
 
     `wire` is what was true at each of them: time, temperature and displacement of the plant. `trace_folder` and
-    `stale_after_s` are those of the rig.
+    `stale_after_s` are those of the rig. `status` is what has been published when the session is interrupted, `end` what
+    it publishes afterwards.
     """
 
     trace_folder = None
@@ -67,6 +68,7 @@ class Bench:
         self.ticks = []
         self.wire = []
         self.answers = {}
+        self._interrupted = None
         self._script = []
         self._number = 0
 
@@ -91,6 +93,7 @@ class Bench:
 
     def run(self, until_s):
         """The session's life."""
+        self._interrupted = None
         script = sorted(self._script, key=lambda entry: entry[0])
 
         def record(tick):
@@ -101,6 +104,7 @@ class Bench:
                 script.pop(0)[1]()
             self._read()
             if tick.measurement.time_s >= until_s:
+                self._interrupted = self._published
                 raise Ended
 
         with (
@@ -124,6 +128,14 @@ class Bench:
 
     @property
     def status(self):
+        return self._interrupted or self._published
+
+    @property
+    def end(self):
+        return self._published["end"]
+
+    @property
+    def _published(self):
         return self.page.status(seen=-1)[1]
 
     def rms_percent(self, models, over_s=40.0):

@@ -143,6 +143,19 @@ def test_an_unrelated_note_on_the_error_that_ended_a_run_raises_no_alarm(bench, 
     assert "its folder is gone" in bench.status["fault"]
 
 
+@pytest.mark.parametrize("acts", [(), ("arm",)], ids=["idle", "heating"])
+@pytest.mark.parametrize(("silent_s", "end"), [(0.0, "off"), (600.0, "unconfirmed")])
+def test_the_pages_are_told_whether_the_heater_is_confirmed_off_at_the_end(bench, acts, silent_s, end):
+    for act in acts:
+        bench.at(1.0, act)
+    seen = []
+    bench.do(2.0, lambda: seen.append(bench.status["end"]))
+    bench.do(3.0, lambda: bench.device.faults.vanish(silent_s))
+    bench.run(until_s=3.0)
+    assert seen == [None]
+    assert bench.end == end
+
+
 def stand_still(bench, *, from_s, to_s):
     """Have the workshop stand still."""
     bench.do(from_s, lambda: setattr(bench.workshop, "stands_still", True))

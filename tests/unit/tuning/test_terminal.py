@@ -7,7 +7,7 @@ import pytest
 
 from smadrive.cli.tune_live import Changes, TuneView
 from smadrive.tuning.desk import Desk
-from smadrive.tuning.process import PageProcess
+from smadrive.tuning.process import TuningPage
 
 TOKEN = secrets.token_urlsafe(8)
 ON_AND_ON = "no page is open: the wire is driven on; Ctrl-C or `curl -X POST http://127.0.0.1:5006/off` ends it"
@@ -15,7 +15,7 @@ ON_AND_ON = "no page is open: the wire is driven on; Ctrl-C or `curl -X POST htt
 
 @pytest.fixture
 def view(bench):
-    page = PageProcess(bench.control, port=5006, token=TOKEN, rig_file=Path("rig.toml"), folder=Path())
+    page = TuningPage(bench.control, port=5006, token=TOKEN, rig_file=Path("rig.toml"), folder=Path())
     return TuneView("a wire", page, bench.control)
 
 
@@ -36,11 +36,19 @@ def run(bench, view, until_s):
 def test_it_tells_what_the_heater_does_and_that_nobody_watches(bench, view, acts, told):
     for time_s, act in enumerate(acts, 1):
         bench.at(float(time_s), **act)
-    run(bench, view, until_s=10.0)
-    assert view.state == told
-    measured = bench.ticks[-1].measurement
-    picture = str(view.__rich__()).replace("\n", "; ")
-    assert picture == f"a wire: {measured.temperature_c:.1f} °C, {measured.current_a:.3f} A; {told}"
+    seen = []
+
+    def look():
+        view.tick(bench.ticks[-1])
+        measured = bench.ticks[-1].measurement
+        values = f"a wire: {measured.temperature_c:.1f} °C, {measured.current_a:.3f} A"
+        seen.append((view.state, str(view.__rich__()).replace("\n", "; "), values))
+
+    bench.do(9.0, look)
+    bench.run(until_s=10.0)
+    state, picture, values = seen[0]
+    assert state == told
+    assert picture == f"{values}; {told}"
 
 
 def test_it_tells_how_many_pages_are_open_and_whether_one_controls(bench, view):
