@@ -30,7 +30,8 @@ RESTART_S = 0.5
 class Beside:
     """`python -m MODULE`, a context manager. It is told `told` and answers with one line once it is ready.
 
-    ConfigError with `cure` when it does not come up. `niceness` is how far it stands back for others.
+    ConfigError with `cure` when it does not come up. `niceness` is how far it stands back for others; below
+    0 it goes before them, if the system grants that.
     """
 
     def __init__(
@@ -114,9 +115,9 @@ class Beside:
 
 
 def _give_way(pid: int, niceness: int) -> None:
-    """Lower its priority, and on Linux that of its session: there sessions share the processors, whoever is in them.
+    """Set its priority, and on Linux that of its session: there sessions share the processors, whoever is in them.
 
-    A process that has ended already is found out elsewhere.
+    A process that has ended already is found out elsewhere. What the system does not grant is left.
     """
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, pid, niceness)

@@ -20,7 +20,10 @@ BACKLOG = 512
 """Connections that wait while the front process is started anew."""
 
 NICENESS = 5
-"""The page process stands back; not the front process, and not the workshop, for which somebody waits."""
+"""The page process stands back; not the workshop, for which somebody waits."""
+
+FRONT_NICENESS = -10
+"""OFF goes first, where the system grants that."""
 
 COMPLETE = "is the installation complete?"
 
@@ -48,7 +51,7 @@ class FrontProcess(Beside):
     def __init__(self, channel: ControlEnd, listener: socket.socket, path: str) -> None:
         fds = {**_ends(channel), "listener_fd": listener.fileno()}
         parameters = {**fds, "port": listener.getsockname()[1], "path": path}
-        super().__init__("smadrive.tuning.front", parameters, tuple(fds.values()), COMPLETE)
+        super().__init__("smadrive.tuning.front", parameters, tuple(fds.values()), COMPLETE, niceness=FRONT_NICENESS)
 
 
 class TuningPage:
