@@ -50,8 +50,8 @@ class Bench:
     """The session, the page's end of its channel, the simulated device, and the ticks that were recorded.
 
     `wire` is what was true at each of them: time, temperature and displacement of the plant. `trace_folder` and
-    `stale_after_s` are those of the rig. `status` is what has been published when the session is interrupted, `end` what
-    it publishes afterwards.
+    `stale_after_s` are those of the rig. `status` is what has been published when the session is interrupted, `end`
+    what it publishes afterwards.
     """
 
     trace_folder = None
