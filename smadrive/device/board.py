@@ -93,8 +93,8 @@ class HeaterBoard:
             raise SafetyError(f"not armed: the device stays in state {', '.join(words)}")
         self._armed = True
 
-    def exchange(self, current_a: float) -> Supplied:
-        """Command `current_a` and measure, in one transaction.
+    def exchange(self, current_a: float, *, proved: bool = True) -> Supplied:  # noqa: ARG002  (the echo always proves it)
+        """Command `current_a` and measure, in one transaction, proved by the echo of its sequence number.
 
         ProtocolError when the echoed sequence number is not the one just sent: the measurements are then not of this
         exchange and are discarded.

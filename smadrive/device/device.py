@@ -139,7 +139,7 @@ class Device:
         self._prove_identity()
         return decode((source,), (source.words(self._execute(request)),), reads)
 
-    def command(self, name: str, value: float, reads: Sequence[str]) -> dict[str, Reading]:
+    def command(self, name: str, value: float, reads: Sequence[str], *, proved: bool = False) -> dict[str, Reading]:
         """Read `reads`, which include `name`, then write `value` to it, unless it holds that already.
 
         What is read is what came of the command before. ReadBackError when that one does not stand: it did not arrive,
@@ -149,7 +149,7 @@ class Device:
         write = self._encoded(name, value)
         self._prove_identity()
         spans = self._plans.read(tuple(reads))
-        words = [self._span_words(span) for span in spans]
+        words = [self._span_words(span, proved=proved) for span in spans]
         before = self._commanded.pop(name, None)
         if before is not None:
             self._confirm(before, words_of_register(spans, words, name))

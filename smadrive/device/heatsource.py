@@ -88,8 +88,8 @@ class HeatSource(Protocol):
         """Let it heat, at zero current; SafetyError when it does not arm."""
         ...
 
-    def exchange(self, current_a: float) -> Supplied:
-        """Command `current_a` (zero while it is not armed) and measure."""
+    def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
+        """Command `current_a` (zero while it is not armed) and measure; `proved`: no older reply is taken for this."""
         ...
 
     def enter_safe_state(self) -> None:

@@ -52,7 +52,7 @@ def see_it_off(source: HeatSource, current_max_a: float, clock: Clock) -> Suppli
     give_up_s = clock.now_s() + source.settle_s + CURRENT_GONE_S
     while True:
         try:
-            supplied = source.exchange(0.0)
+            supplied = source.exchange(0.0, proved=True)
         except (TransportError, ProtocolError, DeviceError):
             if clock.now_s() >= give_up_s:
                 raise

@@ -71,13 +71,13 @@ class BenchSupply:
     def arm(self) -> None:
         """Switch the output on; SafetyError when it stays off."""
         self.device.write(self._names["heater_enable"], 1)
-        if not self._on(self.device.read(self._reads)):
+        if not self._on(self.device.read(self._reads, proved=True)):
             raise SafetyError("not armed: the supply's output stays off: is it locked or in a protection?")
         self._armed = True
 
-    def exchange(self, current_a: float) -> Supplied:
+    def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
         """Measure what came of the limit in force, then set the next; ReadBackError when it is not what was set."""
-        readings = self.device.command(self._names["heater_current"], current_a, self._reads)
+        readings = self.device.command(self._names["heater_current"], current_a, self._reads, proved=proved)
         self._check_voltage_limit(readings)
         on = self._on(readings)
         self._armed = self._armed and on

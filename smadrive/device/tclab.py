@@ -89,8 +89,10 @@ class TCLabBoard:
                 if self.clock.now_s() >= give_up_s:
                     raise _unidentified(self._name, error) from None
 
-    def read(self, command: str) -> float:
-        """The number that answers `command`."""
+    def read(self, command: str, *, proved: bool = False) -> float:
+        """The number that answers `command`; `proved`: the board says back a token first, behind every older reply."""
+        if proved:
+            self._line.distrust()
         return float(self._line.ask(command, NUMBER))
 
     def read_twice(self, command: str) -> float:
@@ -101,9 +103,9 @@ class TCLabBoard:
             raise ProtocolError(f"{self._name}: '{command}' is {first:g}, then {second:g}: a damaged reply, discarded")
         return second
 
-    def read_back(self, command: str, expected: Sequence[float]) -> float:
+    def read_back(self, command: str, expected: Sequence[float], *, proved: bool = False) -> float:
         """The number that answers `command`; asked for once more if it is none of the `expected` ones."""
-        number = self.read(command)
+        number = self.read(command, proved=proved)
         if number in expected:
             return number
         self._line.distrust()
@@ -137,7 +139,7 @@ class TCLabBoard:
         return self.read(f"{command} {value:.2f}") == value
 
     def _confirm_off(self, command: str) -> None:
-        if (duty := self.read(command)) != 0.0:
+        if (duty := self.read(command, proved=True)) != 0.0:
             self._line.distrust()
             raise ReadBackError(f"{self._name}: '{command}' still reads {duty:g} % after it was set to 0")
 
@@ -191,13 +193,13 @@ class TCLab:
 
     def arm(self) -> None:
         """Nothing to switch: armed, at zero duty, confirmed; SafetyError when a heater is on."""
-        if duty := self._board.read("R1"):
+        if duty := self._board.read("R1", proved=True):
             raise SafetyError(f"not armed: the board heats already, at {duty:g} %: does another program talk to it?")
         self._armed = True
 
-    def exchange(self, current_a: float) -> Supplied:
+    def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
         """Command `current_a` and measure; ReadBackError when the duty so far was not the commanded one."""
-        in_force = self._board.read_back("R1", self._may_be)
+        in_force = self._board.read_back("R1", self._may_be, proved=proved)
         if in_force not in self._may_be:
             self._armed = False
             raise ReadBackError(
