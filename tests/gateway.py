@@ -57,13 +57,12 @@ class Gateway:
         number = self.accepted
         self._near.append(near_writer)
         far_reader, far_writer = await asyncio.open_connection("127.0.0.1", self._target_port)
-        try:
+        with contextlib.suppress(asyncio.CancelledError), contextlib.ExitStack() as stack:
+            for writer in (near_writer, far_writer):
+                stack.callback(writer.transport.abort)
             pumps = (self._pump(number, near_reader, far_writer), self._pump(number, far_reader, near_writer))
             await asyncio.gather(*pumps)
             await self._ended.wait()  # the far end of a stranded connection hears nothing, not even that it ended
-        finally:
-            for writer in (near_writer, far_writer):
-                writer.transport.abort()
 
     async def _pump(self, number, reader, writer):
         with contextlib.suppress(ConnectionError):

@@ -1,12 +1,18 @@
 """How soon is the current zero when the driver dies while heating? In real time, on a board and on a supply.
 
-    python tests/benchmarks/driver_death.py [--trials 200] [--rig board|supply] [--at-once 4]
+    python tests/benchmarks/driver_death.py [--trials 200] [--rig board|supply|gateway] [--at-once 4]
 
 In every trial a bench and a driver, each a process of its own, are started; the driver heats and meets its fate at a
 random moment; what counts is when the bench says that the output is off. Printed for each fate: median and worst time,
 and how often the wire was left heating. The goals are 1 s with the board's watchdog and 2 s with the guardian; behind
-a pulled cable a supply can only be switched off when the cable is back, so there the time runs from then. The machine
-must be quiet: a bench that cannot keep up with its own time is late by itself.
+a pulled cable a supply can only be switched off when the cable is back, so there the time runs from then.
+
+`gateway` is the supply behind a network gateway. Its connection is dead without a sign (half-open) when the driver dies
+in one way or another; or nothing passes for a while (frozen), and the time runs from the end of that. A supply whose
+driver and guardian are both killed, one within 0.3 s of the other, heats on where neither came to switch it off; that
+is counted and printed, too.
+
+The machine must be quiet: a bench that cannot keep up with its own time is late by itself.
 """
 
 from __future__ import annotations
@@ -30,6 +36,10 @@ from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
 from pathlib import Path
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from gateway import Gateway
+
 import firmware_sim.cli
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
@@ -37,47 +47,89 @@ from smadrive.shipped import configs_dir
 
 PROCESSES = multiprocessing.get_context("forkserver")
 
-PROFILES = {"board": {"board": "sma-reference"}, "supply": {"supply": "riden-rd60xx", "thermometer": "autonics-tk"}}
+SUPPLY = {"supply": "riden-rd60xx", "thermometer": "autonics-tk"}
+PROFILES = {"board": {"board": "sma-reference"}, "supply": SUPPLY, "gateway": SUPPLY}
 SIGNALS = {"killed": signal.SIGKILL, "stopped": signal.SIGSTOP, "terminated": signal.SIGTERM, "Ctrl-C": signal.SIGINT}
 BY_SCRIPT = {"cable out for 2 s": ("vanish", "for_s = 2.0", 2.0), "power cycle": ("reboot", "", 0.0)}
-FATES = (*SIGNALS, "exception", *BY_SCRIPT)
+BOTH_KILLED = ("driver, then guardian killed", "guardian, then driver killed")
+HALF_OPEN = {"half-open, killed": "killed", "half-open, Ctrl-C": "Ctrl-C", "half-open, exception": "exception"}
+FROZEN = "frozen for 2 s"
+FROZEN_S = 2.0
+FATES = {
+    "board": (*SIGNALS, "exception", *BY_SCRIPT),
+    "supply": (*SIGNALS, "exception", *BY_SCRIPT, *BOTH_KILLED),
+    "gateway": (*HALF_OPEN, FROZEN),
+}
+BETWEEN_S = 0.3
+"""By how much at most the deaths of driver and guardian lie apart."""
 HEATING_TICK = 5
 START_S = 30.0
 """Bench and driver are up by then, however busy the machine is."""
 
 SCRIPT_AT_S = 6.0
-SERVED = re.compile("^serial://.*", re.MULTILINE)
+SERVED = re.compile(r"^(?:serial|rtu\+tcp)://\S+", re.MULTILINE)
 SWITCHED = re.compile(r"(?P<on>\barmed, |output on)|heater off|output off|disarmed|power-up")
 LEFT_AFTER_S = 8.0
 
 
-def tables(kind: str, folder: Path) -> tuple[Path, Path]:
-    """The sim file and the rig file of a bench whose ports lie in `folder`."""
-    sim, rig = folder / "sim.toml", folder / "rig.toml"
-    sim_text = (configs_dir() / "sims" / "flexinol-lt-0.15mm.toml").read_text()
-    rig_text = (configs_dir() / "rigs" / ("simulated.toml" if kind == "board" else "bench-supply.toml")).read_text()
-    head, _, tail = rig_text.partition("\n[[devices]]")
-    limits = "[limits]" + tail.partition("[limits]")[2]
+def sim_file(kind: str, folder: Path) -> Path:
+    """The sim file of a bench whose ports lie in `folder`; behind a gateway the supply has a TCP port."""
+    sim = folder / "sim.toml"
+    text = (configs_dir() / "sims" / "flexinol-lt-0.15mm.toml").read_text()
     for name, profile in PROFILES[kind].items():
-        device = f'\n[[devices]]\nname = "{name}"\nprofile = "{profile}"\n'
-        sim_text += f'{device}pty = "{folder}/{name}"\n'
-        head += f'{device}url = "serial://{folder}/{name}"\n\n'
-    sim.write_text(sim_text)
-    rig.write_text(head + limits)
-    return sim, rig
+        behind = kind == "gateway" and name == "supply"
+        port = 'rtu_tcp = "127.0.0.1:0"' if behind else f'pty = "{folder}/{name}"'
+        text += f'\n[[devices]]\nname = "{name}"\nprofile = "{profile}"\n{port}\n'
+    sim.write_text(text)
+    return sim
+
+
+def rig_file(kind: str, folder: Path, urls: list[str]) -> Path:
+    """The rig file of the devices that are served at `urls`."""
+    rig = folder / "rig.toml"
+    shipped = (configs_dir() / "rigs" / ("simulated.toml" if kind == "board" else "bench-supply.toml")).read_text()
+    head, _, tail = shipped.partition("\n[[devices]]")
+    for (name, profile), url in zip(PROFILES[kind].items(), urls, strict=True):
+        head += f'\n[[devices]]\nname = "{name}"\nprofile = "{profile}"\nurl = "{url}"\n\n'
+    rig.write_text(f"{head}[limits]{tail.partition('[limits]')[2]}")
+    return rig
+
+
+@contextlib.contextmanager
+def way_to(kind: str, urls: list[str]) -> Iterator[tuple[Gateway | None, list[str]]]:
+    """The gateway before the supply, if there is one, and the URLs that lead through it."""
+    if kind != "gateway":
+        yield None, urls
+        return
+    supply, *others = urls
+    with Gateway(int(supply.partition("?")[0].rpartition(":")[2])) as gateway:
+        yield gateway, [f"rtu+tcp://127.0.0.1:{gateway.port}", *others]
+
+
+def guardians_of(driver: BaseProcess) -> list[int]:
+    """The guardians that the driver has started."""
+    started = Path(f"/proc/{driver.pid}/task/{driver.pid}/children").read_text().split()
+    return [int(number) for number in started if is_guardian(int(number))]
+
+
+def is_guardian(pid: int) -> bool:
+    """Whether that process is one, and is still there."""
+    try:
+        return b"smadrive.device.guardian" in Path(f"/proc/{pid}/cmdline").read_bytes()
+    except OSError:
+        return False
 
 
 @contextlib.contextmanager
 def orphans_ended(driver: BaseProcess) -> Iterator[None]:
     """End what the driver has started, and what outlives it: a guardian looks without end for a bench that is gone."""
-    started = Path(f"/proc/{driver.pid}/task/{driver.pid}/children").read_text().split()
+    guardians = guardians_of(driver)
     try:
         yield
     finally:
-        for number in started:
+        for number in filter(is_guardian, guardians):
             with contextlib.suppress(OSError):
-                if b"smadrive.device.guardian" in Path(f"/proc/{number}/cmdline").read_bytes():
-                    os.kill(int(number), signal.SIGKILL)
+                os.kill(number, signal.SIGKILL)
 
 
 @contextlib.contextmanager
@@ -160,8 +212,7 @@ def trial(kind: str, fate: str, seed: int) -> float | None:
     chance = random.Random(seed)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        sim, rig = tables(kind, folder)
-        options = [str(sim)]
+        options = [str(sim_file(kind, folder))]
         wait_s = 0.0
         if fate in BY_SCRIPT:
             fault, parameters, wait_s = BY_SCRIPT[fate]
@@ -175,7 +226,10 @@ def trial(kind: str, fate: str, seed: int) -> float | None:
         with process(serve_bench, *options, log=log):
             if wait_for(log, SERVED, len(PROFILES[kind]) - 1, time.monotonic() + START_S) is None:
                 raise RuntimeError(log.read_text())
-            with process(drive, rig, there, log=said) as driver:
+            with (
+                way_to(kind, SERVED.findall(log.read_text())) as (gateway, urls),
+                process(drive, rig_file(kind, folder, urls), there, log=said) as driver,
+            ):
                 there.close()  # so that its end is heard
                 try:
                     here.recv()
@@ -184,15 +238,18 @@ def trial(kind: str, fate: str, seed: int) -> float | None:
                 if "fault: " in log.read_text():
                     raise RuntimeError("the fault of the script came before the driver was up: fewer --at-once")
                 with orphans_ended(driver):
-                    met_s = meet(driver, here, fate, log, chance)
+                    met_s = meet(driver, here, fate, log, chance, gateway)
                     off_s = wait_for_off(log, met_s + wait_s + LEFT_AFTER_S)
         if off_s is None:
-            print(f"left heating, seed {seed}:\n{log.read_text()}\nthe driver: {said.read_text()}", file=sys.stderr)
+            if fate not in BOTH_KILLED:
+                print(f"left heating, seed {seed}:\n{log.read_text()}\nthe driver: {said.read_text()}", file=sys.stderr)
             return None
     return max(off_s - met_s - (wait_s if kind == "supply" else 0.0), 0.0)
 
 
-def meet(driver: BaseProcess, orders: Connection, fate: str, log: Path, chance: random.Random) -> float:
+def meet(
+    driver: BaseProcess, orders: Connection, fate: str, log: Path, chance: random.Random, gateway: Gateway | None
+) -> float:
     """Let the driver meet its fate; when it did."""
     if fate in BY_SCRIPT:
         met_s = wait_for(log, re.compile("fault: "), 0, time.monotonic() + SCRIPT_AT_S + START_S)
@@ -204,12 +261,30 @@ def meet(driver: BaseProcess, orders: Connection, fate: str, log: Path, chance: 
     time.sleep(2.0 * chance.random())
     if not (driver.is_alive() and heats(log.read_text())):
         raise EndedEarly
+    if gateway is not None and fate == FROZEN:
+        gateway.freeze()
+        time.sleep(FROZEN_S)
+        gateway.thaw()
+        return time.monotonic()
+    if gateway is not None:
+        gateway.strand()
     met_s = time.monotonic()
-    if fate in SIGNALS:
-        os.kill(driver.pid or 0, SIGNALS[fate])
+    if fate in BOTH_KILLED:
+        kill_both(driver, fate, chance)
+    elif (end := HALF_OPEN.get(fate, fate)) in SIGNALS:
+        os.kill(driver.pid or 0, SIGNALS[end])
     else:
         orders.send("fail")
     return met_s
+
+
+def kill_both(driver: BaseProcess, fate: str, chance: random.Random) -> None:
+    """Kill driver and guardian, one at most BETWEEN_S after the other."""
+    victims = [driver.pid or 0, *guardians_of(driver)]
+    for pid in victims if fate.startswith("driver") else reversed(victims):
+        with contextlib.suppress(ProcessLookupError):
+            os.kill(pid, signal.SIGKILL)
+        time.sleep(BETWEEN_S * chance.random())
 
 
 def main() -> None:
@@ -222,15 +297,15 @@ def main() -> None:
     arguments = parser.parse_args()
     PROCESSES.set_forkserver_preload(["firmware_sim.cli", "smadrive.rig"])  # a trial need not import them anew
     seeds = range(arguments.seed, arguments.seed + arguments.trials)
-    print(f"{'rig':8}{'fate':20}{'trials':>7}{'median s':>10}{'worst s':>10}{'left heating':>14}")
+    print(f"{'rig':8}{'fate':30}{'trials':>7}{'median s':>10}{'worst s':>10}{'left heating':>14}")
     for kind in arguments.rig or PROFILES:
-        for fate in FATES:
+        for fate in FATES[kind]:
             with ThreadPoolExecutor(arguments.at_once) as pool:
                 times_s = list(pool.map(partial(lasting_trial, kind, fate), seeds))
             ended_s = [time_s for time_s in times_s if time_s is not None]
             left = len(times_s) - len(ended_s)
             median_s, worst_s = (statistics.median(ended_s), max(ended_s)) if ended_s else (float("nan"),) * 2
-            print(f"{kind:8}{fate:20}{len(times_s):7}{median_s:10.2f}{worst_s:10.2f}{left:14}", flush=True)
+            print(f"{kind:8}{fate:30}{len(times_s):7}{median_s:10.2f}{worst_s:10.2f}{left:14}", flush=True)
 
 
 if __name__ == "__main__":
