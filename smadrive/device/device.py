@@ -29,7 +29,9 @@ from smadrive.errors import (
     ConfigError,
     DeadlineError,
     ExceptionReply,
+    ProtocolError,
     ReadBackError,
+    TransportError,
 )
 from smadrive.modbus import requests
 from smadrive.modbus.master import Master
@@ -84,6 +86,7 @@ class Device:
         self._proved_on: int | None = None
         self._written: set[str] = set()
         self._commanded: dict[str, _Write] = {}
+        self._safe_writes: dict[str, _Write] = {}
         self._plans = Plans(profile)
 
     def check_identity(self) -> None:
@@ -120,15 +123,7 @@ class Device:
     def write(self, name: str, value: float) -> None:
         """Write one register and read it back (unless it is write-only); ReadBackError when it did not arrive."""
         self._know_the_scales()
-        write = self._encoded(name, value)
-        self._prove_identity()
-        self._keep_order(name)
-        if write.register.nonvolatile and self._words(name) == write.words:
-            return  # every write wears the memory
-        self._store(write)
-        self._written.add(name)
-        if name in self._telling:
-            self._proved_on = None
+        self._write(self._encoded(name, value))
 
     def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, Reading]:
         """Write adjacent registers, then read adjacent registers, in one FC23 transaction; never retried."""
@@ -160,9 +155,35 @@ class Device:
         return decode(spans, words, reads)
 
     def enter_safe_state(self) -> None:
-        """Write the profile's safe state, confirmed by read-back; see insist."""
-        steps = [partial(self.write, step.register_, step.value) for step in self.profile.safe_state]
+        """Write the profile's safe state, confirmed by read-back; see insist.
+
+        A line may still carry requests although no reply comes back. So a step that is not answered is sent once more,
+        whatever is outstanding: a safe state can be written twice, and only a read-back confirms it.
+        """
+        steps = [partial(self._make_safe, step.register_, step.value) for step in self.profile.safe_state]
         insist(steps, self.master.clock)
+
+    def _make_safe(self, name: str, value: float) -> None:
+        try:
+            self._know_the_scales()
+            self._safe_writes[name] = write = self._encoded(name, value)
+            self._write(write)
+        except (TransportError, ProtocolError):
+            if self._is_proved and name in self._safe_writes:
+                self.master.send_unconfirmed(self.unit_id, self._request_of(self._safe_writes[name]), self._timing)
+            raise
+
+    def _write(self, write: _Write) -> None:
+        """Write it and read it back, where and when that is allowed."""
+        name = write.name
+        self._prove_identity()
+        self._keep_order(name)
+        if write.register.nonvolatile and self._words(name) == write.words:
+            return  # every write wears the memory
+        self._store(write)
+        self._written.add(name)
+        if name in self._telling:
+            self._proved_on = None
 
     def _execute(self, request: Request, *, proved: bool = False) -> bytes:
         """One transaction, or one with a proof; a write goes out only where the identity was proved."""
@@ -213,12 +234,16 @@ class Device:
             self._confirm(write, self._words(write.name, proved=True))
 
     def _send(self, write: _Write) -> None:
-        name, register = write.name, write.register
-        codes = self.profile.timing.function_codes
         try:
-            self._execute(write_request(register.table, register.address, write.words, codes))
+            self._execute(self._request_of(write))
         except ExceptionReply as refusal:
-            raise ExceptionReply(f"register '{name}' = {write.told(write.words)}: {refusal}", refusal.code) from None
+            raise ExceptionReply(
+                f"register '{write.name}' = {write.told(write.words)}: {refusal}", refusal.code
+            ) from None
+
+    def _request_of(self, write: _Write) -> Request:
+        register = write.register
+        return write_request(register.table, register.address, write.words, self.profile.timing.function_codes)
 
     def _confirm(self, write: _Write, found: tuple[int, ...]) -> None:
         if found != write.words:

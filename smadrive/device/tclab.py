@@ -40,6 +40,7 @@ from smadrive.errors import (
     ReadBackError,
     SafetyError,
     SmadriveError,
+    TransportError,
 )
 from smadrive.modbus.bus import Trace
 from smadrive.modbus.transport import Transport
@@ -130,8 +131,14 @@ class TCLabBoard:
         insist([partial(self._switch_off, heater) for heater in (1, 2)], self.clock)
 
     def _switch_off(self, heater: int) -> None:
-        self.heat(heater, 0.0)
-        self._confirm_off(f"R{heater}")
+        """Without an answer the command is sent once more: the line may carry it although no reply comes back."""
+        try:
+            self.heat(heater, 0.0)
+            self._confirm_off(f"R{heater}")
+        except (TransportError, ProtocolError):
+            if self._identified:
+                self._line.send_unconfirmed(f"Q{heater} 0.00")
+            raise
 
     def _says_back(self, command: str, value: float) -> bool:
         """Whether the board answers with the value that it is told; nothing is told to anything but a TCLab."""

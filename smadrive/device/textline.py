@@ -93,6 +93,15 @@ class TextLine:
         self._in_step = True
         return reply
 
+    def send_unconfirmed(self, command: str) -> None:
+        """Send a command that must go out although nothing is answered; the board is greeted before the next one.
+
+        Nothing is sent through a connection that is lost.
+        """
+        self._in_step = False
+        if not self._transport.lost:
+            self._send(command)
+
     def distrust(self) -> None:
         """Greet the board before the next command: for callers that find a reply wrong by its content."""
         self._in_step = False

@@ -19,33 +19,17 @@ from threading import Lock
 
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, SmadriveError, TransportError
 from smadrive.modbus import frames
-from smadrive.modbus.bus import (
-    EXCEPTIONS,
-    NEVER_SILENT_S,
-    BusCounters,
-    BusTiming,
-    GuardedTrace,
-    Trace,
-    silence_s,
-)
-from smadrive.modbus.protocol import FINAL_CODES, ClientProtocol, Outcome, State, Verdict
+from smadrive.modbus.bus import NEVER_SILENT_S, BusCounters, BusTiming, GuardedTrace, Trace, silence_s
+from smadrive.modbus.failure import COUNTED, failure
+from smadrive.modbus.protocol import ClientProtocol
 from smadrive.modbus.requests import Request
 from smadrive.modbus.transport import Transport
+from smadrive.modbus.verdict import FINAL_CODES, Outcome, State, Verdict
 
 PROBES = 3
 REOPENS_WITHIN_S = 0.5
 """One attempt to open a lost connection takes no longer."""
 TURNAROUND_S = 0.1  # after a broadcast, serial line V1.02 section 2.4.1
-
-_OTHER_CLIENT = "Check that no other program talks on this line"
-_WRONG = {
-    Verdict.STALE: ("stale_replies", "the reply may be a late one to an earlier request", _OTHER_CLIENT),
-    Verdict.FOREIGN: ("wrong_replies", "the reply answers another request", _OTHER_CLIENT),
-    Verdict.WRONG_SIZE: ("wrong_replies", "the reply has a wrong size", _OTHER_CLIENT),
-    Verdict.MALFORMED: ("wrong_replies", "no Modbus TCP frame", "Where the port speaks RTU, write rtu+tcp://"),
-    Verdict.DAMAGED: ("crc_errors", "the reply has a wrong CRC", "Check cable, termination and baud rate"),
-}
-"""By verdict: what counts it, what is wrong, and the cure."""
 
 
 class Master:
@@ -107,6 +91,18 @@ class Master:
             self._write(self.transport.framing.request(frames.BROADCAST, request.pdu))
             self.clock.sleep_until(self.clock.now_s() + TURNAROUND_S)
 
+    def send_unconfirmed(self, unit_id: int, request: Request, timing: BusTiming) -> None:
+        """Send a request that must go out although nothing is answered; what comes of it stays outstanding.
+
+        Nothing is sent through a connection that is lost.
+        """
+        with self._turn:
+            if self.transport.lost:
+                return
+            self.clock.sleep_until(self._free_at_s + max(self._silence_s, timing.min_gap_s))
+            self._write(self._protocol.send_unconfirmed(unit_id, request, self.clock.now_s()))
+            self._free_at_s = self.clock.now_s() + timing.post_write_s
+
     def distrust(self) -> None:
         """For callers that find the last reply stale by its content: its request may still be answered."""
         self._protocol.distrust(self.clock.now_s())
@@ -166,25 +162,12 @@ class Master:
         return protocol.give_up(self.clock.now_s())
 
     def _failure(self, outcome: Outcome, unit_id: int, request: Request) -> SmadriveError:
-        """The error that the verdict means, counted."""
-        who, verdict = self._who(unit_id, request), outcome.verdict
-        if verdict in (Verdict.REFUSED, Verdict.DEFERRED):
-            self.counters.replies += 1
-            self.counters.exceptions += 1
-            meaning = EXCEPTIONS.get(outcome.code, "unknown")
-            return ExceptionReply(f"{who}: the device refuses: exception {outcome.code}, {meaning}", outcome.code)
-        if verdict is Verdict.SILENT:
-            self.counters.timeouts += 1
-            if self.transport.reconnects:
-                self.transport.lose()
-            return DeadlineError(
-                f"{who}: {len(outcome.data) or 'no'} bytes of the reply before the deadline. Check that the device is "
-                "powered, and its unit id, baud rate and parity"
-            )
-        counter, wrong, cure = _WRONG[verdict]
-        setattr(self.counters, counter, getattr(self.counters, counter) + 1)
-        meaning = f"exception {outcome.code}, {EXCEPTIONS.get(outcome.code, 'unknown')}; " if outcome.code else ""
-        return ProtocolError(f"{who}: {wrong} ({meaning}{outcome.data.hex(' ')}), discarded. {cure}")
+        """The error that the verdict means, counted; a silent socket is dropped."""
+        for counter in COUNTED[outcome.verdict]:
+            setattr(self.counters, counter, getattr(self.counters, counter) + 1)
+        if outcome.verdict is Verdict.SILENT and self.transport.reconnects:
+            self.transport.lose()
+        return failure(outcome, self._who(unit_id, request))
 
     def _write(self, frame: bytes) -> None:
         self._heard = b""

@@ -5,7 +5,8 @@ import pytest
 from smadrive.modbus import frames, mbap, requests
 from smadrive.modbus.framing import RtuFraming, TcpFraming
 from smadrive.modbus.outstanding import LATEST_REPLY_S
-from smadrive.modbus.protocol import CONSEQUENCES, FINAL_CODES, TRANSITIONS, ClientProtocol, Event, State, Verdict
+from smadrive.modbus.protocol import ClientProtocol
+from smadrive.modbus.verdict import CONSEQUENCES, FINAL_CODES, TRANSITIONS, Event, State, Verdict
 
 READ = requests.read_holding(10, 2)
 SAME_KIND = requests.read_holding(500, 2)
