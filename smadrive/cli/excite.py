@@ -8,8 +8,8 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.live import watched
+from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.probe import RigFile, TraceFolder
 from smadrive.control.loop import LoopFigures
 from smadrive.errors import TripError
 from smadrive.identification.excitation import check_may_excite

@@ -7,8 +7,8 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.guardians import names_waiting_guardians, waiting_guardians
+from smadrive.cli.options import RigFile
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.probe import RigFile
 from smadrive.switchoff import switch_off
 
 ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear latched faults, their cause removed.")]

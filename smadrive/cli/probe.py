@@ -4,23 +4,13 @@ from __future__ import annotations
 
 import shlex
 from math import isfinite
-from pathlib import Path
-from typing import Annotated
-
-import typer
 
 from smadrive.cli.guardians import names_waiting_guardians, waiting_guardians
+from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
 from smadrive.measurement import Measurement
 from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
-
-RigFile = Annotated[str, typer.Argument(help="Rig file, or the name of a shipped rig.")]
-
-TraceFolder = Annotated[
-    Path | None,
-    typer.Option("--trace", metavar="FOLDER", help="Write what passes on each bus to a file there, DEVICE.trace."),
-]
 
 
 def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> None:

@@ -12,8 +12,8 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.live import watched
+from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.probe import RigFile, TraceFolder
 from smadrive.control.feedforward import HysteresisInverse
 from smadrive.control.loop import LoopFigures
 from smadrive.control.reference import Reference

@@ -10,8 +10,8 @@ from typing import Annotated
 
 import typer
 
+from smadrive.cli.options import RigFile
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.probe import RigFile
 from smadrive.cli.run import model_file, read_reference
 from smadrive.cli.tune_live import TuneView, watched
 from smadrive.clock import VirtualClock

@@ -1,0 +1,15 @@
+"""Arguments and options that several commands share. Nothing heavy is imported here: `off` must start at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+RigFile = Annotated[str, typer.Argument(help="Rig file, or the name of a shipped rig.")]
+
+TraceFolder = Annotated[
+    Path | None,
+    typer.Option("--trace", metavar="FOLDER", help="Write what passes on each bus to a file there, DEVICE.trace."),
+]
