@@ -265,7 +265,7 @@ class Master:
             if refusal.code not in FINAL_CODES:  # the real answer may still come: nothing is proved
                 raise
         except DeadlineError:
-            if self._protocol.has_answered(unit_id, sync):
+            if not self._protocol.stays_silent(unit_id, sync):
                 raise
 
     def _who(self, unit_id: int, request: Request) -> str:

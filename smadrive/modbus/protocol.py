@@ -1,13 +1,14 @@
 """The client's side of Modbus without I/O: a request in, bytes in, a verdict out (the rules: verdict.py).
 
-One thing no client of RTU can tell: the second copy of a reply that arrives after the next request of the same kind
-went out. `sync_request` gives a request of another kind; once that is answered, no such copy can follow.
+No client of RTU can tell the second copy of a reply that arrives after the next request of the same kind went out, and
+no client at all a gateway that answers with the reply to an older request. `sync_request` gives a read whose answer is
+of a kind that has not arrived lately: once it is answered, no copy can follow, and nothing lags.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from itertools import chain
+from itertools import chain, islice
 
 from smadrive.errors import ProtocolError
 from smadrive.modbus import requests
@@ -15,6 +16,10 @@ from smadrive.modbus.framing import Framing
 from smadrive.modbus.outstanding import Kind, Outstanding, exception_kind, reply_kind
 from smadrive.modbus.requests import Request
 from smadrive.modbus.verdict import CONSEQUENCES, FINAL_CODES, TRANSITIONS, VERDICTS, Event, Outcome, State, Verdict
+
+FRESH = 16
+"""A kind that is not among so many last arrivals proves that a frame of it is new: no gateway lags by more."""
+NEVER = -FRESH - 1
 
 _FINAL = frozenset(bytes((code,)) for code in FINAL_CODES)
 
@@ -25,7 +30,10 @@ class ClientProtocol:
     def __init__(self, framing: Framing) -> None:
         self._framing = framing
         self._outstanding = Outstanding()
-        self._answered: dict[Kind, tuple[float, Request]] = {}
+        self._answered: dict[Kind, Request] = {}
+        self._arrivals = 0
+        self._arrived: dict[Kind, int] = {}
+        self._silent: set[Kind] = set()
         self._unit_id = 0
         self._request = requests.read_holding(0, 1)
         self._head = self._exception_head = self._reply = b""
@@ -103,14 +111,22 @@ class ClientProtocol:
         return next(self._clean(unit_id, request, tries, now_s), None)
 
     def sync_request(self, unit_id: int, request: Request, now_s: float) -> Request:
-        """A read of another kind than `request`, and of the kind that was answered longest ago, or never."""
-        known = list(self._clean(unit_id, request, self._known(unit_id), now_s))
-        tries = known or list(self._clean(unit_id, request, _other_lengths(request), now_s))[:1]
-        return min(tries, key=lambda one: self._answered_s(reply_kind(unit_id, one)), default=request)
+        """A read of another kind than `request` whose answer is of the kind that arrived longest ago, or never.
 
-    def has_answered(self, unit_id: int, request: Request) -> bool:
-        """Whether the unit has ever answered a read of this kind, or one of the same address with more."""
-        return any(one.pdu[:3] == request.pdu[:3] for kind, (_, one) in self._answered.items() if kind[0] == unit_id)
+        One that is certain to be answered by a reply is taken if its kind has not been among the last `FRESH` arrivals.
+        """
+        known = list(self._clean(unit_id, request, self._known(unit_id), now_s))
+        sure = min(known, key=lambda one: self._last_arrival(unit_id, one), default=None)
+        if sure is not None and self._arrivals - self._last_arrival(unit_id, sure) > FRESH:
+            return sure
+        others = chain(islice(_other_lengths(request), FRESH), _other_functions(request))
+        tries = [one for one in self._clean(unit_id, request, others, now_s) if self._may_answer(unit_id, one)]
+        return min([*known, *tries], key=lambda one: self._last_arrival(unit_id, one), default=request)
+
+    def stays_silent(self, unit_id: int, request: Request) -> bool:
+        """Note that nothing answered this sync; whether the device is one that answers only what it knows."""
+        self._silent.add(reply_kind(unit_id, request))
+        return not any(request.pdu[:3] == one.pdu[:3] for kind, one in self._answered.items() if kind[0] == unit_id)
 
     def _judged(self, reply: bytes, now_s: float) -> Outcome | None:
         if reply.startswith(self._head):
@@ -157,19 +173,35 @@ class ClientProtocol:
             self._outstanding.add(reply_kind(self._unit_id, self._request), now_s)
         if consequence.exception_remains:
             self._outstanding.add(exception_kind(self._unit_id, self._request), now_s)
+        self._note_arrival(outcome.verdict)
         if outcome.verdict is Verdict.ANSWERED and not self._request.writes:
-            self._answered[reply_kind(self._unit_id, self._request)] = now_s, self._request
+            self._answered[reply_kind(self._unit_id, self._request)] = self._request
+        if self._framing.numbered:
+            self._framing.skip(b"")  # what came with the reply came before the next request
         self._become(consequence.event)
         return outcome
 
+    def _note_arrival(self, verdict: Verdict) -> None:
+        """Keep when a kind of frame last arrived."""
+        self._arrivals += 1
+        if verdict is Verdict.ANSWERED:
+            self._arrived[reply_kind(self._unit_id, self._request)] = self._arrivals
+        elif verdict in (Verdict.REFUSED, Verdict.DEFERRED):
+            self._arrived[exception_kind(self._unit_id, self._request)] = self._arrivals
+
     def _become(self, event: Event) -> None:
         state = TRANSITIONS[self.state, event]
-        if state is State.SUSPECT and self._framing.numbered:
+        if self._framing.numbered and state in (State.SUSPECT, State.READY):
             state = State.OUT_OF_STEP if self._framing.out_of_step else State.READY
         self.state = state
 
-    def _answered_s(self, kind: Kind) -> float:
-        return self._answered[kind][0] if kind in self._answered else float("-inf")
+    def _last_arrival(self, unit_id: int, one: Request) -> int:
+        """The number of the last arrival that could be the answer to it: its reply, or an exception."""
+        kinds = reply_kind(unit_id, one), exception_kind(unit_id, one)
+        return max(self._arrived.get(kind, NEVER) for kind in kinds)
+
+    def _may_answer(self, unit_id: int, one: Request) -> bool:
+        return reply_kind(unit_id, one) not in self._silent
 
     def _clean(self, unit_id: int, request: Request, tries: Iterable[Request], now_s: float) -> Iterator[Request]:
         """Those whose replies are certain to be their own, and cannot be mistaken for that to `request`."""
@@ -179,7 +211,7 @@ class ClientProtocol:
 
     def _known(self, unit_id: int) -> Iterator[Request]:
         """Reads that this unit has answered, and the first parts of them."""
-        known = [request for kind, (_, request) in self._answered.items() if kind[0] == unit_id]
+        known = [request for kind, request in self._answered.items() if kind[0] == unit_id]
         yield from known
         for request in known:
             for count in range(1, requests.read_count(request)):

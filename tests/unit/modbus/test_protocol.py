@@ -105,6 +105,30 @@ def test_what_is_no_modbus_tcp_is_malformed_and_needs_a_new_connection():
     assert protocol.state is State.READY
 
 
+class Drawn:
+    """Draws these numbers, one after another."""
+
+    def __init__(self, *numbers):
+        self._numbers = iter(numbers)
+
+    def getrandbits(self, _bits):
+        return next(self._numbers)
+
+
+def test_a_frame_that_came_with_the_reply_before_does_not_answer_the_next_request():
+    """It has the number that the next request will draw."""
+    early, reply = mbap.seal(5000, 1, bytes.fromhex("03 04 DEAD DEAD")), mbap.seal(1000, 1, PDUS["reply"])
+    protocol = ClientProtocol(TcpFraming(Drawn(0, 1000, 5000)))
+    assert outcome_of(protocol, READ, reply + early).verdict is Verdict.ANSWERED
+    assert outcome_of(protocol, READ, mbap.seal(5000, 1, PDUS["reply"])).data == PDUS["reply"][2:]
+
+
+def test_half_a_frame_behind_a_reply_needs_a_new_connection():
+    protocol = ClientProtocol(TcpFraming(Drawn(0, 1000)))
+    assert outcome_of(protocol, READ, mbap.seal(1000, 1, PDUS["reply"]) + b"\x13\x88").verdict is Verdict.ANSWERED
+    assert protocol.state is State.OUT_OF_STEP
+
+
 @pytest.mark.parametrize("arrives", VERDICTS)
 def test_what_a_verdict_leaves_outstanding(arrives):
     """Of the request itself, and of an older one of the same unit."""
@@ -173,10 +197,43 @@ def test_an_unknown_device_is_probed_with_another_length_then_with_another_funct
     assert protocol.probe_request(1, READ, 1, 1.0) == requests.read_input(10, 1)
 
 
-def test_a_sync_is_of_the_kind_that_was_answered_longest_ago():
+def answer(protocol, request):
+    """Let the device answer it with zeros."""
+    size = request.payload_size
+    outcome_of(protocol, request, frames.seal(1, bytes((request.function, size)) + bytes(size)))
+
+
+def test_a_sync_is_a_known_read_whose_kind_has_not_arrived_lately():
     protocol = ready()
-    for now_s, first, count in ((1.0, 0, 3), (2.0, 0, 2), (3.0, 0, 1)):
-        reply = bytes((3, 2 * count)) + bytes(2 * count)
-        outcome_of(protocol, requests.read_holding(first, count), frames.seal(1, reply), now_s)
-    assert protocol.sync_request(1, requests.read_holding(50, 3), 4.0) == requests.read_holding(0, 2)
-    assert protocol.sync_request(1, requests.read_holding(50, 2), 4.0) == requests.read_holding(0, 3)
+    for count in (12, 11, 12):
+        answer(protocol, requests.read_holding(0, count))
+    kinds = set()
+    for _ in range(11):
+        sync = protocol.sync_request(1, requests.read_holding(50, 12), 1.0)
+        assert sync.payload_size < 24
+        kinds.add(sync.payload_size)
+        answer(protocol, sync)
+        answer(protocol, requests.read_holding(50, 12))
+    assert len(kinds) >= 8
+
+
+def test_where_a_device_refuses_other_lengths_a_sync_uses_other_functions():
+    """All exceptions of one function look alike: one that arrived lately proves nothing."""
+    protocol = ready()
+    answer(protocol, READ)
+    functions = []
+    for _ in range(8):
+        sync = protocol.sync_request(1, READ, 1.0)
+        functions.append(sync.function)
+        outcome_of(protocol, sync, frames.seal(1, bytes((sync.function | 0x80, 2))))
+        answer(protocol, READ)
+    assert set(functions) == {1, 2, 3, 4}
+    assert all(len(set(functions[at : at + 4])) == 4 for at in range(5))
+
+
+def test_a_sync_that_met_silence_is_not_sent_again():
+    protocol = ready()
+    first = protocol.sync_request(1, READ, 1.0)
+    unanswered(protocol, first)
+    assert protocol.stays_silent(1, first)
+    assert protocol.sync_request(1, READ, LATEST_REPLY_S + 1.0) != first
