@@ -14,7 +14,7 @@ from smadrive.clock import Clock
 from smadrive.device.heatsource import HeatSource, Supplied
 from smadrive.errors import DeviceError, ProtocolError, SafetyError, TakenOverError, TransportError
 
-PAUSES_S = (0.0, 0.0, 0.5, 0.5)
+PAUSES_S = (0.0, 0.0, 0.5, 0.5, 0.5, 0.5)
 """Between the attempts: a spoilt reply is tried again at once, a plug that slipped out later."""
 
 CURRENT_ZERO_A = 0.05
