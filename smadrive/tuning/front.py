@@ -36,13 +36,20 @@ from smadrive.errors import ConfigError
 from smadrive.tuning.address import page_hosts
 from smadrive.tuning.channel import PageEnd
 from smadrive.tuning.gate import GatedHandler, StaticHandler, UnknownPath
-from smadrive.tuning.relay import PageHandler, PageSocketHandler, Relay
+from smadrive.tuning.relay import CHUNK_BYTES, PageHandler, PageSocketHandler, Relay
 
 MOST_CONNECTIONS = 512
 """The oldest connection is closed for one more, so that no number of idle connections keeps OFF out."""
 
 IDLE_S = 30.0
 """A connection without a request is closed after this time."""
+
+MAX_HEAD_BYTES = 1 << 14
+MAX_BODY_BYTES = 1 << 10
+"""No request here needs a body. A longer one is refused before it is read: to parse it would delay OFF."""
+
+BODY_WITHIN_S = 2.0
+"""The connection is closed when the body of a request has not arrived by then."""
 
 STALLED_S = 5.0
 """A page process that has not read the channel for so long does not answer; building a page takes a second."""
@@ -121,11 +128,19 @@ class StateHandler(GatedHandler, WebSocketHandler):
 
 
 class FrontServer(HTTPServer):
-    """An HTTP server that has room for one more connection, always."""
+    """An HTTP server that always has room for one more connection and bounds the size of every request."""
 
     def initialize(self, *args: Any, **kwargs: Any) -> None:
         """See HTTPServer."""
-        super().initialize(*args, **kwargs)
+        super().initialize(
+            *args,
+            **kwargs,
+            idle_connection_timeout=IDLE_S,
+            body_timeout=BODY_WITHIN_S,
+            max_header_size=MAX_HEAD_BYTES,
+            max_body_size=MAX_BODY_BYTES,
+            max_buffer_size=2 * CHUNK_BYTES,  # the relay reads chunks; a stream may hold one more behind each
+        )
         self._streams: list[IOStream] = []
 
     def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
@@ -154,9 +169,10 @@ async def serve(parameters: dict[str, Any]) -> None:
         channel=channel,
         states=states,
         relay=Relay(parameters["path"], channel),
+        websocket_max_message_size=MAX_BODY_BYTES,
     )
     states.tell()
-    server = FrontServer(application, idle_connection_timeout=IDLE_S)
+    server = FrontServer(application)
     listener = socket.socket(fileno=parameters["listener_fd"])
     listener.setblocking(False)
     server.add_socket(listener)

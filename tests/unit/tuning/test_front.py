@@ -16,13 +16,14 @@ from tornado.websocket import websocket_connect
 from smadrive.errors import ConfigError
 from smadrive.rigconfig import rig_file
 from smadrive.tuning.channel import ControlEnd, PageEnd
-from smadrive.tuning.front import MOST_CONNECTIONS
+from smadrive.tuning.front import MAX_BODY_BYTES, MAX_HEAD_BYTES, MOST_CONNECTIONS
 from smadrive.tuning.process import TuningPage
 from smadrive.tuning.relay import MOST_BUILDS
 
 from .conftest import Bench, true_wire
 
 LOADS = 200
+PATIENCE_S = 20.0
 FOREIGN = [
     {"Host": "elsewhere.example:5006"},
     {"Origin": "http://elsewhere.example"},
@@ -71,7 +72,7 @@ class Served:
 
     def pending(self, request):
         """A connection on which a request, or nothing yet, has been sent."""
-        connection = socket.create_connection(self.host.split(":"), timeout=60.0)
+        connection = socket.create_connection(self.host.split(":"), timeout=PATIENCE_S)
         connection.sendall(request.encode())
         return connection
 
@@ -125,6 +126,46 @@ def test_idle_connections_do_not_keep_off_out(served):
         for _ in range(MOST_CONNECTIONS + 50):
             stack.enter_context(served.pending(""))
         assert served.status("POST", "/off") == 200
+
+
+@pytest.mark.parametrize("size", ["Content-Length: 99000000\r\n\r\n", "Transfer-Encoding: chunked\r\n\r\n186a0\r\n"])
+@pytest.mark.parametrize("path", ["/off", "/", "/elsewhere"])
+def test_large_body_is_refused_before_it_arrives(served, path, size):
+    offs = served.channel.offs
+    head = f"POST {path} HTTP/1.1\r\nHost: {served.host}\r\nContent-Type: application/x-www-form-urlencoded\r\n{size}"
+    with served.pending(head) as connection:
+        assert connection.recv(12) == b"HTTP/1.1 400"
+    assert served.channel.offs == offs
+
+
+def test_large_head_closes_the_connection(served):
+    with served.pending(f"GET /elsewhere?{'a' * 2 * MAX_HEAD_BYTES}") as connection:
+        assert connection.recv(100) == b""
+
+
+def test_body_that_does_not_arrive_closes_the_connection(served):
+    with served.pending(f"POST /off HTTP/1.1\r\nHost: {served.host}\r\nContent-Length: 9\r\n\r\n") as connection:
+        assert connection.recv(100) == b""
+
+
+def test_off_with_a_small_body_is_counted(served):
+    offs = served.channel.offs
+    request = f"POST /off HTTP/1.1\r\nHost: {served.host}\r\nContent-Length: 2\r\n\r\n{{}}"
+    with served.pending(request) as connection:
+        assert connection.recv(12) == b"HTTP/1.1 200"
+    assert served.channel.offs == offs + 1
+
+
+def test_long_message_closes_the_state_socket(served):
+    async def reply():
+        state = await websocket_connect(f"ws://{served.host}/state")
+        await state.read_message()
+        await state.write_message("a" * 2 * MAX_BODY_BYTES)
+        last = await asyncio.wait_for(state.read_message(), PATIENCE_S)
+        state.close()
+        return last
+
+    assert asyncio.run(reply()) is None
 
 
 def test_an_off_that_comes_while_the_front_process_is_started_anew_is_counted(served):
