@@ -71,7 +71,7 @@ class TuneView:
             told.append(f"fault: {status['fault']}")
         if status["lost"]:
             told.append(f"no answer: {status['lost']}")
-        return told
+        return [*told, *self._page.troubles]
 
     def _pages(self, *, heats: bool) -> str:
         count, is_controlled = self._channel.pages

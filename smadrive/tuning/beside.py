@@ -3,13 +3,14 @@
 What is computed in the loop's own process, in whatever thread, takes the interpreter from a tick; what is computed in
 another takes at most a processor, and there the loop can go first. It is told what it needs by one line on its standard
 input, whose end tells it that the control process is gone, however it went. A thread waits for it, so that its death
-and its new start take nothing from a tick.
+and its new start take nothing from a tick. That thread tries until the new start succeeds, whatever goes wrong.
 """
 
 from __future__ import annotations
 
 import json
 import os
+import select
 import subprocess
 import sys
 import threading
@@ -21,6 +22,12 @@ from typing import Any, Self
 
 from smadrive.errors import ConfigError
 from smadrive.onethread import ONE_THREAD
+
+LOOK_S = 0.1
+"""How often the thread looks whether the process still runs."""
+
+START_WITHIN_S = 60.0
+"""A process that is not ready by then is killed; a small computer needs some seconds."""
 
 END_WITHIN_S = 3.0
 RESTART_S = 0.5
@@ -45,6 +52,8 @@ class Beside:
         self._is_ending = threading.Event()
         self.deaths = 0
         self.restarts = 0
+        self.trouble: str | None = None
+        """Why the last new start failed; None while the process runs."""
 
     @property
     def pid(self) -> int:
@@ -63,12 +72,11 @@ class Beside:
     ) -> None:
         """End it."""
         self._is_ending.set()
+        self._keeper.join()  # it may be starting a process just now, and ends that itself
         self._hang_up()
-        try:
+        with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_WITHIN_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-        self._keeper.join(END_WITHIN_S)
+        self._kill()
 
     def _start(self) -> None:
         self._process = subprocess.Popen(
@@ -80,38 +88,59 @@ class Beside:
             env={**os.environ, **ONE_THREAD},
             start_new_session=True,  # Ctrl-C is the control process's: it switches off, then ends what is beside it
         )
-        if self._process.stdin is None or self._process.stdout is None:
-            raise ConfigError(f"{self._module} has no standard input and output")
-        _give_way(self._process.pid, self._niceness)
         try:
-            self._process.stdin.write(json.dumps(self._told) + "\n")
-            self._process.stdin.flush()
-            self._told |= json.loads(
-                self._process.stdout.readline()
-            )  # what it chose: a port stays when it is started anew
-        except (OSError, ValueError):
-            self._process.wait()
-            self._hang_up()
-            raise ConfigError(f"{self._module} did not start: see above; {self._cure}") from None
+            _give_way(self._process.pid, self._niceness)
+            self._told |= self._reply()  # what it chose: a port stays when it is started anew
+        except BaseException as error:
+            self._kill()
+            if isinstance(error, OSError | ValueError):
+                raise ConfigError(f"{self._module} did not start: see above; {self._cure}") from None
+            raise
+
+    def _reply(self) -> dict[str, Any]:
+        """The line of the process that has been sent the parameters. OSError or ValueError without one."""
+        stdin, stdout = self._process.stdin, self._process.stdout
+        if stdin is None or stdout is None:
+            raise ValueError("no standard input and output")
+        stdin.write(json.dumps(self._told) + "\n")
+        stdin.flush()
+        give_up_s = time.monotonic() + START_WITHIN_S
+        while not select.select([stdout], [], [], LOOK_S)[0]:
+            if self._is_ending.is_set() or time.monotonic() > give_up_s:
+                raise TimeoutError
+        reply: dict[str, Any] = json.loads(stdout.readline())
+        return reply
+
+    def _kill(self) -> None:
+        """Whether it still runs or not: afterwards it does not, and its pipes are closed."""
+        self._process.kill()
+        self._process.wait()
+        self._hang_up()
 
     def _hang_up(self) -> None:
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
-                pipe.close()
+                with suppress(OSError):  # what was still to be written to a process that has gone
+                    pipe.close()
 
     def _keep(self) -> None:
-        while True:
-            self._process.wait()
-            if self._is_ending.is_set():
-                return
-            self.deaths += 1
-            self._hang_up()
-            time.sleep(RESTART_S)
+        while not self._is_ending.wait(LOOK_S):
+            if self._process.poll() is not None:
+                self.deaths += 1
+                self._hang_up()
+                self._restart()
+
+    def _restart(self) -> None:
+        """Try until it runs, or is not needed any more: a lack of memory or of descriptors passes."""
+        while not self._is_ending.wait(RESTART_S):
             try:
                 self._start()
-            except ConfigError:
-                continue
-            self.restarts += 1
+            except Exception as error:  # noqa: BLE001 (whatever it is, OFF must come back)
+                self.trouble = f"{self._module} did not start ({error}): it is tried again every {RESTART_S:g} s"
+            else:
+                self.restarts += 1
+                self.trouble = None
+                return
 
 
 def _give_way(pid: int, niceness: int) -> None:

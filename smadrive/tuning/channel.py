@@ -206,9 +206,9 @@ class PageEnd(Channel):
         return written, rows[whole, 1:]
 
     def status(self, seen: int) -> tuple[int, dict[str, Any]] | None:
-        """Version and content of the status; None when it is that of version `seen`, or is just being written."""
+        """Version and content of the status; None before the first, for version `seen`, and while it is written."""
         version = int(self._header[_VERSION])
-        if version == seen or version % 2:
+        if version in (0, seen) or version % 2:
             return None
         text = self._status[: int(self._header[_LENGTH])].tobytes()
         if int(self._header[_VERSION]) != version:

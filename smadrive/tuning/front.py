@@ -17,7 +17,6 @@ from __future__ import annotations
 import asyncio
 import json
 import logging
-import signal
 import socket
 import sys
 from collections.abc import Awaitable
@@ -35,6 +34,7 @@ from tornado.websocket import WebSocketClosedError, WebSocketHandler
 from smadrive.errors import ConfigError
 from smadrive.tuning.address import page_hosts
 from smadrive.tuning.channel import PageEnd
+from smadrive.tuning.child import report_ready, run
 from smadrive.tuning.gate import GatedHandler, StaticHandler, UnknownPath
 from smadrive.tuning.relay import CHUNK_BYTES, PageHandler, PageSocketHandler, Relay
 
@@ -50,6 +50,14 @@ MAX_BODY_BYTES = 1 << 10
 
 BODY_WITHIN_S = 2.0
 """The connection is closed when the body of a request has not arrived by then."""
+
+LIMITS = {
+    "idle_connection_timeout": IDLE_S,
+    "body_timeout": BODY_WITHIN_S,
+    "max_header_size": MAX_HEAD_BYTES,
+    "max_body_size": MAX_BODY_BYTES,
+    "max_buffer_size": 2 * CHUNK_BYTES,  # the relay reads chunks; a stream may hold one more behind each
+}
 
 STALLED_S = 5.0
 """A page process that has not read the channel for so long does not answer; building a page takes a second."""
@@ -132,15 +140,7 @@ class FrontServer(HTTPServer):
 
     def initialize(self, *args: Any, **kwargs: Any) -> None:
         """See HTTPServer."""
-        super().initialize(
-            *args,
-            **kwargs,
-            idle_connection_timeout=IDLE_S,
-            body_timeout=BODY_WITHIN_S,
-            max_header_size=MAX_HEAD_BYTES,
-            max_body_size=MAX_BODY_BYTES,
-            max_buffer_size=2 * CHUNK_BYTES,  # the relay reads chunks; a stream may hold one more behind each
-        )
+        super().initialize(*args, **{**LIMITS, **kwargs})
         self._streams: list[IOStream] = []
 
     def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
@@ -178,7 +178,7 @@ async def serve(parameters: dict[str, Any]) -> None:
     server.add_socket(listener)
     telling = PeriodicCallback(lambda: asyncio.gather(*states.tell()), TELL_MS)
     telling.start()
-    print("{}", flush=True)  # noqa: T201 (the control process reads it)
+    report_ready()
     await _end_of_input()
     telling.stop()
     server.stop()
@@ -200,6 +200,5 @@ async def _end_of_input() -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     logging.getLogger("tornado.access").setLevel(logging.CRITICAL)  # a refused request is no news for the terminal
-    asyncio.run(serve(json.loads(sys.stdin.readline())))
+    run(lambda parameters: asyncio.run(serve(parameters)))

@@ -70,6 +70,12 @@ class TuningPage:
         self._rig_file, self._folder = rig_file, folder
 
     @property
+    def troubles(self) -> list[str]:
+        """What keeps the front process or the page process from being started anew."""
+        processes: list[Beside] = [self.front, self.server] if hasattr(self, "_on_exit") else []
+        return [process.trouble for process in processes if process.trouble]
+
+    @property
     def url(self) -> str:
         """The address of the page, with the token that allows to control."""
         return f"http://{ADDRESS}:{self._port}/?token={self._token}"

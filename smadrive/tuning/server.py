@@ -7,9 +7,7 @@ What a page does, it does for the one client that brought the token first.
 
 from __future__ import annotations
 
-import json
 import logging
-import signal
 import socket
 import sys
 from pathlib import Path
@@ -23,6 +21,7 @@ from tornado.ioloop import PeriodicCallback
 
 from smadrive.tuning.address import page_hosts
 from smadrive.tuning.channel import PageEnd
+from smadrive.tuning.child import is_input_closed, report_ready, run
 from smadrive.tuning.desk import Desk
 from smadrive.tuning.fit import Fitter
 from smadrive.tuning.page import Page
@@ -45,7 +44,10 @@ def serve(parameters: dict[str, Any]) -> None:
         desk.read()
         channel.beat()
 
+    desk.read()
     while not desk.status:  # it is being replaced just now; a page that is asked for at once needs one
+        if is_input_closed(within_s=READ_MS / 1000):
+            return
         desk.read()
     server = Server(
         {"/": Application(FunctionHandler(document))},
@@ -57,13 +59,12 @@ def serve(parameters: dict[str, Any]) -> None:
     server.start()
     server.io_loop.add_handler(sys.stdin.fileno(), lambda *_: server.io_loop.stop(), server.io_loop.READ)
     PeriodicCallback(read, READ_MS).start()
-    print("{}", flush=True)  # noqa: T201 (the control process reads it)
+    report_ready()
     server.io_loop.start()
     server.stop()
     fitter.close()
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
     logging.getLogger("bokeh").setLevel(logging.ERROR)  # a client that leaves is no warning
-    serve(json.loads(sys.stdin.readline()))
+    run(serve)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import select
-import signal
 import sys
 from typing import Any
 
 from smadrive.errors import SmadriveError
+from smadrive.tuning.child import report_ready, run
 from smadrive.tuning.parcels import Parcel, Parcels, other_end
 from smadrive.tuning.workshop import Models, Outcome, Refused, packed_outcome, prepare, unpacked_order
 
@@ -16,7 +15,7 @@ from smadrive.tuning.workshop import Models, Outcome, Refused, packed_outcome, p
 def serve(told: dict[str, Any]) -> None:
     """Serve until standard input ends."""
     parcels, models = other_end(tuple(told["fds"])), Models()
-    print("{}", flush=True)  # noqa: T201 (the control process reads it)
+    report_ready()
     while True:
         readable, _, _ = select.select([sys.stdin, parcels.messages], [], [])
         if sys.stdin in readable:
@@ -41,5 +40,4 @@ def work(parcel: Parcel, parcels: Parcels, models: Models) -> None:
 
 
 if __name__ == "__main__":
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    serve(json.loads(sys.stdin.readline()))
+    run(serve)

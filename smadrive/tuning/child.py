@@ -1,0 +1,35 @@
+"""The side of a supervised process that faces the control process (see beside).
+
+It reads one line from standard input and writes one line when it is ready. It ends without a message when standard
+input ends: the control process has gone, or ends it.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import select
+import signal
+import sys
+from collections.abc import Callable
+from contextlib import suppress
+from typing import Any
+
+
+def run(serve: Callable[[dict[str, Any]], None]) -> None:
+    """Call `serve` with the parameters, unless the control process has gone before it could send them."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    line = sys.stdin.readline()
+    if line:
+        with suppress(BrokenPipeError):
+            serve(json.loads(line))
+
+
+def report_ready() -> None:
+    """Write the line that says so. BrokenPipeError when the control process has gone."""
+    os.write(sys.stdout.fileno(), b"{}\n")
+
+
+def is_input_closed(within_s: float) -> bool:
+    """Whether standard input ends within this time."""
+    return bool(select.select([sys.stdin], [], [], within_s)[0])
