@@ -17,7 +17,8 @@ The tree says whose fault it is; every message names what, where, the value, the
     │   └── ReadBackError       a written value that did not arrive
     ├── SafetyError             heating refused, or stopped by the supervisor   exit code 4
     │   ├── TripError           a latched trip
-    │   └── TakenOverError      the guardian has taken the heater over
+    │   ├── TakenOverError      the guardian has taken the heater over
+    │   └── FrontSilentError    no process answers OFF of the tuning page
     └── IdentificationError     the data do not determine the model             exit code 5
 """
 
@@ -113,6 +114,10 @@ class TripError(SafetyError):
 
 class TakenOverError(SafetyError):
     """The guardian has taken the heater over because the driver stood still; it is perhaps not off yet."""
+
+
+class FrontSilentError(SafetyError):
+    """The front process of the tuning page does not answer, so OFF on the page has no effect."""
 
 
 class IdentificationError(SmadriveError):

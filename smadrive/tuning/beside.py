@@ -125,10 +125,14 @@ class Beside:
 
     def _keep(self) -> None:
         while not self._is_ending.wait(LOOK_S):
-            if self._process.poll() is not None:
+            if self._process.poll() is not None or self._is_frozen():
                 self.deaths += 1
-                self._hang_up()
+                self._kill()
                 self._restart()
+
+    def _is_frozen(self) -> bool:
+        """Whether the process runs without doing its work; asked every LOOK_S. Here this is not known."""
+        return False
 
     def _restart(self) -> None:
         """Try until it runs, or is not needed any more: a lack of memory or of descriptors passes."""

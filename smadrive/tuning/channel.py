@@ -7,6 +7,7 @@
                                 the front process alone counts, so that no count is lost between two writers
     page → control   pages      two numbers in shared memory: how many pages are open, and whether one controls
     page → front     alive      two numbers in shared memory: the page process, and when it last read the channel
+    front → control  beats      a counter in shared memory: the front process increments it as long as it answers
     both ways        messages   datagrams on a socket pair, each whole or not there; a full queue refuses, never waits
 
 The memory has no name: both processes hold its file descriptor, so nothing is left behind whoever dies, when and how.
@@ -57,7 +58,7 @@ STATUS_BYTES = 1 << 18
 MESSAGE_BYTES = 1 << 16
 MESSAGES_PER_TICK = 4
 
-_WRITTEN, _OFF, _VERSION, _LENGTH, _PAGES, _CONTROLLED, _SERVER, _BEAT_NS, _HEADER = range(9)
+_WRITTEN, _OFF, _VERSION, _LENGTH, _PAGES, _CONTROLLED, _SERVER, _BEAT_NS, _FRONT_BEATS, _HEADER = range(10)
 _SIZE = 8 * _HEADER + STATUS_BYTES + 8 * CAPACITY * (1 + len(COLUMNS))
 
 Rows = NDArray[np.float64]
@@ -154,6 +155,11 @@ class ControlEnd(Channel):
         """How many pages are open, and whether one of them controls."""
         return int(self._header[_PAGES]), bool(self._header[_CONTROLLED])
 
+    @property
+    def front_beats(self) -> int:
+        """Increases as long as the front process answers."""
+        return int(self._header[_FRONT_BEATS])
+
     def off_requested(self) -> bool:
         """Whether a page has asked to switch off since this was last asked; `offs` is how many times by now."""
         count = int(self._header[_OFF])
@@ -185,6 +191,10 @@ class PageEnd(Channel):
     def beat(self) -> None:
         """Leave word that this process, the page process, answers now."""
         self._header[_SERVER], self._header[_BEAT_NS] = os.getpid(), time.monotonic_ns()
+
+    def beat_front(self) -> None:
+        """Leave word that the front process answers now."""
+        self._header[_FRONT_BEATS] += 1
 
     def page_server(self, within_s: float) -> int | None:
         """The page process that has answered within this time; None if there is none."""

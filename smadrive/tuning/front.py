@@ -105,6 +105,11 @@ class States:
         self._text = text
         return [_sent(page, text) for page in self._sockets]
 
+    async def tell_news(self) -> None:
+        """Tell the pages the state if it has changed, and the control process that this one answers."""
+        self._channel.beat_front()
+        await asyncio.gather(*self.tell())
+
     async def tell_end(self) -> None:
         """Tell how the run has ended; "unknown" when the control process has gone without a word of it."""
         published = self._channel.status(-1)
@@ -176,8 +181,9 @@ async def serve(parameters: dict[str, Any]) -> None:
     listener = socket.socket(fileno=parameters["listener_fd"])
     listener.setblocking(False)
     server.add_socket(listener)
-    telling = PeriodicCallback(lambda: asyncio.gather(*states.tell()), TELL_MS)
+    telling = PeriodicCallback(states.tell_news, TELL_MS)
     telling.start()
+    channel.beat_front()
     report_ready()
     await _end_of_input()
     telling.stop()

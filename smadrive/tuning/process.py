@@ -25,6 +25,9 @@ NICENESS = 5
 FRONT_NICENESS = -10
 """OFF goes first, where the system grants that."""
 
+FROZEN_LOOKS = 10
+"""The front process is killed after so many looks without a beat, 1 s. Looks, since the control process may pause."""
+
 COMPLETE = "is the installation complete?"
 
 
@@ -52,6 +55,15 @@ class FrontProcess(Beside):
         fds = {**_ends(channel), "listener_fd": listener.fileno()}
         parameters = {**fds, "port": listener.getsockname()[1], "path": path}
         super().__init__("smadrive.tuning.front", parameters, tuple(fds.values()), COMPLETE, niceness=FRONT_NICENESS)
+        self._channel = channel
+        self._beats = self._looks = 0
+
+    def _is_frozen(self) -> bool:
+        """Whether it has not beaten for so many looks."""
+        beats = self._channel.front_beats
+        self._looks = self._looks + 1 if beats == self._beats else 0
+        self._beats = beats
+        return self._looks >= FROZEN_LOOKS
 
 
 class TuningPage:

@@ -38,6 +38,7 @@ from smadrive.tuning.messages import (
     parse_request,
 )
 from smadrive.tuning.offered import Offered
+from smadrive.tuning.offpath import OffPath, front_silent
 from smadrive.tuning.status import STATUS_S, Status
 from smadrive.tuning.tuning import Tuning
 from smadrive.tuning.workbench import Workbench
@@ -69,6 +70,7 @@ class TuningSession:
         self._began_s = rig.clock.now_s()
         self._idle = Idle(rig.heater, self._status)
         self._arming = Arming(self._answer)
+        self._off_path = OffPath(channel)
         self._stops = self._is_served = False
         self._publish()
 
@@ -123,7 +125,7 @@ class TuningSession:
 
     def _heat(self) -> None:
         """One run of the control loop, holding the wire where it is to begin with; told as begun by its first tick."""
-        self._status.fault = None
+        self._status.clear_fault()
         self._stops, self._is_served = False, True
         try:
             with ends_safe(self._rig.heater.enter_safe_state):
@@ -192,6 +194,16 @@ class TuningSession:
     def _heed_off(self) -> None:
         if self._channel.off_requested():
             self._off()
+        if self._off_path.is_silent(self._now_s):
+            self._stop_without_front()
+
+    def _stop_without_front(self) -> None:
+        """Nothing heats while OFF on the page has no effect."""
+        silent = front_silent()
+        self._arming.settle(str(silent))
+        if self._live is not None and not self._stops:
+            self._status.fail(self._now_s, silent)
+            self._stops = True
 
     def _stop_requested(self) -> bool:
         """Whether the page has asked to switch off; serves it where a lost exchange left that undone."""
@@ -219,9 +231,7 @@ class TuningSession:
             case Off():
                 self._off()
             case Arm():
-                if self._live is not None:
-                    raise ConfigError("it is armed already")
-                self._arming.begin(request, self._now_s)
+                self._arm(request)
                 return
             case ClearFaults():
                 self._clear()
@@ -240,6 +250,13 @@ class TuningSession:
                 return
         self._answer(request, None)
 
+    def _arm(self, request: Arm) -> None:
+        if self._live is not None:
+            raise ConfigError("it is armed already")
+        if self._off_path.is_silent(self._now_s):
+            raise front_silent()
+        self._arming.begin(request, self._now_s)
+
     def _off(self) -> None:
         self._arming.settle("the heater was switched off meanwhile")
         self._status.tell(self._now_s, "OFF")
@@ -252,7 +269,7 @@ class TuningSession:
         if self._live is not None:
             raise ConfigError("switch off before clearing faults")
         self._rig.clear_faults()
-        self._status.fault = None
+        self._status.clear_fault()
         self._status.tell(self._now_s, "faults cleared")
 
     def _answer(self, request: Request | None, refused: str | None) -> None:

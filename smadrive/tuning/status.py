@@ -34,6 +34,7 @@ class Status:
 
     def __init__(self, rig: Rig, references: list[str], balance: HeatBalance, bench: Workbench) -> None:
         self.fault: str | None = None
+        self.fault_type: str | None = None
         self.lost: str | None = None
         self.is_safe = True
         self.end: str | None = None
@@ -60,11 +61,16 @@ class Status:
             event = event[: LONGEST_EVENT - 1] + "…"
         self.events.append((round(time_s, 2), event))
 
+    def clear_fault(self) -> None:
+        """No fault is open any more."""
+        self.fault = self.fault_type = None
+
     def fail(self, time_s: float, error: BaseException) -> None:
         """Take over what `error` says of the fault and of the heater."""
         outcome = shutdown_of(error)
         self.is_safe = outcome is None or outcome.confirmed
         self.fault = " — ".join([str(error), *getattr(error, "__notes__", ())])
+        self.fault_type = type(error).__name__
         self.tell(time_s, self.fault)
 
     def document(self, live: LiveController | None, *, adapts: bool) -> dict[str, Any]:
@@ -76,6 +82,7 @@ class Status:
             "mode": _mode(live, is_safe=self.is_safe),
             "end": self.end,
             "fault": self.fault,
+            "fault_type": self.fault_type,
             "lost": self.lost,
             "device_faults": [] if measured is None else measured.device_faults,
             "temperature_fault": None if measured is None else measured.temperature_fault,

@@ -75,11 +75,12 @@ def control(script, rate_hz):
         tuning = Tuning.of(TSFuzzyDuhem.from_duhem(WIRE, TriangularSets(CENTRES)), config.feedback, "as loaded")
         references = {"sine": sine(low_mm=2.0, high_mm=9.0, period_s=30.0, cycles=1)}
         changes, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-        is_ending = threading.Event()
+        front, is_ending = PageEnd(channel.memory_fd, channel.page_socket), threading.Event()
         shown = tuning
 
         def record(_tick):
             nonlocal shown
+            front.beat_front()  # a session without a page does not heat
             if session.bench.in_force is not shown:
                 shown = session.bench.in_force
                 changes.send(CHANGE.pack(shown.shape.mu_heating))

@@ -51,11 +51,12 @@ class Bench:
 
     `wire` is what was true at each of them: time, temperature and displacement of the plant. `trace_folder` and
     `stale_after_s` are those of the rig. `status` is what has been published when the session is interrupted, `end`
-    what it publishes afterwards.
+    what it publishes afterwards. The front process beats at every tick unless it `front_is_silent`.
     """
 
     trace_folder = None
     stale_after_s = 0.3
+    front_is_silent = False
 
     def __init__(self, model, control):
         self.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=3)
@@ -103,6 +104,8 @@ class Bench:
             while script and script[0][0] <= tick.measurement.time_s:
                 script.pop(0)[1]()
             self._read()
+            if not self.front_is_silent:
+                self.page.beat_front()
             if tick.measurement.time_s >= until_s:
                 self._interrupted = self._published
                 raise Ended

@@ -175,6 +175,14 @@ def test_an_off_that_comes_while_the_front_process_is_started_anew_is_counted(se
     assert served.channel.offs == offs + 1
 
 
+def test_frozen_front_process_is_replaced_and_off_is_counted(served):
+    offs, frozen = served.channel.offs, served.page.front.pid
+    os.kill(frozen, signal.SIGSTOP)
+    assert served.status("POST", "/off") == 200
+    assert served.page.front.pid != frozen
+    assert served.channel.offs == offs + 1
+
+
 def test_a_port_that_is_taken_is_refused(served, control, tmp_path):
     port = urlsplit(served.page.url).port
     page = TuningPage(control, port=port, token="", rig_file=rig_file("simulated"), folder=tmp_path)
