@@ -13,10 +13,9 @@ from typing import TypeVar
 
 from smadrive.device.duty import relieve
 from smadrive.device.heatsource import HeatSource
-from smadrive.device.identity import Identity
 from smadrive.device.key import DeviceKey, key_at
 from smadrive.device.latch import TripLatch
-from smadrive.device.profile import Profile, load_profile
+from smadrive.device.profile import load_profile
 from smadrive.device.safestate import see_it_off
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.interrupts import HeldSignals
@@ -30,20 +29,25 @@ DoneT = TypeVar("DoneT")
 
 @dataclass(frozen=True)
 class SwitchedOff:
-    """Which devices confirmed their safe state, what heats among them; what is latched; why another one did not."""
+    """Which devices confirmed their safe state, what heats among them; what is latched; why another one did not.
+
+    `warnings`: what could not be done after the heat sources were confirmed off.
+    """
 
     rig: str
     devices: tuple[str, ...]
     latched: tuple[str, ...]
+    warnings: tuple[str, ...]
     failure: Exception | None
 
 
 @dataclass(frozen=True)
 class _Off:
-    """A heat source that is confirmed off, and the faults that it tells; no guardian waits for it any more."""
+    """A heat source that is confirmed off, its key (None: it ends with this process), and the faults that it tells."""
 
     config: DeviceConfig
     source: HeatSource
+    key: DeviceKey | None
     latch: TripLatch
     faults: tuple[str, ...]
 
@@ -66,11 +70,12 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
                 raise unconfirmed
             if not off:
                 raise _nothing_heats(rig)
+        warnings = tuple(_relieve(off))
         for one in off if clear_faults else ():
             _clear(one)
     devices = (*(one.config.name for one in off), *rested)
     latched = () if clear_faults else tuple(fault for one in off for fault in _latched(one))
-    return SwitchedOff(rig.name, devices, latched, failure)
+    return SwitchedOff(rig.name, devices, latched, warnings, failure)
 
 
 @contextmanager
@@ -116,21 +121,24 @@ def _nothing_heats(rig: RigAddresses) -> ConfigError:
 
 def _heat_off(config: DeviceConfig, connections: Connections, rig: RigAddresses) -> _Off:
     profile = load_profile(config.profile)
+    key = None if config.url.startswith(SIMULATED) else key_at(config.url, profile, config.unit_id)
     device = connections.device(config, profile, None, None)
     source = heat_source(config, device, device.clock)
     source.connect()
     seen = see_it_off(source, rig.current_max_a, device.clock)
-    key = _key(config, profile, device.identity)
     if key is not None:
-        relieve(key)
-    return _Off(config, source, TripLatch(key), seen.faults)
+        key = key.with_identity(profile, device.identity)
+    return _Off(config, source, key, TripLatch(key), seen.faults)
 
 
-def _key(config: DeviceConfig, profile: Profile, identity: Identity) -> DeviceKey | None:
-    """That of a device which has proved its identity; None: it ends with this process."""
-    if config.url.startswith(SIMULATED):
-        return None
-    return key_at(config.url, profile, config.unit_id).with_identity(profile, identity)
+def _relieve(devices: Iterable[_Off]) -> Iterator[str]:
+    """The guardians that wait for these devices end; why they cannot be found is a warning."""
+    for key in (one.key for one in devices):
+        try:
+            if key is not None:
+                relieve(key)
+        except SafetyError as error:
+            yield f"guardians that wait for this device are not relieved: {error}"
 
 
 def _latched(off: _Off) -> list[str]:

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 
 from smadrive.device.duty import waiting_duties
-from smadrive.errors import SmadriveError
+from smadrive.errors import SafetyError, SmadriveError
 
 
 def waiting_guardians() -> list[str]:
-    """A sentence for each guardian, with what remains to be done."""
+    """A sentence for each guardian, with what remains to be done. SafetyError when the state folder cannot be read."""
     return [str(duty) for duty in waiting_duties()]
 
 
@@ -20,6 +20,7 @@ def names_waiting_guardians() -> Iterator[None]:
     try:
         yield
     except SmadriveError as error:
-        for guardian in waiting_guardians():
-            error.add_note(guardian)
+        with suppress(SafetyError):  # without the state folder nothing is known of guardians
+            for guardian in waiting_guardians():
+                error.add_note(guardian)
         raise

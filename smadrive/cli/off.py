@@ -9,6 +9,7 @@ import typer
 from smadrive.cli.guardians import names_waiting_guardians, waiting_guardians
 from smadrive.cli.options import RigFile
 from smadrive.cli.output import AsJson, Output
+from smadrive.errors import SafetyError
 from smadrive.switchoff import switch_off
 
 ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear latched faults, their cause removed.")]
@@ -19,12 +20,13 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
     output = Output(as_json)
     with names_waiting_guardians():
         off = switch_off(rig, clear_faults=clear_faults)
-    waiting = waiting_guardians()
+    waiting, warnings = _waiting(off.warnings)
     output.say(f"{off.rig}: heater off, confirmed by read-back ({', '.join(off.devices)})")
     if off.latched:
         output.say(f"latched: {', '.join(off.latched)} (clear with --clear-faults)")
     for guardian in waiting:
         output.say(guardian)
+    output.warn(warnings)
     output.result(
         {
             "rig": off.rig,
@@ -32,7 +34,16 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
             "safe": True,
             "faults": off.latched,
             "waiting_guardians": waiting,
+            "warnings": warnings,
         }
     )
     if off.failure is not None:
         raise off.failure
+
+
+def _waiting(warnings: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    """The guardians that still wait, and the warnings; the heater is off, so an unreadable state folder is one."""
+    try:
+        return waiting_guardians(), [*warnings]
+    except SafetyError as error:
+        return [], [*warnings, f"guardians that still wait are not known: {error}"]

@@ -19,7 +19,9 @@ from typing import Self
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from smadrive.device.key import DeviceKey
-from smadrive.device.statedir import state_dir
+from smadrive.device.statedir import state_dir, unreadable
+from smadrive.errors import DataError
+from smadrive.filekind import check_regular
 
 FREE_WITHIN_S = 5.0
 """A relieved guardian has ended after this time."""
@@ -108,12 +110,15 @@ class HeldDuty:
 
 
 def waiting_duties() -> list[Duty]:
-    """The duties of all guardians that wait for their device."""
+    """The duties of all guardians that wait for their device. SafetyError when the state folder cannot be read."""
     return [duty for _, duty in _waiting()]
 
 
 def relieve(key: DeviceKey) -> None:
-    """The device with this key has been confirmed off: the guardians that wait for it end."""
+    """The device with this key has been confirmed off: the guardians that wait for it end.
+
+    SafetyError when the state folder cannot be read.
+    """
     for file, duty in _waiting():
         if duty.key.proves(key):
             with suppress(OSError):
@@ -122,11 +127,21 @@ def relieve(key: DeviceKey) -> None:
 
 
 def _waiting() -> Iterator[tuple[Path, Duty]]:
-    for file in sorted((state_dir() / "guardians").glob("*.json")):
-        with suppress(OSError, ValidationError):
+    for file in _files():
+        with suppress(OSError, ValidationError, DataError):
+            check_regular(file, DataError)
             duty = Duty.model_validate_json(file.read_bytes())
             if duty.waiting is not None and _is_held(file):
                 yield file, duty
+
+
+def _files() -> list[Path]:
+    try:
+        return sorted(file for file in (state_dir() / "guardians").iterdir() if file.suffix == ".json")
+    except (FileNotFoundError, NotADirectoryError):  # no guardian has a duty here
+        return []
+    except OSError as error:
+        raise unreadable(error) from None
 
 
 def _await_end(file: Path) -> None:
@@ -146,7 +161,7 @@ def _relief(file: Path) -> Path:
 
 def _is_held(file: Path) -> bool:
     try:
-        descriptor = os.open(file, os.O_RDONLY | os.O_CLOEXEC)
+        descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     except OSError:
         return False
     try:

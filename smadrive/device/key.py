@@ -15,6 +15,7 @@ Devices that share a line have different unit ids. `APPLIES` states when a trip 
 
 from __future__ import annotations
 
+import os
 import re
 from collections.abc import Iterator
 from contextlib import suppress
@@ -126,12 +127,20 @@ def port_names(url: str) -> frozenset[str]:
     return frozenset(_serial_names(Path(urlsplit(url).path), Path(urlsplit(port).path)))
 
 
+def _is_link(path: Path) -> bool:
+    """Whether the path is a link; one in a folder that this user may not enter is not known as one."""
+    try:
+        return path.is_symlink()
+    except OSError:
+        return False
+
+
 def _serial_names(written: Path, port: Path) -> Iterator[str]:
     """`written` is the path in the rig file, `port` what it leads to."""
-    if written.is_symlink() or written.parent in (BY_ID, BY_PATH):
-        yield str(written.parent.resolve() / written.name)
+    if _is_link(written) or written.parent in (BY_ID, BY_PATH):
+        yield f"{os.path.realpath(written.parent)}/{written.name}"
     for folder in (BY_ID, BY_PATH):
-        yield from (str(link) for link in folder.glob("*") if link.resolve() == port)
+        yield from (str(link) for link in folder.glob("*") if os.path.realpath(link) == str(port))
     if str(port).startswith(TERMINALS):
         with suppress(OSError):
             yield f"{port} of {port.stat().st_ctime_ns}"

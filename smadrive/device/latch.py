@@ -20,7 +20,7 @@ from urllib.parse import quote
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from smadrive.device.key import BY_ID, TERMINALS, DeviceKey
-from smadrive.device.statedir import state_dir
+from smadrive.device.statedir import state_dir, unreadable
 from smadrive.errors import DataError, SafetyError, TripError
 from smadrive.filekind import check_regular
 from smadrive.outfile import replacing
@@ -94,7 +94,7 @@ def _applying(key: DeviceKey) -> Iterator[_Found]:
     except FileNotFoundError:
         return
     except OSError as error:
-        yield _Found(state_dir(), _unreadable(state_dir(), error))
+        yield _Found(state_dir(), f"a trip of unknown cause: {unreadable(error)}")
         return
     for file in files:
         yield from _applying_in(file, key)
@@ -126,8 +126,8 @@ def _write(key: DeviceKey, trip: str) -> None:
 def _take_over_old(key: DeviceKey) -> None:
     """Give the records of 0.1 at this port the key of the device that is there now; one that resists stays."""
     for file, trip in _old_records(key):
-        if file.is_file():
-            with suppress(OSError, DataError):
+        with suppress(OSError, DataError):
+            if file.is_file():
                 _write(key, trip)
                 file.unlink()
 

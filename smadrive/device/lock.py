@@ -22,7 +22,8 @@ from urllib.parse import quote
 
 from smadrive.device.key import DeviceKey
 from smadrive.device.statedir import state_dir
-from smadrive.errors import BusyError
+from smadrive.errors import BusyError, DataError
+from smadrive.filekind import check_regular
 
 GUARDIAN_WITHIN_S = 10.0
 """A guardian that tries to switch off lets the line go in this time."""
@@ -91,9 +92,10 @@ def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> Lin
 def holder_of(line: str) -> Holder | None:
     """The holder that the file of the lock names; None: it names none."""
     try:
+        check_regular(_file(line), DataError)
         role, pid = _file(line).read_text(encoding="ascii").split()
         return Holder(Role(role), int(pid))
-    except (OSError, ValueError):
+    except (OSError, ValueError, DataError):
         return None
 
 

@@ -9,8 +9,9 @@ rtu+tcp://host:port             RTU frames through a gateway; ?baudrate= is that
 
 from __future__ import annotations
 
+import errno
+import os
 from dataclasses import replace
-from pathlib import Path
 from urllib.parse import SplitResult, parse_qsl, urlsplit
 
 from smadrive.errors import ConfigError
@@ -35,6 +36,9 @@ _ALLOWED = {
 }
 BAUDRATES = (50, 12_000_000)
 """The slowest line that Linux knows, and the fastest adapter on sale."""
+
+_NO_PATH = (errno.ELOOP, errno.ENAMETOOLONG)
+"""Errors of a path that can lead nowhere; a missing or a forbidden port may be there later."""
 
 MOST_LATENCY_MS = 5000
 """A reply that comes still later is not waited for, and not remembered as owed for much longer."""
@@ -62,7 +66,7 @@ def port_of(url: str) -> str:
     """
     parts = _split(url)
     if parts.scheme == "serial":
-        return f"serial://{Path(_port_path(url, parts)).resolve()}"
+        return f"serial://{os.path.realpath(_port_path(url, parts))}"
     host, number = _address(url, parts, MODBUS_TCP_PORT if parts.scheme == "tcp" else None)
     return f"tcp://{host}:{number}"
 
@@ -108,6 +112,14 @@ def _port_path(url: str, parts: SplitResult) -> str:
         raise ConfigError(
             f"connection {shortened(url, 200)}: names no port; write three slashes, as in serial:///dev/ttyUSB0"
         )
+    try:
+        os.stat(parts.path)  # noqa: PTH116  (its errors are what counts)
+    except OSError as error:
+        if error.errno in _NO_PATH:
+            raise ConfigError(
+                f"connection {shortened(url, 200)}: is no path ({error.strerror}); write one, as in "
+                "serial:///dev/ttyUSB0"
+            ) from None
     return parts.path
 
 

@@ -65,7 +65,7 @@ class SerialTransport(DescriptorTransport):
 
 def _is_pseudo_terminal(port: str) -> bool:
     """Whether no line is behind it, so that it has no parity: Linux refuses one when it is set again."""
-    return str(Path(port).resolve()).startswith("/dev/pts/")
+    return os.path.realpath(port).startswith("/dev/pts/")
 
 
 def _cure(port: str, error: Exception) -> str:

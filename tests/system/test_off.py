@@ -1,12 +1,14 @@
 """Switching off whatever else is broken: the file, the sensors, the port; and the truth when it cannot be done."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
 import time
 from contextlib import contextmanager
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 
@@ -129,6 +131,37 @@ def test_a_controller_that_could_heat_too_is_made_safe_although_the_supply_is_go
         assert done.returncode == 3
         assert UNCONFIRMED in done.stderr
         assert controller.read((step.register_,))[step.register_].value == step.value
+
+
+def test_unreadable_state_folder_does_not_undo_a_confirmed_off(hot, tmp_path, monkeypatch):
+    process, rig, _ = hot
+    rig.write_text(supply_alone(rig.read_text()))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / ("x" * 300)))
+    done = off(rig, "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert is_off(process)
+    told = json.loads(done.stdout)
+    assert told["safe"]
+    assert told["warnings"]
+    assert told["faults"]
+
+
+def supply_alone(text):
+    """The rig file with its first device, which heats, alone."""
+    devices, limits, rest = text.partition("[limits]")
+    head, first, *_ = devices.split("\n[[devices]]\n")
+    return f"{head}\n[[devices]]\n{first}{limits}{rest}"
+
+
+@pytest.mark.parametrize("folder", ["guardians", "locks"])
+def test_pipe_in_the_state_folder_does_not_keep_off_waiting(hot, state_home, folder):
+    process, rig, port = hot
+    (state_home / "smadrive" / folder).mkdir(parents=True)
+    names = {"guardians": "aa.json", "locks": quote(f"serial://{port.resolve()}", safe="")}
+    os.mkfifo(state_home / "smadrive" / folder / names[folder])
+    done = off(rig)
+    assert done.returncode == 3, done.stderr  # the sensors of the rig are missing
+    assert is_off(process)
 
 
 @contextmanager

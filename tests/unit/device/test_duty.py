@@ -1,10 +1,13 @@
 """The duty of a guardian: one for each device, shown while it waits, relieved by a confirmed switch-off."""
 
+import os
+
 import pytest
 
 from smadrive.device import duty as duties
 from smadrive.device.duty import HeldDuty, relieve, waiting_duties
 from smadrive.device.key import DeviceKey
+from smadrive.errors import SafetyError
 
 KEY = DeviceKey(frozenset({"tcp://gateway:502"}), 1, "77")
 TWIN = DeviceKey(KEY.names, 1, "78")
@@ -68,3 +71,17 @@ def test_without_a_folder_for_state_the_guardian_works_all_the_same(state_home):
         held.wait("no answer")
         assert not held.relieved
     assert waiting_duties() == []
+
+
+@pytest.mark.parametrize("use", [waiting_duties, lambda: relieve(KEY)])
+def test_state_folder_that_cannot_be_listed_is_a_safety_error(monkeypatch, tmp_path, use):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / ("x" * 300)))
+    with pytest.raises(SafetyError):
+        use()
+
+
+def test_pipe_among_the_duties_does_not_hang():
+    with HeldDuty.take("riden", KEY) as held:
+        held.wait("no answer")
+        os.mkfifo(duties.state_dir() / "guardians" / "aa.json")
+        assert [duty.key for duty in waiting_duties()] == [KEY]

@@ -165,3 +165,8 @@ def test_a_user_without_a_home_has_no_trips(monkeypatch):
     monkeypatch.delenv("HOME")
     monkeypatch.setattr("os.getuid", lambda: 54321)
     assert TripLatch(KEY).read() is None
+
+
+def test_state_folder_with_too_long_a_name_counts_as_a_trip(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / ("x" * 300)))
+    assert "a trip of unknown cause" in TripLatch(KEY).read()

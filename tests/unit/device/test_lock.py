@@ -7,6 +7,7 @@ import sys
 
 import pytest
 
+from smadrive.device import lock as locks
 from smadrive.device.key import key_at
 from smadrive.device.lock import Role, holder_of, line_of, lock_line
 from smadrive.device.profile import load_profile
@@ -103,3 +104,11 @@ def test_a_folder_that_cannot_be_written_keeps_nobody_from_a_heater(state_home):
     (state_home / "smadrive").write_text("a file where the folder should be")
     with lock_line(LINE, Role.DRIVER, 0.0), lock_line(LINE, Role.GUARDIAN, 0.0):
         pass
+
+
+def test_pipe_in_place_of_a_lock_file_names_no_holder():
+    with lock_line(LINE, Role.DRIVER, 0.0):
+        file = next((locks.state_dir() / "locks").iterdir())
+    file.unlink()
+    os.mkfifo(file)
+    assert holder_of(LINE) is None

@@ -15,6 +15,7 @@ BAD = [
     "tcp://" + "a" * 64 + ":502",
     "tcp://" + "a" * 2000 + ":502",
     "rtu+tcp://host:٥٠٢",
+    "serial:///tmp/" + "a" * 300,
 ]
 
 BAD_OPTIONS = [
@@ -48,3 +49,10 @@ def test_option_out_of_bounds_is_a_config_error(url, option):
 def test_option_at_its_bound_is_taken(option):
     with pytest.raises(TransportError):
         open_transport(f"serial:///dev/no-such-port?{option}")
+
+
+@pytest.mark.parametrize("read", [open_transport, port_of])
+def test_loop_of_links_is_a_config_error(tmp_path, read):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with pytest.raises(ConfigError):
+        read(f"serial://{tmp_path}/loop")
