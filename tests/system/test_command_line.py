@@ -390,3 +390,19 @@ def test_its_linear_algebra_starts_no_threads_that_would_keep_cores_from_the_loo
         [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True, env={"HOME": "/"}
     )
     assert done.stdout.splitlines()[-1] == "True 1"
+
+
+def test_signal_during_the_first_imports_is_told_as_an_interruption():
+    script = (
+        "import signal, sys\n"
+        "class Press:\n"
+        "    def find_spec(name, path=None, target=None):\n"
+        "        if name == 'typer':\n"
+        "            signal.raise_signal(signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Press)\n"
+        "from smadrive.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 130
+    assert "Traceback" not in done.stderr

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from smadrive.cli import COMMANDS
+from smadrive.cli.app import COMMANDS
 
 ROOT = Path(__file__).parents[2]
 TEXT = (ROOT / "README.md").read_text()

@@ -1,0 +1,60 @@
+"""The commands of `smadrive` by name, and the options before a command."""
+
+from __future__ import annotations
+
+import importlib
+from importlib.metadata import version
+from typing import Annotated
+
+import typer
+
+COMMANDS = {
+    "demo": "A simulated wire, identified and driven: the whole product at work, with a report.",
+    "scan": "Find the devices on a line, and the profiles that match them.",
+    "probe": "Connect to a rig, check who is there, show live values.",
+    "excite": "Run the identification experiment on a rig.",
+    "identify": "Fit a hysteresis model to recorded data.",
+    "simulate": "Run a model along the input path in a file.",
+    "invert": "Find the input path for the outputs in a file.",
+    "run": "Track a displacement reference on a rig.",
+    "tune": "Open the live tuning page of a rig.",
+    "report": "Show a log as one page: plots, figures, faults, provenance; or as CSV.",
+    "replay": "Run model and controller once more on what was recorded.",
+    "paper": "Redo the simulation of the published T-S fuzzy Duhem model, with its figures.",
+    "off": "Put every device of a rig into its safe state, confirmed.",
+}
+
+
+def command_line(wanted: str) -> typer.Typer:
+    """All commands by name, with only the wanted one imported: help in no time, and no plots for a probe."""
+    app = typer.Typer(
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+        help="The driver that makes a shape-memory-alloy wire move where it is told.",
+    )
+    app.callback()(_options)
+    for name, summary in COMMANDS.items():
+        if name == wanted:
+            app.command(name)(importlib.import_module(f"smadrive.cli.{name}").main)
+        else:
+            app.command(name, help=summary)(_not_imported)
+    return app
+
+
+def _tell_version(wanted: bool) -> None:
+    if wanted:
+        print(f"smadrive {version('smadrive')}")
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[
+        bool, typer.Option("--version", is_eager=True, callback=_tell_version, help="Tell the version.")
+    ] = False,
+) -> None:
+    """What stands before a command."""
+
+
+def _not_imported() -> None:
+    """Stands in the list for a command that was not asked for."""
