@@ -80,7 +80,10 @@ class HeldDuty:
     @property
     def relieved(self) -> bool:
         """Whether a new driver or `off` has confirmed the device off since this guardian waits."""
-        return self._duty.waiting is not None and _relief(self._file).exists()
+        try:
+            return self._duty.waiting is not None and _relief(self._file).exists()
+        except OSError:  # the state folder cannot be read
+            return False
 
     def wait(self, problem: str) -> None:
         """The driver has ended; `problem` keeps the guardian from its device."""

@@ -85,3 +85,10 @@ def test_pipe_among_the_duties_does_not_hang():
         held.wait("no answer")
         os.mkfifo(duties.state_dir() / "guardians" / "aa.json")
         assert [duty.key for duty in waiting_duties()] == [KEY]
+
+
+def test_guardian_whose_state_folder_cannot_be_read_waits(monkeypatch, tmp_path):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / ("x" * 300)))
+    with HeldDuty.take("riden", KEY) as held:
+        held.wait("no answer")
+        assert not held.relieved
