@@ -11,7 +11,7 @@ from pathlib import Path
 from smadrive.clock import VirtualClock
 from smadrive.device.device import Device
 from smadrive.device.key import key_at
-from smadrive.device.lock import LineLock, Role, line_of, lock_line
+from smadrive.device.lock import LineLock, Role, lines_of, lock_line
 from smadrive.device.profile import Profile, load_profile
 from smadrive.device.safestate import PAUSES_S
 from smadrive.device.tclab import TCLabBoard
@@ -63,9 +63,10 @@ class Connections:
         master = self._master(device, profile) if given is None else self._master_on(given, device)
         return Device(profile, master, device.unit_id, read_retries)
 
-    def lock_of(self, device: DeviceConfig, profile: Profile) -> LineLock | None:
-        """The lock of the line of a device; None: it has none."""
-        return self._locks.get(line_of(key_at(device.url, profile, device.unit_id)))
+    def locks_of(self, device: DeviceConfig, profile: Profile) -> list[LineLock]:
+        """The locks of the line of a device, one for each of its names."""
+        lines = lines_of(key_at(device.url, profile, device.unit_id))
+        return [self._locks[line] for line in lines if line in self._locks]
 
     def lose(self) -> None:
         """Let every connection go; the next request on it opens it again."""
@@ -82,14 +83,15 @@ class Connections:
             )
 
     def _lock(self, device: DeviceConfig, profile: Profile) -> None:
-        line = line_of(key_at(device.url, profile, device.unit_id))
-        if line in self._locks or (is_remote(device.url) and profile.profile.role not in HEATING):
+        if is_remote(device.url) and profile.profile.role not in HEATING:
             return
-        try:
-            self._locks[line] = self._stack.enter_context(lock_line(line, Role.DRIVER))
-        except BusyError:
-            if not self._insists:
-                raise
+        for line in lines_of(key_at(device.url, profile, device.unit_id)):
+            try:
+                if line not in self._locks:
+                    self._locks[line] = self._stack.enter_context(lock_line(line, Role.DRIVER))
+            except BusyError:
+                if not self._insists:
+                    raise
 
     def _master(self, device: DeviceConfig, profile: Profile) -> Master:
         if device.url.startswith(SIMULATED):

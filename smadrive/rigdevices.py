@@ -92,7 +92,7 @@ def open_devices(
     limits = config.limits
     if guard is not None:
         connections.check_patience(limits.watchdog_s)
-        guard.share(connections.lock_of(roles.heater, profiles[roles.heater.name]))
+        guard.share(connections.locks_of(roles.heater, profiles[roles.heater.name]))
         stack.enter_context(guard)
     heater = Heater(
         heat_source(roles.heater, devices[roles.heater.name], clock),

@@ -7,7 +7,7 @@ import select
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
 from types import TracebackType
@@ -39,16 +39,15 @@ class Guard:
     def __init__(self, task: Task, give_way: Callable[[], None]) -> None:
         self._task = task
         self._give_way = give_way
-        self._lock: LineLock | None = None
+        self._locks: list[LineLock] = []
         self._watching = False
         self._taken = False
         self._gone = False
         self._heard_s = 0.0
 
-    def share(self, lock: LineLock | None) -> None:
-        """Let the guardian inherit the lock of the line, before it is started."""
-        if lock is not None and lock.descriptor != NO_DESCRIPTOR:
-            self._lock = lock
+    def share(self, locks: Iterable[LineLock]) -> None:
+        """Let the guardian inherit the locks of the line, before it is started."""
+        self._locks = [lock for lock in locks if lock.descriptor != NO_DESCRIPTOR]
 
     def __enter__(self) -> Self:
         """Start the guardian, which comes up while the driver connects."""
@@ -58,7 +57,7 @@ class Guard:
             stdout=subprocess.PIPE,
             bufsize=0,
             start_new_session=True,  # Ctrl-C is the driver's
-            pass_fds=() if self._lock is None else (self._lock.descriptor,),
+            pass_fds=[lock.descriptor for lock in self._locks],
         )
         self._to, self._from = _piped(self._process.stdin), _piped(self._process.stdout)
         return self
@@ -71,9 +70,9 @@ class Guard:
         device = replace(self._task.device, identity=dict(identity))
         profile = load_profile(device.profile)
         relieve(key_at(device.url, profile, device.unit_id).with_identity(profile, identity))
-        shared = None if self._lock is None else SharedLock(self._lock.line, self._lock.descriptor)
+        shared = tuple(SharedLock(lock.line, lock.descriptor) for lock in self._locks)
         with suppress(OSError):  # told below
-            self._to.write(replace(self._task, device=device, lock=shared).to_json())
+            self._to.write(replace(self._task, device=device, locks=shared).to_json())
         ready, _, _ = select.select((self._from,), (), (), STARTS_WITHIN_S)
         if not ready or self._from.read(1) != READY:
             self._process.kill()

@@ -184,7 +184,7 @@ def guard(task: Task, driver: Driver) -> None:
         _say(f"another guardian of {device.profile} at {device.url} does not end: end it first")
         return
     with duty:
-        access = Access(task.lock)
+        access = Access(task.locks)
         switch = Switch(device, profile, Search(device.url, key.names, time.monotonic), access)
         guardian = Guardian(driver, switch, access, duty, task.timeout_s)
         _tell(READY)

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import ExitStack, contextmanager
 from typing import NamedTuple
 
 from smadrive.device.anydevice import device_on
 from smadrive.device.guardtask import GuardedDevice, SharedLock
 from smadrive.device.key import key_at
-from smadrive.device.lock import LineLock, Role, line_of, lock_line
+from smadrive.device.lock import LineLock, Role, lines_of, lock_line
 from smadrive.device.profile import Profile
 from smadrive.device.search import Search
 from smadrive.device.takeover import Outcome
@@ -20,27 +20,33 @@ from smadrive.modbus.connect import is_remote, open_transport
 class Access:
     """The right to use a line: with the driver as long as that lives, then for one attempt at a time."""
 
-    def __init__(self, shared: SharedLock | None) -> None:
-        self._shared = None if shared is None else LineLock(*shared)
+    def __init__(self, shared: Iterable[SharedLock]) -> None:
+        self._shared = [LineLock(*lock) for lock in shared]
 
     def hold_as(self, role: Role, pid: int) -> None:
-        """Name the holder of the shared lock."""
-        if self._shared is not None:
-            self._shared.hold_as(role, pid)
+        """Name the holder of the shared locks."""
+        for lock in self._shared:
+            lock.hold_as(role, pid)
 
     def share_no_more(self) -> None:
         """The driver has ended and the device is not there: let others use the line."""
-        if self._shared is not None:
-            self._shared.release()
-        self._shared = None
+        for lock in self._shared:
+            lock.release()
+        self._shared = []
 
     @contextmanager
-    def to(self, line: str, *, alone: bool) -> Iterator[bool]:
-        """Use the line; whether its port is for the guardian only. BusyError when another program has the line."""
-        if not alone or (self._shared is not None and self._shared.line == line):
+    def to(self, lines: Collection[str], *, alone: bool) -> Iterator[bool]:
+        """Use the line with these names; whether its port is for the guardian only.
+
+        One shared name is enough: a look-up may give other addresses than that of the driver. BusyError when another
+        program has the line.
+        """
+        if not alone or any(lock.line in lines for lock in self._shared):
             yield False
             return
-        with lock_line(line, Role.GUARDIAN, within_s=0.0):
+        with ExitStack() as stack:
+            for line in lines:
+                stack.enter_context(lock_line(line, Role.GUARDIAN, within_s=0.0))
             yield True
 
 
@@ -83,7 +89,7 @@ class Switch:
     def _off_at(self, url: str, *, alone: bool) -> Result:
         """The safe state, confirmed, or what went wrong."""
         try:
-            with self._access.to(self._line(url), alone=alone) as exclusive:
+            with self._access.to(self._lines(url) if alone else (), alone=alone) as exclusive:
                 self._write_safe_state(url, exclusive=exclusive)
         except IdentityError as error:
             self._search.heard_another(url)
@@ -102,5 +108,5 @@ class Switch:
             device.check_identity()
             device.enter_safe_state()
 
-    def _line(self, url: str) -> str:
-        return line_of(key_at(url, self._profile, self._device.unit_id))
+    def _lines(self, url: str) -> tuple[str, ...]:
+        return lines_of(key_at(url, self._profile, self._device.unit_id))

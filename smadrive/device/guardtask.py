@@ -24,7 +24,7 @@ class GuardedDevice:
 
 
 class SharedLock(NamedTuple):
-    """The driver's lock of its line, inherited as an open file."""
+    """A lock that the driver has of its line, inherited as an open file."""
 
     line: str
     descriptor: int
@@ -36,7 +36,7 @@ class Task:
 
     device: GuardedDevice
     timeout_s: float
-    lock: SharedLock | None = None
+    locks: tuple[SharedLock, ...] = ()
 
     def to_json(self) -> bytes:
         """One line."""
@@ -46,5 +46,5 @@ class Task:
     def from_json(cls, line: bytes) -> Task:
         """What `to_json` wrote."""
         task = json.loads(line)
-        lock = None if task["lock"] is None else SharedLock(*task["lock"])
-        return cls(GuardedDevice(**task["device"]), task["timeout_s"], lock)
+        locks = tuple(SharedLock(*lock) for lock in task["locks"])
+        return cls(GuardedDevice(**task["device"]), task["timeout_s"], locks)

@@ -6,7 +6,7 @@ So a key holds the names of the port that stay, and the device's serial number, 
     USB adapter              its links in /dev/serial/by-id and by-path, and its place on the USB bus
     link of the user's own   the path of the link (a udev rule, `firmware-sim --pty PATH`, `socat link=PATH`)
     on-board serial port     its path
-    network                  host and port
+    network                  host and port, as written and by each address of the host; see hostnames.py
     pseudo-terminal          no name that stays. While it exists, its number and its time of creation count; when it
                              is gone it never comes back, and only the serial number of the device counts
 
@@ -29,6 +29,7 @@ from serial.tools import list_ports
 from smadrive.device.identity import Identity
 from smadrive.device.profile import Profile
 from smadrive.modbus.connect import port_of
+from smadrive.modbus.hostnames import may_be_one, names_of
 
 BY_ID = Path("/dev/serial/by-id")
 BY_PATH = Path("/dev/serial/by-path")
@@ -80,7 +81,9 @@ class DeviceKey:
             return Match.DIFFERENT
         if self.names & other.names:
             return Match.SAME
-        return Match.DIFFERENT if self.names and other.names else Match.UNKNOWN
+        if not (self.names and other.names) or may_be_one(self.names, other.names):
+            return Match.UNKNOWN
+        return Match.DIFFERENT
 
     def serial_match(self, other: DeviceKey) -> Match:
         """Whether both have the same serial number."""
@@ -123,7 +126,7 @@ def port_names(url: str) -> frozenset[str]:
     """The names of the port that stay after a replug, found from whatever leads to it; empty: it has none."""
     port = port_of(url)
     if urlsplit(url).scheme != "serial":
-        return frozenset({port})
+        return names_of(port)
     return frozenset(_serial_names(Path(urlsplit(url).path), Path(urlsplit(port).path)))
 
 

@@ -1,6 +1,7 @@
 """Exclusive access to a line: two masters on one line would take each other's replies for their own.
 
-A line is a serial port under its present name, or one unit behind a network address. Its lock is an flock on a file in
+A line is a serial port under its present name, or one unit behind a network address; one behind a host with several
+names is locked under each. Its lock is an flock on a file in
 the user's folder for state; the kernel releases it when the process ends, however that happens. The file names the
 holder. A driver shares its lock with its guardian, which inherits the open file: together they have the line until both
 have let it go. A guardian whose driver has ended holds the lock only while it tries to switch off, so that a new driver
@@ -72,9 +73,12 @@ class LineLock:
         self.release()
 
 
-def line_of(key: DeviceKey) -> str:
-    """The line of a device: a serial port under its present name, or one unit of a network address."""
-    return key.port if key.port.startswith("serial:") or key.unit_id is None else f"{key.port} unit {key.unit_id}"
+def lines_of(key: DeviceKey) -> tuple[str, ...]:
+    """The line of a device: a serial port under its present name, or one unit of a network port under each name."""
+    if key.port.startswith("serial:"):
+        return (key.port,)
+    unit = "" if key.unit_id is None else f" unit {key.unit_id}"
+    return tuple(f"{name}{unit}" for name in sorted(key.names))
 
 
 def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> LineLock:

@@ -60,7 +60,8 @@ def open_transport(
 
 
 def port_of(url: str) -> str:
-    """The port that a URL leads to now, however it is spelled: without query, links resolved, host in lower case.
+    """The port that a URL leads to now, however it is spelled: without query, links resolved, host in lower case
+    without the dot that may end it. A network port has further names (see hostnames.py).
 
     ConfigError when the URL names no port.
     """
@@ -68,7 +69,7 @@ def port_of(url: str) -> str:
     if parts.scheme == "serial":
         return f"serial://{os.path.realpath(_port_path(url, parts))}"
     host, number = _address(url, parts, MODBUS_TCP_PORT if parts.scheme == "tcp" else None)
-    return f"tcp://{host}:{number}"
+    return f"tcp://{host.removesuffix('.')}:{number}"
 
 
 def is_remote(url: str) -> bool:

@@ -15,7 +15,7 @@ from smadrive.device.duty import waiting_duties
 from smadrive.device.guardswitch import Access, Switch
 from smadrive.device.guardtask import GuardedDevice
 from smadrive.device.key import key_at, port_names
-from smadrive.device.lock import Role, line_of, lock_line
+from smadrive.device.lock import Role, lines_of, lock_line
 from smadrive.device.profile import load_profile
 from smadrive.device.search import AGREEING, Search
 from smadrive.device.takeover import Outcome
@@ -231,18 +231,31 @@ def test_a_second_driver_of_a_heater_is_refused_on_a_network_too_and_off_gets_in
     assert "output off" in supply.stderr.readline()
 
 
+@pytest.mark.parametrize("spelled", ["localhost", "127.1", "LOCALHOST.", "[::ffff:127.0.0.1]"])
+def test_second_driver_is_refused_under_another_name_of_the_host(stage, spelled):
+    supply, url = stage.serve("riden-rd60xx", 77, "--tcp", "0")
+    driver = stage.heat(url)
+    assert "127.0.0.1" in url
+    stage.rig.write_text(RIG_FILE.format(supply=url.replace("127.0.0.1", spelled), reader=stage.reader))
+    probed = stage.smadrive("probe")
+    assert probed.returncode == 3
+    assert f"process {driver.pid}" in probed.stderr
+    assert driver.poll() is None
+    assert supply.poll() is None
+
+
 def switch_for(url, identity, search=None):
     """How a guardian switches off the supply that its driver knew by this identity."""
     profile = load_profile("riden-rd60xx")
     device = GuardedDevice("riden-rd60xx", url, None, identity)
-    return Switch(device, profile, search or Search(url, port_names(url), time.monotonic), Access(None))
+    return Switch(device, profile, search or Search(url, port_names(url), time.monotonic), Access(()))
 
 
 @pytest.mark.parametrize("way_in", ["--pty", "--rtu-tcp", "--tcp"])
 def test_an_attempt_leaves_a_line_alone_that_another_program_has(stage, way_in):
     _, url = stage.serve("riden-rd60xx", 77, way_in, str(stage.folder / "port") if way_in == "--pty" else "0")
     switch = switch_for(url, {"serial_number": 77})
-    line = line_of(key_at(url, load_profile("riden-rd60xx"), None))
+    line = lines_of(key_at(url, load_profile("riden-rd60xx"), None))[0]
     with lock_line(line, Role.DRIVER):
         assert switch.off(alone=True).outcome is Outcome.BUSY
         assert switch.off(alone=False).outcome is Outcome.CONFIRMED  # its own driver still has the line

@@ -1,6 +1,7 @@
 """The key of a device: which names of a port stay, what is a serial number, and when a trip applies."""
 
 import os
+import threading
 import time
 
 import pytest
@@ -9,6 +10,7 @@ from smadrive.device import key as keys
 from smadrive.device.key import APPLIES, DeviceKey, Match, key_at, port_names, serial_number
 from smadrive.device.profile import load_profile
 from smadrive.errors import ConfigError
+from smadrive.modbus import hostnames
 
 PORTS = {Match.SAME: {"usb-1"}, Match.DIFFERENT: {"usb-2"}, Match.UNKNOWN: set()}
 SERIALS = {Match.SAME: "77", Match.DIFFERENT: "78", Match.UNKNOWN: None}
@@ -116,6 +118,37 @@ def test_a_network_device_is_known_by_host_port_and_unit():
     one = key_at("rtu+tcp://Bench:502", profile, None)
     assert one == key_at("tcp://bench/?latency_ms=5", profile, 1)
     assert one.port_match(key_at("tcp://bench:502", profile, 2)) is Match.DIFFERENT
+
+
+SPELLED = ["localhost", "LocalHost.", "127.1", "[::ffff:127.0.0.1]", "0"]
+
+
+@pytest.mark.parametrize("host", SPELLED)
+def test_port_is_the_same_under_each_name_of_its_host(host):
+    here, there = (DeviceKey(port_names(f"tcp://{one}:502"), 1) for one in ("127.0.0.1", host))
+    assert here.port_match(there) is Match.SAME
+    assert here.proves(there)
+    assert here.applies_to(there)
+    assert here.port_match(DeviceKey(port_names(f"tcp://{host}:503"), 1)) is Match.DIFFERENT
+
+
+UNKNOWN_HOST = "no-such-host.invalid"
+
+
+def test_failed_look_up_leaves_it_open_whether_two_ports_are_one():
+    lost = DeviceKey(port_names(f"tcp://{UNKNOWN_HOST}:502"), 1)
+    assert lost.port_match(DeviceKey(port_names("tcp://127.0.0.1:502"), 1)) is Match.UNKNOWN
+    assert lost.port_match(DeviceKey(port_names(f"rtu+tcp://{UNKNOWN_HOST}.:502"), 1)) is Match.SAME
+    assert lost.port_match(DeviceKey(port_names("tcp://127.0.0.1:503"), 1)) is Match.DIFFERENT
+    assert lost.port_match(DeviceKey(frozenset({"/dev/ttyS0"}), 1)) is Match.DIFFERENT
+
+
+def test_look_up_that_does_not_end_counts_as_failed(monkeypatch):
+    ends = threading.Event()
+    monkeypatch.setattr(hostnames, "LOOK_UP_WITHIN_S", 0.01)
+    monkeypatch.setattr("socket.getaddrinfo", lambda *_, **__: ends.wait(60.0) and [])
+    assert port_names("tcp://bench:502") == {"tcp://bench:502"}
+    ends.set()
 
 
 def test_a_url_that_names_no_port_is_refused():

@@ -9,7 +9,7 @@ import pytest
 
 from smadrive.device import lock as locks
 from smadrive.device.key import key_at
-from smadrive.device.lock import Role, holder_of, line_of, lock_line
+from smadrive.device.lock import Role, holder_of, lines_of, lock_line
 from smadrive.device.profile import load_profile
 from smadrive.errors import BusyError
 
@@ -85,7 +85,8 @@ def test_a_guardian_keeps_what_its_driver_releases():
 
 def test_other_lines_and_other_units_of_a_network_are_free():
     profile = load_profile("riden-rd60xx")
-    lines = [line_of(key_at(f"rtu+tcp://gateway:502{query}", profile, unit)) for unit in (1, 2) for query in ("", "?")]
+    urls = [f"rtu+tcp://10.0.0.5:502{query}" for query in ("", "?")]
+    lines = [line for unit in (1, 2) for url in urls for line in lines_of(key_at(url, profile, unit))]
     assert len(set(lines)) == 2
     with (
         lock_line(LINE, Role.DRIVER, 0.0),
@@ -97,7 +98,7 @@ def test_other_lines_and_other_units_of_a_network_are_free():
 
 def test_all_units_of_a_serial_port_share_its_line():
     profile = load_profile("riden-rd60xx")
-    assert {line_of(key_at(LINE, profile, unit)) for unit in (None, 2)} == {LINE}
+    assert {lines_of(key_at(LINE, profile, unit)) for unit in (None, 2)} == {(LINE,)}
 
 
 def test_a_folder_that_cannot_be_written_keeps_nobody_from_a_heater(state_home):

@@ -1,0 +1,76 @@
+"""The names of a network port: one device answers at `localhost`, `127.0.0.1`, `127.1` and `[::ffff:127.0.0.1]`.
+
+A port has the name that the user wrote, and one for each address that the look-up of the host gives. Two ports with a
+common name are one. Where a look-up failed, the names do not tell two ports apart.
+"""
+
+from __future__ import annotations
+
+import socket
+import threading
+from contextlib import suppress
+from ipaddress import IPv4Address, IPv6Address, ip_address
+
+LOOK_UP_WITHIN_S = 0.5
+"""A name server that takes longer counts as absent."""
+NETWORK = "tcp://"
+
+
+def names_of(port: str) -> frozenset[str]:
+    """The names of a network port, `tcp://HOST:NUMBER` as `port_of` returns it: as written, and by each address."""
+    host, number = _parts(port)
+    return frozenset({port, *(f"{NETWORK}{address}:{number}" for address in _addresses(host))})
+
+
+def may_be_one(names: frozenset[str], others: frozenset[str]) -> bool:
+    """Whether two network ports without a common name may be one, because a look-up failed for one of them."""
+    numbers, other_numbers = _numbers(names), _numbers(others)
+    return bool(numbers & other_numbers) and not (_is_looked_up(names) and _is_looked_up(others))
+
+
+def _addresses(host: str) -> set[str]:
+    """The addresses of a host, each in its canonical form; none: they cannot be found in time."""
+    found: set[str] = set()
+
+    def look_up() -> None:
+        with suppress(OSError, UnicodeError):
+            answers = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
+            found.update({_canonical(str(answer[4][0])) for answer in answers})
+
+    thread = threading.Thread(target=look_up, daemon=True)  # a look-up cannot be ended
+    thread.start()
+    thread.join(LOOK_UP_WITHIN_S)
+    return set() if thread.is_alive() else found
+
+
+def _canonical(text: str) -> str:
+    """One form for each address; the kernel takes an unspecified one for the loopback of its family."""
+    address = ip_address(text)
+    if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
+        address = address.ipv4_mapped
+    if address.is_unspecified:
+        address = IPv4Address("127.0.0.1") if address.version == 4 else IPv6Address("::1")
+    return str(address)
+
+
+def _parts(port: str) -> tuple[str, str]:
+    host, _, number = port.removeprefix(NETWORK).rpartition(":")
+    return host, number
+
+
+def _numbers(names: frozenset[str]) -> set[str]:
+    """The port numbers of the network names."""
+    return {_parts(name)[1] for name in names if name.startswith(NETWORK)}
+
+
+def _is_looked_up(names: frozenset[str]) -> bool:
+    """Whether an address is among the names."""
+    return any(_is_address(_parts(name)[0]) for name in names)
+
+
+def _is_address(host: str) -> bool:
+    try:
+        ip_address(host)
+    except ValueError:
+        return False
+    return True
