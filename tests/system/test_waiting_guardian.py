@@ -236,7 +236,8 @@ def test_second_driver_is_refused_under_another_name_of_the_host(stage, spelled)
     supply, url = stage.serve("riden-rd60xx", 77, "--tcp", "0")
     driver = stage.heat(url)
     assert "127.0.0.1" in url
-    stage.rig.write_text(RIG_FILE.format(supply=url.replace("127.0.0.1", spelled), reader=stage.reader))
+    _, free_reader = stage.serve("delta-dtb", None)
+    stage.rig.write_text(RIG_FILE.format(supply=url.replace("127.0.0.1", spelled), reader=free_reader))
     probed = stage.smadrive("probe")
     assert probed.returncode == 3
     assert f"process {driver.pid}" in probed.stderr
