@@ -13,6 +13,7 @@ from pathlib import Path
 from urllib.parse import urlsplit
 
 import pytest
+from supply_rig import RIG
 
 from smadrive.device.guard import Guard
 from smadrive.device.guardtask import GuardedDevice, Task
@@ -21,29 +22,6 @@ from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 
 SIMULATOR = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm"]
-RIG = """
-name = "supply and reader"
-wire = "flexinol-lt-0.15mm"
-rate_hz = 4.0
-[[devices]]
-name = "supply"
-profile = "riden-rd60xx"
-url = "{supply}"
-[[devices]]
-name = "reader"
-profile = "delta-dtb"
-url = "{reader}"
-[limits]
-current_max_a = 0.6
-temperature_max_c = 135.0
-voltage_max_v = 15.0
-watchdog_s = 1.0
-stale_after_s = 1.0
-[excitation]
-low_c = 40.0
-high_c = 120.0
-rate_c_per_s = 6.0
-"""
 DRIVER = """
 import sys, time
 from smadrive.rig import Rig

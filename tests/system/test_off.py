@@ -11,13 +11,13 @@ from pathlib import Path
 from urllib.parse import quote
 
 import pytest
+from served import served
 
 from smadrive.device.device import Device
 from smadrive.device.profile import load_profile
 from smadrive.modbus.connect import open_transport
 from smadrive.modbus.master import Master
 from smadrive.shipped import configs_dir
-from tests.served import served
 
 UNCONFIRMED = "the heater could NOT be confirmed off"
 SHIPPED = (configs_dir() / "rigs" / "bench-supply.toml").read_text().replace("/dev/ttyUSB", "/dev/no-such-port-")

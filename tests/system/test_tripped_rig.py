@@ -6,6 +6,7 @@ import subprocess
 import sys
 
 import pytest
+from served import served
 
 from smadrive.control.faults import Fault
 from smadrive.device.key import key_at
@@ -16,7 +17,6 @@ from smadrive.rig import Rig
 from smadrive.rigconfig import load_rig
 from smadrive.shipped import configs_dir
 from smadrive.testing.simulator import ServedSimulator
-from tests.served import served
 
 
 def heat(rig):

@@ -10,6 +10,8 @@ import time
 from pathlib import Path
 
 import pytest
+from served import COMMAND
+from supply_rig import RIG
 
 from smadrive.device.duty import waiting_duties
 from smadrive.device.guardswitch import Access, Switch
@@ -21,31 +23,7 @@ from smadrive.device.search import AGREEING, Search
 from smadrive.device.takeover import Outcome
 from smadrive.shipped import configs_dir
 from tests.conftest import RUN, guardians_of
-from tests.served import COMMAND
 
-RIG_FILE = """
-name = "supply and reader"
-wire = "flexinol-lt-0.15mm"
-rate_hz = 4.0
-[[devices]]
-name = "supply"
-profile = "riden-rd60xx"
-url = "{supply}"
-[[devices]]
-name = "reader"
-profile = "delta-dtb"
-url = "{reader}"
-[limits]
-current_max_a = 0.6
-temperature_max_c = 135.0
-voltage_max_v = 15.0
-watchdog_s = 1.0
-stale_after_s = 1.0
-[excitation]
-low_c = 40.0
-high_c = 120.0
-rate_c_per_s = 6.0
-"""
 DRIVER = """
 import sys, time
 from smadrive.rig import Rig
@@ -93,7 +71,7 @@ class Stage:
 
     def heat(self, url):
         """A driver that heats through the supply there; its process."""
-        self.rig.write_text(RIG_FILE.format(supply=url, reader=self.reader))
+        self.rig.write_text(RIG.format(supply=url, reader=self.reader))
         guardians = []
         self.stack.callback(until, lambda: not any(map(lives, guardians)))  # they need the supply for that
         driver = subprocess.Popen(
@@ -237,7 +215,7 @@ def test_second_driver_is_refused_under_another_name_of_the_host(stage, spelled)
     driver = stage.heat(url)
     assert "127.0.0.1" in url
     _, free_reader = stage.serve("delta-dtb", None)
-    stage.rig.write_text(RIG_FILE.format(supply=url.replace("127.0.0.1", spelled), reader=free_reader))
+    stage.rig.write_text(RIG.format(supply=url.replace("127.0.0.1", spelled), reader=free_reader))
     probed = stage.smadrive("probe")
     assert probed.returncode == 3
     assert f"process {driver.pid}" in probed.stderr
