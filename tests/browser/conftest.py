@@ -133,8 +133,9 @@ def live(lasting_session):
     return lasting_session
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser():
+    """Chromium. Its event loop runs in the main thread while it is open, so it is closed before other modules run."""
     playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright (PyPI)")
     if CHROMIUM is None:
         pytest.skip("needs chromium (Debian package chromium)")
