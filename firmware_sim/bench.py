@@ -18,20 +18,20 @@ from collections.abc import Callable
 from math import sqrt
 from random import SystemRandom
 
-from firmware_sim.behaviour import Inside, RegisterBehaviour
-from firmware_sim.chance import ChanceFaults
+from firmware_sim.bus.random_faults import ChanceFaults
 from firmware_sim.config import SimConfig
-from firmware_sim.device import SimulatedDevice
-from firmware_sim.firmware import Firmware
-from firmware_sim.instrument import Instrument
-from firmware_sim.plant import Plant
-from firmware_sim.registers import RegisterBank
-from firmware_sim.responder import Responder
-from firmware_sim.sensors import Sensors
-from firmware_sim.supply import Supply
-from firmware_sim.tclab import PULSE_FACTORY, PULSE_MAX, TCLabFirmware
-from firmware_sim.timeline import FaultScript, Timeline, bound
-from smadrive.device.profile import Profile, load_profile
+from firmware_sim.devices.behaviour import Inside, RegisterBehaviour
+from firmware_sim.devices.board import Firmware
+from firmware_sim.devices.device import SimulatedDevice
+from firmware_sim.devices.instrument import Instrument
+from firmware_sim.devices.registers import RegisterBank
+from firmware_sim.devices.responder import Responder
+from firmware_sim.devices.supply import Supply
+from firmware_sim.devices.tclab import PULSE_FACTORY, PULSE_MAX, TCLabFirmware
+from firmware_sim.fault_script import FaultScript, Timeline, bound
+from firmware_sim.physics.plant import Plant
+from firmware_sim.sensors.sensors import Sensors
+from smadrive.devices.profile.profile import Profile, load_profile
 from smadrive.errors import ConfigError
 
 TICK_S = 0.01

@@ -14,12 +14,12 @@ import typer
 
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
-from firmware_sim.device import SimulatedDevice
-from firmware_sim.replay import Replay
-from firmware_sim.serve import Server, stop_on_signal
-from firmware_sim.timeline import load_script
-from firmware_sim.ways import Entrance, Kind, WayIn, open_door, open_entrances
-from smadrive.device.profile import load_profile
+from firmware_sim.devices.device import SimulatedDevice
+from firmware_sim.devices.replay import Replay
+from firmware_sim.fault_script import load_script
+from firmware_sim.server.listen_address import Entrance, Kind, WayIn, open_door, open_entrances
+from firmware_sim.server.server import Server, stop_on_signal
+from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError, SmadriveError
 
 REFERENCE = "sma-reference"

@@ -7,9 +7,9 @@ from typing import Literal
 
 from pydantic import Field, model_validator
 
-from smadrive.configfile import Section, load_config
-from smadrive.filekind import SIM
-from smadrive.shipped import config_file
+from smadrive.files.config import Section, load_config
+from smadrive.files.kinds import SIM
+from smadrive.files.shipped import config_file
 
 MOST_SIGMA_C = 100.0
 """A Preisach plane has a cell for every quarter of a kelvin: it grows with the square of the widths."""

@@ -38,7 +38,7 @@ def guardians_of(run):
     found = []
     for process in Path("/proc").glob("[0-9]*"):
         try:
-            if b"smadrive.device.guardian" in (process / "cmdline").read_bytes() and (
+            if b"smadrive.devices.guardian.process" in (process / "cmdline").read_bytes() and (
                 f"{RUN}={run}".encode() in (process / "environ").read_bytes().split(b"\0")
             ):
                 found.append(int(process.name))

@@ -13,10 +13,11 @@ from hypothesis.stateful import RuleBasedStateMachine, initialize, precondition,
 
 from smadrive.clock import VirtualClock
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
-from smadrive.modbus import frames, mbap, requests
+from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.inprocess import InProcessTransport
-from smadrive.modbus.master import Master
+from smadrive.modbus.client import Master
+from smadrive.modbus.framing import mbap, rtu
+from smadrive.modbus.transports.in_process import InProcessTransport
 
 TIMING = BusTiming(response_timeout_s=0.1, read_retries=0)
 SECONDS = st.sampled_from((0.0, 0.001, 0.05, 0.099, 0.101, 0.15, 0.25, 0.4, 1.0))
@@ -82,7 +83,7 @@ class Device:
         return bytes((function | 0x80, 1))
 
     def _frame(self, number, pdu):
-        return mbap.seal(number, 1, pdu) if self._numbered else frames.seal(1, pdu)
+        return mbap.seal(number, 1, pdu) if self._numbered else rtu.seal(1, pdu)
 
     def _in_order(self, time_s, deliveries, *, copied):
         arriving = []

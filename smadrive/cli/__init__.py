@@ -17,8 +17,8 @@ from types import FrameType
 from smadrive.cli.stdout import open_stdout
 from smadrive.errors import SmadriveError, TripError
 from smadrive.interrupts import SIGNALS
-from smadrive.onethread import ONE_THREAD
-from smadrive.shutdown import ShutdownOutcome, shutdown_of
+from smadrive.numerics.blas_threads import ONE_THREAD
+from smadrive.safety.shutdown import ShutdownOutcome, shutdown_of
 
 INTERRUPTED = 130
 

@@ -11,25 +11,25 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.demo_report import write_demo_report
 from smadrive.cli.identify import fit_result
-from smadrive.cli.live import watched
 from smadrive.cli.output import AsJson, Output, make_empty_folder
 from smadrive.cli.run import APPROACH_S, HEADER, table_row
-from smadrive.control.feedforward import DisplacementInverse, HysteresisInverse, StaticMap
+from smadrive.cli.views.demo_report import write_demo_report
+from smadrive.cli.views.run_view import watched
+from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse, StaticMap
 from smadrive.control.loop import Tick
-from smadrive.control.reference import Reference
-from smadrive.control.shapes import sine
-from smadrive.control.wire import travel_mm
-from smadrive.identification.wire_fit import WireFit, identify_wire
-from smadrive.loggedrun import excitation_record
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig
-from smadrive.runfigures import TrackingFigures, tracking_figures
-from smadrive.runlog import TickRecorder, record_excitation, record_tracking
-from smadrive.telemetry.log import Log, read_log
+from smadrive.control.references.reference import Reference
+from smadrive.control.references.shapes import sine
+from smadrive.identification.wire import WireFit, identify_wire
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.log.reader import Log, read_log
+from smadrive.runs.run_log import TickRecorder, record_excitation, record_tracking
+from smadrive.runs.run_metadata import excitation_record
+from smadrive.runs.run_metrics import TrackingFigures, tracking_figures
 from smadrive.testing.simulator import ServedSimulator
-from smadrive.wirefile import save_wire
+from smadrive.wire.wire_file import save_wire
+from smadrive.wire.wire_model import travel_mm
 
 FOLDER = "smadrive-demo"
 SIM = "flexinol-lt-0.15mm"

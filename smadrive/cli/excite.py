@@ -7,18 +7,18 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.live import watched
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
+from smadrive.cli.views.run_view import watched
 from smadrive.control.loop import LoopFigures
 from smadrive.errors import TripError
+from smadrive.files.atomic import LOG, check_output
 from smadrive.identification.excitation import check_may_excite
-from smadrive.outfile import LOG, check_output
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig
-from smadrive.runfigures import tripped_loop
-from smadrive.runlog import record_excitation
-from smadrive.telemetry.log import read_log
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.run_log import record_excitation
+from smadrive.runs.run_metrics import tripped_loop
 
 
 def main(

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 
-from smadrive.device.duty import waiting_duties
+from smadrive.devices.guardian.duty import waiting_duties
 from smadrive.errors import SafetyError, SmadriveError
 
 

@@ -10,18 +10,18 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.fit_report import write_fit_report
 from smadrive.cli.output import AsJson, Output
+from smadrive.cli.views.fit_report import write_fit_report
 from smadrive.errors import DataError
+from smadrive.files.atomic import LOG, MODEL, PAGE, TABLE, check_output
+from smadrive.files.csv_table import read_table
 from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
-from smadrive.identification.thermal_fit import ThermalFit
-from smadrive.identification.wire_fit import AnyFit, identify_hysteresis, identify_wire
-from smadrive.loggedrun import excitation_caveats, excitation_record, nominal_balance
-from smadrive.outfile import LOG, MODEL, PAGE, TABLE, check_output
-from smadrive.telemetry.columnunits import unit_doubts
-from smadrive.telemetry.log import read_log
-from smadrive.telemetry.table import read_table
-from smadrive.wirefile import save_wire
+from smadrive.identification.column_units import unit_doubts
+from smadrive.identification.thermal import ThermalFit
+from smadrive.identification.wire import AnyFit, identify_hysteresis, identify_wire
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.run_metadata import excitation_caveats, excitation_record, nominal_balance
+from smadrive.wire.wire_file import save_wire
 
 
 class Kind(StrEnum):

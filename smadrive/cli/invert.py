@@ -9,9 +9,9 @@ import numpy as np
 import typer
 
 from smadrive.cli.output import AsJson, Output
+from smadrive.files.atomic import TABLE, check_output
+from smadrive.files.csv_table import read_table, write_table
 from smadrive.hysteresis import InverseFeedforward, load_model
-from smadrive.outfile import TABLE, check_output
-from smadrive.telemetry.table import read_table, write_table
 
 
 def main(

@@ -10,7 +10,7 @@ from smadrive.cli.guardians import names_waiting_guardians, waiting_guardians
 from smadrive.cli.options import RigFile
 from smadrive.cli.output import AsJson, Output
 from smadrive.errors import SafetyError
-from smadrive.switchoff import switch_off
+from smadrive.rig.switch_off import switch_off
 
 ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear latched faults, their cause removed.")]
 

@@ -9,8 +9,8 @@ from smadrive.cli.guardians import names_waiting_guardians, waiting_guardians
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
 from smadrive.measurement import Measurement
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
 
 
 def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> None:

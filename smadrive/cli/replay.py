@@ -10,11 +10,11 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.output import AsJson, Output
-from smadrive.loggedrun import logged_wire, nominal_balance
-from smadrive.replay import Replay, Wire, prediction_percent, replay
-from smadrive.telemetry.layout import UNITS
-from smadrive.telemetry.log import Log, read_log
-from smadrive.wirefile import load_wire_file
+from smadrive.runs.log.layout import UNITS
+from smadrive.runs.log.reader import Log, read_log
+from smadrive.runs.replay import Replay, Wire, prediction_percent, replay
+from smadrive.runs.run_metadata import logged_wire, nominal_balance
+from smadrive.wire.wire_file import load_wire_file
 
 
 def main(

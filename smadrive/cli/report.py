@@ -8,12 +8,12 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.log_report import write_log_report
 from smadrive.cli.output import AsJson, Output
-from smadrive.filekind import LOG, check_kind
-from smadrive.outfile import PAGE, TABLE, check_output
-from smadrive.telemetry.log import read_log
-from smadrive.telemetry.table import write_table
+from smadrive.cli.views.log_report import write_log_report
+from smadrive.files.atomic import PAGE, TABLE, check_output
+from smadrive.files.csv_table import write_table
+from smadrive.files.kinds import LOG, check_kind
+from smadrive.runs.log.reader import read_log
 
 
 def main(

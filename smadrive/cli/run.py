@@ -11,28 +11,28 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.live import watched
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
-from smadrive.control.feedforward import HysteresisInverse
+from smadrive.cli.views.run_view import watched
+from smadrive.control.feasibility import Feasibility, rehearse
+from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.loop import LoopFigures
-from smadrive.control.reference import Reference
-from smadrive.control.rehearsal import Feasibility, rehearse
-from smadrive.control.shapes import SHAPES, parse_reference
-from smadrive.control.supervisor import check_thermocouple
-from smadrive.control.wire import WireModel, WireState, travel_mm
-from smadrive.controllers import tracking_settings
+from smadrive.control.references.reference import Reference
+from smadrive.control.references.shapes import SHAPES, parse_reference
 from smadrive.errors import ConfigError, TripError
+from smadrive.files.atomic import LOG, TABLE, check_output
+from smadrive.files.csv_table import read_table
 from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import Measurement
-from smadrive.outfile import LOG, TABLE, check_output
-from smadrive.rig import Rig
-from smadrive.rigconfig import RigConfig, load_rig
-from smadrive.runfigures import TrackingFigures, tracking_caveats, tracking_figures, tripped_loop
-from smadrive.runlog import record_tracking, reference_text
-from smadrive.telemetry.log import Log, read_log
-from smadrive.telemetry.table import read_table
-from smadrive.wirefile import load_wire_file
+from smadrive.rig.config import RigConfig, load_rig
+from smadrive.rig.controllers import tracking_settings
+from smadrive.rig.rig import Rig
+from smadrive.runs.log.reader import Log, read_log
+from smadrive.runs.run_log import record_tracking, reference_text
+from smadrive.runs.run_metrics import TrackingFigures, tracking_caveats, tracking_figures, tripped_loop
+from smadrive.safety.supervisor import check_thermocouple
+from smadrive.wire.wire_file import load_wire_file
+from smadrive.wire.wire_model import WireModel, WireState, travel_mm
 
 APPROACH_S = 10.0
 """How long the wire takes to come to the beginning of the reference; not scored."""

@@ -7,12 +7,12 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.output import AsJson, Output
-from smadrive.device.profile import load_profile
-from smadrive.device.scan import Found, scan
+from smadrive.devices.profile.profile import load_profile
+from smadrive.devices.scan import Found, scan
 from smadrive.errors import ConfigError, DeviceError
-from smadrive.modbus.transport import SerialSettings
-from smadrive.numbertext import parse_whole
-from smadrive.shipped import configs_dir
+from smadrive.files.number_text import parse_whole
+from smadrive.files.shipped import configs_dir
+from smadrive.modbus.transports.transport import SerialSettings
 
 Port = Annotated[
     str, typer.Argument(help="serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port", metavar="PORT")

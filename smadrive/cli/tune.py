@@ -13,22 +13,22 @@ import typer
 from smadrive.cli.options import RigFile
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.run import model_file, read_reference
-from smadrive.cli.tune_live import TuneView, watched
+from smadrive.cli.views.tune_view import TuneView, watched
 from smadrive.clock import VirtualClock
-from smadrive.control.reference import Reference
-from smadrive.control.shapes import sine
-from smadrive.control.wire import travel_mm
+from smadrive.control.references.reference import Reference
+from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig, rig_file
-from smadrive.tuning.channel import ControlEnd
-from smadrive.tuning.parcels import ParcelPair
-from smadrive.tuning.process import TuningPage, WorkshopProcess
-from smadrive.tuning.punctual import be_punctual
-from smadrive.tuning.session import TuningSession
+from smadrive.rig.config import load_rig, rig_file
+from smadrive.rig.rig import Rig
+from smadrive.tuning.link.channel import ControlEnd
+from smadrive.tuning.link.mailbox import ParcelPair
+from smadrive.tuning.link.real_time import be_punctual
+from smadrive.tuning.processes import TuningPage, WorkshopProcess
+from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
-from smadrive.wirefile import load_wire_file
+from smadrive.wire.wire_file import load_wire_file
+from smadrive.wire.wire_model import travel_mm
 
 LOW, HIGH, PERIOD_S = 0.2, 0.8, 56.0
 """The reference that is offered when none is given: a slow sine over the middle of the travel."""

@@ -14,9 +14,7 @@ from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
 from smadrive.clock import Clock
-from smadrive.control.controller import Command, Controller
-from smadrive.control.faults import Fault, Trip
-from smadrive.control.supervisor import Supervisor
+from smadrive.control.controllers.temperature import Command, Controller
 from smadrive.errors import (
     DeviceError,
     ExceptionReply,
@@ -26,7 +24,9 @@ from smadrive.errors import (
     TripError,
 )
 from smadrive.measurement import Measurement
-from smadrive.shutdown import ends_safe
+from smadrive.safety.faults import Fault, Trip
+from smadrive.safety.shutdown import ends_safe
+from smadrive.safety.supervisor import Supervisor
 
 LATE_FRACTION = 0.5
 """A tick that starts later than this fraction of the period after its deadline counts as missed."""

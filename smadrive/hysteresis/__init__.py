@@ -6,7 +6,7 @@ from smadrive.hysteresis.fuzzy import GaussianSets, Rule, TrapezoidSets, Triangu
 from smadrive.hysteresis.inverse import InverseFeedforward, InverseTrajectory, Inversion
 from smadrive.hysteresis.mixture import GaussianMixture
 from smadrive.hysteresis.model import HysteresisModel, HysteresisState
-from smadrive.hysteresis.modelfile import load_model, save_model
+from smadrive.hysteresis.model_file import load_model, save_model
 from smadrive.hysteresis.reversal import DeadBand, filter_reversals
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 

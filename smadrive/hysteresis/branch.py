@@ -21,7 +21,7 @@ from math import exp, inf
 
 import numpy as np
 
-from smadrive.hysteresis.arrays import FloatArray
+from smadrive.numerics.arrays import FloatArray
 
 _CHUNK = 8192  # samples evaluated at once: the working set stays in the cache
 _Row = tuple[float, float, float, float, float, float, float, float, float]

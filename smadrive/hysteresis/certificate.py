@@ -19,8 +19,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from smadrive.hysteresis.arrays import FloatArray
     from smadrive.hysteresis.branch import Branch, BranchEngine
+    from smadrive.numerics.arrays import FloatArray
 
 _ROUNDING = 1e-9
 MOST_TURNED = 0.2  # a saturated wire that expands turns by a tenth of its travel

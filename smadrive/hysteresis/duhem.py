@@ -16,12 +16,12 @@ from typing import Self
 import numpy as np
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis.arrays import FloatArray
 from smadrive.hysteresis.branch import Branch
 from smadrive.hysteresis.certificate import Certificate, certify
 from smadrive.hysteresis.mixture import GaussianMixture, MixtureLogs
 from smadrive.hysteresis.model import HysteresisModel, check_output_map
 from smadrive.hysteresis.tabulate import integrate_rate, quadrature_points, tabulate
+from smadrive.numerics.arrays import FloatArray
 
 _SATURATED = 9.0  # standard deviations
 _NO_KINKS = np.empty(0)

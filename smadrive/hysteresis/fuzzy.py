@@ -15,8 +15,8 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis.arrays import FloatArray
-from smadrive.numbertext import shortened
+from smadrive.files.number_text import shortened
+from smadrive.numerics.arrays import FloatArray
 
 MOST_SETS = 200
 """The weights of 20,000 sets at every point of the finest grid would take 100 GB; a wire needs some 11."""

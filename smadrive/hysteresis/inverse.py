@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from smadrive.errors import DataError
-from smadrive.hysteresis.arrays import FloatArray, finite_array
+from smadrive.numerics.arrays import FloatArray, finite_array
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray

@@ -15,7 +15,7 @@ import numpy as np
 from scipy.special import log_ndtr, ndtr
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis.arrays import FloatArray
+from smadrive.numerics.arrays import FloatArray
 
 _LOG_ROOT_TWO_PI = 0.5 * np.log(2 * np.pi)
 

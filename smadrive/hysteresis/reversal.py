@@ -24,7 +24,7 @@ import numpy as np
 from scipy.optimize import isotonic_regression
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis.arrays import FloatArray, finite_array
+from smadrive.numerics.arrays import FloatArray, finite_array
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

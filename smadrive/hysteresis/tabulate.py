@@ -19,8 +19,8 @@ import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis.arrays import FloatArray
 from smadrive.hysteresis.branch import Branch, BranchEngine
+from smadrive.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis.arrays import FloatArray
 from smadrive.hysteresis.branch import Branch
 from smadrive.hysteresis.certificate import Certificate, certify
 from smadrive.hysteresis.fuzzy import FuzzySets, Rule
 from smadrive.hysteresis.model import HysteresisModel, check_output_map
 from smadrive.hysteresis.tabulate import cell_maps, integrate_rate, march, quadrature_points, tabulate
+from smadrive.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike

@@ -28,9 +28,9 @@ from math import exp, isfinite
 import numpy as np
 
 from smadrive.hysteresis import TSFuzzyDuhem
-from smadrive.hysteresis.arrays import FloatArray
 from smadrive.hysteresis.reversal import DeadBand
 from smadrive.identification.reshape import shape_of
+from smadrive.numerics.arrays import FloatArray
 
 LEAST_RATE = 1e-3
 """Contraction per input span that every rule keeps."""

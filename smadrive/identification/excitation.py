@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 
 from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
-from smadrive.polyline import Polyline
-from smadrive.thermal import HeatBalance
+from smadrive.numerics.piecewise_linear import Polyline
+from smadrive.wire.heat_balance import HeatBalance
 
 LONGEST_S = 86_400.0
 """A day: its log is of some 200 MB at 20 Hz, and no wire is so slow."""

@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from smadrive.errors import IdentificationError
-from smadrive.hysteresis.arrays import FloatArray, paired_vectors
 from smadrive.hysteresis.reversal import check_radius, monotone_runs
+from smadrive.numerics.arrays import FloatArray, paired_vectors
 
 _CELLS = 150  # thinning cells over the input span
 _NOISE_BAND = 4.0  # standard deviations of the input noise per dead band radius

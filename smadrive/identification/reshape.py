@@ -20,11 +20,11 @@ import numpy as np
 
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel, GaussianMixture, TSFuzzyDuhem
-from smadrive.hysteresis.arrays import FloatArray
 from smadrive.hysteresis.branch import Branch
 from smadrive.hysteresis.fuzzy import FuzzySets
 from smadrive.hysteresis.tsfuzzy import Law, MembershipGrid
-from smadrive.identification.monotone import monotone
+from smadrive.identification.tsfuzzy.monotone import monotone
+from smadrive.numerics.arrays import FloatArray
 
 Model = DuhemModel | TSFuzzyDuhem
 

@@ -12,7 +12,7 @@ from itertools import chain, islice
 
 from smadrive.errors import ProtocolError
 from smadrive.modbus import requests
-from smadrive.modbus.framing import Framing
+from smadrive.modbus.framing.framing import Framing
 from smadrive.modbus.outstanding import Kind, Outstanding, exception_kind, reply_kind
 from smadrive.modbus.requests import Request
 from smadrive.modbus.verdict import CONSEQUENCES, FINAL_CODES, TRANSITIONS, VERDICTS, Event, Outcome, State, Verdict

@@ -18,9 +18,10 @@ from pathlib import Path
 from typing import NamedTuple, Self
 
 from smadrive.errors import ConfigError
-from smadrive.modbus import frames, mbap, meaning
+from smadrive.modbus import pdu_description
 from smadrive.modbus.bus import Direction
-from smadrive.modbus.transport import Transport
+from smadrive.modbus.framing import mbap, rtu
+from smadrive.modbus.transports.transport import Transport
 
 HEADER = "# smadrive bus trace 1:"
 
@@ -101,7 +102,7 @@ class TraceFile:
         unit_id, pdu = content
         if direction == "sent":
             self._asked = pdu
-        said = meaning.of_request(pdu) if direction == "sent" else meaning.of_reply(pdu, self._asked)
+        said = pdu_description.of_request(pdu) if direction == "sent" else pdu_description.of_reply(pdu, self._asked)
         return f"unit {unit_id}: {said}"
 
 
@@ -122,7 +123,7 @@ def read_trace(path: Path) -> tuple[bool, list[Line]]:
 def content_of(frame: bytes, *, numbered: bool) -> tuple[int, bytes] | None:
     """Unit id and PDU of an intact frame."""
     if not numbered:
-        return (frame[0], frame[1:-2]) if frames.crc_holds(frame) else None
+        return (frame[0], frame[1:-2]) if rtu.crc_holds(frame) else None
     whole = len(frame) > mbap.HEADER_SIZE and mbap.frame_size(frame) == len(frame)
     return (mbap.Header.of(frame).unit_id, frame[mbap.HEADER_SIZE :]) if whole else None
 

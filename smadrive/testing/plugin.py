@@ -20,11 +20,11 @@ import pytest
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
-from smadrive.device.profile import load_profile
+from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError
-from smadrive.nearest import nearest
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig
+from smadrive.files.spelling import nearest
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
 
 RIG = "in-process"
 SIM = "flexinol-lt-0.15mm"

@@ -6,16 +6,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from smadrive.configfile import validate
-from smadrive.control.reference import Reference
-from smadrive.control.wire import travel_mm
+from smadrive.control.references.reference import Reference
 from smadrive.errors import CertificateError, ConfigError, ModelError
+from smadrive.files.config import validate
 from smadrive.hysteresis import DuhemModel, InverseFeedforward, TSFuzzyDuhem
-from smadrive.hysteresis.modelfile import model_text, parse_model
+from smadrive.hysteresis.model_file import model_text, parse_model
 from smadrive.identification.adaptation import Adaptation
 from smadrive.identification.reshape import BranchShape, Model, reshaped, shape_of
-from smadrive.rigconfig import FeedbackConfig, LimitsConfig
-from smadrive.tuning.messages import SetFeedback, SetModel, SetRule, SetShape
+from smadrive.rig.config import FeedbackConfig, LimitsConfig
+from smadrive.tuning.link.messages import SetFeedback, SetModel, SetRule, SetShape
+from smadrive.wire.wire_model import travel_mm
 
 CHANGES = (SetShape, SetFeedback, SetRule, SetModel)
 

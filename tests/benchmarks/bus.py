@@ -19,13 +19,13 @@ from peers import libmodbus
 from pymodbus.client import AsyncModbusSerialClient, ModbusSerialClient
 
 from smadrive.clock import MonotonicClock
-from smadrive.device.board import HeaterBoard
-from smadrive.device.device import Device
-from smadrive.device.profile import load_profile
+from smadrive.devices.device import Device
+from smadrive.devices.heating.board import HeaterBoard
+from smadrive.devices.profile.profile import load_profile
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.connect import open_transport
-from smadrive.modbus.master import Master
+from smadrive.modbus.client import Master
+from smadrive.modbus.transports.connect import open_transport
 
 ROUNDS = 9
 COUNTS = {"libmodbus C": 2000, "smadrive": 2000, "pymodbus async": 1000, "pymodbus sync": 100}

@@ -19,21 +19,21 @@ import numpy as np
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import SimConfig, load_sim
-from firmware_sim.lottery import KINDS, Kind, draw
+from firmware_sim.physics.random_wire import KINDS, Kind, draw
 from smadrive.clock import VirtualClock
-from smadrive.control.controller import Command
-from smadrive.control.feedforward import HysteresisInverse, StaticMap
-from smadrive.control.reference import Reference
-from smadrive.control.rehearsal import rehearse
-from smadrive.control.shapes import chirp, sine, steps, trapezoid
-from smadrive.control.tracking import TrackingController
-from smadrive.control.wire import WireModel, WireState
-from smadrive.controllers import tracking_settings
+from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.tracking import TrackingController
+from smadrive.control.feasibility import rehearse
+from smadrive.control.feedforward.displacement import HysteresisInverse, StaticMap
+from smadrive.control.references.reference import Reference
+from smadrive.control.references.shapes import chirp, sine, steps, trapezoid
 from smadrive.errors import SmadriveError
 from smadrive.identification.excitation import ExcitationRecord
-from smadrive.identification.wire_fit import identify_hysteresis, identify_wire
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig
+from smadrive.identification.wire import identify_hysteresis, identify_wire
+from smadrive.rig.config import load_rig
+from smadrive.rig.controllers import tracking_settings
+from smadrive.rig.rig import Rig
+from smadrive.wire.wire_model import WireModel, WireState
 
 APPROACH_S = 10.0
 RIG = load_rig("in-process")

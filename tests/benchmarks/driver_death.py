@@ -41,9 +41,9 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from gateway import Gateway
 
 import firmware_sim.cli
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig
-from smadrive.shipped import configs_dir
+from smadrive.files.shipped import configs_dir
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
 
 PROCESSES = multiprocessing.get_context("forkserver")
 
@@ -115,7 +115,7 @@ def guardians_of(driver: BaseProcess) -> list[int]:
 def is_guardian(pid: int) -> bool:
     """Whether that process is one, and is still there."""
     try:
-        return b"smadrive.device.guardian" in Path(f"/proc/{pid}/cmdline").read_bytes()
+        return b"smadrive.devices.guardian.process" in Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
         return False
 
@@ -295,7 +295,7 @@ def main() -> None:
     parser.add_argument("--at-once", type=int, default=4)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
-    PROCESSES.set_forkserver_preload(["firmware_sim.cli", "smadrive.rig"])  # a trial need not import them anew
+    PROCESSES.set_forkserver_preload(["firmware_sim.cli", "smadrive.rig.rig"])  # a trial need not import them anew
     seeds = range(arguments.seed, arguments.seed + arguments.trials)
     print(f"{'rig':8}{'fate':30}{'trials':>7}{'median s':>10}{'worst s':>10}{'left heating':>14}")
     for kind in arguments.rig or PROFILES:

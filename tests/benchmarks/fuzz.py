@@ -26,15 +26,15 @@ from pathlib import Path
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
-from firmware_sim.timeline import FaultScript
+from firmware_sim.fault_script import FaultScript
 from smadrive.clock import VirtualClock
 from smadrive.errors import SmadriveError, TransportError
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.connect import open_transport
-from smadrive.modbus.inprocess import InProcessTransport
-from smadrive.modbus.master import NEVER_SILENT_S, PROBES, Master
-from smadrive.modbus.transport import SerialSettings
+from smadrive.modbus.client import NEVER_SILENT_S, PROBES, Master
+from smadrive.modbus.transports.connect import open_transport
+from smadrive.modbus.transports.in_process import InProcessTransport
+from smadrive.modbus.transports.transport import SerialSettings
 
 FIRST = 48
 SPANS = (9950, 1600, 9000)

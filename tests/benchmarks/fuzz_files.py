@@ -30,7 +30,7 @@ from oldlog import strip_checksums
 import firmware_sim.cli
 from smadrive import cli
 from smadrive.cli import excite, identify, probe, replay, report, run, simulate  # noqa: F401 (before the forks)
-from smadrive.shipped import configs_dir
+from smadrive.files.shipped import configs_dir
 
 LONGEST_S = 60
 MEMORY = 6 << 30

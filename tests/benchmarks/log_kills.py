@@ -18,13 +18,13 @@ import h5py
 import numpy as np
 
 from smadrive.errors import SmadriveError
-from smadrive.telemetry.log import read_log
+from smadrive.runs.log.reader import read_log
 
 ROWS_PER_S = 20
 WRITER = """
 import os, sys
 from pathlib import Path
-from smadrive.telemetry.recorder import Recorder
+from smadrive.runs.recorder import Recorder
 
 columns = ["time_s", *(f"value{n}_c" for n in range(15))]
 with Recorder(Path(sys.argv[1]), columns, {"rig": "bench"}, rows=int(sys.argv[2])) as recorder:

@@ -18,18 +18,18 @@ import numpy as np
 
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
-from firmware_sim.lottery import draw
+from firmware_sim.physics.random_wire import draw
 from smadrive.clock import VirtualClock
-from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.reference import Reference
-from smadrive.control.wire import travel_mm
-from smadrive.device.profile import load_profile
-from smadrive.identification.wire_fit import identify_wire
-from smadrive.loggedrun import excitation_record
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig
-from smadrive.runlog import record_excitation, record_tracking
-from smadrive.telemetry.log import read_log
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.reference import Reference
+from smadrive.devices.profile.profile import load_profile
+from smadrive.identification.wire import identify_wire
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.run_log import record_excitation, record_tracking
+from smadrive.runs.run_metadata import excitation_record
+from smadrive.wire.wire_model import travel_mm
 
 HOUR_S = 3600.0
 PERIODS_S = (40.0, 56.0, 90.0)

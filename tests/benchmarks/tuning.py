@@ -33,19 +33,19 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
-from smadrive.control.shapes import sine
+from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig, rig_file
+from smadrive.rig.config import load_rig, rig_file
+from smadrive.rig.rig import Rig
 from smadrive.testing.simulator import ServedSimulator
-from smadrive.thermal import HeatBalance
-from smadrive.tuning.channel import COLUMNS, ControlEnd, PageEnd
-from smadrive.tuning.parcels import ParcelPair
-from smadrive.tuning.plots import POINTS
-from smadrive.tuning.process import TuningPage, WorkshopProcess
-from smadrive.tuning.punctual import be_punctual
-from smadrive.tuning.session import TuningSession
+from smadrive.tuning.link.channel import COLUMNS, ControlEnd, PageEnd
+from smadrive.tuning.link.mailbox import ParcelPair
+from smadrive.tuning.link.real_time import be_punctual
+from smadrive.tuning.page.plots import POINTS
+from smadrive.tuning.processes import TuningPage, WorkshopProcess
+from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
+from smadrive.wire.heat_balance import HeatBalance
 
 RATE_HZ, EACH_S = 50.0, 15.0
 LOAD_RATE_HZ, LOAD_S = 20.0, 20.0

@@ -21,15 +21,15 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import NamedTuple
 
-from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.shapes import sine
-from smadrive.control.wire import travel_mm
-from smadrive.identification.wire_fit import identify_wire
-from smadrive.loggedrun import excitation_record, nominal_balance
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig
-from smadrive.runlog import record_excitation, record_tracking
-from smadrive.telemetry.log import read_log
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.shapes import sine
+from smadrive.identification.wire import identify_wire
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.run_log import record_excitation, record_tracking
+from smadrive.runs.run_metadata import excitation_record, nominal_balance
+from smadrive.wire.wire_model import travel_mm
 
 RIG = load_rig("in-process")
 PERIOD_S = 56.0

@@ -12,17 +12,17 @@ from contextlib import ExitStack, suppress
 
 import pytest
 
-from smadrive.control.shapes import sine
+from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
-from smadrive.rig import Rig
-from smadrive.rigconfig import load_rig, rig_file
+from smadrive.rig.config import load_rig, rig_file
+from smadrive.rig.rig import Rig
 from smadrive.testing.simulator import ServedSimulator
-from smadrive.thermal import HeatBalance
-from smadrive.tuning.channel import ControlEnd, PageEnd
-from smadrive.tuning.parcels import ParcelPair
-from smadrive.tuning.process import TuningPage, WorkshopProcess
-from smadrive.tuning.session import TuningSession
+from smadrive.tuning.link.channel import ControlEnd, PageEnd
+from smadrive.tuning.link.mailbox import ParcelPair
+from smadrive.tuning.processes import TuningPage, WorkshopProcess
+from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
+from smadrive.wire.heat_balance import HeatBalance
 
 CHROMIUM = shutil.which("chromium")
 BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)

@@ -13,7 +13,7 @@ import urllib.parse
 import pytest
 
 from smadrive.hysteresis import load_model
-from smadrive.rigconfig import load_rig
+from smadrive.rig.config import load_rig
 
 from .conftest import PATIENCE_S, Session
 

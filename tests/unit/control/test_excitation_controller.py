@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from smadrive.control.controller import LAGS_C, STALLS_S, TemperatureController
-from smadrive.control.feedback import PIGains
+from smadrive.control.controllers.feedback import PIGains
+from smadrive.control.controllers.temperature import LAGS_C, STALLS_S, TemperatureController
 from smadrive.errors import IdentificationError
 from smadrive.identification.excitation import nested_reversals
 from smadrive.measurement import Measurement
-from smadrive.thermal import HeatBalance
+from smadrive.wire.heat_balance import HeatBalance
 
 NOMINAL = HeatBalance(0.0286, 0.014, 0.83, 22.0, 16.5, -0.1, 0.1)
 EXCITATION = nested_reversals(40.0, 120.0, 6.0, start_c=22.0)

@@ -4,8 +4,8 @@ from math import exp
 
 import pytest
 
-from smadrive.control.feedback import INTEGRATED_C, PIGains, TemperatureFeedback
-from smadrive.thermal import HeatBalance
+from smadrive.control.controllers.feedback import INTEGRATED_C, PIGains, TemperatureFeedback
+from smadrive.wire.heat_balance import HeatBalance
 
 WIRE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
 GAINS = PIGains.for_balance(WIRE, closed_loop_s=0.25, integral_s=5.0)

@@ -3,18 +3,18 @@
 import numpy as np
 import pytest
 
-from smadrive.control.feedforward import (
+from smadrive.control.estimation.observer import WireEstimate
+from smadrive.control.feedforward.displacement import (
     COLDER_C,
     WAITING_RANGE_C,
     DisplacementFeedforward,
     HysteresisInverse,
     StaticMap,
 )
-from smadrive.control.observer import WireEstimate
-from smadrive.control.wire import WireModel, travel_mm
 from smadrive.errors import DataError
 from smadrive.hysteresis import DuhemModel
-from smadrive.thermal import HeatBalance
+from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_model import WireModel, travel_mm
 
 WIRE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
 LOOP = DuhemModel.gaussian(

@@ -5,10 +5,10 @@ import dataclasses
 import numpy as np
 import pytest
 
-from smadrive.control.observer import WireObserver
-from smadrive.control.wire import WireModel
+from smadrive.control.estimation.observer import WireObserver
 from smadrive.hysteresis import DuhemModel
-from smadrive.thermal import HeatBalance
+from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_model import WireModel
 
 TRUE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
 LOOP = DuhemModel.gaussian(

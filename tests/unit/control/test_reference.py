@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smadrive.control.reference import Reference
-from smadrive.control.shapes import SHAPES, parse_reference
+from smadrive.control.references.reference import Reference
+from smadrive.control.references.shapes import SHAPES, parse_reference
 from smadrive.errors import ConfigError, DataError
 
 

@@ -2,14 +2,14 @@
 
 import pytest
 
-from smadrive.control.feedback import HANDOVER_S, PIGains, TemperatureFeedback
-from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.shapes import sine
-from smadrive.control.tracking import TrackingController, TrackingSettings
-from smadrive.control.wire import WireModel
+from smadrive.control.controllers.feedback import HANDOVER_S, PIGains, TemperatureFeedback
+from smadrive.control.controllers.tracking import TrackingController, TrackingSettings
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
-from smadrive.thermal import HeatBalance
+from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_model import WireModel
 
 BALANCE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
 PERIOD_S = 0.05

@@ -6,14 +6,14 @@ from math import nan
 import numpy as np
 import pytest
 
-from smadrive.control.feedforward import HysteresisInverse
-from smadrive.control.reference import Reference
-from smadrive.control.shapes import sine
-from smadrive.control.tracking import TrackingController, TrackingSettings
-from smadrive.control.wire import WireModel, WireState
+from smadrive.control.controllers.tracking import TrackingController, TrackingSettings
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.reference import Reference
+from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
-from smadrive.thermal import HeatBalance
+from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_model import WireModel, WireState
 
 DT_S = 0.05
 SETTINGS = TrackingSettings(DT_S, 0.6, closed_loop_s=0.25, integral_s=2.0, noise_c=0.1)

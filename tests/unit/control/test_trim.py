@@ -2,7 +2,7 @@
 
 import pytest
 
-from smadrive.control.trim import FOLLOWS_C, SLOWER, DisplacementTrim
+from smadrive.control.controllers.trim import FOLLOWS_C, SLOWER, DisplacementTrim
 
 
 def test_a_lasting_error_is_made_up_for_within_the_integral_time():

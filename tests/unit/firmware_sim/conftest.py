@@ -4,7 +4,7 @@ import pytest
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
-from smadrive.modbus import frames
+from smadrive.modbus.framing import rtu
 
 
 @pytest.fixture(scope="session")
@@ -22,11 +22,11 @@ def ask(rig):
     """Send a PDU (hexadecimal) to unit 1, or to another; the reply's PDU, None when there is silence."""
 
     def send(pdu, unit=1):
-        replies = rig.line.receive(frames.seal(unit, bytes.fromhex(pdu)), rig.bench.time_s)
+        replies = rig.line.receive(rtu.seal(unit, bytes.fromhex(pdu)), rig.bench.time_s)
         if not replies:
             return None
         ((_, frame),) = replies
-        assert frames.crc_holds(frame)
+        assert rtu.crc_holds(frame)
         assert frame[0] == unit
         return frame[1:-2].hex(" ").upper()
 

@@ -4,7 +4,7 @@ import pytest
 
 from firmware_sim.config import load_sim
 from smadrive.errors import ConfigError
-from smadrive.shipped import configs_dir
+from smadrive.files.shipped import configs_dir
 
 SIMS = sorted((configs_dir() / "sims").glob("*.toml"))
 

@@ -3,10 +3,10 @@
 import pytest
 
 from smadrive.clock import VirtualClock
-from smadrive.modbus import frames
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.inprocess import InProcessTransport
-from smadrive.modbus.master import Master
+from smadrive.modbus.client import Master
+from smadrive.modbus.framing import rtu
+from smadrive.modbus.transports.in_process import InProcessTransport
 
 
 class Script:
@@ -34,7 +34,7 @@ class Registers:
         words = b"".join(register.to_bytes(2, "big") for register in range(first, first + count))
         delay_s = self.delays_s.pop(0) if self.delays_s else 0.001
         self.busy_until_s = max(time_s, self.busy_until_s) + delay_s
-        return [(self.busy_until_s, frames.seal(data[0], bytes((data[1], len(words))) + words))]
+        return [(self.busy_until_s, rtu.seal(data[0], bytes((data[1], len(words))) + words))]
 
 
 QUIET_S = 1.0

@@ -2,8 +2,9 @@
 
 import pytest
 
-from smadrive.modbus import frames, mbap, requests
-from smadrive.modbus.framing import RtuFraming, TcpFraming
+from smadrive.modbus import requests
+from smadrive.modbus.framing import mbap, rtu
+from smadrive.modbus.framing.framing import RtuFraming, TcpFraming
 from smadrive.modbus.outstanding import LATEST_REPLY_S
 from smadrive.modbus.protocol import ClientProtocol
 from smadrive.modbus.verdict import CONSEQUENCES, FINAL_CODES, TRANSITIONS, Event, State, Verdict
@@ -50,10 +51,10 @@ def rtu_frame(arrives):
         case "nothing":
             return b""
         case "half a reply":
-            return frames.seal(1, PDUS["reply"])[:5]
+            return rtu.seal(1, PDUS["reply"])[:5]
         case "damaged":
-            return frames.seal(1, PDUS["reply"])[:-1] + b"\0"
-    return frames.seal(1, PDUS[arrives])
+            return rtu.seal(1, PDUS["reply"])[:-1] + b"\0"
+    return rtu.seal(1, PDUS[arrives])
 
 
 def outcome_of(protocol, request, data, now_s=1.0):
@@ -99,7 +100,7 @@ def test_the_verdict_on_tcp(outstanding, arrives, verdict):
 def test_what_is_no_modbus_tcp_is_malformed_and_needs_a_new_connection():
     protocol = ClientProtocol(TcpFraming())
     protocol.send(1, READ)
-    assert protocol.receive(frames.seal(1, PDUS["reply"]), 0.0).verdict is Verdict.MALFORMED
+    assert protocol.receive(rtu.seal(1, PDUS["reply"]), 0.0).verdict is Verdict.MALFORMED
     assert protocol.state is State.OUT_OF_STEP
     protocol.new_connection()
     assert protocol.state is State.READY
@@ -140,7 +141,7 @@ def test_what_a_verdict_leaves_outstanding(arrives):
     assert protocol.may_be_mistaken(1, ANOTHER_FUNCTION, 2.0) is not consequence.proves
     assert protocol.state is (State.READY if consequence.event is Event.DONE else State.SUSPECT)
     protocol.silence()
-    exception = outcome_of(protocol, SAME_FUNCTION, frames.seal(1, b"\x83\x02")).verdict
+    exception = outcome_of(protocol, SAME_FUNCTION, rtu.seal(1, b"\x83\x02")).verdict
     assert (exception is Verdict.STALE) is consequence.exception_remains
 
 
@@ -148,7 +149,7 @@ def test_what_a_verdict_leaves_outstanding(arrives):
 def test_only_a_final_exception_of_the_device_proves_that_nothing_older_comes(code):
     protocol = ready()
     unanswered(protocol, ANOTHER_FUNCTION)
-    outcome = outcome_of(protocol, READ, frames.seal(1, bytes((0x83, code))))
+    outcome = outcome_of(protocol, READ, rtu.seal(1, bytes((0x83, code))))
     assert outcome.verdict is (Verdict.REFUSED if code in FINAL_CODES else Verdict.DEFERRED)
     assert outcome.code == code
     assert protocol.may_be_mistaken(1, ANOTHER_FUNCTION, 2.0) is (code not in FINAL_CODES)
@@ -181,7 +182,7 @@ def test_every_state_has_an_answer_to_what_can_happen_in_it():
 
 def test_a_probe_is_a_read_that_has_been_answered_and_whose_reply_nothing_resembles():
     protocol = ready()
-    outcome_of(protocol, ANOTHER_FUNCTION, frames.seal(1, bytes.fromhex("04 06 0001 0002 0003")))
+    outcome_of(protocol, ANOTHER_FUNCTION, rtu.seal(1, bytes.fromhex("04 06 0001 0002 0003")))
     unanswered(protocol, READ)
     assert protocol.needs_probe(1, SAME_KIND, 1.0)
     assert protocol.probe_request(1, SAME_KIND, 0, 1.0) == ANOTHER_FUNCTION
@@ -200,7 +201,7 @@ def test_an_unknown_device_is_probed_with_another_length_then_with_another_funct
 def answer(protocol, request):
     """Let the device answer it with zeros."""
     size = request.payload_size
-    outcome_of(protocol, request, frames.seal(1, bytes((request.function, size)) + bytes(size)))
+    outcome_of(protocol, request, rtu.seal(1, bytes((request.function, size)) + bytes(size)))
 
 
 def test_a_sync_is_a_known_read_whose_kind_has_not_arrived_lately():
@@ -225,7 +226,7 @@ def test_where_a_device_refuses_other_lengths_a_sync_uses_other_functions():
     for _ in range(8):
         sync = protocol.sync_request(1, READ, 1.0)
         functions.append(sync.function)
-        outcome_of(protocol, sync, frames.seal(1, bytes((sync.function | 0x80, 2))))
+        outcome_of(protocol, sync, rtu.seal(1, bytes((sync.function | 0x80, 2))))
         answer(protocol, READ)
     assert set(functions) == {1, 2, 3, 4}
     assert all(len(set(functions[at : at + 4])) == 4 for at in range(5))

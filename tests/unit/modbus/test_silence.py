@@ -2,11 +2,12 @@
 
 import pytest
 
-from smadrive.modbus import frames, requests
+from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
+from smadrive.modbus.framing import rtu
 
 READ = requests.read_holding(10, 4)
-RIGHT = frames.seal(1, bytes.fromhex("03 08 000A 000B 000C 000D"))
+RIGHT = rtu.seal(1, bytes.fromhex("03 08 000A 000B 000C 000D"))
 
 
 @pytest.mark.parametrize(

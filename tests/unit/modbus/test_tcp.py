@@ -13,12 +13,13 @@ from pymodbus.pdu import DecodePDU
 
 from smadrive.clock import VirtualClock
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
-from smadrive.modbus import mbap, requests
+from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.connect import open_transport
-from smadrive.modbus.framing import NEAR, REMEMBERED, TcpFraming
-from smadrive.modbus.inprocess import InProcessTransport
-from smadrive.modbus.master import Master
+from smadrive.modbus.client import Master
+from smadrive.modbus.framing import mbap
+from smadrive.modbus.framing.framing import NEAR, REMEMBERED, TcpFraming
+from smadrive.modbus.transports.connect import open_transport
+from smadrive.modbus.transports.in_process import InProcessTransport
 
 READ = requests.read_holding(10, 2)
 RIGHT = bytes.fromhex("03 04 000A 000B")

@@ -6,13 +6,14 @@ import pytest
 
 from smadrive.clock import VirtualClock
 from smadrive.errors import ConfigError, SmadriveError
-from smadrive.modbus import frames, mbap, meaning, requests
-from smadrive.modbus.inprocess import InProcessTransport
-from smadrive.modbus.master import Master
+from smadrive.modbus import pdu_description, requests
+from smadrive.modbus.client import Master
+from smadrive.modbus.framing import mbap, rtu
 from smadrive.modbus.trace import TraceFile, content_of, read_trace
+from smadrive.modbus.transports.in_process import InProcessTransport
 
 READ = requests.read_holding(10, 2)
-RIGHT = frames.seal(1, bytes.fromhex("03 04 000A 000B"))
+RIGHT = rtu.seal(1, bytes.fromhex("03 04 000A 000B"))
 
 
 class NumberedReply:
@@ -41,7 +42,7 @@ def test_a_person_reads_what_passed_and_what_it_means(tmp_path, script, timing):
     far = script(
         [(0.01, RIGHT[:4]), (0.02, RIGHT[4:])],
         [(0.0, RIGHT[:-1] + b"\0")],
-        [(0.0, frames.seal(1, b"\x86\x06"))],
+        [(0.0, rtu.seal(1, b"\x86\x06"))],
         [(0.05, b"\x55\x55")],
     )
     lines = traced(tmp_path / "bus.trace", far, 115200, timing, [READ, READ, write, requests.read_input(5, 1)])
@@ -77,9 +78,9 @@ def test_a_program_reads_the_same(tmp_path, script, timing):
     numbered, lines = read_trace(path)
     assert not numbered
     assert [(line.direction, line.data) for line in lines] == [
-        ("sent", frames.seal(1, READ.pdu)),
+        ("sent", rtu.seal(1, READ.pdu)),
         ("received", RIGHT),
-        ("sent", frames.seal(1, READ.pdu)),
+        ("sent", rtu.seal(1, READ.pdu)),
     ]
     assert lines[1].time_s - lines[0].time_s == pytest.approx(0.02)
     assert content_of(RIGHT, numbered=False) == (1, RIGHT[1:-2])
@@ -99,17 +100,17 @@ def test_a_program_reads_the_same(tmp_path, script, timing):
     ],
 )
 def test_every_request_has_words(request_, said):
-    assert meaning.of_request(request_.pdu) == said
+    assert pdu_description.of_request(request_.pdu) == said
 
 
 def test_replies_have_words_and_what_is_none_does_no_harm():
     read = requests.read_coils(0, 3).pdu
-    assert meaning.of_reply(bytes.fromhex("01 01 05"), read) == "101"
-    assert meaning.of_reply(bytes.fromhex("81 02"), read) == "exception 2, illegal data address"
-    assert meaning.of_reply(bytes.fromhex("04 02 0001"), read) == "a reply to function 4"
-    assert meaning.of_reply(requests.write_register(1, 2).pdu, requests.write_register(1, 2).pdu) == "done"
-    assert meaning.of_request(b"\x03\x00") == "a request that is none"
-    assert meaning.of_request(b"\x63\x00\x00\x00\x00") == "function 99"
+    assert pdu_description.of_reply(bytes.fromhex("01 01 05"), read) == "101"
+    assert pdu_description.of_reply(bytes.fromhex("81 02"), read) == "exception 2, illegal data address"
+    assert pdu_description.of_reply(bytes.fromhex("04 02 0001"), read) == "a reply to function 4"
+    assert pdu_description.of_reply(requests.write_register(1, 2).pdu, requests.write_register(1, 2).pdu) == "done"
+    assert pdu_description.of_request(b"\x03\x00") == "a request that is none"
+    assert pdu_description.of_request(b"\x63\x00\x00\x00\x00") == "function 99"
 
 
 @pytest.mark.parametrize(

@@ -9,17 +9,17 @@ import pytest
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
-from smadrive.control.shapes import sine
+from smadrive.control.references.shapes import sine
 from smadrive.errors import SmadriveError
 from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
 from smadrive.hysteresis.fuzzy import TriangularSets
-from smadrive.rig import Rig
-from smadrive.rigconfig import FeedbackConfig, load_rig
-from smadrive.thermal import HeatBalance
-from smadrive.tuning.channel import ControlEnd, PageEnd
-from smadrive.tuning.session import TuningSession
+from smadrive.rig.config import FeedbackConfig, load_rig
+from smadrive.rig.rig import Rig
+from smadrive.tuning.builder.builder import Refused, prepare
+from smadrive.tuning.link.channel import ControlEnd, PageEnd
+from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
-from smadrive.tuning.workshop import Refused, prepare
+from smadrive.wire.heat_balance import HeatBalance
 
 BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
 REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=40.0, cycles=1)

@@ -1,0 +1,55 @@
+"""Request frames in a stream of bytes.
+
+RTU marks the end of a frame by silence, which an operating system does not preserve. So frames are found by their
+length, which follows from the function, and proved by their CRC. What proves wrong costs one byte and the search goes
+on behind it; an unfinished frame waits for its rest, but not beyond a pause.
+"""
+
+from __future__ import annotations
+
+from smadrive.modbus.framing import rtu
+
+FRAME_PAUSE_S = 0.05  # far more than 1.5 characters: an operating system delivers bytes in lumps
+
+
+class RequestStream:
+    """Cuts what `feed` gets into frames with a right CRC."""
+
+    def __init__(self) -> None:
+        self.bad_bytes = 0
+        self._pending = b""
+        self._fed_s = 0.0
+
+    def feed(self, data: bytes, time_s: float) -> list[bytes]:
+        """The frames that `data`, arriving at `time_s`, completes."""
+        if time_s - self._fed_s > FRAME_PAUSE_S:
+            self._drop(len(self._pending))
+        self._fed_s = time_s
+        self._pending += data
+        found = []
+        while self._pending and (frame := self._next()):
+            found.append(frame)
+        self._drop(max(len(self._pending) - rtu.MAX_FRAME, 0))
+        return found
+
+    def _next(self) -> bytes | None:
+        """Cut off the first frame, with the junk before it; None when there is none (yet)."""
+        waiting_from = None
+        for start in range(len(self._pending) - 1):
+            rest = self._pending[start:]
+            size = rtu.request_size(rest)
+            if size is None:  # an unknown function: only the end of the data can be its end
+                size = len(rest)
+            if (size == 0 or size > len(rest)) and size <= rtu.MAX_FRAME:
+                waiting_from = start if waiting_from is None else waiting_from
+            elif size <= rtu.MAX_FRAME and rtu.crc_holds(rest[:size]):
+                self._drop(start)
+                self._pending = self._pending[size:]
+                return rest[:size]
+        if waiting_from is None:
+            self._drop(max(len(self._pending) - 1, 0))
+        return None
+
+    def _drop(self, count: int) -> None:
+        self.bad_bytes += count
+        self._pending = self._pending[count:]

@@ -1,0 +1,191 @@
+"""The register bank of a simulated device: any profile, filled and read by role.
+
+A write is checked whole before any of it takes effect: a request that is refused has changed nothing. What the profile
+tells of the device holds here too: decimals and unit held in registers, and the lock that a write must open first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from math import isnan
+from typing import NamedTuple
+
+from firmware_sim.bus.modbus_exception import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, Refusal
+from smadrive.devices.profile.dependent_registers import context_of
+from smadrive.devices.profile.profile import Profile
+from smadrive.devices.profile.readings import ALONE, Context
+from smadrive.devices.profile.register import Register
+from smadrive.errors import ConfigError
+
+Quantity = float | str | None  # a number, the name of a state, or no reading
+
+_NOWHERE = -1
+"""In the place of a word, by its address: the device has none there."""
+
+
+class Cell:
+    """One register of a bank, in the `words` of its table; of plain attributes, for it is used in every exchange."""
+
+    def __init__(self, name: str, role: str | None, register: Register, words: list[int]) -> None:
+        self.name = name
+        self.role = role
+        self.register = register
+        self.codec = register.codec
+        self.first = register.address
+        self.end = register.addresses.stop
+        self.size = register.size
+        self.has_companions = bool(register.companions)
+        self.keeps = register.access == "rw"
+        self._words = words
+
+    @property
+    def words(self) -> tuple[int, ...]:
+        """What it holds."""
+        return tuple(self._words[self.first : self.end])
+
+    def store(self, words: Sequence[int]) -> None:
+        """Hold `words`; ValueError when it has not as many, for then all that lies behind would move."""
+        if len(words) != self.size:
+            raise ValueError(f"register '{self.name}' has {self.size} words, {len(words)} were stored")
+        self._words[self.first : self.end] = words
+
+
+class Write(NamedTuple):
+    """One register about to be written: its words, and what they mean."""
+
+    cell: Cell
+    words: Sequence[int]
+    value: float
+    context: Context
+
+
+class RegisterBank:
+    """The registers of `profile`, all zero but those that prove its identity."""
+
+    def __init__(self, profile: Profile) -> None:
+        self._profile = profile
+        self._has_locks = bool(profile.write_order)
+        self._tables: dict[str, list[int]] = {}
+        self._cells: dict[str, Cell] = {}
+        self._writable: dict[tuple[str, int], Cell] = {}
+        self._published: dict[str, Quantity] = {}
+        role_of = {name: role for role, name in profile.roles.model_dump(exclude_none=True).items()}
+        for name, register in profile.registers.items():
+            words = self._tables.setdefault(register.table, [])
+            words += [_NOWHERE] * (register.addresses.stop - len(words))
+            cell = self._cells[name] = Cell(name, role_of.get(name), register, words)
+            cell.store([0] * cell.size)
+            if register.writable:
+                self._writable[register.table, cell.first] = cell
+        self._shown = {
+            table: [(cell.role, cell) for cell in self._cells.values() if cell.role and cell.register.table == table]
+            for table in self._tables
+        }
+        for proof in profile.identify:
+            if not proof.ranges:
+                continue
+            cell = self._cells[proof.register_]
+            cell.store(cell.codec.pack(proof.ranges[0][0]))
+
+    @property
+    def tables(self) -> set[str]:
+        """The tables that the device has."""
+        return set(self._tables)
+
+    def publish(self, quantities: Mapping[str, Quantity], table: str, first: int, count: int) -> None:
+        """Refresh the registers of these roles that lie in a range about to be read."""
+        published, end = self._published, first + count
+        for role, cell in self._shown.get(table, ()):
+            if first <= cell.first < end and role in quantities:
+                value = quantities[role]
+                if cell.has_companions:  # other registers say how it shows, and may change
+                    self._show_in_company(cell, value)
+                elif role not in published or published[role] != value:
+                    cell.store(_words_for(cell, value, ALONE))
+                    published[role] = value
+
+    def preset(self, name: str, value: float) -> None:
+        """Set a register that no role fills; a profile without it is none the worse."""
+        if name in self._cells:
+            cell = self._cells[name]
+            cell.store(cell.codec.saturated(value))
+
+    def read(self, table: str, first: int, count: int) -> list[int]:
+        """The words, as they were last stored or published, of a range that is readable."""
+        return self._tables[table][first : first + count]
+
+    def check_readable(self, table: str, first: int, count: int) -> None:
+        """Refusal when one of the words does not exist."""
+        words = self._tables.get(table, [])[first : first + count]
+        if len(words) < count or _NOWHERE in words:
+            raise Refusal(ILLEGAL_ADDRESS)
+
+    def checked(self, table: str, first: int, words: Sequence[int]) -> list[Write]:
+        """The writes of whole registers that `words` make up; Refusal when one of them cannot be carried out."""
+        writes: list[Write] = []
+        at = 0
+        while at < len(words):
+            cell = self._writable.get((table, first + at))
+            if cell is None or len(words) < at + cell.size:
+                raise Refusal(ILLEGAL_ADDRESS)
+            part = words[at : at + cell.size]
+            context = self._context(cell)
+            writes.append(Write(cell, part, cell.codec.decode(part, context).value, context))
+            at += cell.size
+        for cell, _, value, context in writes:
+            try:
+                cell.codec.encode(value, cell.name, context)
+            except ConfigError:
+                raise Refusal(ILLEGAL_VALUE) from None
+            if self._has_locks:
+                self._check_unlocked(cell.name)
+        return writes
+
+    def by_role(self, writes: Sequence[Write]) -> dict[str, float]:
+        """The values of those writes whose register plays a role."""
+        return {cell.role: value for cell, _, value, _ in writes if cell.role is not None}
+
+    def store(self, writes: Sequence[Write]) -> None:
+        """Carry out checked writes; a write-only register keeps nothing."""
+        for cell, words, _, _ in writes:
+            if cell.keeps:
+                cell.store(words)
+                self._published.pop(cell.role or "", None)
+
+    def _check_unlocked(self, name: str) -> None:
+        for rule in self._profile.write_order:
+            if rule.value is None or rule.before not in ("*", name) or rule.write == name:
+                continue
+            lock = self._cells[rule.write]
+            if lock.words != lock.codec.saturated(rule.value):
+                raise Refusal(DEVICE_FAILURE)
+
+    def _show_in_company(self, cell: Cell, value: Quantity) -> None:
+        """Show a quantity as its companions say, and in those that tell it whether it is valid."""
+        for name, allowed in cell.register.valid_when.items():
+            teller = self._cells[name]
+            denied = (number for number in teller.register.enum if number not in allowed)
+            teller.store(teller.codec.pack(next(denied, 0) if value is None else allowed[0]))
+        cell.store(_words_for(cell, value, self._context(cell)))
+
+    def _context(self, cell: Cell) -> Context:
+        if not cell.has_companions:
+            return ALONE
+        companions = (self._cells[name] for name in cell.register.companions)
+        return context_of(cell.register, {one.name: one.codec.decode(one.words) for one in companions})
+
+
+def _words_for(cell: Cell, value: Quantity, context: Context) -> tuple[int, ...]:
+    """No reading as the sentinel that says "open" (or the first), a state by its number or its bit.
+
+    NaN is no reading where the register cannot hold it.
+    """
+    register = cell.register
+    no_reading = value is None or (isinstance(value, float) and isnan(value) and register.type != "float32")
+    if isinstance(value, (int, float)) and not no_reading:
+        return cell.codec.saturated(value, context)
+    if no_reading:
+        opens = (bits for bits, reason in register.invalid.items() if "open" in reason)
+        return cell.codec.pattern(next(opens, next(iter(register.invalid), 0)))
+    flags = {1 << bit: word for bit, word in register.bits.items()}
+    return cell.codec.pack(next((raw for raw, word in (register.enum | flags).items() if word == value), 0))

@@ -1,0 +1,100 @@
+"""The firmware of a TCLab board, with the wire at its first heater and its first thermometer on the wire.
+
+It switches a voltage on and off, so fast that only the mean heat matters; the pulse width is a whole number of 255:
+
+    duty = floor(Q1 · P1 / 100) / 255          heat = duty · U² / R
+
+As on the real board nothing supervises anything: no watchdog, no limit, and a sensor that is open or shorted reads as
+an end of the converter. An unknown command switches both heaters off.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf, sqrt
+
+from firmware_sim.sensors.sensors import Sensors
+from smadrive.files.number_text import parse_number
+
+BANNER = "TCLab Firmware 2.0.1 Arduino Uno"
+PULSE_MAX = 255
+PULSE_FACTORY = {"P1": 200.0, "P2": 100.0}
+QUANTUM_C = 0.322265625
+"""Of the converter: 330 mV / 1024, at 10 mV a degree."""
+LOWEST_C = -50.0
+COUNTS = 1023
+SAMPLES = 10
+"""Readings of the converter that make up one of the temperature."""
+
+
+class TCLabFirmware:
+    """Behaviour and responder in one. `supply_v` is what it switches; `load_ohm` tells what it switches it to."""
+
+    voltage_max_v = inf
+
+    def __init__(
+        self, sensors: Sensors, supply_v: float, load_ohm: Callable[[], float], log: Callable[[str], None]
+    ) -> None:
+        self._sensors = sensors
+        self._supply_v = supply_v
+        self._load_ohm = load_ohm
+        self._log = log
+        self.restart()
+
+    @property
+    def current_a(self) -> float:
+        """Root mean square of the pulses."""
+        pulse = int(self.duty["Q1"] * self.pulse["P1"] / 100.0)
+        return sqrt(pulse / PULSE_MAX) * self._supply_v / self._load_ohm()
+
+    def restart(self) -> None:
+        """A power-up, or the port was opened: off."""
+        self.duty = {"Q1": 0.0, "Q2": 0.0}
+        self.pulse = dict(PULSE_FACTORY)
+
+    def tick(self, _dt_s: float) -> None:
+        """It never does anything by itself."""
+
+    def answer(self, pdu: bytes) -> bytes:
+        """The reply to a line."""
+        name, _, rest = pdu.decode("ascii", "replace").partition(" ")
+        return self._reply(name.strip().upper(), _float(rest)).encode("ascii", "replace")
+
+    def _reply(self, name: str, value: float) -> str:
+        match name:
+            case "Q1" | "Q2":
+                self._set(name, min(max(value, 0.0), 100.0))
+                return f"{self.duty[name]:.3f}"
+            case "P1" | "P2":
+                self.pulse[name] = min(max(value, 0.0), float(PULSE_MAX))
+                return f"{self.pulse[name]:.2f}"
+            case "LED":
+                return f"{min(max(value, 0.0), 100.0):.2f}"
+        shown = {"VER": BANNER, "R1": f"{self.duty['Q1']:.3f}", "R2": f"{self.duty['Q2']:.3f}"}
+        shown["T1"] = shown["T2"] = f"{self._temperature_c():.3f}"
+        return shown.get(name) or self._stopped(name)
+
+    def _set(self, name: str, duty: float) -> None:
+        if bool(duty) != bool(self.duty[name]):
+            self._log(f"{name}: heater on, no watchdog" if duty else f"{name}: heater off")
+        self.duty[name] = duty
+
+    def _stopped(self, name: str) -> str:
+        """What ends the heat: its own commands, and all that the board does not know."""
+        for heater in self.duty:
+            self._set(heater, 0.0)
+        return {"A": "Start", "X": "Stop"}.get(name, name)
+
+    def _temperature_c(self) -> float:
+        ends = {"open": 0.0, "short": float(COUNTS)}
+        counts = (self._sensors.temperature_c - LOWEST_C) / QUANTUM_C
+        counts = ends.get(self._sensors.unreadable or "", min(max(counts, 0.0), COUNTS))
+        return round(counts * SAMPLES) / SAMPLES * QUANTUM_C + LOWEST_C
+
+
+def _float(text: str) -> float:
+    """A number, or 0, as the Arduino's own conversion has it."""
+    try:
+        return parse_number(text)
+    except ValueError:
+        return 0.0

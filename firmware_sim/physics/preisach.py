@@ -1,0 +1,117 @@
+"""A Preisach plane: the phase of a wire of many grains, each with a temperature of its own up and one back down.
+
+    a grain turns to austenite when v rises above α, and back when v falls below β          α > β
+    ξ = the share of grains that are austenite          E(a, b) = the share of grains with α ≤ a and β ≥ b
+
+Rising from a minimum m turns the grains with α ≤ v that m had turned back, falling from a maximum M turns back those
+with β ≥ v that M had turned. So ξ follows from the turning points still remembered (Preisach 1935, Everett 1955):
+
+    rising   ξ = ξ_m + E(v, m)          falling   ξ = ξ_M - E(M, v)
+
+and what passes an earlier turning point wipes that out, with all behind it: minor loops close exactly. A Duhem model,
+whose only state is ξ, does neither. Here (α, β) are jointly Gaussian, cut off where a grain would have next to no
+hysteresis, on a grid; within a cell the density is constant, so E is bilinear there.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from firmware_sim.config import Transformation
+from smadrive.numerics.arrays import FloatArray
+
+CELL_K = 0.25
+SPAN = 5.0  # standard deviations to either side
+NARROWEST_K = 4.0  # α - β of a grain, at least
+
+
+class Turn(NamedTuple):
+    """A turning point: the input and the phase there, and the turning point before it."""
+
+    v: float
+    phase: float
+    before: Turn | None
+
+
+class Memory(NamedTuple):
+    """Where the wire is: upward or downward from `turn`."""
+
+    v: float
+    phase: float
+    rising: bool
+    turn: Turn
+
+
+class Preisach:
+    """The plane of a transformation: memory in, memory out."""
+
+    def __init__(self, plane: Transformation) -> None:
+        up = _edges(plane.mu_heating_c, plane.sigma_heating_c)
+        down = _edges(plane.mu_cooling_c, plane.sigma_cooling_c)
+        self._up_c, self._down_c = float(up[0]), float(down[0])
+        self._up_cells, self._down_cells = len(up) - 1, len(down) - 1
+        self._everett: list[list[float]] = _everett(plane, up, down).tolist()
+        self._coldest = Turn(self._down_c, 0.0, None)
+
+    def start(self, v: float) -> Memory:
+        """Heated from far below to `v`."""
+        return Memory(v, self._share(v, self._coldest.v), rising=True, turn=self._coldest)
+
+    def phase(self, memory: Memory) -> float:
+        """ξ."""
+        return memory.phase
+
+    def slope(self, memory: Memory, v: float, rising: bool) -> float:
+        """dξ/dv for the input that goes on from `v`, upward or downward."""
+        turn_v = memory.turn.v if rising == memory.rising else memory.v
+        if rising:
+            row, next_row, _, j, t = self._cell(v, turn_v)
+            return ((1 - t) * (next_row[j] - row[j]) + t * (next_row[j + 1] - row[j + 1])) / CELL_K
+        row, next_row, s, j, _ = self._cell(turn_v, v)
+        return ((1 - s) * (row[j] - row[j + 1]) + s * (next_row[j] - next_row[j + 1])) / CELL_K
+
+    def moved(self, memory: Memory, v0: float, v1: float) -> Memory:
+        """The memory after the input moved from `v0` to `v1`."""
+        if v1 == v0:
+            return memory
+        rising = v1 > v0
+        turn = memory.turn if rising == memory.rising else Turn(memory.v, memory.phase, memory.turn)
+        while turn.before is not None and (v1 >= turn.before.v if rising else v1 <= turn.before.v):
+            if turn.before.before is None:
+                return self.start(v1)  # colder than all that was: nothing is remembered
+            turn = turn.before.before
+        change = self._share(v1, turn.v) if rising else -self._share(turn.v, v1)
+        return Memory(v1, turn.phase + change, rising, turn)
+
+    def _share(self, a: float, b: float) -> float:
+        """E(a, b)."""
+        row, next_row, s, j, t = self._cell(a, b)
+        return (1 - s) * ((1 - t) * row[j] + t * row[j + 1]) + s * ((1 - t) * next_row[j] + t * next_row[j + 1])
+
+    def _cell(self, a: float, b: float) -> tuple[list[float], list[float], float, int, float]:
+        """The rows of E around `a`, how far it is between them, the column before `b`, how far it is behind that."""
+        s = min(max((a - self._up_c) / CELL_K, 0.0), self._up_cells - 1e-9)
+        t = min(max((b - self._down_c) / CELL_K, 0.0), self._down_cells - 1e-9)
+        i, j = int(s), int(t)
+        return self._everett[i], self._everett[i + 1], s - i, j, t - j
+
+
+def _edges(mu_c: float, sigma_c: float) -> FloatArray:
+    cells = int(np.ceil(2 * SPAN * sigma_c / CELL_K)) + 2  # the outermost on either side stay empty
+    return np.asarray(mu_c + CELL_K * (np.arange(cells + 1) - cells / 2))
+
+
+def _everett(plane: Transformation, up: FloatArray, down: FloatArray) -> FloatArray:
+    """E at the corners of the cells: (len(up), len(down))."""
+    x = ((up[1:] + up[:-1]) / 2 - plane.mu_heating_c)[:, None] / plane.sigma_heating_c
+    y = ((down[1:] + down[:-1]) / 2 - plane.mu_cooling_c)[None, :] / plane.sigma_cooling_c
+    r = plane.correlation or 0.0
+    grains = np.exp(-(x**2 - 2 * r * x * y + y**2) / (2 * (1 - r**2)))
+    grains[up[:-1, None] - down[None, 1:] < NARROWEST_K] = 0.0
+    grains[[0, -1], :] = 0.0
+    grains[:, [0, -1]] = 0.0
+    everett = np.zeros((len(up), len(down)))
+    everett[1:, :-1] = np.cumsum(np.cumsum(grains[:, ::-1], axis=1)[:, ::-1], axis=0)
+    return np.asarray(everett / everett[-1, 0])

@@ -1,0 +1,93 @@
+"""Plants drawn at random around a nominal one: wires as they come from the reel, on rigs as people build them.
+
+    μ ±5 K (each branch)   σ ±25 % (each branch)   stroke ±10 %   m c, h A, latent heat ±25 %   R ±5 %
+    thermocouple lag 50 to 250 ms, noise 0.1 K
+
+Uniform and independent, whatever hysteresis the nominal wire has: of five wires three get one Gaussian a branch, one a
+second component between its branches, as the R-phase makes, and one a Preisach plane. Branches that cross where the
+wire works, which no wire can have, are drawn again.
+"""
+
+from __future__ import annotations
+
+from random import Random
+from typing import Any, Literal
+
+from firmware_sim.config import SimConfig, Transformation
+from firmware_sim.physics.transformation import Duhem
+from smadrive.errors import ModelError
+
+Kind = Literal["duhem", "two-component", "preisach"]
+KINDS: tuple[Kind, ...] = ("duhem", "two-component", "preisach")
+SHARES = (3, 1, 1)
+REACH = 4.5  # standard deviations beyond both branches: there the transformation is over
+
+
+def draw(nominal: SimConfig, seed: int, kind: Kind | None = None) -> SimConfig:
+    """The plant of this seed around `nominal`, of this `kind` or of any. The same arguments give the same plant."""
+    random = Random(seed)
+
+    def within(share: float) -> float:
+        return random.uniform(1.0 - share, 1.0 + share)
+
+    wire = nominal.wire
+    wires = {
+        "heat_capacity_j_per_k": wire.heat_capacity_j_per_k * within(0.25),
+        "loss_w_per_k": wire.loss_w_per_k * within(0.25),
+        "latent_heat_j_per_kg": wire.latent_heat_j_per_kg * within(0.25),
+        "resistance_cold_ohm": wire.resistance_cold_ohm * within(0.05),
+        "stroke_mm": wire.stroke_mm * within(0.10),
+    }
+    thermocouple = {"lag_s": random.uniform(0.05, 0.25), "noise_c": 0.1}
+    any_kind = random.choices(KINDS, SHARES)[0]
+    return nominal.model_copy(
+        update={
+            "wire": wire.model_copy(update=wires),
+            "thermocouple": nominal.thermocouple.model_copy(update=thermocouple),
+            "transformation": _possible(nominal.transformation, kind or any_kind, random),
+        }
+    )
+
+
+def _possible(nominal: Transformation, kind: Kind, random: Random) -> Transformation:
+    while True:
+        branches = _branches(nominal, random)
+        try:
+            drawn = Transformation.model_validate({"kind": kind} | branches | _more(kind, branches, random))
+            Duhem(drawn)  # a Preisach plane has these branches too
+        except ModelError:
+            continue
+        return drawn
+
+
+def _branches(nominal: Transformation, random: Random) -> dict[str, Any]:
+    up_c, down_c = (mu_c + random.uniform(-5.0, 5.0) for mu_c in (nominal.mu_heating_c, nominal.mu_cooling_c))
+    up_k, down_k = (
+        sigma_c * random.uniform(0.75, 1.25) for sigma_c in (nominal.sigma_heating_c, nominal.sigma_cooling_c)
+    )
+    reach_k = REACH * max(up_k, down_k)
+    return {
+        "mu_heating_c": up_c,
+        "mu_cooling_c": down_c,
+        "sigma_heating_c": up_k,
+        "sigma_cooling_c": down_k,
+        "range_c": (down_c - reach_k, up_c + reach_k),
+    }
+
+
+def _more(kind: Kind, branches: dict[str, Any], random: Random) -> dict[str, Any]:
+    """What this kind has beside its two branches."""
+    if kind == "preisach":
+        return {"correlation": random.uniform(0.4, 0.8)}
+    if kind == "duhem":
+        return {}
+    width_k = branches["mu_heating_c"] - branches["mu_cooling_c"]
+    sigma_c = random.uniform(0.5, 0.8) * min(branches["sigma_heating_c"], branches["sigma_cooling_c"])
+    second = {
+        "share": random.uniform(0.1, 0.3),
+        "mu_heating_c": branches["mu_heating_c"] - width_k * random.uniform(0.1, 0.3),
+        "mu_cooling_c": branches["mu_cooling_c"] + width_k * random.uniform(0.1, 0.4),
+        "sigma_heating_c": sigma_c,
+        "sigma_cooling_c": sigma_c,
+    }
+    return {"second": second}

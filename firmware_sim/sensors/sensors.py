@@ -1,0 +1,82 @@
+"""What is measured of the wire: lag, noise, quantisation, drift of the cold junction. `faults` is what goes wrong."""
+
+from __future__ import annotations
+
+from math import exp
+
+from firmware_sim.config import SimConfig
+from firmware_sim.physics.physical_faults import SensorFaults
+from firmware_sim.physics.plant import Plant
+from firmware_sim.sensors.noise import deviations
+
+
+class Sensors:
+    """The sensors on one plant. The same seed gives the same noise."""
+
+    def __init__(self, config: SimConfig, plant: Plant, seed: int) -> None:
+        self.faults = SensorFaults(seed)
+        thermocouple, sense, displacement = config.thermocouple, config.sense, config.displacement
+        self._lag_s, self._noise_c, self._quantum_c = thermocouple.lag_s, thermocouple.noise_c, thermocouple.quantum_c
+        self._conversion_s = thermocouple.conversion_s
+        self._drift_c_per_h = thermocouple.cold_junction_drift_c_per_h
+        self._noise_a, self._noise_v = sense.current_noise_a, sense.voltage_noise_v
+        self._noise_mm = None if displacement is None else displacement.noise_mm
+        self._plant = plant
+        self._noise = deviations(seed)
+        self._bead_c = plant.temperature_c
+        self._since_conversion_s = 0.0
+        self._shown_mm = plant.displacement_mm
+        self.conversions = 0
+        self.cold_junction_c = thermocouple.cold_junction_c
+        self.temperature_c = plant.temperature_c
+        self._convert()
+        self.current_a = 0.0
+        self.voltage_v = 0.0
+
+    @property
+    def unreadable(self) -> str | None:
+        """Why the converter shows no temperature, "open" or "short"; what else is wrong it does not know."""
+        name = self.faults.thermocouple.name
+        return name if name in ("open", "short") else None
+
+    def advance(self, wire_before_c: float, dt_s: float) -> None:
+        """Follow the plant, which has just moved on by `dt_s` from `wire_before_c`."""
+        self.faults.pass_time(dt_s)
+        self._lag(wire_before_c, self._plant.temperature_c, dt_s)
+        self.cold_junction_c += self._drift_c_per_h * dt_s / 3600
+        self._since_conversion_s += dt_s
+        stopped = self.faults.thermocouple.name == "stopped"
+        if self._since_conversion_s >= self._conversion_s - 1e-9 and not stopped:
+            self._since_conversion_s = 0.0
+            self.conversions += 1
+            self._convert()
+        self._sense_heater()
+
+    def displacement_mm(self) -> float | None:
+        """A noisy sample of the displacement; None when no sensor is fitted."""
+        if self._noise_mm is None:
+            return None
+        right_mm = self._plant.displacement_mm + self._noise_mm * next(self._noise)
+        self._shown_mm = self.faults.displacement.shown(right_mm, self._shown_mm)
+        return self._shown_mm
+
+    def _lag(self, before_c: float, after_c: float, dt_s: float) -> None:
+        """First-order lag behind a wire that moves linearly from before to after (exact)."""
+        lag_s = self._lag_s
+        if lag_s == 0.0:
+            self._bead_c = after_c
+            return
+        decay = exp(-dt_s / lag_s)
+        steady_c = after_c - before_c - (after_c - before_c) * lag_s / dt_s * (1.0 - decay)
+        self._bead_c = before_c + steady_c + (self._bead_c - before_c) * decay
+
+    def _convert(self) -> None:
+        right_c = self._bead_c + self._noise_c * next(self._noise)
+        shown_c = self.faults.thermocouple.shown(right_c, self.temperature_c, self.cold_junction_c)
+        self.temperature_c = round(shown_c / self._quantum_c) * self._quantum_c
+
+    def _sense_heater(self) -> None:
+        right_a = max(0.0, self._plant.current_a + self._noise_a * next(self._noise))
+        right_v = max(0.0, self._plant.voltage_v + self._noise_v * next(self._noise))
+        self.current_a = self.faults.current.shown(right_a, self.current_a)
+        self.voltage_v = self.faults.voltage.shown(right_v, self.voltage_v)

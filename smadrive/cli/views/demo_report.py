@@ -1,0 +1,128 @@
+"""The demo's report: the identified loop, the two tracking runs, their errors."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from smadrive.cli.views.log_plots import NOT_SCORED, draw_error
+from smadrive.identification.wire import WireFit
+from smadrive.runs.log.reader import Log
+from smadrive.runs.plots import (
+    COOLING,
+    ESTIMATED,
+    FAINT,
+    HEATING,
+    MEASURED,
+    WANTED,
+    legend,
+    line,
+    panels,
+)
+from smadrive.runs.report import Grid, Notes, Plot, write_report
+from smadrive.runs.run_metrics import TrackingFigures
+
+ArmView = tuple[str, Log, TrackingFigures]
+
+ARM_COLOURS = (MEASURED, ESTIMATED)
+
+
+def write_demo_report(path: Path, wire: WireFit, excitation: Log, arms: Sequence[ArmView]) -> None:
+    """Write the page; `arms` are (name, log, figures) of the tracking runs, the inverse feedforward first."""
+    rows = [
+        (name, f"{f.rms_percent:.2f} %", f"{f.max_percent:.2f} %", str(f.trips), str(f.missed_deadlines))
+        for name, _, f in arms
+    ]
+    write_report(
+        path,
+        "smadrive demo: a simulated SMA wire moves where it is told",
+        "Errors are reference minus displacement, in percent of the stroke. Both runs have the displacement sensor to "
+        "correct their estimate of the wire.",
+        [
+            Grid(("run", "RMS error", "max error", "trips", "missed deadlines"), rows),
+            _loop_plot(wire, excitation),
+            _tracking_plot(arms),
+            _error_plot(arms),
+            _temperature_plot(arms),
+            Notes(_notes(wire, excitation)),
+        ],
+    )
+
+
+def _notes(wire: WireFit, excitation: Log) -> list[str]:
+    fit, balance = wire.hysteresis, wire.thermal.balance
+    samples = excitation.column("time_s").size
+    model = (
+        f"Model: {len(getattr(fit.model, 'rules', ()))} rules, identified from {samples} samples of the excitation: "
+        f"{fit.rms_percent:.2f} % RMS, {fit.max_percent:.2f} % max of the span."
+    )
+    heat = (
+        f"Heat balance found: {1e3 * balance.heat_capacity_j_per_k:.1f} mJ/K, {1e3 * balance.loss_w_per_k:.2f} mW/K, "
+        f"latent heat {balance.latent_heat_j:.2f} J, thermocouple lag {1e3 * balance.thermocouple_lag_s:.0f} ms."
+    )
+    devices = ", ".join(f"{name}: {identity}" for name, identity in excitation.json("devices").items())
+    origin = f"smadrive {excitation.version}, {excitation.start_time}, {devices}."
+    return [model, heat, origin]
+
+
+def _loop_plot(wire: WireFit, excitation: Log) -> Plot:
+    figure, (ax,) = panels((4.0,))
+    model = wire.hysteresis.model
+    temperature, displacement = wire.thermal.wire_temperature_c, excitation.column("displacement_mm")
+    ax.plot(temperature, displacement, ".", ms=2, color=FAINT, label="measured (excitation)", rasterized=True)
+    sweep = np.linspace(float(temperature.min()), float(temperature.max()), 400)
+    heating, cooling = np.split(model.simulate(np.concatenate((sweep, sweep[::-1]))), 2)
+    ax.plot(sweep, heating, color=HEATING, lw=1.5, label="identified model, heating")
+    ax.plot(sweep[::-1], cooling, color=COOLING, lw=1.5, label="cooling")
+    ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")
+    legend(ax)
+    return Plot(
+        "The loop",
+        figure,
+        "Heating runs along the right branch, cooling along the left; the inner curves are the reversals.",
+    )
+
+
+def _tracking_plot(arms: Sequence[ArmView]) -> Plot:
+    figure, (ax,) = panels((3.6,))
+    for (name, log, _), colour in zip(arms, ARM_COLOURS, strict=True):
+        line(ax, log.column("time_s"), log.signal("displacement_mm"), color=colour, label=name)
+    _, first, _ = arms[0]
+    line(ax, first.column("time_s"), first.signal("reference_mm"), color=WANTED, ls="--", lw=1, label="reference")
+    ax.set(xlabel="time / s", ylabel="displacement / mm")
+    legend(ax)
+    return Plot(
+        "Tracking",
+        figure,
+        "The same wire and the same temperature loop; only the map from displacement to temperature differs.",
+    )
+
+
+def _error_plot(arms: Sequence[ArmView]) -> Plot:
+    figure, axes = panels((1.9,) * len(arms))
+    for ax, (name, log, figures), colour in zip(axes, arms, ARM_COLOURS, strict=True):
+        draw_error(ax, log, colour)
+        told = f"{name}: {figures.rms_percent:.2f} % RMS, {figures.max_percent:.2f} % max"
+        ax.set_title(told, loc="left", fontsize=10)
+    axes[-1].set_xlabel("time / s")
+    return Plot("Error", figure, f"{NOT_SCORED} Mind the scales: each run has its own.")
+
+
+def _temperature_plot(arms: Sequence[ArmView]) -> Plot:
+    figure, (upper, lower) = panels((2.4, 1.8))
+    _, log, _ = arms[0]
+    time_s = log.column("time_s")
+    line(upper, time_s, log.signal("temperature_c"), color=FAINT, lw=1.6, label="thermocouple")
+    line(upper, time_s, log.signal("estimated_c"), color=ESTIMATED, label="wire, estimated")
+    line(upper, time_s, log.signal("wanted_c"), color=WANTED, ls="--", lw=0.8, label="wanted")
+    upper.set_ylabel("temperature / °C")
+    legend(upper)
+    line(lower, time_s, 1e3 * log.signal("current_a"), color=MEASURED, lw=0.9)
+    lower.set(xlabel="time / s", ylabel="heater current / mA")
+    return Plot(
+        "What the driver did",
+        figure,
+        "At every turning point the wire must cross the width of the loop before it moves again.",
+    )

@@ -1,0 +1,128 @@
+"""The report of one log: how it ended, its figures, what the wire and the driver did, and all that it was run with."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from smadrive.cli.views.log_plots import log_plots
+from smadrive.errors import UNCONFIRMED
+from smadrive.runs.log.reader import Log
+from smadrive.runs.report import Grid, Listing, Part, State, Tiles, write_report
+from smadrive.runs.run_metadata import logged_rig
+from smadrive.runs.run_metrics import RunSummary, is_virtual, run_summary, tracking_caveats
+
+TITLES = {"excitation": "identification experiment", "tracking": "tracking run"}
+
+
+def write_log_report(path: Path, log: Log) -> RunSummary:
+    """Write the page of `log` to `path`. DataError when the log tells too little, or the page cannot be written."""
+    config, summary = logged_rig(log), run_summary(log)
+    devices = ", ".join(f"{name}: {identity}" for name, identity in log.parsed("devices", _items))
+    parts: list[Part] = [
+        _state(log, summary),
+        *_caveats(log),
+        Tiles(list(_tiles(summary, config.limits.current_max_a, is_virtual=is_virtual(log)))),
+        *log_plots(log),
+        *_events(log),
+    ]
+    parts += [_provenance(log), *_background(log)]
+    lead = f"{_clock(log.start_time)} · wire {config.wire} · {devices}"
+    write_report(path, f"{config.name}: {TITLES.get(summary.kind, summary.kind)}", lead, parts)
+    return summary
+
+
+def _state(log: Log, summary: RunSummary) -> State:
+    if not log.end_time:
+        return State(
+            "odd",
+            f"Nobody ended this log: its writer was killed, or still writes. It holds {summary.duration_s:.1f} s; "
+            "at most the last second before the end is missing.",
+        )
+    if not log.ended_by:
+        return State("good", f"Complete: {summary.duration_s:.1f} s, ended at zero current.")
+    unconfirmed = [event.message for event in log.events if event.message.startswith(UNCONFIRMED)]
+    return State(
+        "odd" if log.ended_by.startswith("interruption") and not unconfirmed else "bad",
+        " — ".join([f"Ended after {summary.duration_s:.1f} s by {log.ended_by}", *unconfirmed]),
+    )
+
+
+def _caveats(log: Log) -> Iterator[State]:
+    """Reasons to distrust the content or the metrics, as `run` prints them on the terminal."""
+    for caveat in log.caveats:
+        yield State("odd", f"Warning: {caveat}.")
+    if "reference" in log.about:
+        for caveat in tracking_caveats(log):
+            yield State("odd", f"Beware: {caveat}.")
+
+
+def _tiles(summary: RunSummary, limit_a: float, *, is_virtual: bool) -> Iterator[tuple[str, str]]:
+    if isfinite(summary.rms_percent):
+        yield f"{summary.rms_percent:.2f} %", "RMS error, of the stroke"
+        yield f"{summary.max_percent:.2f} %", "largest error"
+    yield f"{summary.temperature_max_c:.1f} °C", "hottest reading"
+    yield f"{summary.current_max_a:.3f} A", f"largest current, limit {limit_a:g} A"
+    yield f"{summary.energy_j:.0f} J", "heat given"
+    rarely = 0.0 < summary.limited_percent < 0.1
+    yield "< 0.1 %" if rarely else f"{summary.limited_percent:.1f} %", "of the time at a limit"
+    yield f"{summary.ticks}", "ticks"
+    worst = "virtual time has none" if is_virtual else f"worst {1e3 * summary.late_max_s:.1f} ms"
+    yield f"{summary.missed_deadlines}", f"missed deadlines, {worst}"
+
+
+def _events(log: Log) -> Iterator[Grid]:
+    """Faults name their remedy themselves."""
+    rows = [(f"{event.time_s:.2f} s", event.message) for event in log.events]
+    yield Grid(
+        ("time", "what happened"), rows or [("", "nothing: no fault, no limit, no warning")], "Events", texts=True
+    )
+
+
+def _provenance(log: Log) -> Grid:
+    versions = ", ".join(f"{name} {number}" for name, number in log.parsed("versions", _items))
+    rows = [
+        ("log", str(log.path)),
+        ("begun", _clock(log.start_time)),
+        ("ended", _clock(log.end_time) or "not ended"),
+        *((f"device {name}", identity) for name, identity in log.parsed("devices", _items)),
+        *((f"address of {device.name}", device.url) for device in logged_rig(log).devices),
+        ("versions", versions),
+        ("machine", log.text("machine")),
+        *((name, log.about[name]) for name in ("inverse", "seed", "title") if name in log.about),
+    ]
+    return Grid(("", ""), rows, "Provenance", texts=True)
+
+
+def _background(log: Log) -> Iterator[Part]:
+    """What one rarely needs, folded away."""
+    yield Grid(("key", "value"), list(_flat(log.json("rig"))), "Rig file", texts=True, folded=True)
+    if "wire" in log.about:
+        yield Listing("Wire: the model that tracked", log.text("wire"))
+    if "excitation" in log.about:
+        yield Grid(("key", "value"), list(_flat(log.json("excitation"))), "Excitation", texts=True, folded=True)
+    yield Grid(("key", "value"), list(_flat(log.json("nominal_balance"))), "Nominal heat balance", True, True)
+    yield Listing("Device profiles", json.dumps(log.json("profiles"), indent=1))
+
+
+def _flat(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """A tree of JSON objects as lines `a.b = value`."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from _flat(inner, f"{key}.{name}" if key else name)
+    elif isinstance(value, list) and any(isinstance(inner, dict) for inner in value):
+        for number, inner in enumerate(value):
+            yield from _flat(inner, f"{key}[{number}]")
+    else:
+        yield key, json.dumps(value, ensure_ascii=False)
+
+
+def _items(values: dict[str, Any]) -> list[tuple[str, str]]:
+    return [(name, str(value)) for name, value in values.items()]
+
+
+def _clock(time: str) -> str:
+    return time.replace("T", " ").replace("+00:00", " UTC")

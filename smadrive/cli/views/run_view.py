@@ -1,0 +1,127 @@
+"""What a run shows on a terminal while it lasts: its progress, the live values, and what happened last.
+
+The loop hands over its latest tick, one assignment; a thread of the display draws what it finds, a few times a second.
+A terminal that stands still (Ctrl-S, a slow line) stops that thread, not the loop. The picture is plain text, because
+Python lets only one thread compute at a time: a table that takes long to lay out would make ticks late.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from math import isfinite
+
+from rich.console import Console, RichCast
+from rich.live import Live
+from rich.text import Text
+
+from smadrive.control.loop import Tick
+from smadrive.runs.run_log import TickRecorder
+
+DRAWN_PER_S = 5
+BAR = 40
+"""Characters of the progress bar."""
+
+GIVE_WAY_S = 0.0005
+"""After so long the drawing thread lets the loop go first; Python's own choice is ten times that."""
+
+
+class RunView:
+    """The picture of a run that takes `duration_s` and may give `current_max_a`; `latest` is the tick it shows."""
+
+    def __init__(self, title: str, duration_s: float, current_max_a: float, recorder: TickRecorder) -> None:
+        self._title = title
+        self._duration_s = duration_s
+        self._current_max_a = current_max_a
+        self._recorder = recorder
+        self.latest: Tick | None = None
+
+    def __rich__(self) -> Text:
+        """The picture now."""
+        tick = self.latest
+        if tick is None:
+            return Text(f"{self._title}: starting")
+        text = Text(no_wrap=True, overflow="ellipsis")
+        self._add_progress(text, tick.time_s)
+        self._add_values(text, tick)
+        if tick.measurement.device_faults:
+            text.append(f"\nfaults       {', '.join(tick.measurement.device_faults)}", "bold red")
+        for event in tuple(self._recorder.latest):
+            text.append(f"\n{event.time_s:9.2f} s  {event.message}", "yellow")
+        return text
+
+    def _add_progress(self, text: Text, time_s: float) -> None:
+        text.append(f"{self._title}  ", "bold")
+        if isfinite(self._duration_s):
+            time_s = min(time_s, self._duration_s)  # the last tick may come after the end
+            done = round(BAR * time_s / self._duration_s)
+            text.append("━" * done, "green").append("━" * (BAR - done), "dim")
+            text.append(f"  {time_s:.1f} of {self._duration_s:.1f} s")
+        else:
+            text.append(f"{time_s:.1f} s")
+
+    def _add_values(self, text: Text, tick: Tick) -> None:
+        measured, command = tick.measurement, tick.command
+        limits = ", ".join(measured.device_limits + measured.host_limits)
+        temperature = measured.temperature_fault or number(measured.temperature_c, 1, "°C")
+        for row in (
+            (
+                ("reference", number(command.wanted_mm, 3, "mm")),
+                ("displacement", number(measured.displacement_mm, 3, "mm")),
+                ("error", number(command.wanted_mm - measured.displacement_mm, 3, "mm")),
+            ),
+            (
+                ("wanted", number(command.wanted_c, 1, "°C")),
+                ("temperature", temperature),
+                ("late", f"{1e3 * tick.late_s:.1f} ms"),
+            ),
+            (
+                ("current", number(measured.current_a, 3, "A")),
+                ("limit", number(self._current_max_a, 3, "A")),
+                ("limited by", limits or "nothing"),
+            ),
+        ):
+            text.append("\n")
+            for name, value in row:
+                text.append(f"{name:<12} ", "dim").append(f"{value:>11}   ")
+
+
+@contextmanager
+def watched(
+    recorder: TickRecorder, title: str, duration_s: float, current_max_a: float, *, quiet: bool
+) -> Iterator[Callable[[Tick], None]]:
+    """What the loop is to call with each tick: it is recorded, and shown where a terminal is and `quiet` is not."""
+    console = Console(stderr=True)
+    if quiet or not console.is_terminal:
+        yield recorder.tick
+        return
+    view = RunView(title, duration_s, current_max_a, recorder)
+
+    def record(tick: Tick) -> None:
+        recorder.tick(tick)
+        view.latest = tick
+
+    with drawing(view, console):
+        yield record
+
+
+@contextmanager
+def drawing(view: RichCast, console: Console) -> Iterator[None]:
+    """Draw `view` while the block lasts, beside a loop in this process; without its terminal nothing is drawn."""
+    before_s = sys.getswitchinterval()
+    live = Live(view, console=console, refresh_per_second=DRAWN_PER_S, transient=True)
+    with suppress(OSError):
+        live.start(refresh=True)
+    sys.setswitchinterval(GIVE_WAY_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before_s)
+        with suppress(OSError):
+            live.stop()
+
+
+def number(value: float, digits: int, unit: str) -> str:
+    """A value with its unit, a dash where it is not known."""
+    return f"{value:.{digits}f} {unit}" if isfinite(value) else "–"

@@ -1,0 +1,123 @@
+"""What a loop runs, and the simpler of the two controllers: along a temperature path (excitation).
+
+What a controller believed at a tick is returned beside the current, so that it can be recorded and looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import isfinite, nan
+from typing import NamedTuple, Protocol
+
+from smadrive.control.controllers.feedback import PIGains, TemperatureFeedback
+from smadrive.errors import IdentificationError
+from smadrive.measurement import Measurement
+from smadrive.safety.temperature_band import TRANSFORMATION_C
+from smadrive.wire.heat_balance import HeatBalance
+
+LAGS_C = 6.0
+"""A wire that is farther from the path of an excitation than this is waited for, K."""
+
+STALLS_S = 30.0
+"""But no longer than this."""
+
+ENVELOPE = 2.0
+"""How much more power an excitation may take than the data sheet says that its path needs: while the wire is unknown a
+failing thermometer is noticed later, so the wire must overheat more slowly."""
+
+
+class Command(NamedTuple):
+    """The heater current asked for, and why: setpoints, estimates and power (NaN where a controller has none)."""
+
+    current_a: float
+    wanted_c: float = nan
+    wanted_mm: float = nan
+    estimated_c: float = nan
+    estimated_mm: float = nan
+    power_w: float = nan
+
+
+class Controller(Protocol):
+    """One current per measurement; `time_s` counts from the start of the loop."""
+
+    @property
+    def duration_s(self) -> float:
+        """How long it runs, as far as is known by now."""
+        ...
+
+    def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
+        """The command for the coming period of `dt_s`."""
+        ...
+
+
+class TemperatureController:
+    """Follows a temperature path with the nominal heat balance: the excitation, before anything is identified.
+
+    The thermocouple is taken as the wire's temperature; what its lag distorts is put right by the identification. The
+    path waits for a wire that is farther than `LAGS_C` from it, so that every turning point is reached whatever the
+    wire is; IdentificationError when it waits longer than `STALLS_S`.
+    """
+
+    def __init__(
+        self,
+        path_c: Callable[[float], float],
+        duration_s: float,
+        balance: HeatBalance,
+        gains: PIGains,
+        current_limit_a: float,
+    ) -> None:
+        self._path_c = path_c
+        self._path_s = duration_s
+        self._balance = balance
+        self._feedback = TemperatureFeedback(gains)
+        self._current_limit_a = current_limit_a
+        self._last_reading_c = nan
+        self._waited_s = self._stalled_s = 0.0
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the path and of the waiting up to now."""
+        return self._path_s + self._waited_s
+
+    def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
+        """The command that takes the wire to the path's temperature one period ahead."""
+        reading_c = self._reading_c(measurement)
+        self._wait(time_s, reading_c, dt_s)
+        on_path_s = time_s - self._waited_s
+        wanted_c = self._path_c(on_path_s + dt_s)
+        rate_c_per_s = (wanted_c - self._path_c(on_path_s)) / dt_s
+        feedforward_w = self._balance.power_w(wanted_c, rate_c_per_s, 0.0)
+        limit_w = self._current_limit_a**2 * self._balance.resistance_cold_ohm
+        limit_w = min(limit_w, self._envelope_w(wanted_c, abs(rate_c_per_s)))
+        power_w = self._feedback.update(wanted_c - reading_c, feedforward_w, limit_w, dt_s)
+        return Command(self._balance.current_a(power_w, 0.0), wanted_c=wanted_c, estimated_c=reading_c, power_w=power_w)
+
+    def _envelope_w(self, wanted_c: float, rate_c_per_s: float) -> float:
+        balance = self._balance
+        transforming = balance.latent_heat_j / TRANSFORMATION_C * rate_c_per_s
+        return ENVELOPE * (balance.power_w(wanted_c + LAGS_C, rate_c_per_s, 0.0) + transforming)
+
+    def _wait(self, time_s: float, reading_c: float, dt_s: float) -> None:
+        """Hold the path while the wire is far from it."""
+        path_c = self._path_c(time_s - self._waited_s)
+        if abs(path_c - reading_c) <= LAGS_C:
+            self._stalled_s = 0.0
+            return
+        self._waited_s += dt_s
+        self._stalled_s += dt_s
+        if self._stalled_s > STALLS_S:
+            cure = (
+                "lower high_c, or raise current_max_a where the wire's data sheet allows it"
+                if reading_c < path_c
+                else "raise low_c or cool the surroundings"
+            )
+            raise IdentificationError(
+                f"excitation: the wire is at {reading_c:.1f} °C, and has not come to {path_c:.1f} °C within "
+                f"{STALLS_S:g} s: {cure}, and check that the thermocouple sits on the wire"
+            )
+
+    def _reading_c(self, measurement: Measurement) -> float:
+        """The reading, or the last valid one while the supervisor makes up its mind about an invalid one."""
+        if isfinite(measurement.temperature_c):
+            self._last_reading_c = measurement.temperature_c
+        return self._last_reading_c

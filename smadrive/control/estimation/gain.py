@@ -1,0 +1,118 @@
+"""Kalman gains of the observer, from the heat balance and the slope of the hysteresis model.
+
+Linearised at a slope s = dξ/dT of the phase, with κ = exp(-Δt h A/(m c + Q s)) and λ = exp(-Δt/lag), over one period
+
+    T'  = κ T + (1-κ) d/(h A)        T_tc' = λ T_tc + (1-λ) T        d' = d        ξ' = ξ + s (T' - T)
+
+T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete Riccati
+equation: once for the thermocouple alone, and for a row of slopes with the displacement, applied after it.
+"""
+
+from __future__ import annotations
+
+from math import exp
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg import solve_discrete_are
+
+from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_model import WireModel
+
+Array = NDArray[np.float64]
+
+PROCESS_NOISE_C = 0.015
+"""What the heat balance misses in the wire temperature: standard deviation after one second, K."""
+
+DRIFT_NOISE_C = 0.2
+"""How the unexplained power drifts: standard deviation after one second, in K of ambient temperature (times h A)."""
+
+PHASE_NOISE = 0.003
+"""What the hysteresis model misses: standard deviation of the phase after one second."""
+
+SLOPES = 9
+"""Slopes for which the gain is solved, from none to the steepest of the model."""
+
+
+class Correction(NamedTuple):
+    """What is added to (T, T_tc, d, ξ)."""
+
+    temperature_c: float
+    thermocouple_c: float
+    disturbance_w: float
+    phase: float
+
+
+class GainSchedule:
+    """The gains, as plain floats, and the corrections they give by the slope dξ/dT of the model at its present state.
+
+    `read_c` and `seen` are what thermocouple and phase, as it is seen in the displacement, exceed their expectation by.
+    """
+
+    def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise_mm: float) -> None:
+        balance = wire.balance
+        slopes = np.linspace(0.0, _steepest(wire), SLOPES).tolist()
+        noise = np.diag([noise_c**2, (noise_mm / wire.travel_mm) ** 2])
+        self._apart = slopes[1]
+        self._both = [_joint_gain(balance, slope, period_s, noise).tolist() for slope in slopes]
+        self._reading = _reading_gain(balance, period_s, noise_c).tolist()
+
+    def by_reading(self, slope: float, read_c: float) -> Correction:
+        """By the thermocouple alone: the phase follows the temperature."""
+        wire, thermocouple, disturbance = self._reading
+        return Correction(wire * read_c, thermocouple * read_c, disturbance * read_c, slope * wire * read_c)
+
+    def by_both(self, slope: float, read_c: float, seen: float) -> Correction:
+        """By thermocouple and displacement, with gains between those of the nearest slopes."""
+        place = min(max(slope / self._apart, 0.0), SLOPES - 1.0)
+        cell = min(int(place), SLOPES - 2)
+        above = place - cell
+        below = 1.0 - above
+        return Correction(
+            *[
+                (below * read0 + above * read1) * read_c + (below * seen0 + above * seen1) * seen
+                for (read0, seen0), (read1, seen1) in zip(self._both[cell], self._both[cell + 1], strict=True)
+            ]
+        )
+
+
+def _reading_gain(balance: HeatBalance, period_s: float, noise_c: float) -> Array:
+    transition, process = _thermal(balance, period_s, 0.0)
+    return _gain(transition, np.array([[0.0, 1.0, 0.0]]), process, np.array([[noise_c**2]])).ravel()
+
+
+def _joint_gain(balance: HeatBalance, slope: float, period_s: float, noise: Array) -> Array:
+    transition = np.eye(4)
+    process = np.zeros((4, 4))
+    transition[:3, :3], process[:3, :3] = _thermal(balance, period_s, slope)
+    transition[3, :3] = slope * (transition[0, :3] - [1.0, 0.0, 0.0])
+    process[0, 3] = process[3, 0] = slope * process[0, 0]
+    process[3, 3] = slope**2 * process[0, 0] + period_s * PHASE_NOISE**2
+    reads = np.array([[0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]])
+    return _gain(transition, reads, process, noise)
+
+
+def _thermal(balance: HeatBalance, period_s: float, slope: float) -> tuple[Array, Array]:
+    """Transition and process noise of (T, T_tc, d)."""
+    capacity = balance.heat_capacity_j_per_k + balance.latent_heat_j * slope
+    keep = exp(-period_s * balance.loss_w_per_k / capacity)
+    follow = 1.0 - exp(-period_s / max(balance.thermocouple_lag_s, 1e-3))
+    transition = np.array(
+        [[keep, 0.0, (1.0 - keep) / balance.loss_w_per_k], [follow, 1.0 - follow, 0.0], [0.0, 0.0, 1.0]]
+    )
+    drift_w = DRIFT_NOISE_C * balance.loss_w_per_k
+    return transition, period_s * np.diag([PROCESS_NOISE_C**2, (0.1 * PROCESS_NOISE_C) ** 2, drift_w**2])
+
+
+def _gain(transition: Array, reads: Array, process: Array, noise: Array) -> Array:
+    covariance = np.asarray(solve_discrete_are(transition.T, reads.T, process, noise), dtype=np.float64)
+    gain: Array = covariance @ reads.T @ np.linalg.inv(reads @ covariance @ reads.T + noise)
+    return gain
+
+
+def _steepest(wire: WireModel) -> float:
+    """The largest slope of the phase on the branches of the major loop."""
+    engine = wire.model.engine
+    steepest = float(max(engine.heating.target_slope.max(), engine.cooling.target_slope.max()))
+    return steepest * abs(wire.model.scale / wire.travel_mm)

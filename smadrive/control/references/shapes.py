@@ -1,0 +1,191 @@
+"""References by their shape, in one line: `sine:low_mm=2,high_mm=9,period_s=56,cycles=2`.
+
+A shape is a function of this file, its keys are the keywords. The one argument that has a place, `longest_s`, is not
+the user's: longer ones are refused before a table is made of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from inspect import Parameter, signature
+
+import numpy as np
+
+from smadrive.control.references.reference import (
+    LONGEST_S,
+    SHORTEST_S,
+    TABLE_STEP_S,
+    Reference,
+    check_displacement,
+    check_length,
+)
+from smadrive.errors import ConfigError, DataError
+from smadrive.files.number_text import parse_number
+from smadrive.files.spelling import meant, nearest
+
+ROUNDING = 1e-9
+"""Share by which a quotient of keys may miss a bound, or a whole number, that they meet."""
+
+
+def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
+    """A reference from its one-line form.
+
+    ConfigError names what is unknown or missing, and what there is: the shapes, or the keys. DataError for one that
+    lasts longer than `longest_s`.
+    """
+    shape, _, arguments = spec.partition(":")
+    make = SHAPES.get(shape)
+    if make is None:
+        raise ConfigError(f"reference '{spec}': '{shape}' is neither a shape nor a CSV file{nearest(shape, SHAPES)}")
+    given = [(key.strip(), value) for key, _, value in (part.partition("=") for part in arguments.split(",") if part)]
+    keys = {name: key for name, key in signature(make).parameters.items() if key.kind is key.KEYWORD_ONLY}
+    wrong = _wrong_keys([key for key, _ in given], keys)
+    if wrong:
+        told = ", ".join(_told(key) for key in keys.values())
+        raise ConfigError(f"reference '{spec}': {wrong}; the keys of '{shape}' are {told}")
+    try:
+        return make(longest_s, **{key: parse_number(value) for key, value in given})
+    except ValueError as error:
+        raise ConfigError(f"reference '{spec}': {error}") from None
+
+
+def _wrong_keys(given: Sequence[str], keys: Mapping[str, Parameter]) -> str:
+    """What is wrong with the keys that were given; nothing: empty."""
+    for key in given:
+        if key not in keys:
+            return f"unknown key '{key}'{meant(key, keys)}"
+        if given.count(key) > 1:
+            return f"'{key}' is given more than once: which one is meant?"
+    missing = [name for name, key in keys.items() if key.default is key.empty and name not in given]
+    return f"missing: {', '.join(missing)}" if missing else ""
+
+
+def _told(key: Parameter) -> str:
+    return f"{key.name}=" if key.default is key.empty else f"{key.name}= (optional: {key.default:g})"
+
+
+def sine(
+    longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0
+) -> Reference:
+    """A sine between `low_mm` and `high_mm` that begins at `low_mm`."""
+    _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
+    _check_pace(period_s * cycles, 2 * cycles, longest_s)
+    times = np.linspace(0.0, period_s * cycles, max(3, int(period_s * cycles / TABLE_STEP_S)))
+    swing = 0.5 * (1.0 - np.cos(2.0 * np.pi * times / period_s))
+    return Reference.from_samples(times, low_mm + (high_mm - low_mm) * swing)
+
+
+def triangle(
+    longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0
+) -> Reference:
+    """Straight up and down between `low_mm` and `high_mm`; the last way ends where `cycles` end."""
+    _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
+    _check_pace(period_s * cycles, 2 * cycles, longest_s)
+    ways = np.append(np.arange(np.ceil(2 * cycles)), 2 * cycles)
+    height = 1.0 - np.abs(1.0 - ways % 2)
+    return Reference.from_samples(ways * 0.5 * period_s, low_mm + (high_mm - low_mm) * height)
+
+
+def staircase(
+    longest_s: float = LONGEST_S,
+    *,
+    low_mm: float,
+    high_mm: float,
+    steps: float = 4.0,
+    dwell_s: float = 10.0,
+    rise_s: float = 2.0,
+) -> Reference:
+    """`steps` equal levels up and down again, each held `dwell_s`, with straight rises of `rise_s` between them."""
+    _check(low_mm=low_mm, high_mm=high_mm, steps=steps, dwell_s=dwell_s, rise_s=rise_s)
+    _check_pace(2 * steps * (dwell_s + rise_s) + dwell_s, 2 * steps, longest_s)
+    up = np.linspace(low_mm, high_mm, _multiple("steps", steps, of=1.0) + 1)
+    levels = np.concatenate((up, up[-2::-1]))
+    starts = np.arange(levels.size) * (dwell_s + rise_s)
+    times = np.column_stack((starts, starts + dwell_s)).ravel()
+    return Reference.from_samples(times, np.repeat(levels, 2))
+
+
+def steps(
+    longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, dwell_s: float = 10.0, cycles: float = 2.0
+) -> Reference:
+    """Jumps up and down between `low_mm` and `high_mm`, each held `dwell_s`: for a wire, to be smoothed before."""
+    _check(low_mm=low_mm, high_mm=high_mm, dwell_s=dwell_s, cycles=cycles)
+    _check_pace((2 * cycles + 1) * dwell_s, 2 * cycles, longest_s)
+    levels = np.where(np.arange(_multiple("cycles", cycles, of=0.5) + 1) % 2 == 0, low_mm, high_mm)
+    starts = np.arange(levels.size) * dwell_s
+    times = np.column_stack((starts, starts + dwell_s - TABLE_STEP_S)).ravel()
+    return Reference.from_samples(times, np.repeat(levels, 2))
+
+
+def trapezoid(
+    longest_s: float = LONGEST_S,
+    *,
+    low_mm: float,
+    high_mm: float,
+    rise_s: float = 10.0,
+    dwell_s: float = 5.0,
+    cycles: float = 2.0,
+) -> Reference:
+    """Straight up within `rise_s`, held `dwell_s`, straight down, held as long."""
+    _check(low_mm=low_mm, high_mm=high_mm, rise_s=rise_s, dwell_s=dwell_s, cycles=cycles)
+    _check_pace(2 * cycles * (dwell_s + rise_s) + dwell_s, 2 * cycles, longest_s)
+    levels = np.where(np.arange(_multiple("cycles", cycles, of=0.5) + 1) % 2 == 0, low_mm, high_mm)
+    starts = np.arange(levels.size) * (dwell_s + rise_s)
+    times = np.column_stack((starts, starts + dwell_s)).ravel()
+    return Reference.from_samples(times, np.repeat(levels, 2))
+
+
+def chirp(
+    longest_s: float = LONGEST_S,
+    *,
+    low_mm: float,
+    high_mm: float,
+    start_hz: float,
+    end_hz: float,
+    duration_s: float = 120.0,
+) -> Reference:
+    """A swing between `low_mm` and `high_mm` whose frequency rises evenly from `start_hz` to `end_hz`."""
+    _check(low_mm=low_mm, high_mm=high_mm, start_hz=start_hz, end_hz=end_hz, duration_s=duration_s)
+    _check_pace(duration_s, 2 * max(start_hz, end_hz) * duration_s, longest_s)
+    rate_hz_per_s = (end_hz - start_hz) / duration_s
+    times = np.linspace(0.0, duration_s, max(3, int(duration_s / TABLE_STEP_S)))
+    turns = (start_hz + 0.5 * rate_hz_per_s * times) * times
+    return Reference.from_samples(times, low_mm + (high_mm - low_mm) * 0.5 * (1.0 - np.cos(2.0 * np.pi * turns)))
+
+
+def _check(**keys: float) -> None:
+    """ConfigError, DataError for a key that no reference can have; of displacements both signs are good."""
+    for name, value in keys.items():
+        if name.endswith("_mm"):
+            check_displacement(name, value)
+        elif not value > 0:
+            raise ConfigError(f"reference: {name} must be positive, it is {value:g}")
+
+
+def _multiple(name: str, value: float, *, of: float) -> int:
+    """How many times `of` goes into `value`. ConfigError when it does not: a level is held as a whole or not at all."""
+    count = round(value / of)
+    if abs(value / of - count) > ROUNDING * count:
+        near = " or ".join(f"{of * whole:g}" for whole in (int(value / of), int(value / of) + 1) if whole)
+        raise ConfigError(f"reference: {name} must be a multiple of {of:g}, it is {value:g}: choose {near}")
+    return count
+
+
+def _check_pace(duration_s: float, pieces: float, longest_s: float) -> None:
+    """DataError when the shape, or each of its `pieces`, lasts less than `SHORTEST_S`, or all of it too long.
+
+    A piece is half a swing, or a level. Of shorter ones the table, and the loop, would show a slow alias; at
+    `SHORTEST_S` a swing still has ten steps of the table. To be called before the table is made.
+    """
+    check_length(duration_s, longest_s=longest_s)
+    most = duration_s / SHORTEST_S
+    if pieces > most * (1.0 + ROUNDING):
+        raise DataError(
+            f"reference: it has {pieces:g} pieces, at most {most:g} can be in its {duration_s:g} s, {SHORTEST_S:g} s "
+            "each: lower their number, or slow it down; is its time in seconds?"
+        )
+
+
+SHAPES: dict[str, Callable[..., Reference]] = {
+    make.__name__: make for make in (sine, triangle, trapezoid, steps, staircase, chirp)
+}

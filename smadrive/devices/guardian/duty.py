@@ -1,0 +1,200 @@
+"""The duty of a guardian, as a file: which device it guards, and whether it still waits for it.
+
+The file is locked (flock) by the guardian as long as it lives, so that a device has one guardian. `smadrive probe` and
+`off` show whose guardian waits. A new driver, or `off`, that has confirmed the same device off relieves the guardian by
+a file beside it; the guardian then ends without using a port.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import time
+from collections.abc import Iterator
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+from typing import Self
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from smadrive.devices.state.folder import state_dir, unreadable
+from smadrive.devices.state.key import DeviceKey
+from smadrive.errors import DataError
+from smadrive.files.kinds import check_regular
+
+FREE_WITHIN_S = 5.0
+"""A relieved guardian has ended after this time."""
+LOOK_AGAIN_S = 0.05
+
+
+class Duty(BaseModel):
+    """What the file says. `waiting` is what keeps the guardian from its device; None: its driver still lives."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    pid: int
+    device: str
+    names: frozenset[str]
+    unit_id: int | None
+    serial_number: str | None
+    waiting: str | None = None
+
+    @property
+    def key(self) -> DeviceKey:
+        """That of the guarded device."""
+        return DeviceKey(self.names, self.unit_id, self.serial_number)
+
+    def __str__(self) -> str:
+        return (
+            f"a guardian (process {self.pid}) still waits for {self.device}, which may heat: {self.waiting}. Connect "
+            f"the device again, or cut its supply and end the guardian (kill -9 {self.pid})"
+        )
+
+
+class HeldDuty:
+    """The duty of this process; a context manager that ends it. Without a folder for state nothing is written."""
+
+    def __init__(self, device: str, key: DeviceKey, descriptor: int | None) -> None:
+        self._duty = Duty(
+            pid=os.getpid(),
+            device=device,
+            names=key.names,
+            unit_id=key.unit_id,
+            serial_number=key.serial_number,
+        )
+        self._file = _file(key)
+        self._descriptor = descriptor
+        self._write()
+
+    @classmethod
+    def take(cls, device: str, key: DeviceKey) -> Self | None:
+        """The duty; None: another guardian keeps it, though relieved ones were awaited."""
+        give_up_s = time.monotonic() + FREE_WITHIN_S
+        while (descriptor := _locked(_file(key))) is None:
+            if time.monotonic() >= give_up_s:
+                return None
+            time.sleep(LOOK_AGAIN_S)
+        return cls(device, key, descriptor if descriptor >= 0 else None)
+
+    @property
+    def relieved(self) -> bool:
+        """Whether a new driver or `off` has confirmed the device off since this guardian waits."""
+        try:
+            return self._duty.waiting is not None and _relief(self._file).exists()
+        except OSError:  # the state folder cannot be read
+            return False
+
+    def wait(self, problem: str) -> None:
+        """The driver has ended; `problem` keeps the guardian from its device."""
+        if self._duty.waiting is None:
+            with suppress(OSError):
+                _relief(self._file).unlink(missing_ok=True)
+        if self._duty.waiting != problem:
+            self._duty = self._duty.model_copy(update={"waiting": problem})
+            self._write()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        if self._descriptor is not None:
+            with suppress(OSError):
+                _relief(self._file).unlink(missing_ok=True)
+                self._file.unlink(missing_ok=True)
+            os.close(self._descriptor)
+
+    def _write(self) -> None:
+        if self._descriptor is not None:
+            with suppress(OSError):
+                data = self._duty.model_dump_json().encode()
+                os.pwrite(self._descriptor, data, 0)
+                os.ftruncate(self._descriptor, len(data))
+
+
+def waiting_duties() -> list[Duty]:
+    """The duties of all guardians that wait for their device. SafetyError when the state folder cannot be read."""
+    return [duty for _, duty in _waiting()]
+
+
+def relieve(key: DeviceKey) -> None:
+    """The device with this key has been confirmed off: the guardians that wait for it end.
+
+    SafetyError when the state folder cannot be read.
+    """
+    for file, duty in _waiting():
+        if duty.key.proves(key):
+            with suppress(OSError):
+                _relief(file).touch()
+                _await_end(file)
+
+
+def _waiting() -> Iterator[tuple[Path, Duty]]:
+    for file in _files():
+        with suppress(OSError, ValidationError, DataError):
+            check_regular(file, DataError)
+            duty = Duty.model_validate_json(file.read_bytes())
+            if duty.waiting is not None and _is_held(file):
+                yield file, duty
+
+
+def _files() -> list[Path]:
+    try:
+        return sorted(file for file in (state_dir() / "guardians").iterdir() if file.suffix == ".json")
+    except (FileNotFoundError, NotADirectoryError):  # no guardian has a duty here
+        return []
+    except OSError as error:
+        raise unreadable(error) from None
+
+
+def _await_end(file: Path) -> None:
+    give_up_s = time.monotonic() + FREE_WITHIN_S
+    while _is_held(file) and time.monotonic() < give_up_s:
+        time.sleep(LOOK_AGAIN_S)
+
+
+def _file(key: DeviceKey) -> Path:
+    telling = key.serial_number or (sorted(key.names), key.unit_id)
+    return state_dir() / "guardians" / f"{sha256(repr(telling).encode()).hexdigest()[:32]}.json"
+
+
+def _relief(file: Path) -> Path:
+    return file.with_suffix(".off")
+
+
+def _is_held(file: Path) -> bool:
+    try:
+        descriptor = os.open(file, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def _locked(file: Path) -> int | None:
+    """The descriptor of the locked file; -1: none can be made; None: another process holds it."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+    except OSError:
+        return -1
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        if file.stat().st_ino == os.fstat(descriptor).st_ino:
+            return descriptor
+    except BlockingIOError:
+        pass
+    except FileNotFoundError:  # the guardian before has just ended, and taken its file along
+        pass
+    except OSError:
+        os.close(descriptor)
+        return -1
+    os.close(descriptor)
+    return None

@@ -1,0 +1,162 @@
+"""Raw 16-bit words <-> a value in engineering units, as one register's entry in the profile tells.
+
+    value = raw · scale + offset        raw = round((value − offset) / scale), refused outside [min, max] and the type
+
+Sentinels ("sensor open") are compared on the raw pattern, before any arithmetic: a sentinel never becomes a number.
+Raw numbers are the register's own type: signed for int16, so −30000 and 0x8AD0 are the same pattern; both may be
+written in a profile.
+
+What other registers say of this one (its sign, its decimals, its unit) comes in as a `Context`: `companions.py`.
+
+A codec is made once, of plain attributes: it is asked for every register of every exchange, and an attribute of a
+pydantic model costs six times as much.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from functools import lru_cache
+from math import isfinite, nan
+
+from smadrive.devices.profile import register_types
+from smadrive.devices.profile.readings import ALONE, Context, Reading
+from smadrive.devices.profile.register_types import Kind, Order
+from smadrive.errors import ConfigError
+
+Limits = tuple[float | None, float | None]
+
+STATES = 64
+"""So many patterns of a register of states or flags are remembered: to name one takes longer than to read it."""
+
+
+class Codec:
+    """The conversions above for one register; the parameters are named as in the profile (see Register)."""
+
+    def __init__(
+        self,
+        kind: Kind,
+        order: Order,
+        *,
+        scale: float,
+        offset: float,
+        unit: str,
+        writable: Limits,
+        valid: Limits,
+        enum: Mapping[int, str],
+        bits: Mapping[int, str],
+        invalid: Mapping[int, str],
+    ) -> None:
+        self.pack = register_types.packer(kind, order)
+        self._unpack = register_types.unpacker(kind, order)
+        self._kind, self._order = kind, order
+        self._lowest, self._highest = register_types.RANGES.get(kind, (0, 0))
+        self._scale, self._offset, self._unit = scale, offset, unit
+        self._min, self._max = writable
+        self._valid_min, self._valid_max = valid
+        self._enum, self._bits = enum, bits
+        self._sentinels = {self.pattern(pattern): reason for pattern, reason in invalid.items()}
+        self._has_states = bool(enum or bits)
+        ends = self._lowest * scale + offset, self._highest * scale + offset
+        always_finite = kind not in register_types.NOT_A_NUMBER and all(map(isfinite, ends))
+        self._is_plain = always_finite and not self._has_states and valid == (None, None)
+        """Every pattern that is no sentinel is a number, and every number a value."""
+        self._state = lru_cache(STATES)(lambda words: self._decoded(words, ALONE))
+
+    def decode(self, words: Sequence[int], context: Context = ALONE) -> Reading:
+        """The reading in `words`, as they come from the bus."""
+        if context is ALONE:
+            if self._is_plain and not (self._sentinels and tuple(words) in self._sentinels):
+                raw = self._unpack(words)
+                return Reading(raw, raw * self._scale + self._offset)
+            if self._has_states:
+                return self._state(tuple(words))
+        return self._decoded(words, context)
+
+    def encode(self, value: float, name: str, context: Context = ALONE) -> tuple[int, ...]:
+        """The words that carry `value`; ConfigError when not finite, outside [min, max] or no state of the enum."""
+        if not isfinite(value):
+            raise ConfigError(f"register '{name}': {value} cannot be written; give a finite number")
+        if self._min is not None and self._max is not None and not self._min <= value <= self._max:
+            raise ConfigError(
+                f"register '{name}': {value:g} {self._unit} is outside the limits {self._min:g} to {self._max:g}"
+            )
+        raw = self._raw_of(value, context)
+        if not self._lowest <= raw <= self._highest:
+            raise ConfigError(f"register '{name}': {self._overflow(value, raw)}")
+        if self._enum and raw not in self._enum:
+            states = ", ".join(f"{number} = {word}" for number, word in self._enum.items())
+            raise ConfigError(f"register '{name}': {value:g} is no state of it; there are: {states}")
+        return self.pack(raw)
+
+    def saturated(self, value: float, context: Context = ALONE) -> tuple[int, ...]:
+        """The words by which a device shows `value`: at the end of the type's range when it exceeds it."""
+        raw = self._raw_of(value, context)
+        if not self._lowest <= raw <= self._highest:
+            raw = min(max(raw, self._lowest), self._highest)
+        return self.pack(raw)
+
+    def pattern(self, bits: int) -> tuple[int, ...]:
+        """The words of a raw pattern."""
+        return register_types.pattern(self._kind, self._order, bits)
+
+    def check_fits(self, value: float) -> None:
+        """ValueError when the type has no raw number for `value`."""
+        raw = self._raw_of(value, ALONE)
+        if not self._lowest <= raw <= self._highest:
+            raise ValueError(self._overflow(value, raw))
+
+    def number(self, pattern: int) -> float:
+        """What a raw pattern would mean if it were a number."""
+        return self._value_of(self._unpack(self.pattern(pattern)), ALONE)
+
+    def _decoded(self, words: Sequence[int], context: Context) -> Reading:
+        """By all the rules there are."""
+        if self._kind == "string":
+            return Reading(0, nan, None, (register_types.text(words),))
+        raw = self._unpack(words)
+        if self._sentinels and (reason := self._sentinels.get(tuple(words))):
+            return Reading(raw, nan, reason)
+        value = self._value_of(raw, context)
+        if (problem := context.problem or self._implausible(value)) is not None:
+            return Reading(raw, nan, problem)
+        return self._named(raw, value) if self._has_states else Reading(raw, value)
+
+    def _value_of(self, raw: float, context: Context) -> float:
+        if context is ALONE:
+            return raw * self._scale + self._offset
+        value = context.sign * (raw * (context.scale or self._scale) + self._offset)
+        return (value - 32) / 1.8 if context.fahrenheit else value
+
+    def _raw_of(self, value: float, context: Context) -> float:
+        if context is ALONE:
+            exact = (value - self._offset) / self._scale
+        else:
+            given = value * 1.8 + 32 if context.fahrenheit else value
+            exact = (context.sign * given - self._offset) / (context.scale or self._scale)
+        return exact if self._kind == "float32" else round(exact)
+
+    def _overflow(self, value: float, raw: float) -> str:
+        return (
+            f"{value:g} {self._unit} is raw {raw:g}, which overflows {self._kind} "
+            f"({self._lowest:g} to {self._highest:g})"
+        )
+
+    def _implausible(self, value: float) -> str | None:
+        """Why `value` is none."""
+        if not isfinite(value):
+            return "not a number"
+        if self._valid_min is not None and value < self._valid_min:
+            return f"{value:g} {self._unit} is below the valid range, {self._valid_min:g}"
+        if self._valid_max is not None and value > self._valid_max:
+            return f"{value:g} {self._unit} is above the valid range, {self._valid_max:g}"
+        return None
+
+    def _named(self, raw: float, value: float) -> Reading:
+        number = int(raw)
+        if self._bits:
+            width = 32 if register_types.is_wide(self._kind) else 16
+            named = tuple(self._bits.get(bit, f"bit {bit}") for bit in range(width) if number >> bit & 1)
+            return Reading(raw, value, words=named)
+        if number not in self._enum:
+            return Reading(raw, nan, f"unknown state {number}")
+        return Reading(raw, value, words=(self._enum[number],))

@@ -1,0 +1,83 @@
+"""What other registers say of one: its sign, its scale, its unit, and whether it is valid at all.
+
+sign_register   0: positive, 1: negative (sign and magnitude in two registers)
+scale_from      a register whose enum names the factors: { 0 = "1", 1 = "0.1" }
+unit_from       a register whose enum names the units: °C passes, °F is converted, any other unit is no value
+valid_when      { quality = [0, 1] }: valid only while the register `quality` holds one of these raw numbers
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from smadrive.devices.profile.readings import ALONE, Context, Reading
+from smadrive.devices.profile.register import Register
+from smadrive.files.spelling import nearest
+
+CELSIUS, FAHRENHEIT = "degC", "degF"
+
+
+def context_of(register: Register, readings: Mapping[str, Reading]) -> Context:
+    """What the companions of `register`, all among `readings`, say of it."""
+    if not register.companions:
+        return ALONE
+    sign = _word(register.sign_register, readings)
+    scale = _word(register.scale_from, readings)
+    unit = _word(register.unit_from, readings)
+    problem = _doubt(register, readings)
+    for name, word in ((register.scale_from, scale), (register.unit_from, unit), (register.sign_register, sign)):
+        if name is not None and word is None:
+            problem = f"'{name}' is {readings[name].raw:g}, a state that is not known"
+    if unit not in (None, CELSIUS, FAHRENHEIT):
+        problem = f"the device gives it in '{unit}'"
+    if sign not in (None, "0", "1"):
+        problem = f"'{register.sign_register}' is {sign}; 0 is positive, 1 negative"
+    return Context(
+        sign=-1 if sign == "1" else 1,
+        scale=None if scale is None else float(scale),
+        fahrenheit=unit == FAHRENHEIT,
+        problem=problem,
+    )
+
+
+def check_companions(name: str, register: Register, registers: Mapping[str, Register]) -> None:
+    """ValueError when a companion does not exist or cannot say what it should."""
+    for companion in register.companions:
+        if companion not in registers:
+            raise ValueError(
+                f"registers.{name} names the unknown register '{companion}'{nearest(companion, registers)}"
+            )
+        if registers[companion].companions or not registers[companion].access.startswith("r"):
+            raise ValueError(f"registers.{name}: '{companion}' must be readable and need no other register itself")
+    if register.scale_from is not None:
+        _check_scales(name, registers[register.scale_from].enum)
+    if register.unit_from is not None and (
+        register.unit != CELSIUS or CELSIUS not in registers[register.unit_from].enum.values()
+    ):
+        raise ValueError(f"registers.{name}: unit_from needs unit = '{CELSIUS}', and '{CELSIUS}' in the enum it names")
+
+
+def _check_scales(name: str, enum: Mapping[int, str]) -> None:
+    try:
+        usable = bool(enum) and all(float(word) > 0 for word in enum.values())
+    except ValueError:
+        usable = False
+    if not usable:
+        raise ValueError(f"registers.{name}.scale_from needs a register whose enum names factors, as {{ 1 = '0.1' }}")
+
+
+def _word(name: str | None, readings: Mapping[str, Reading]) -> str | None:
+    """The state of the register `name`: its enum's word, else its number."""
+    if name is None:
+        return None
+    reading = readings[name]
+    if reading.invalid is not None:
+        return None
+    return reading.words[0] if reading.words else f"{reading.raw:g}"
+
+
+def _doubt(register: Register, readings: Mapping[str, Reading]) -> str | None:
+    for name, allowed in register.valid_when.items():
+        if readings[name].raw not in allowed:
+            return f"{name}: {_word(name, readings) or format(readings[name].raw, 'g')}"
+    return None

@@ -1,0 +1,220 @@
+"""A device profile: everything a driver must know of one type of device, in one TOML file.
+
+The same file drives the real device and the simulated one. What could lead to a wrong value or a harmful write is
+refused when the file is loaded, for every variant of the device.
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any, Literal, Self
+
+from pydantic import Field, field_validator, model_validator
+
+from smadrive.devices.profile import validation
+from smadrive.devices.profile.dependent_registers import check_companions
+from smadrive.devices.profile.golden_frames import check_vector
+from smadrive.devices.profile.register import Register
+from smadrive.devices.profile.schema import (
+    Forbidden,
+    Head,
+    Identify,
+    Roles,
+    SafeWrite,
+    Serial,
+    Tcp,
+    Timing,
+    Variant,
+    Vector,
+    WriteOrder,
+)
+from smadrive.devices.profile.variants import applied, expanded, refuse_ambiguity
+from smadrive.errors import ConfigError
+from smadrive.files.config import Section, load_config
+from smadrive.files.kinds import PROFILE
+from smadrive.files.number_text import parse_whole
+from smadrive.files.shipped import config_file
+from smadrive.files.spelling import nearest
+from smadrive.modbus.bus import BusTiming
+from smadrive.modbus.transports.transport import SerialSettings
+
+QUANTITIES = ("temperature", "displacement", "measured_current", "measured_voltage")
+
+
+class Profile(Section):
+    """One device type."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    profile: Head
+    serial: Serial | None = None
+    tcp: Tcp | None = None
+    timing: Timing
+    identify: tuple[Identify, ...] = ()
+    roles: Roles = Roles()
+    registers: dict[str, Register] = Field(default_factory=dict)
+    variants: tuple[Variant, ...] = ()
+    forbidden: tuple[Forbidden, ...] = ()
+    write_order: tuple[WriteOrder, ...] = ()
+    safe_state: tuple[SafeWrite, ...] = ()
+    vectors: tuple[Vector, ...] = ()
+
+    @field_validator("identify", mode="before")
+    @classmethod
+    def _one_or_several(cls, value: Any) -> Any:
+        return [value] if isinstance(value, dict) else value
+
+    @field_validator("registers")
+    @classmethod
+    def _channels(cls, registers: dict[str, Register]) -> dict[str, Register]:
+        return expanded(registers)
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Self:
+        line = "tcp" if self.profile.protocol == "modbus-tcp" else "serial"
+        if getattr(self, line) is None:
+            raise ValueError(f"protocol '{self.profile.protocol}' needs the table [{line}]")
+        if bool(self.registers) != self.has_registers:
+            verb = "needs" if self.has_registers else "has no"
+            raise ValueError(f"protocol '{self.profile.protocol}' {verb} [registers.NAME]")
+        if self.has_registers:
+            self._check_map()
+        return self
+
+    @property
+    def has_registers(self) -> bool:
+        """Whether the device is spoken to by registers, as Modbus has them; else a class of its own speaks to it."""
+        return self.profile.protocol.startswith("modbus")
+
+    def _check_map(self) -> None:
+        self._check_names()
+        refuse_ambiguity(self.variants)
+        for registers in (self.registers, *(applied(self.registers, variant) for variant in self.variants)):
+            self._check_registers(registers)
+        for vector in self.vectors:
+            check_vector(vector, self.registers)
+
+    @property
+    def proves_type(self) -> bool:
+        """Whether something tells a device of this type from others."""
+        return not self.has_registers or any(proof.ranges for proof in self.identify)
+
+    @property
+    def measured(self) -> tuple[str, ...]:
+        """The registers of the quantities that it measures."""
+        bound = (getattr(self.roles, role) for role in QUANTITIES)
+        return tuple(name for name in bound if name is not None)
+
+    @property
+    def unit_id(self) -> int:
+        """The unit id that the device has when it leaves the factory."""
+        line = self.tcp if self.profile.protocol == "modbus-tcp" else self.serial
+        assert line is not None  # checked at load
+        return line.unit_id
+
+    def register(self, name: str) -> Register:
+        """The register `name`; ConfigError names the nearest one there is."""
+        try:
+            return self.registers[name]
+        except KeyError:
+            raise ConfigError(
+                f"profile '{self.profile.id}' has no register '{name}'{nearest(name, self.registers)}"
+            ) from None
+
+    def role(self, role: str) -> str:
+        """The name of the register that plays `role`; ConfigError when none does."""
+        name: str | None = getattr(self.roles, role)
+        if name is None:
+            raise ConfigError(f"profile '{self.profile.id}' binds no register to the role '{role}': add it to [roles]")
+        return name
+
+    def as_variant(self, variant: Variant) -> Profile:
+        """The profile of this variant alone: its registers, and its `match` as part of the identity."""
+        proofs = tuple(Identify(register=name, ranges=[span]) for name, span in variant.match.items())
+        others = tuple(proof for proof in self.identify if proof.register_ not in variant.match)
+        return self.model_copy(
+            update={"registers": applied(self.registers, variant), "identify": others + proofs, "variants": ()}
+        )
+
+    def chosen(self, choice: str) -> Profile:
+        """The variant of this `choice`, or the model with these raw values (`model_id=60120`); ConfigError if none."""
+        if "=" in choice:
+            return self._pinned(choice)
+        known = {variant.choice: variant for variant in self.variants if variant.choice}
+        if choice not in known:
+            raise ConfigError(f"profile '{self.profile.id}' has no choice '{choice}'{nearest(choice, map(str, known))}")
+        return self.as_variant(known[choice])
+
+    def bus_timing(self) -> BusTiming:
+        """The timing as a master wants it."""
+        timing = self.timing
+        return BusTiming(
+            response_timeout_s=timing.response_timeout_ms / 1e3,
+            min_gap_s=timing.min_gap_ms / 1e3,
+            post_write_s=timing.post_write_ms / 1e3,
+            interval_s=timing.poll_interval_ms / 1e3,
+            silence=timing.silence,
+            read_retries=timing.retries,
+        )
+
+    def serial_settings(self) -> SerialSettings | None:
+        """The serial line as a transport wants it; None for a device without one."""
+        line = self.serial
+        return None if line is None else SerialSettings(line.baudrate, line.parity, line.stopbits)
+
+    def _pinned(self, choice: str) -> Profile:
+        """The model whose registers hold `NAME=RAW,...`, which it must then prove."""
+        raws = dict(_raw_of(pair, choice) for pair in choice.split(","))
+        for name, raw in raws.items():
+            self.register(name)
+            allowed = [span for proof in self.identify if proof.register_ == name for span in proof.ranges]
+            if allowed and not any(first <= raw <= last for first, last in allowed):
+                raise ConfigError(f"profile '{self.profile.id}': there is no model of it with {name} = {raw}")
+        near = [one for one in self.variants if all(one.holds(name, raw) for name, raw in raws.items())]
+        for name in (name for variant in near for name in variant.match if name not in raws):
+            raise ConfigError(f"profile '{self.profile.id}': which model is it? Add ,{name}=RAW to '{choice}'")
+        model = self.as_variant(near[0]) if near else self.model_copy(update={"variants": ()})
+        others = tuple(proof for proof in model.identify if proof.register_ not in raws)
+        proofs = tuple(Identify(register=name, ranges=[(raw, raw)]) for name, raw in raws.items())
+        return model.model_copy(update={"identify": others + proofs})
+
+    def _check_names(self) -> None:
+        for proof in self.identify:
+            validation.known(proof.register_, self.registers, "identify.register")
+            if not proof.ranges and self.registers[proof.register_].writable:
+                raise ValueError(f"identify: {proof.register_} can be written, and so tells no device: give it ranges")
+        for variant in self.variants:
+            for name in variant.match:
+                validation.known(name, self.registers, "variants.match")
+        for role, bound in self.roles.model_dump(exclude_none=True).items():
+            validation.known(bound, self.registers, f"roles.{role}")
+        if self.profile.role in ("heater", "supply") and not self.safe_state:
+            raise ValueError(f"a {self.profile.role} needs [[safe_state]]: the writes that end all heating")
+
+    def _check_registers(self, registers: dict[str, Register]) -> None:
+        validation.refuse_overlaps(registers)
+        validation.refuse_forbidden(registers, self.forbidden)
+        validation.refuse_unreachable(registers, self.timing)
+        validation.refuse_torn_blocks(registers, self.timing)
+        for name, register in registers.items():
+            check_companions(name, register, registers)
+        validation.check_order(self.write_order, registers)
+        validation.check_safe_state(self.safe_state, self.write_order, registers)
+
+
+def load_profile(name_or_path: str | Path) -> Profile:
+    """The profile at a path (`*.toml`), or the shipped one of that name; ConfigError names file, key and cure.
+
+    `NAME:CHOICE` is a variant that no register tells, such as the thermocouple type of `adam-6018:J`;
+    `NAME:REGISTER=RAW` is the model of a family that holds these raw values, as in `riden-rd60xx:model_id=60120`.
+    """
+    name, _, choice = str(name_or_path).partition(":")
+    profile = load_config(config_file(name, PROFILE), Profile)
+    return profile.chosen(choice) if choice else profile
+
+
+def _raw_of(pair: str, choice: str) -> tuple[str, int]:
+    name, _, raw = pair.partition("=")
+    try:
+        return name.strip(), parse_whole(raw)
+    except ValueError:
+        raise ConfigError(f"'{choice}': write REGISTER=RAW, several with commas, raw values as whole numbers") from None

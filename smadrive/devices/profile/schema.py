@@ -1,0 +1,163 @@
+"""The tables of a profile beside its registers. docs/device-profiles.md tells every key, with an example."""
+
+from __future__ import annotations
+
+from typing import Literal
+
+from pydantic import Field, field_validator, model_validator
+
+from smadrive.devices.profile.function_codes import ALL_FUNCTIONS
+from smadrive.devices.profile.register import Evidence, Table
+from smadrive.files.config import Section
+from smadrive.modbus.requests import MAX_READ_REGISTERS, MAX_WRITE_REGISTERS
+from smadrive.modbus.transports.transport import Parity
+
+
+class Head(Section):
+    """What the device is; `evidence` tells how well the map is known (own, two sources, one source)."""
+
+    id: str
+    role: Literal["heater", "supply", "temperature", "displacement"]
+    protocol: Literal["modbus-rtu", "modbus-tcp", "tclab"] = "modbus-rtu"
+    vendor: str
+    evidence: Evidence = ""
+
+
+class Serial(Section):
+    """The device's factory settings of its serial line; a connection URL may overrule all but `bytesize`."""
+
+    baudrate: int = Field(ge=50, le=12_000_000)
+    bytesize: Literal[8] = 8
+    parity: Parity = "N"
+    stopbits: Literal[1, 2] = 1
+    unit_id: int = Field(default=1, ge=1, le=247)
+
+
+class Tcp(Section):
+    """How a device with a network port of its own is addressed; the port stands in the connection URL."""
+
+    unit_id: int = Field(default=255, ge=0, le=255)
+
+
+class Timing(Section):
+    """What the device needs of a master, in milliseconds; the simulated device insists on it."""
+
+    response_timeout_ms: float = Field(gt=0, le=60_000)
+    min_gap_ms: float = Field(default=0.0, ge=0, le=60_000)
+    post_write_ms: float = Field(default=0.0, ge=0, le=60_000)
+    poll_interval_ms: float = Field(default=0.0, ge=0, le=60_000)
+    boot_ms: float = Field(default=0.0, ge=0, le=60_000)
+    settle_ms: float = Field(default=0.0, ge=0, le=60_000)
+    update_ms: float = Field(default=0.0, ge=0, le=60_000)
+    silence: bool = True
+    retries: int = Field(default=2, ge=0, le=20)
+    max_read_registers: int = Field(default=MAX_READ_REGISTERS, ge=1, le=MAX_READ_REGISTERS)
+    max_write_registers: int = Field(default=MAX_WRITE_REGISTERS, ge=1, le=MAX_WRITE_REGISTERS)
+    function_codes: tuple[int, ...] = ALL_FUNCTIONS
+
+    @field_validator("function_codes")
+    @classmethod
+    def _known(cls, codes: tuple[int, ...]) -> tuple[int, ...]:
+        if strange := set(codes) - set(ALL_FUNCTIONS):
+            raise ValueError(
+                f"function {min(strange)} is not used here; known are {', '.join(map(str, ALL_FUNCTIONS))}"
+            )
+        return codes
+
+
+class Identify(Section):
+    """A register whose raw value proves who the device is: it lies in one of `ranges`, or any, as a serial number."""
+
+    register_: str = Field(alias="register")
+    ranges: list[tuple[int, int]] = Field(default_factory=list)
+
+
+class Roles(Section):
+    """Which register plays which part for the driver."""
+
+    temperature: str | None = None
+    cold_junction: str | None = None
+    heater_current: str | None = None
+    heater_voltage: str | None = None
+    heater_enable: str | None = None
+    measured_current: str | None = None
+    measured_voltage: str | None = None
+    regulation: str | None = None
+    ovp: str | None = None
+    ocp: str | None = None
+    displacement: str | None = None
+    status: str | None = None
+    faults: str | None = None
+    limits: str | None = None
+    sequence: str | None = None
+    sequence_echo: str | None = None
+    sample_counter: str | None = None
+    uptime: str | None = None
+    arm: str | None = None
+    fault_clear: str | None = None
+    watchdog_s: str | None = None
+    temperature_max: str | None = None
+    current_max: str | None = None
+
+
+class Override(Section):
+    """What a variant changes of a register."""
+
+    address: int | None = Field(default=None, ge=0, le=0xFFFF)
+    scale: float | None = None
+    offset: float | None = None
+    min: float | None = None
+    max: float | None = None
+    valid_min: float | None = None
+    valid_max: float | None = None
+
+
+class Variant(Section):
+    """A model of the family: found by the raw values of registers (`match`), or chosen by its user (`choice`)."""
+
+    match: dict[str, tuple[int, int]] = Field(default_factory=dict)
+    choice: str | None = None
+    registers: dict[str, Override]
+    evidence: Evidence = ""
+
+    @model_validator(mode="after")
+    def _one_way(self) -> Variant:
+        if bool(self.match) == bool(self.choice):
+            raise ValueError("a variant has either match = { register = [first, last] } or choice = 'name'")
+        return self
+
+    def holds(self, name: str, raw: float) -> bool:
+        """Whether a register of this model may hold `raw`, and tells the models apart."""
+        return name in self.match and self.match[name][0] <= raw <= self.match[name][1]
+
+
+class Forbidden(Section):
+    """Addresses that are never written, and why."""
+
+    table: Table
+    first: int = Field(ge=0, le=0xFFFF)
+    last: int = Field(ge=0, le=0xFFFF)
+    reason: str
+
+
+class WriteOrder(Section):
+    """Before `before` ("*": anything) is written, `write` must hold `value`; without a value: have been written."""
+
+    before: str
+    write: str
+    value: float | None = None
+
+
+class SafeWrite(Section):
+    """One write on the way to the safe state."""
+
+    register_: str = Field(alias="register")
+    value: float
+
+
+class Vector(Section):
+    """A golden frame, CRC included, in hexadecimal, and what it `means`: the values it writes, or its reply reads."""
+
+    request: str
+    response: str | None = None
+    means: dict[str, float] = Field(default_factory=dict)

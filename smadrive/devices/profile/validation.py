@@ -1,0 +1,117 @@
+"""What is refused when a profile is loaded: whatever could lead to a wrong value or a harmful write."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from itertools import pairwise
+
+from smadrive.devices.profile.function_codes import read_function, write_function
+from smadrive.devices.profile.register import Register
+from smadrive.devices.profile.schema import Forbidden, SafeWrite, Timing, WriteOrder
+from smadrive.errors import ConfigError
+from smadrive.files.spelling import nearest
+
+Registers = Mapping[str, Register]
+
+
+def refuse_overlaps(registers: Registers) -> None:
+    """Two registers at one address, or one beyond the last."""
+    for table in ("holding", "input", "coil", "discrete"):
+        ordered = sorted((register.address, name) for name, register in registers.items() if register.table == table)
+        for (_, before), (address, after) in pairwise(ordered):
+            last = registers[before].addresses[-1]
+            if address <= last:
+                raise ValueError(
+                    f"registers.{after}.address {address} overlaps registers.{before}, which ends at {last}: "
+                    "correct an address or a type"
+                )
+        if ordered and (last := registers[ordered[-1][1]].addresses[-1]) > 0xFFFF:
+            raise ValueError(f"registers.{ordered[-1][1]} ends at {last}, beyond 65535: correct address or type")
+
+
+def refuse_forbidden(registers: Registers, forbidden: tuple[Forbidden, ...]) -> None:
+    """A writable register in a range that is never written."""
+    for zone in forbidden:
+        for name, register in registers.items():
+            inside = register.address <= zone.last and register.addresses[-1] >= zone.first
+            if register.writable and register.table == zone.table and inside:
+                raise ValueError(
+                    f"registers.{name}.access '{register.access}' at address {register.address} writes into the "
+                    f"forbidden range {zone.first} to {zone.last} ({zone.reason}): make it access = 'r'"
+                )
+
+
+def refuse_unreachable(registers: Registers, timing: Timing) -> None:
+    """A register that no function of the device reads or writes, or that is longer than its longest request."""
+    codes = timing.function_codes
+    for name, register in registers.items():
+        if register.access != "w" and read_function(register.table, codes) is None:
+            raise ValueError(f"registers.{name}: none of timing.function_codes {list(codes)} reads a {register.table}")
+        if register.writable and write_function(register.table, register.size, codes) is None:
+            raise ValueError(
+                f"registers.{name}: none of timing.function_codes {list(codes)} writes {register.size} addresses of "
+                f"table '{register.table}': make it access = 'r'"
+            )
+        if register.size > timing.max_read_registers:
+            raise ValueError(
+                f"registers.{name} has {register.size} words, max_read_registers is {timing.max_read_registers}"
+            )
+        if register.writable and register.size > timing.max_write_registers:
+            raise ValueError(
+                f"registers.{name} has {register.size} words, max_write_registers is {timing.max_write_registers}"
+            )
+
+
+def refuse_torn_blocks(registers: Registers, timing: Timing) -> None:
+    """A block that one request cannot read: in two tables, with a gap, too long."""
+    for block in sorted({register.block for register in registers.values() if register.block}):
+        members = sorted((one for one in registers.values() if one.block == block), key=lambda one: one.address)
+        gaps = any(before.addresses.stop != after.address for before, after in pairwise(members))
+        size = members[-1].addresses.stop - members[0].address
+        if gaps or len({member.table for member in members}) > 1 or size > timing.max_read_registers:
+            raise ValueError(
+                f"block '{block}' cannot be read in one request: its registers must be adjacent, of one table, and at "
+                f"most {timing.max_read_registers} long"
+            )
+
+
+def known(name: str, registers: Registers, key: str) -> Register:
+    """The register that `key` names."""
+    if name not in registers:
+        raise ValueError(f"{key} names the unknown register '{name}'{nearest(name, registers)}")
+    return registers[name]
+
+
+def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
+    """Rules about registers that cannot be written, read back, or hold the value."""
+    for rule in rules:
+        if rule.before != "*":
+            known(rule.before, registers, "write_order.before")
+        register = known(rule.write, registers, "write_order.write")
+        if register.access != "rw":
+            raise ValueError(f"write_order.write '{rule.write}' has access '{register.access}': it needs 'rw'")
+        if rule.value is not None:
+            _check_value(register, rule.write, rule.value, "write_order")
+        elif rule.before in ("*", rule.write):
+            raise ValueError(f"write_order.write '{rule.write}' before '{rule.before}' needs a value")
+
+
+def check_safe_state(steps: tuple[SafeWrite, ...], rules: tuple[WriteOrder, ...], registers: Registers) -> None:
+    """A step that cannot be confirmed, cannot hold the value, or must wait for another write."""
+    for step in steps:
+        register = known(step.register_, registers, "safe_state.register")
+        if register.access != "rw":
+            raise ValueError(
+                f"safe_state.register '{step.register_}' has access '{register.access}': a safe state must be "
+                "confirmed by read-back, so it needs 'rw'"
+            )
+        if any(rule.before == step.register_ and rule.value is None for rule in rules):
+            raise ValueError(f"safe_state.register '{step.register_}' must wait for another write: it is not safe")
+        _check_value(register, step.register_, step.value, "safe_state")
+
+
+def _check_value(register: Register, name: str, value: float, key: str) -> None:
+    try:
+        register.codec.encode(value, name)
+    except ConfigError as error:
+        raise ValueError(f"{key}: {error}") from None

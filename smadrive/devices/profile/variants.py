@@ -1,0 +1,83 @@
+"""Models of one family whose registers differ: other scales, limits, addresses.
+
+A channel array `tc` of count 8 is eight registers `tc_0` to `tc_7`; what a variant says of `tc` holds for all of them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+
+from pydantic import ValidationError
+
+from smadrive.devices.profile.register import Register
+from smadrive.devices.profile.schema import Variant
+from smadrive.files.spelling import nearest
+
+
+def expanded(registers: Mapping[str, Register]) -> dict[str, Register]:
+    """Every channel of every array as a register of its own, numbered from 0."""
+    channels = {}
+    for name, register in registers.items():
+        step = register.stride or register.size
+        for index in range(register.count):
+            shifted = register.model_copy(update={"address": register.address + index * step})
+            channels[name if register.count == 1 else f"{name}_{index}"] = shifted
+    return channels
+
+
+def applied(registers: Mapping[str, Register], variant: Variant) -> dict[str, Register]:
+    """The registers as this variant has them; ValueError when it names none, or makes one impossible."""
+    changed = dict(registers)
+    for target, override in variant.registers.items():
+        names = [name for name, register in registers.items() if target in (name, _array_of(name, register))]
+        if not names:
+            raise ValueError(f"variants: registers.{target} is no register{nearest(target, registers)}")
+        for name in names:
+            tables = registers[name].model_dump(exclude_unset=True) | override.model_dump(exclude_none=True)
+            try:
+                changed[name] = Register.model_validate(tables)
+            except ValidationError as error:
+                complaint = error.errors()[0]["msg"].removeprefix("Value error, ")
+                raise ValueError(f"variants: registers.{target}: {complaint}") from None
+    return changed
+
+
+def matching(variants: Sequence[Variant], raws: Mapping[str, float]) -> Variant | None:
+    """The variant whose registers hold these raw values; None: the profile as it stands."""
+    for variant in variants:
+        if variant.match and all(first <= raws[name] <= last for name, (first, last) in variant.match.items()):
+            return variant
+    return None
+
+
+def has_switch(variants: Sequence[Variant], registers: Mapping[str, Register], raws: Mapping[str, float]) -> bool:
+    """Whether the device with these raw values can become another variant by a setting (a range switch)."""
+
+    def may_hold(name: str, span: tuple[int, int]) -> bool:
+        return registers[name].writable or span[0] <= raws[name] <= span[1]
+
+    return any(
+        all(may_hold(name, span) for name, span in variant.match.items())
+        and any(registers[name].writable for name in variant.match)
+        for variant in variants
+    )
+
+
+def refuse_ambiguity(variants: Sequence[Variant]) -> None:
+    """ValueError when one device could be two variants."""
+    for one, other in combinations((variant for variant in variants if variant.match), 2):
+        shared = one.match.keys() & other.match.keys()
+        if all(_overlap(one.match[name], other.match[name]) for name in shared):
+            raise ValueError(f"variants: {one.match} and {other.match} match the same device: make the ranges differ")
+    choices = [variant.choice for variant in variants if variant.choice]
+    if len(set(choices)) < len(choices):
+        raise ValueError(f"variants: a choice is there twice among {', '.join(choices)}")
+
+
+def _overlap(one: tuple[int, int], other: tuple[int, int]) -> bool:
+    return one[0] <= other[1] and other[0] <= one[1]
+
+
+def _array_of(name: str, register: Register) -> str | None:
+    return name.rpartition("_")[0] if register.count > 1 else None

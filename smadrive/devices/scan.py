@@ -1,0 +1,123 @@
+"""Who is on a line: every unit id is asked for what proves the identity of each profile. Nothing is written.
+
+Devices that speak no Modbus are asked first: one of them may answer anything to a Modbus frame.
+
+A profile without a register that proves it is possible where the registers of its roles read as valid numbers. A unit
+that leaves `SILENT` requests unanswered is taken as absent.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import nullcontext, suppress
+from dataclasses import dataclass
+
+from smadrive.devices.any_device import device_on
+from smadrive.devices.device import Device
+from smadrive.devices.profile.profile import Profile
+from smadrive.devices.state.lock import Role, lock_line
+from smadrive.errors import DeadlineError, DeviceError, ProtocolError, TransportError
+from smadrive.modbus.client import Master
+from smadrive.modbus.transports.connect import open_transport, port_of
+from smadrive.modbus.transports.transport import SerialSettings, Transport
+
+SILENT = 3
+"""So many unanswered requests, and nobody is there."""
+TIMEOUT_MS = 200.0
+"""How long each is waited for: longer than any of the shipped devices takes when it is not busy."""
+
+
+@dataclass(frozen=True)
+class Found:
+    """What answers, a unit or the only device of its line (None): what it proved to be, and what it may be."""
+
+    unit_id: int | None
+    line: SerialSettings | None
+    proved: tuple[str, ...]
+    possible: tuple[str, ...]
+
+
+def scan(
+    url: str, unit_ids: Sequence[int], profiles: Sequence[Profile], ask: Callable[[str, int], None]
+) -> Iterator[Found]:
+    """What answers at `url`; `ask(line, unit_id)` is told before each question.
+
+    A serial URL without a baud rate is tried with the line settings of all profiles. BusyError when another smadrive
+    has the port.
+    """
+    with lock_line(port_of(url), Role.DRIVER) if url.startswith("serial:") else nullcontext():
+        yield from _scan(url, unit_ids, profiles, ask)
+
+
+def _scan(
+    url: str, unit_ids: Sequence[int], profiles: Sequence[Profile], ask: Callable[[str, int], None]
+) -> Iterator[Found]:
+    found: set[int] = set()
+    units = [profile for profile in profiles if profile.has_registers]
+    others = [profile for profile in profiles if not profile.has_registers]
+    for line in _lines(url, profiles):
+        with open_transport(url, line) as transport:
+            if not (found or url.startswith("tcp:")) and (proved := tuple(_proved(transport, others, line))):
+                yield Found(None, line, proved, ())
+                return
+            master = Master(transport)
+            for unit_id in unit_ids:
+                if unit_id in found:
+                    continue
+                ask(_text(line), unit_id)
+                answer = _who_is(master, unit_id, sorted(units, key=lambda one: one.serial_settings() != line))
+                if answer is not None:
+                    found.add(unit_id)
+                    yield Found(unit_id, line, *answer)
+
+
+def _lines(url: str, profiles: Iterable[Profile]) -> list[SerialSettings | None]:
+    if not url.startswith("serial:") or "baudrate=" in url:
+        return [None]
+    settings = {line for profile in profiles if (line := profile.serial_settings()) is not None}
+    return [*sorted(settings, key=lambda line: (-line.baudrate, line.parity, line.stopbits))]
+
+
+def _text(line: SerialSettings | None) -> str:
+    return "" if line is None else f"{line.baudrate} 8{line.parity}{line.stopbits}"
+
+
+def _proved(transport: Transport, profiles: Iterable[Profile], line: SerialSettings | None) -> Iterator[str]:
+    """The profiles whose device is on this line, set like this."""
+    for profile in profiles:
+        if line in (None, profile.serial_settings()):
+            with suppress(TransportError, ProtocolError, DeviceError):
+                device_on(transport, profile, None).check_identity()
+                yield profile.profile.id
+
+
+def _who_is(
+    master: Master, unit_id: int, profiles: Iterable[Profile]
+) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
+    """The profiles that unit `unit_id` proves, and those it may be; None when nobody answers."""
+    matching: dict[bool, list[str]] = {True: [], False: []}
+    silent, answered = 0, False
+    for profile in profiles:
+        quick = {"response_timeout_ms": TIMEOUT_MS, "retries": 0, "boot_ms": 0.0, "poll_interval_ms": 0.0}
+        hurried = profile.model_copy(update={"timing": profile.timing.model_copy(update=quick)})
+        try:
+            if _is_one(Device(hurried, master, unit_id)):
+                matching[profile.proves_type].append(profile.profile.id)
+        except DeadlineError:
+            silent += 1
+            if silent >= SILENT and not answered:
+                return None
+        except (ProtocolError, DeviceError):
+            answered = True
+        else:
+            answered = True
+    if not answered:
+        return None
+    return tuple(matching[True]), () if matching[True] else tuple(matching[False])
+
+
+def _is_one(device: Device) -> bool:
+    """Whether the device proves its identity, or, where nothing proves it, shows valid measurements."""
+    device.check_identity()
+    names = device.profile.measured
+    return device.profile.proves_type or all(reading.invalid is None for reading in device.read(names).values())

@@ -1,0 +1,153 @@
+"""The key of a device: what says that it is the same device as in an earlier run, or another one.
+
+The kernel numbers ports in the order in which they appear: `ttyUSB0` and `pts/7` name another device after a replug.
+So a key holds the names of the port that stay, and the device's serial number, which is known once it has answered:
+
+    USB adapter              its links in /dev/serial/by-id and by-path, and its place on the USB bus
+    link of the user's own   the path of the link (a udev rule, `firmware-sim --pty PATH`, `socat link=PATH`)
+    on-board serial port     its path
+    network                  host and port, as written and by each address of the host; see hostnames.py
+    pseudo-terminal          no name that stays. While it exists, its number and its time of creation count; when it
+                             is gone it never comes back, and only the serial number of the device counts
+
+Devices that share a line have different unit ids. `APPLIES` states when a trip of one key holds for another.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from enum import Enum
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from serial.tools import list_ports
+
+from smadrive.devices.identity import Identity
+from smadrive.devices.profile.profile import Profile
+from smadrive.modbus.transports.connect import port_of
+from smadrive.modbus.transports.host_names import may_be_one, names_of
+
+BY_ID = Path("/dev/serial/by-id")
+BY_PATH = Path("/dev/serial/by-path")
+TERMINALS = "/dev/pts/"
+NUMBERED = re.compile(r"tty(USB|ACM)\d+|rfcomm\d+")
+"""Ports that the kernel numbers in the order in which they appear."""
+UNPROGRAMMED = (0, 0xFFFF, 0xFFFF_FFFF)
+"""Raw serial numbers of a device to which nobody gave one."""
+
+
+class Match(Enum):
+    """How a part of two keys compares."""
+
+    SAME = "same"
+    DIFFERENT = "different"
+    UNKNOWN = "unknown"
+
+
+APPLIES = {
+    # (port, serial number)
+    (Match.SAME, Match.SAME): True,
+    (Match.SAME, Match.DIFFERENT): False,
+    (Match.SAME, Match.UNKNOWN): True,
+    (Match.DIFFERENT, Match.SAME): True,
+    (Match.DIFFERENT, Match.DIFFERENT): False,
+    (Match.DIFFERENT, Match.UNKNOWN): False,
+    (Match.UNKNOWN, Match.SAME): True,
+    (Match.UNKNOWN, Match.DIFFERENT): False,
+    (Match.UNKNOWN, Match.UNKNOWN): True,  # nothing says that it is another device
+}
+"""Whether a trip of one device holds for the device that is there now."""
+
+
+@dataclass(frozen=True)
+class DeviceKey:
+    """`names` of the port that stay (empty: none known), unit id (None: a device without one), serial number.
+
+    `port` is what the port is called at present, as a URL: it tells no device from another.
+    """
+
+    names: frozenset[str]
+    unit_id: int | None
+    serial_number: str | None = None
+    port: str = field(default="", compare=False)
+
+    def port_match(self, other: DeviceKey) -> Match:
+        """Whether both are at the same port and unit: one common name is enough."""
+        if None not in (self.unit_id, other.unit_id) and self.unit_id != other.unit_id:
+            return Match.DIFFERENT
+        if self.names & other.names:
+            return Match.SAME
+        if not (self.names and other.names) or may_be_one(self.names, other.names):
+            return Match.UNKNOWN
+        return Match.DIFFERENT
+
+    def serial_match(self, other: DeviceKey) -> Match:
+        """Whether both have the same serial number."""
+        if self.serial_number is None or other.serial_number is None:
+            return Match.UNKNOWN
+        return Match.SAME if self.serial_number == other.serial_number else Match.DIFFERENT
+
+    def applies_to(self, other: DeviceKey) -> bool:
+        """Whether a trip of this device holds for `other`; see APPLIES."""
+        return APPLIES[self.port_match(other), self.serial_match(other)]
+
+    def proves(self, other: DeviceKey) -> bool:
+        """Whether `other` is certainly this device: a guardian that waits for this one may then end.
+
+        A device with a serial number must show it; one without is known by its port.
+        """
+        if self.serial_number is not None or other.serial_number is not None:
+            return self.serial_match(other) is Match.SAME
+        return self.port_match(other) is Match.SAME
+
+    def with_identity(self, profile: Profile, identity: Identity) -> DeviceKey:
+        """The key with the serial number of a device that has proved its identity."""
+        return replace(self, serial_number=serial_number(profile, identity))
+
+
+def key_at(url: str, profile: Profile, unit_id: int | None) -> DeviceKey:
+    """The key of a device that has not been asked yet. ConfigError when the URL names no port."""
+    unit = (profile.unit_id if unit_id is None else unit_id) if profile.has_registers else None
+    return DeviceKey(port_names(url), unit, port=port_of(url))
+
+
+def serial_number(profile: Profile, identity: Identity) -> str | None:
+    """The values of the registers that the profile identifies by without `ranges`; None: it has no serial number."""
+    names = sorted(proof.register_ for proof in profile.identify if not proof.ranges)
+    values = [identity[name] for name in names if identity.get(name, UNPROGRAMMED[0]) not in UNPROGRAMMED]
+    return " ".join(str(value) for value in values) or None
+
+
+def port_names(url: str) -> frozenset[str]:
+    """The names of the port that stay after a replug, found from whatever leads to it; empty: it has none."""
+    port = port_of(url)
+    if urlsplit(url).scheme != "serial":
+        return names_of(port)
+    return frozenset(_serial_names(Path(urlsplit(url).path), Path(urlsplit(port).path)))
+
+
+def _is_link(path: Path) -> bool:
+    """Whether the path is a link; one in a folder that this user may not enter is not known as one."""
+    try:
+        return path.is_symlink()
+    except OSError:
+        return False
+
+
+def _serial_names(written: Path, port: Path) -> Iterator[str]:
+    """`written` is the path in the rig file, `port` what it leads to."""
+    if _is_link(written) or written.parent in (BY_ID, BY_PATH):
+        yield f"{os.path.realpath(written.parent)}/{written.name}"
+    for folder in (BY_ID, BY_PATH):
+        yield from (str(link) for link in folder.glob("*") if os.path.realpath(link) == str(port))
+    if str(port).startswith(TERMINALS):
+        with suppress(OSError):
+            yield f"{port} of {port.stat().st_ctime_ns}"
+    elif NUMBERED.fullmatch(port.name):
+        yield from (f"usb {one.location}" for one in list_ports.comports() if one.device == str(port) and one.location)
+    else:
+        yield str(port)

@@ -1,0 +1,176 @@
+"""The trip latch: what ended the last run stays latched until the user clears it, also over a new start.
+
+A board latches its own faults. A fault that only the driver sees, and every fault of a supply, would end with the
+process; so it is written to a file in the user's folder for state, with the key of the heat source (key.py). A record
+that cannot be read counts as a trip of every device. `--clear-faults` removes the records that apply.
+
+smadrive 0.1 named its records by the address in the rig file, `ADDRESS.tripped`. Such a record is taken over by the
+first device that is found at this address.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+from hashlib import sha256
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import quote
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from smadrive.devices.state.folder import state_dir, unreadable
+from smadrive.devices.state.key import BY_ID, TERMINALS, DeviceKey
+from smadrive.errors import DataError, SafetyError, TripError
+from smadrive.files.atomic import replacing
+from smadrive.files.kinds import check_regular
+
+RECORDS = "trip-*.json"
+LONGEST_OLD_NAME = 230
+
+
+class _Record(BaseModel):
+    """A trip and the key of the device that it belongs to, as a file holds them."""
+
+    model_config = ConfigDict(extra="ignore", frozen=True)
+
+    names: frozenset[str]
+    unit_id: int | None
+    serial_number: str | None
+    trip: str
+
+    @property
+    def key(self) -> DeviceKey:
+        return DeviceKey(self.names, self.unit_id, self.serial_number)
+
+
+class _Found(NamedTuple):
+    """A record that applies: its file and what it says."""
+
+    file: Path
+    trip: str
+
+
+class TripLatch:
+    """The trip of the heat source with this key; without a `key` (a simulated one) it lasts as long as the process."""
+
+    def __init__(self, key: DeviceKey | None) -> None:
+        self._key = key
+        self._trip: str | None = None
+
+    def read(self) -> str | None:
+        """What tripped, its cause and its remedy; None when nothing is latched."""
+        if self._trip is None and self._key is not None:
+            _take_over_old(self._key)
+            self._trip = next((found.trip for found in _applying(self._key)), None)
+        return self._trip
+
+    def latch(self, trip: TripError) -> None:
+        """Keep the trip; one that cannot be written says so, and lasts as long as the process."""
+        self._trip = str(trip)
+        if self._key is None:
+            return
+        try:
+            _write(self._key, str(trip))
+        except (OSError, DataError) as error:
+            trip.add_note(f"the trip is not remembered by the next start: {error}")
+
+    def clear(self) -> None:
+        """Remove every record that applies; SafetyError when one cannot be removed."""
+        for found in _applying(self._key) if self._key is not None else ():
+            try:
+                found.file.unlink(missing_ok=True)
+            except OSError as error:
+                raise SafetyError(
+                    f"not cleared: {found.file} cannot be removed ({error.strerror}): remove it by hand"
+                ) from None
+        self._trip = None
+
+
+def _applying(key: DeviceKey) -> Iterator[_Found]:
+    """The records that apply to the device with this key."""
+    try:
+        files = sorted(file for file in state_dir().iterdir() if file.match(RECORDS))
+    except FileNotFoundError:
+        return
+    except OSError as error:
+        yield _Found(state_dir(), f"a trip of unknown cause: {unreadable(error)}")
+        return
+    for file in files:
+        yield from _applying_in(file, key)
+    yield from _old_records(key)
+
+
+def _applying_in(file: Path, key: DeviceKey) -> Iterator[_Found]:
+    """The record in the file, if it applies or cannot be read."""
+    try:
+        record = _Record.model_validate_json(_text(file))
+    except FileNotFoundError:
+        return
+    except (OSError, UnicodeDecodeError, DataError, ValidationError) as error:
+        yield _Found(file, _unreadable(file, error))
+        return
+    if record.key.applies_to(key):
+        yield _Found(file, record.trip or f"a trip of unknown cause: {file} names none")
+
+
+def _write(key: DeviceKey, trip: str) -> None:
+    record = _Record(names=key.names, unit_id=key.unit_id, serial_number=key.serial_number, trip=trip)
+    digest = sha256(repr((sorted(key.names), key.unit_id, key.serial_number)).encode()).hexdigest()
+    file = state_dir() / RECORDS.replace("*", digest[:32])
+    file.parent.mkdir(parents=True, exist_ok=True)
+    with replacing(file) as partial:
+        partial.write_text(record.model_dump_json(indent=2) + "\n", encoding="utf-8")
+
+
+def _take_over_old(key: DeviceKey) -> None:
+    """Give the records of 0.1 at this port the key of the device that is there now; one that resists stays."""
+    for file, trip in _old_records(key):
+        with suppress(OSError, DataError):
+            if file.is_file():
+                _write(key, trip)
+                file.unlink()
+
+
+def _old_records(key: DeviceKey) -> Iterator[_Found]:
+    for address in _old_addresses(key):
+        file = state_dir() / f"{_old_name(address)}.tripped"
+        try:
+            if not _tells_of_older_terminal(file, address):
+                yield _Found(file, _text(file).strip() or f"a trip of unknown cause: {file} is empty")
+        except FileNotFoundError:
+            continue
+        except (OSError, UnicodeDecodeError, DataError) as error:
+            yield _Found(file, _unreadable(file, error))
+
+
+def _old_addresses(key: DeviceKey) -> Iterator[str]:
+    """How 0.1 called a device at this port: its unit id counted only where the rig file gave one."""
+    by_id = sorted(f"serial://{name}" for name in key.names if name.startswith(str(BY_ID)))
+    for port in (*by_id, key.port):
+        yield port
+        if key.unit_id is not None:
+            yield f"{port} unit {key.unit_id}"
+
+
+def _tells_of_older_terminal(file: Path, address: str) -> bool:
+    """Whether the record is older than the pseudo-terminal that has this number now."""
+    path = Path(address.removeprefix("serial://").partition(" ")[0])
+    return str(path).startswith(TERMINALS) and file.stat().st_mtime_ns < path.stat().st_ctime_ns
+
+
+def _old_name(address: str) -> str:
+    name = quote(address, safe="")
+    if len(name) <= LONGEST_OLD_NAME:
+        return name
+    digest = sha256(address.encode()).hexdigest()
+    return f"{name[: LONGEST_OLD_NAME - len(digest) - 1]}-{digest}"
+
+
+def _text(file: Path) -> str:
+    check_regular(file, DataError)
+    return file.read_text(encoding="utf-8")
+
+
+def _unreadable(file: Path, error: Exception) -> str:
+    return f"a trip of unknown cause: {file} cannot be read ({error})"

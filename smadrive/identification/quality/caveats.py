@@ -1,0 +1,57 @@
+"""What an identified model must not be trusted in, in sentences to be read beside its figures.
+
+A model can have a certificate, which is about its rules, and yet say little of the wire: because it misses the record,
+or because the record says nothing where the model bridges a gap. Figures alone do not tell either.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from smadrive.identification.record import Record
+
+if TYPE_CHECKING:
+    from smadrive.hysteresis import HysteresisModel
+    from smadrive.hysteresis.mixture import GaussianMixture
+    from smadrive.identification.quality.uncertainty import MixtureErrors
+
+_POOR = 5.0  # % RMS of the output span; one Gaussian per branch leaves 2 to 4 on measured wires
+_BRIDGED = 20.0  # % of the output span that a branch may move between two neighbouring inputs
+
+
+def misses_record(rms_percent: float) -> tuple[str, ...]:
+    """Whether the model does not describe what it was fitted to."""
+    if rms_percent <= _POOR:
+        return ()
+    missed = f"it misses its own record by {rms_percent:.1f} % RMS of the output span, where wires are met to 1 or 2 %"
+    return (f"{missed}: look at the plot, and record one wire under one load",)
+
+
+def bridges_gaps(model: HysteresisModel, record: Record) -> tuple[str, ...]:
+    """The widest step that either branch of the model takes between neighbouring inputs of its direction."""
+    found = []
+    for name, rising, branch in (("rising", True, model.engine.heating), ("falling", False, model.engine.cooling)):
+        reached = np.flatnonzero(record.rising == rising)
+        visited = np.unique(record.v[np.concatenate([reached, np.maximum(reached - 1, 0)])])
+        steps = np.abs(np.diff(np.interp(visited, model.engine.nodes, branch.target))) * abs(model.scale)
+        widest = int(np.argmax(steps))
+        percent = 100 * steps[widest] / record.output_span
+        if percent > _BRIDGED:
+            stretch = f"between {visited[widest]:.4g} and {visited[widest + 1]:.4g} of {name} input"
+            found.append(
+                f"{stretch} it moves by {percent:.0f} % of the output span, where the record has no sample: a guess; "
+                "record that stretch, or more slowly"
+            )
+    return tuple(found)
+
+
+def undetermined(branch: str, mixture: GaussianMixture, errors: MixtureErrors) -> tuple[str, ...]:
+    """Whether Gaussians of a branch might as well be absent: a weight less than twice its standard error."""
+    count = len(mixture.weights)
+    weight, error = min(zip(mixture.weights, errors.weights, strict=True), key=lambda one: one[0] / max(one[1], 1e-12))
+    if weight >= 2 * error:
+        return ()
+    doubt = f"a weight of {weight:.2f} is known to ±{2 * error:.2g} only; use fewer components, or record inner loops"
+    return (f"the record does not tell the {count} Gaussians of its {branch} branch apart: {doubt}",)

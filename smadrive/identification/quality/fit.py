@@ -1,0 +1,80 @@
+"""How well an identified model reproduces its record.
+
+All figures are in per cent of the output's span in the record (peak to peak), of the difference predicted - measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Generic, TypeVar
+
+import numpy as np
+
+from smadrive.errors import IdentificationError
+from smadrive.identification.quality.caveats import bridges_gaps, misses_record
+
+if TYPE_CHECKING:
+    from smadrive.hysteresis import Certificate, HysteresisModel
+    from smadrive.identification.record import Record
+    from smadrive.numerics.arrays import FloatArray
+
+_EXPLAINED = 0.5  # least share of the output's variance that a dependence on the input explains
+
+ModelT = TypeVar("ModelT", bound="HysteresisModel")
+
+
+@dataclass(frozen=True, slots=True)
+class Fit(Generic[ModelT]):
+    """An identified model and its figures.
+
+    path       input without false reversals, as the model saw it
+    predicted  the model's output on that path, from `y0`
+    residual   predicted - measured, one per sample, in the unit of y
+    caveats    what the model must not be trusted in, as sentences about it
+    """
+
+    model: ModelT
+    path: FloatArray
+    predicted: FloatArray
+    residual: FloatArray
+    output_span: float
+    certificate: Certificate
+    caveats: tuple[str, ...]
+
+    @property
+    def rms_percent(self) -> float:
+        """Root mean square residual, % of the output span."""
+        return rms_percent(self.residual, self.output_span)
+
+    @property
+    def max_percent(self) -> float:
+        """Largest residual, % of the output span."""
+        return float(100 * np.max(np.abs(self.residual)) / self.output_span)
+
+    @property
+    def y0(self) -> float:
+        """Output at the first sample from which the model was run."""
+        return float(self.predicted[0])
+
+
+def rms_percent(residual: FloatArray, span: float) -> float:
+    """Root mean square of `residual` in per cent of `span`."""
+    return float(100 * np.sqrt(np.mean(np.square(residual))) / span)
+
+
+def judge(model: ModelT, record: Record, y0: float) -> Fit[ModelT]:
+    """Run `model` along the path of `record` from output y0 and compare.
+
+    Raises IdentificationError when that says hardly more of the record than its mean does.
+    """
+    predicted = model.simulate(record.path, y0)
+    residual = predicted - record.y
+    explained = 1 - float(np.var(residual) / np.var(record.y))
+    if explained < _EXPLAINED:
+        raise IdentificationError(
+            f"the output does not follow the input: a loop explains {100 * explained:.0f} % of its variance, at least "
+            f"{100 * _EXPLAINED:.0f} % are needed; check that both columns belong to one wire; if the wire expands "
+            "more than it transforms, subtract the slope of its hot end times the input from the output"
+        )
+    caveats = misses_record(rms_percent(residual, record.output_span)) + bridges_gaps(model, record)
+    return Fit(model, record.path, predicted, residual, record.output_span, model.certificate(), caveats)

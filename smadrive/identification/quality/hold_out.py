@@ -1,0 +1,77 @@
+"""Training and validation: a fit to every other sample, judged on the samples between.
+
+Only outputs are hidden from the fit. The wire has remembered the input's whole path, so the fit follows the path of
+the whole record, through its turning points, which every half keeps and none is judged on. (A step of the models is
+exact whatever its size: samples between turning points can go without changing the path.)
+
+Where the output jumps between two samples, on steep and sparsely sampled parts of a loop, no fit can know what lies
+between them. What straight lines between the fitted neighbours say of the samples left out tells how much that is.
+
+Near samples of one record share its drift and its loop, so this finds rules that follow single samples; what a model is
+worth on another loop only another record tells.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from smadrive.identification.quality.fit import rms_percent
+from smadrive.identification.record import Record, prepare
+from smadrive.numerics.arrays import paired_vectors
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from smadrive.hysteresis import HysteresisModel
+    from smadrive.identification.quality.fit import Fit
+    from smadrive.numerics.arrays import FloatArray
+
+
+class Identify(Protocol):
+    """A fit of v and y with a dead band against false reversals, such as identify_tsfuzzy."""
+
+    def __call__(self, v: FloatArray, y: FloatArray, *, dead_band: float) -> Fit[HysteresisModel]:
+        """See identify_tsfuzzy."""
+
+
+@dataclass(frozen=True, slots=True)
+class HoldOut:
+    """RMS errors of one half of a record, % of the output span.
+
+    training_percent     of the samples fitted
+    validation_percent   of those between, which the fit has not seen
+    neighbours_percent   of straight lines through the samples fitted, at those between
+    """
+
+    training_percent: float
+    validation_percent: float
+    neighbours_percent: float
+
+    @property
+    def ratio(self) -> float:
+        """Validation over training: 1 for a fit that says as much of samples it has not seen."""
+        return self.validation_percent / self.training_percent
+
+
+def hold_out(v: ArrayLike, y: ArrayLike, identify: Identify) -> tuple[HoldOut, HoldOut]:
+    """Fit the even samples of a record and judge on the odd ones, then the other way round.
+
+    Raises what `identify` raises for half a record.
+    """
+    inputs, outputs = paired_vectors(v, y)
+    whole = prepare(inputs, outputs, None)
+    return _half(whole, 0, identify), _half(whole, 1, identify)
+
+
+def _half(whole: Record, first: int, identify: Identify) -> HoldOut:
+    path, y = whole.path, whole.y
+    fitted = whole.corners.copy()
+    fitted[first::2] = True
+    fit = identify(path[fitted], y[fitted], dead_band=0.0)
+    error = fit.model.simulate(path, fit.y0) - y
+    travel = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(path)))])
+    lines = np.interp(travel, travel[fitted], y[fitted]) - y
+    return HoldOut(*(rms_percent(part, whole.output_span) for part in (error[fitted], error[~fitted], lines[~fitted])))

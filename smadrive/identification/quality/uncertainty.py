@@ -1,0 +1,54 @@
+"""How well a record determines the parameters of a least-squares fit.
+
+    cov θ = G C Gᵀ        C = s² (JᵀJ)⁺        s² = |r|²/(n - p) · (1 + ρ)/(1 - ρ)
+
+J = ∂r/∂x at the minimum, G = ∂θ/∂x from the fit's variables to the parameters wanted, n samples, p variables. Residuals
+of a model that is not quite the wire resemble their neighbours; with a correlation ρ of neighbours n samples tell as
+much as n (1 - ρ)/(1 + ρ) independent ones. The pseudo-inverse leaves out what the parameters do not depend on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from smadrive.numerics.arrays import FloatArray
+
+_RANK = 1e-12  # relative, of the normal matrix with its diagonal scaled to one
+
+
+@dataclass(frozen=True, slots=True)
+class MixtureErrors:
+    """Standard errors of a branch's Gaussians, one per component; means and sigmas in the unit of v."""
+
+    weights: tuple[float, ...]
+    means: tuple[float, ...]
+    sigmas: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class DuhemErrors:
+    """Standard errors of the parameters of a Duhem model, named and shaped like the parameters themselves."""
+
+    heating: MixtureErrors
+    cooling: MixtureErrors
+    scale: float
+    offset: float
+
+
+def standard_errors(jacobian: FloatArray, parameter_slopes: FloatArray, residual: FloatArray) -> FloatArray:
+    """Standard errors of θ: jacobian (rows, p), parameter_slopes G (parameters, p), residual by sample in time."""
+    scale = np.sqrt(np.maximum(np.sum(jacobian**2, axis=0), 1e-300))
+    inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale), rcond=_RANK, hermitian=True)
+    freedom = max(len(residual) - jacobian.shape[1], 1)
+    alike = min(max(neighbour_correlation(residual), 0.0), 0.99)
+    variance = float(residual @ residual) / freedom * (1 + alike) / (1 - alike)
+    turned = parameter_slopes / scale
+    return np.asarray(np.sqrt(np.maximum(variance * np.einsum("ij,jk,ik->i", turned, inverse, turned), 0.0)))
+
+
+def neighbour_correlation(residual: FloatArray) -> float:
+    """Correlation of each residual with the next."""
+    power = float(residual @ residual)
+    return float(residual[1:] @ residual[:-1]) / power if power > 0 else 0.0

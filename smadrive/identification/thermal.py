@@ -1,0 +1,237 @@
+"""The heat balance from a recorded excitation: which wire is this, thermally?
+
+Measured are the electrical power P = U I, the thermocouple reading T_tc and the phase fraction w (the displacement,
+scaled to its span). Given P(t) and w(t) the heat balance of `smadrive.wire.heat_balance` is *linear* in time,
+
+    m c dT/dt = P - Q dw/dt - h A (T - T_a),     lag dT_tc/dt = T - T_tc,
+
+so the reading is simulated exactly by two first-order filters, and the parameters (m c, h A, Q, T_a, lag) minimise the
+output error in kelvin. No derivative of a noisy signal is ever formed. R(w) is a separate straight-line fit of U/I.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import least_squares
+from scipy.signal import butter, lfilter, sosfiltfilt
+
+from smadrive.errors import IdentificationError
+from smadrive.identification.excitation import ExcitationRecord
+from smadrive.wire.heat_balance import HeatBalance
+
+Array = NDArray[np.float64]
+
+CORRECTION_BAND_HZ = 0.05
+"""Below this frequency the wire-temperature estimate trusts the thermocouple, above it the heat balance."""
+
+MIN_CURRENT_FRACTION = 0.2
+"""Resistance is read only where the current is above this fraction of its maximum: below, U/I is mostly noise."""
+
+NAMES = {
+    "heat_capacity_j_per_k": "heat capacity m c",
+    "loss_w_per_k": "loss h A",
+    "latent_heat_j": "latent heat Q",
+    "ambient_c": "ambient temperature",
+    "thermocouple_lag_s": "thermocouple lag",
+}
+"""What the fit looks for, in its order."""
+
+MOVES = 8.0
+"""A displacement that spans no more than so many standard deviations of its steps is noise; white noise spans 3.6."""
+
+SYSTEMATIC = 0.005
+"""What a lumped wire, sampled with a period, leaves besides noise, relative: seen on simulated wires."""
+
+UNCERTAIN = {"heat_capacity_j_per_k": 0.1, "loss_w_per_k": 0.1, "latent_heat_j": 0.3}
+"""A record that tells these parameters no better is no identification; the feedforward rests on them."""
+
+
+@dataclass(frozen=True)
+class ThermalFit:
+    """A fitted heat balance.
+
+    `wire_temperature_c`: the wire's own temperature at the samples, free of lag and nearly free of noise: heat
+    balance above 0.05 Hz, thermocouple below. `rms_c`: output error of the reading, K. `within`: half the 95 % interval
+    of each parameter by its name in HeatBalance, relative to it (ambient_c: in K; resistance_change: as it is).
+    """
+
+    balance: HeatBalance
+    wire_temperature_c: Array
+    rms_c: float
+    within: dict[str, float]
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """The excitation on a uniform time grid."""
+
+    dt_s: float
+    power_w: Array
+    reading_c: Array
+    phase: Array
+
+
+def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit:
+    """Fit the heat balance to one recorded excitation.
+
+    `start` (the nominal wire) is where the search begins; each parameter may end within a factor of five of it. Raises
+    IdentificationError when the record is too short, never heats, or ends at a bound (the message names the parameter).
+    """
+    _check_excited(record)
+    phase = _phase(record.displacement_mm, record.temperature_c)
+    grid, samples = _uniform(record, phase)
+    balance, residual, within = _fit_balance(samples, start)
+    resistance, within_resistance = _fit_resistance(record, phase)
+    balance = replace(
+        balance,
+        resistance_cold_ohm=resistance["resistance_cold_ohm"],
+        resistance_change=resistance["resistance_change"],
+    )
+    within |= within_resistance
+    _check_told(within)
+    wire = _wire_temperature(samples, balance)
+    return ThermalFit(balance, np.interp(record.time_s, grid, wire), float(np.sqrt(np.mean(residual**2))), within)
+
+
+def _check_excited(record: ExcitationRecord) -> None:
+    time = record.time_s
+    if time.size < 200:
+        raise IdentificationError(f"thermal fit: {time.size} samples, at least 200 are needed: excite for longer")
+    if not np.all(np.diff(time) > 0):
+        raise IdentificationError("thermal fit: time_s does not increase everywhere: sort the samples by time")
+    if record.current_a.max() <= 0:
+        raise IdentificationError("thermal fit: the current is zero throughout: nothing was heated")
+
+
+def _phase(displacement: Array, reading: Array) -> Array:
+    """Displacement scaled to [0, 1] so that it rises on heating, whatever the sensor's sense."""
+    low, high = np.percentile(displacement, [0.5, 99.5])
+    if high - low <= MOVES * np.std(np.diff(displacement)):
+        raise IdentificationError(
+            f"thermal fit: the wire did not move, its displacement only varies by {high - low:.2g} mm between "
+            f"{reading.min():.0f} and {reading.max():.0f} °C: heat it through its transformation (excitation.high_c), "
+            "and check the sensor"
+        )
+    rising = np.corrcoef(displacement, reading)[0, 1] >= 0
+    phase: Array = np.clip((displacement - low) / (high - low), 0.0, 1.0)
+    return phase if rising else 1.0 - phase
+
+
+def _uniform(record: ExcitationRecord, phase: Array) -> tuple[Array, _Samples]:
+    """The record on a uniform grid: columns interpolated, the power through its energy, of which nothing is lost."""
+    time = record.time_s
+    dt_s = float(np.median(np.diff(time)))
+    grid = np.arange(time[0], time[-1] + 0.5 * dt_s, dt_s)
+    power = record.current_a * record.voltage_v
+    energy = np.concatenate(([0.0], np.cumsum(power[1:] * np.diff(time))))
+    mean_power = np.diff(np.interp(grid, time, energy), prepend=0.0) / dt_s
+    samples = _Samples(dt_s, mean_power, np.interp(grid, time, record.temperature_c), np.interp(grid, time, phase))
+    return grid, samples
+
+
+def _thermal_parameters(balance: HeatBalance) -> Array:
+    return np.array(
+        [
+            balance.heat_capacity_j_per_k,
+            balance.loss_w_per_k,
+            balance.latent_heat_j,
+            balance.ambient_c,
+            balance.thermocouple_lag_s,
+        ]
+    )
+
+
+def _simulate(samples: _Samples, parameters: Array) -> tuple[Array, Array]:
+    """Wire temperature and reading for (m c, h A, Q, T_a, lag).
+
+    A sample's power is that of the period which ends with it; the phase is linear over each period.
+    """
+    capacity, loss, latent, ambient, lag = parameters
+    net_w = samples.power_w[1:] - latent * np.diff(samples.phase) / samples.dt_s
+    wire = ambient + _first_order(net_w / loss, capacity / loss, samples.dt_s, samples.reading_c[0] - ambient)
+    return wire, _lagged(wire, lag, samples.dt_s, samples.reading_c[0])
+
+
+def _first_order(target: Array, time_constant_s: float, dt_s: float, start: float) -> Array:
+    """X' = (target - x)/τ with the target held over each sample; one element longer than `target`."""
+    decay = np.exp(-dt_s / time_constant_s)
+    tail, _ = lfilter([1.0 - decay], [1.0, -decay], target, zi=[decay * start])
+    return np.concatenate(([start], tail))
+
+
+def _lagged(wire: Array, lag_s: float, dt_s: float, start: float) -> Array:
+    """The thermocouple's first-order lag on a piecewise linear wire temperature."""
+    decay = np.exp(-dt_s / lag_s)
+    gain = 1.0 - (1.0 - decay) * lag_s / dt_s
+    driven = (1.0 - decay - gain) * wire[:-1] + gain * wire[1:]
+    tail, _ = lfilter([1.0], [1.0, -decay], driven, zi=[decay * start])
+    return np.concatenate(([start], tail))
+
+
+def _check_told(within: dict[str, float]) -> None:
+    """Refuse a record from which a parameter that the control needs is only guessed."""
+    for name, plain in NAMES.items():
+        if within[name] > UNCERTAIN.get(name, np.inf):
+            raise IdentificationError(
+                f"thermal fit: the record tells the {plain} only to within ±{100.0 * within[name]:.3g} %, "
+                f"±{100.0 * UNCERTAIN[name]:.3g} % are needed: excite for longer, over the whole transformation, and "
+                "with a quieter thermocouple"
+            )
+
+
+def _intervals(jacobian: Array, residual: Array) -> Array:
+    """Half of the 95 % interval of each unknown; residuals that hang together count as fewer."""
+    together = float(np.clip(np.corrcoef(residual[:-1], residual[1:])[0, 1], 0.0, 0.99))
+    variance = float(np.mean(residual**2)) * (1.0 + together) / (1.0 - together)
+    return np.asarray(1.96 * np.sqrt(variance * np.diag(np.linalg.pinv(jacobian.T @ jacobian))), dtype=np.float64)
+
+
+def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, Array, dict[str, float]]:
+    nominal = _thermal_parameters(start)
+    nominal[[2, 4]] = np.maximum(nominal[[2, 4]], [1e-3 * start.heat_capacity_j_per_k, samples.dt_s])
+    positive = np.array([True, True, True, False, True])
+
+    def parameters(x: Array) -> Array:
+        return np.where(positive, nominal * np.exp(np.where(positive, x, 0.0)), nominal + 10.0 * x)
+
+    def residual(x: Array) -> Array:
+        return _simulate(samples, parameters(x))[1] - samples.reading_c
+
+    bound = np.log(5.0)
+    fit = least_squares(residual, np.zeros(5), bounds=(-bound, bound), x_scale="jac", loss="soft_l1", f_scale=1.0)
+    for name, value in zip(NAMES.values(), fit.x, strict=True):
+        if abs(value) > 0.99 * bound:
+            raise IdentificationError(
+                f"thermal fit: the {name} runs to the end of its range around the nominal wire: "
+                "check the wire file, the thermocouple's contact and that the record heats and cools"
+            )
+    capacity, loss, latent, ambient, lag = parameters(fit.x).tolist()
+    found = HeatBalance(capacity, loss, latent, ambient, start.resistance_cold_ohm, start.resistance_change, lag)
+    left = residual(fit.x)
+    half = np.hypot(_intervals(np.asarray(fit.jac), left), SYSTEMATIC) * np.where(positive, 1.0, 10.0)
+    return found, left, dict(zip(NAMES, half.tolist(), strict=True))
+
+
+def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[dict[str, float], dict[str, float]]:
+    """R_cold and r of R = R_cold (1 + r w), weighted by the current, and half of their 95 % intervals."""
+    current = record.current_a
+    heated = current > MIN_CURRENT_FRACTION * current.max()
+    if np.count_nonzero(heated) < 20:
+        raise IdentificationError("thermal fit: fewer than 20 samples with enough current to read the resistance")
+    ohm = record.voltage_v[heated] / current[heated]
+    (slope, cold), covariance = np.polyfit(phase[heated], ohm, 1, w=current[heated], cov=True)
+    slope_ohm, cold_ohm = (1.96 * np.sqrt(np.diag(covariance))).tolist()
+    found = {"resistance_cold_ohm": float(cold), "resistance_change": float(slope / cold)}
+    return found, {
+        "resistance_cold_ohm": float(np.hypot(cold_ohm / cold, SYSTEMATIC)),
+        "resistance_change": float(np.hypot(slope_ohm / cold, SYSTEMATIC)),
+    }
+
+
+def _wire_temperature(samples: _Samples, balance: HeatBalance) -> Array:
+    wire, reading = _simulate(samples, _thermal_parameters(balance))
+    low_pass = butter(2, CORRECTION_BAND_HZ, fs=1.0 / samples.dt_s, output="sos")
+    return wire + np.asarray(sosfiltfilt(low_pass, samples.reading_c - reading))

@@ -1,0 +1,159 @@
+"""Rules that never turn the wrong way: the condition for a unique inverse, in the fit and exactly on its result.
+
+The slope is affine in w, so over the whole loop between its branches H (heating) and C (cooling) it has the right sign
+where it has on the far branch:
+
+    heating:  p(v) - (p + q)(v) C(v) ≥ 0           cooling:  q(v) - (p + q)(v) (1 - H(v)) ≥ 0
+
+that is S ≥ C and R ≤ H. The loop is the closed one over the whole range, which a full sweep up and down maps onto
+itself, whether a record went there or not. Inner loops that stay flat where they turn ask for less: slopes then have
+the right sign to a `depth` of the loop, 1 for all of it, 0 for the branches themselves, H + depth (C - H) in place of C
+and C - depth (C - H) in place of H. In the fit slopes of the wrong sign are penalised; what is left of them goes when q
+of the heating and p of the cooling rules shrink.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from smadrive.hysteresis.tsfuzzy import MembershipGrid, TSFuzzyDuhem
+from smadrive.identification.tsfuzzy.record_reversal import NOWHERE, Mask, Turning
+from smadrive.identification.tsfuzzy.sensitivity import RuleTables
+from smadrive.numerics.arrays import FloatArray
+
+_ROUNDS = 20  # shrinking q lifts H, shrinking p lowers C: few rounds settle, and what they do not goes altogether
+_MARGIN = 3e-3  # of what a rule keeps: what shrinks a little too much need not shrink again
+
+
+class Loop(NamedTuple):
+    """The closed loop at nodes: both branches, and how a state at the ends of the range decays along each."""
+
+    heating: FloatArray
+    cooling: FloatArray
+    crossed: np.ndarray
+    rise_decay: FloatArray
+    fall_decay: FloatArray
+    bottom: float
+    top: float
+
+    @property
+    def width(self) -> FloatArray:
+        """Distance of the branches; trial branches may cross."""
+        return np.abs(self.cooling - self.heating)
+
+    def highest(self, depth: float) -> FloatArray:
+        """The greatest state to a depth of the loop seen from its lower branch: 0 that branch, 1 the other."""
+        return np.minimum(self.heating, self.cooling) + depth * self.width
+
+    def lowest(self, depth: float) -> FloatArray:
+        """The least state to a depth of the loop seen from its upper branch."""
+        return np.maximum(self.heating, self.cooling) - depth * self.width
+
+
+def closed_loop(tables: RuleTables) -> Loop:
+    """The closed loop of trial rules at the nodes of their tables."""
+    up, down = tables.up, tables.down
+    rise, fall = np.exp(up.exponent), np.exp(down.exponent - down.exponent[-1])
+    bottom = (down.target[0] + (up.target[-1] - 1) * fall[0]) / (1 - rise[-1] * fall[0])
+    top = up.target[-1] + bottom * rise[-1]
+    heating, cooling = up.target + bottom * rise, down.target + (top - 1) * fall
+    return Loop(heating, cooling, heating > cooling, rise, fall, float(bottom), float(top))
+
+
+def least_slopes(tables: RuleTables, depth: float) -> FloatArray:
+    """The least slope of heating and of cooling to this depth of the loop at every node, (2, nodes)."""
+    loop = closed_loop(tables)
+    p_heating, q_heating, p_cooling, q_cooling = tables.rates_at_nodes
+    return np.array(
+        [
+            p_heating - (p_heating + q_heating) * loop.highest(depth),
+            q_cooling - (p_cooling + q_cooling) * (1 - loop.lowest(depth)),
+        ]
+    )
+
+
+def least_slope_derivatives(tables: RuleTables, depth: float) -> FloatArray:
+    """Their derivatives with respect to RuleRates in order, (2, nodes, 5 sets)."""
+    loop, mu, sets = closed_loop(tables), tables.at_nodes, len(tables.rates.centres)
+    d_heating, d_cooling = _branch_derivatives(tables, loop)
+    crossed = loop.crossed[:, None]
+    d_lower, d_upper = np.where(crossed, d_cooling, d_heating), np.where(crossed, d_heating, d_cooling)
+    highest, lowest = loop.highest(depth), loop.lowest(depth)
+    d_highest, d_lowest = d_lower + depth * (d_upper - d_lower), d_upper - depth * (d_upper - d_lower)
+    p_heating, q_heating, p_cooling, q_cooling = (rate[:, None] for rate in tables.rates_at_nodes)
+    p_h_slope, q_h_slope, p_c_slope, q_c_slope = tables.slopes_at_nodes
+    far_heating, far_cooling = highest[:, None], 1 - lowest[:, None]
+    heating, cooling = -(p_heating + q_heating) * d_highest, (p_cooling + q_cooling) * d_lowest
+    first, second, third, fourth, moved = (slice(n * sets, (n + 1) * sets) for n in range(5))
+    heating[:, first] += mu * (1 - far_heating)
+    heating[:, second] -= mu * far_heating
+    heating[:, moved] -= mu * (p_h_slope - (p_h_slope + q_h_slope) * highest)[:, None]
+    cooling[:, third] -= mu * far_cooling
+    cooling[:, fourth] += mu * (1 - far_cooling)
+    cooling[:, moved] -= mu * (q_c_slope - (p_c_slope + q_c_slope) * (1 - lowest))[:, None]
+    return np.array([heating, cooling])
+
+
+def _branch_derivatives(tables: RuleTables, loop: Loop) -> tuple[FloatArray, FloatArray]:
+    """∂H and ∂C at the nodes: those of the tabulated solutions, and of where the closed loop starts."""
+    up, down = tables.sensitivities
+    rise, fall = loop.rise_decay[:, None], loop.fall_decay[:, None]
+    d_rise, d_fall = rise * up.exponent, fall * (down.exponent - down.exponent[-1])
+    open_top = tables.up.target[-1] - 1
+    turned = down.target[0] + up.target[-1] * fall[0] + open_top * d_fall[0]
+    turned = turned + loop.bottom * (d_rise[-1] * fall[0] + rise[-1] * d_fall[0])
+    d_bottom = turned / (1 - rise[-1] * fall[0])
+    d_top = up.target[-1] + d_bottom * rise[-1] + loop.bottom * d_rise[-1]
+    heating = up.target + d_bottom * rise + loop.bottom * d_rise
+    return heating, down.target + d_top * fall + (loop.top - 1) * d_fall
+
+
+def monotone(model: TSFuzzyDuhem, depth: float = 1.0, turning: Turning = NOWHERE) -> TSFuzzyDuhem:
+    """`model` with q of the heating and p of the cooling rules shrunk just enough that no slope has the wrong sign.
+
+    To this depth of the loop, except by rules at work where the wire itself turns.
+    """
+    p_heating, q_heating = model.heating_law[1], -model.heating_law[0] - model.heating_law[1]
+    p_cooling, q_cooling = -model.cooling_law[1], model.cooling_law[0] + model.cooling_law[1]
+    grid, (up, down) = MembershipGrid(model.sets, model.engine.nodes), turning.at(model.engine.nodes)
+    mu, heating, cooling = grid.at_nodes, model.engine.heating.target, model.engine.cooling.target
+    for number in range(_ROUNDS + 2 * len(p_heating)):
+        beyond = depth * np.maximum(cooling - heating, 0.0)  # branches that saturate together may cross a little
+        share_q = _largest_share(mu, p_heating, q_heating, heating + beyond, up)
+        share_p = _largest_share(mu, q_cooling, p_cooling, 1 - cooling + beyond, down)
+        if min(share_q.min(), share_p.min()) == 1:
+            break
+        if number >= _ROUNDS:
+            share_q, share_p = np.floor(share_q), np.floor(share_p)
+        q_heating, p_cooling = q_heating * share_q, p_cooling * share_p
+        branches = grid.closed_branches((-(p_heating + q_heating), p_heating), (p_cooling + q_cooling, -p_cooling))
+        heating, cooling = (branch.target for branch in branches)
+    return TSFuzzyDuhem(
+        model.sets,
+        a_heating=-(p_heating + q_heating),
+        b_heating=p_heating,
+        a_cooling=p_cooling + q_cooling,
+        b_cooling=-p_cooling,
+        scale=model.scale,
+        offset=model.offset,
+        input_range=model.input_range,
+    )
+
+
+def _largest_share(mu: FloatArray, gain: FloatArray, loss: FloatArray, far: FloatArray, turns: Mask) -> FloatArray:
+    """Share of each rule's loss that leaves gain (1 - far) - loss far ≥ 0 at all nodes where the rule is active.
+
+    Only rules shrink that have the wrong sign themselves: their neighbours' targets would run ahead of them.
+    """
+    room, need = (mu @ gain) * (1 - far), (mu @ loss) * far
+    short = need > room
+    mu_short, far_short = mu[short], far[short]
+    wrong = np.outer(1 - far_short, gain) < np.outer(far_short, loss)
+    its_need = ((mu_short * wrong) @ loss) * far_short
+    with np.errstate(divide="ignore", invalid="ignore"):
+        share = (1 - (need - room)[short] / its_need) * (1 - _MARGIN)
+    active = np.where(wrong & (mu_short > 0), share[:, None], 1.0)
+    least = np.clip(active.min(axis=0, initial=1.0), 0.0, 1.0)
+    return np.asarray(np.where((mu[turns] > 0).any(axis=0), 1.0, least))

@@ -1,0 +1,73 @@
+"""What the rules are tied to where a record is silent: the local laws of a Duhem fit.
+
+Each rule may stray from it at about the cost of one sample off by the noise, so that data, where there are any, decide.
+"""
+
+from __future__ import annotations
+
+from copy import copy
+from typing import Self
+
+import numpy as np
+
+from smadrive.hysteresis.duhem import DuhemModel
+from smadrive.identification.quality.fit import Fit
+from smadrive.identification.record import Record
+from smadrive.numerics.arrays import FloatArray
+
+_LARGEST_PRIOR = 200.0  # rate per input span
+_CELLS = 400
+_STRAY, _STRAY_LEAST = 0.3, 0.5  # rates may stray from the Duhem fit's by this share of p + q, and this per input span
+_SLOPE_TIE = 3e-4  # tie of slopes to the right sign on a record without noise, in output spans
+_SATURATED = 0.02  # w (1 - w), relative to its largest, at which this tie is tightest
+_TIE_MISFIT = 0.2  # a Duhem fit's own misfit, in these units, counts like noise
+_TIE_FLOOR = 2e-6  # tie to the Duhem fit for a record without noise, in output spans
+
+
+class Prior:
+    """The rates p and q of a Duhem model as functions of v, tabulated; in units of one per input span."""
+
+    def __init__(self, fit: Fit[DuhemModel], record: Record) -> None:
+        lower, upper = record.input_range
+        model = fit.model
+        self.model = model
+        self.grid = np.linspace(lower, upper, _CELLS + 1)
+        inside = np.clip(self.grid, model.engine.lower, model.engine.upper)
+        rates = []
+        for rising in (True, False):
+            a, b = model.local_laws(inside, rising=rising)
+            total = np.minimum(np.abs(a) * (upper - lower), _LARGEST_PRIOR)
+            share = np.clip(np.divide(b, -a, out=np.zeros_like(b), where=a < 0), 0.0, 1.0)  # far off, a underflows to 0
+            rates += [total * share, total * (1 - share)]
+        self.rates = np.array(rates)
+        self._slopes = np.gradient(self.rates, self.grid, axis=1)
+        self.weight = max(record.noise, _TIE_MISFIT * fit.rms_percent / 100, _TIE_FLOOR)
+
+    def tied(self, factor: float) -> Self:
+        """The same, tied `factor` times as tightly."""
+        closer = copy(self)
+        closer.weight = factor * self.weight
+        return closer
+
+    def at(self, centres: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Rates (4, sets) and their derivatives with respect to v."""
+        return _interpolate(centres, self.grid, self.rates), _interpolate(centres, self.grid, self._slopes)
+
+    def reach(self, centres: FloatArray) -> FloatArray:
+        """How far rates (4, sets) may stray before it costs as much as one sample off by the noise."""
+        pairs = _interpolate(centres, self.grid, self.rates).reshape(2, 2, -1)
+        return np.ravel(np.repeat(_STRAY * pairs.sum(axis=1) + _STRAY_LEAST, 2, axis=0))
+
+    def slope_tie(self, v: FloatArray) -> FloatArray:
+        """Weights of slopes of the wrong sign at inputs v, (2, len(v)): tied like the rates, and more near saturation.
+
+        There the state hardly moves, so a slope of the wrong sign costs no fit, but it can stop an inverse.
+        """
+        pairs = _interpolate(v, self.grid, self.rates).reshape(2, 2, -1)
+        far = np.array([self.model.cooling.cdf(v), self.model.heating.cdf(v)])
+        weight = self.weight + _SLOPE_TIE / (4 * far * (1 - far) + _SATURATED)
+        return np.asarray(weight / (_STRAY * pairs.sum(axis=1) + _STRAY_LEAST))
+
+
+def _interpolate(v: FloatArray, grid: FloatArray, rows: FloatArray) -> FloatArray:
+    return np.array([np.interp(v, grid, row) for row in rows])

@@ -1,0 +1,219 @@
+"""The least-squares problem behind identify_tsfuzzy: what is unknown, what is minimised, and the exact derivatives.
+
+x = (rates p, q of every rule · span, logits of the gaps between centres if they move, bottom, top, first state)
+r = (error of the simulated output; stray of the rates and gaps from the Duhem fit; slopes of the wrong sign)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import softmax
+
+from smadrive.hysteresis.fuzzy import TriangularSets
+from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
+from smadrive.identification.quality.leave_one_out import leave_one_out_ratio
+from smadrive.identification.record import Record
+from smadrive.identification.tsfuzzy.monotone import least_slope_derivatives, least_slopes
+from smadrive.identification.tsfuzzy.prior import Prior
+from smadrive.identification.tsfuzzy.record_reversal import Turning, find_turning
+from smadrive.identification.tsfuzzy.sensitivity import RuleRates, RuleTables, Runs
+from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.interpolation_matrix import Blend
+from smadrive.numerics.levenberg_marquardt import Minimum, minimise
+
+LEAST_GAP = 0.01  # of the input span, between centres
+_LEAST_RATE = 1e-3  # contraction per input span that every rule keeps
+_LARGEST_RATE = 300.0
+_SPARE_OUTPUT = 0.05  # of the outputs known: how far the bottom and the top of a model may lie outside
+_STRAY_GAP = 3.0  # how far the logarithms of the gaps may stray, in units of the tie
+
+
+class _Trial(NamedTuple):
+    """Variables, derivatives of their centres by the gaps' logits, tables of their rules, states at the samples."""
+
+    x: FloatArray
+    moves: FloatArray
+    tables: RuleTables
+    w: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class RuleProblem:
+    """Bounded least squares over x.
+
+    `monotony` scales the weight of slopes of the wrong sign, 0: they are free; to `depth` of the loop, see monotone.
+    """
+
+    record: Record
+    runs: Runs
+    prior: Prior
+    start: FloatArray
+    reach: FloatArray
+    centres: FloatArray
+    fit_centres: bool
+    turning: Turning
+    monotony: float = 0.0
+    depth: float = 1.0
+    _latest: list[_Trial] = field(default_factory=list, init=False)
+
+    @classmethod
+    def near(cls, record: Record, prior: Prior, centres: FloatArray, fit_centres: bool) -> RuleProblem:
+        """The problem that starts from the Duhem fit's laws at `centres`."""
+        model, (lower, upper) = prior.model, record.input_range
+        first = np.clip((record.mean_y[0] - model.offset) / model.scale, 0.0, 1.0)
+        tail = [model.offset / record.output_span, (model.offset + model.scale) / record.output_span, float(first)]
+        gaps = _gap_logits(centres, lower, upper) if fit_centres else np.empty(0)
+        start = np.concatenate([prior.at(centres)[0].ravel(), gaps, tail])
+        return cls(
+            record, Runs(record.v), prior, start, prior.reach(centres), centres, fit_centres, find_turning(record)
+        )
+
+    def place(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Centres and their derivative with respect to the gaps' logits."""
+        sets = len(self.centres)
+        if not self.fit_centres:
+            return self.centres, np.empty((sets, 0))
+        lower, upper = self.record.input_range
+        free = 1 - (sets + 1) * LEAST_GAP
+        share = softmax(x[4 * sets : 5 * sets + 1])
+        centres = lower + (upper - lower) * np.cumsum(LEAST_GAP + free * share)[:-1]
+        slope = free * (np.diag(share) - np.outer(share, share))
+        return centres, (upper - lower) * np.cumsum(slope, axis=0)[:-1]
+
+    def _trial(self, x: FloatArray) -> _Trial:
+        """What stands for x; that of the last x is kept, for the derivatives that follow the residuals."""
+        if not (self._latest and np.array_equal(self._latest[0].x, x)):
+            centres, moves = self.place(x)
+            p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
+            rates = RuleRates(p_heating, q_heating, p_cooling, q_cooling, centres)
+            tables = RuleTables(rates, *self.record.input_range)
+            self._latest[:] = [_Trial(x.copy(), moves, tables, tables.states(self.runs, float(x[-1])))]
+        return self._latest[0]
+
+    def _rates(self, x: FloatArray) -> FloatArray:
+        lower, upper = self.record.input_range
+        return x[: 4 * len(self.centres)].reshape(4, -1) / (upper - lower)
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        """r(x)."""
+        record, rates = self.record, 4 * len(self.centres)
+        _, _, tables, w = self._trial(x)
+        error = (x[-3] + (x[-2] - x[-3]) * w - record.mean_y / record.output_span) * np.sqrt(record.count)
+        stray = (x[:rates] - self.prior.at(tables.rates.centres)[0].ravel()) / self.reach
+        shift = (x[rates:-3] - self.start[rates:-3]) / _STRAY_GAP
+        if not self.monotony:
+            return np.concatenate([error, self.prior.weight * stray, self.prior.weight * shift])
+        wrong, weight = self._wrong_slopes(x)
+        return np.concatenate([error, self.prior.weight * stray, self.prior.weight * shift, (weight * wrong).ravel()])
+
+    def misfit(self, x: FloatArray) -> float:
+        """RMS of the output error, in output spans."""
+        error = self.residuals(x)[: len(self.record.v)]
+        return float(np.sqrt(error @ error / self.record.count.sum()))
+
+    def leave_one_out_ratio(self, x: FloatArray) -> float:
+        """Leave-one-out error over training error at the minimum x; see confirmation."""
+        rates, (low, _) = 4 * len(self.centres), self._bounds()
+        free = np.ones(len(x), dtype=bool)
+        free[:rates] = x[:rates] > low[:rates]
+        jacobian = np.vstack([*self.jacobian(x)])[:, free]
+        return leave_one_out_ratio(self.residuals(x), jacobian, len(self.record.v), self.record.scatter)
+
+    def _wrong_slopes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """How far the least slopes per input span fall below zero at the nodes, and their weights, (2, nodes)."""
+        tables, (lower, upper) = self._trial(x).tables, self.record.input_range
+        missing = -least_slopes(tables, self.depth) * (upper - lower)
+        weight = self.monotony * np.sqrt(self.record.count.sum()) * self.prior.slope_tie(tables.nodes)
+        return missing, np.where((missing > 0) & ~self.turning.at(tables.nodes), weight, 0.0)
+
+    def jacobian(self, x: FloatArray) -> Iterator[FloatArray]:
+        """∂r/∂x, in blocks of rows."""
+        yield from self._error_derivatives(x).blocks()
+        yield self._stray_derivatives(x)
+        if self.monotony:
+            yield self._wrong_slope_derivatives(x)
+
+    def _error_derivatives(self, x: FloatArray) -> Blend:
+        record, sets, scale = self.record, len(self.centres), x[-2] - x[-3]
+        lower, upper = record.input_range
+        _, moves, tables, w = self._trial(x)
+        dw = tables.jacobian(self.runs, w)
+        known = len(dw.rows)
+        rows = np.zeros((known + 2, len(x)))
+        np.multiply(dw.rows[:, : 4 * sets], scale / (upper - lower), out=rows[:known, : 4 * sets])
+        np.matmul(scale * dw.rows[:, 4 * sets : 5 * sets], moves, out=rows[:known, 4 * sets : -3])
+        np.multiply(dw.rows[:, -1], scale, out=rows[:known, -1])
+        rows[known, -3] = rows[known + 1, -2] = 1.0
+        ends = np.broadcast_to(np.array([known, known + 1], dtype=np.int32), (len(w), 2))
+        shares = np.column_stack([dw.shares, 1 - w, w]) * np.sqrt(record.count)[:, None]
+        return Blend(np.hstack([dw.places, ends]), shares, rows)
+
+    def _stray_derivatives(self, x: FloatArray) -> FloatArray:
+        _, moves, tables, _ = self._trial(x)
+        sets, gaps = len(self.centres), moves.shape[1]
+        tie = np.zeros((4 * sets + gaps, len(x)))
+        np.fill_diagonal(tie, self.prior.weight / np.concatenate([self.reach, np.full(gaps, _STRAY_GAP)]))
+        followed = np.vstack([slope[:, None] * moves for slope in self.prior.at(tables.rates.centres)[1]])
+        tie[: 4 * sets, 4 * sets : -3] = -self.prior.weight * followed / self.reach[:, None]
+        return tie
+
+    def _wrong_slope_derivatives(self, x: FloatArray) -> FloatArray:
+        sets, (lower, upper) = len(self.centres), self.record.input_range
+        _, moves, tables, _ = self._trial(x)
+        derivatives, weight = least_slope_derivatives(tables, self.depth), self._wrong_slopes(x)[1].ravel()
+        derivatives = derivatives.reshape(len(weight), -1)
+        rows = np.zeros((len(weight), len(x)))
+        rows[:, : 4 * sets] = -weight[:, None] * derivatives[:, : 4 * sets]
+        rows[:, 4 * sets : -3] = -weight[:, None] * (upper - lower) * (derivatives[:, 4 * sets :] @ moves)
+        return rows
+
+    def solve(self, start: FloatArray, iterations: int, tolerance: float) -> Minimum:
+        """Descend from `start` within the bounds."""
+        bounds = self._bounds()
+        return minimise(self.residuals, self.jacobian, start, bounds, iterations=iterations, tolerance=tolerance)
+
+    def _bounds(self) -> tuple[FloatArray, FloatArray]:
+        sets = len(self.centres)
+        low, high = np.full(len(self.start), -np.inf), np.full(len(self.start), np.inf)
+        low[: 4 * sets], high[: 4 * sets] = 0.0, _LARGEST_RATE
+        low[:sets] = low[3 * sets : 4 * sets] = _LEAST_RATE
+        low[-3:], high[-3:] = self._output_bounds()
+        return low, high
+
+    def _output_bounds(self) -> tuple[list[float], list[float]]:
+        """Of bottom, top and first state: no state is an output that neither the record nor the Duhem fit knows."""
+        ends = np.sort(self.start[-3:-1])
+        measured = self.record.mean_y / self.record.output_span
+        lowest, highest = min(ends[0], measured.min()), max(ends[1], measured.max())
+        spare, middle = _SPARE_OUTPUT * (highest - lowest), 0.5 * (lowest + highest)
+        lower_end, upper_end = (lowest - spare, middle), (middle, highest + spare)
+        bottom, top = (lower_end, upper_end) if self.start[-2] > self.start[-3] else (upper_end, lower_end)
+        return [bottom[0], top[0], 0.0], [bottom[1], top[1], 1.0]
+
+    def model(self, x: FloatArray) -> TSFuzzyDuhem:
+        """The model of x."""
+        p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
+        return TSFuzzyDuhem(
+            TriangularSets(tuple(self.place(x)[0].tolist())),
+            a_heating=-(p_heating + q_heating),
+            b_heating=p_heating,
+            a_cooling=p_cooling + q_cooling,
+            b_cooling=-p_cooling,
+            scale=float(x[-2] - x[-3]) * self.record.output_span,
+            offset=float(x[-3]) * self.record.output_span,
+            input_range=self.record.input_range,
+        )
+
+    def first_output(self, x: FloatArray) -> float:
+        """Output at the first sample."""
+        return float(x[-3] + (x[-2] - x[-3]) * x[-1]) * self.record.output_span
+
+
+def _gap_logits(centres: FloatArray, lower: float, upper: float) -> FloatArray:
+    """The softmax logits of the gaps lower-c1, c1-c2, ..., cn-upper, each at least a little above the least gap."""
+    gaps = np.diff(np.concatenate([[lower], centres, [upper]])) / (upper - lower)
+    return np.log(np.maximum(gaps - LEAST_GAP, 0.1 * LEAST_GAP))

@@ -1,0 +1,70 @@
+"""Where a record itself turns the wrong way: falls while its input runs the way it should rise, or the reverse.
+
+A wire that only transforms has monotone branches, and rules that turn are then an artefact of the fit. A wire that also
+expands does turn where it is saturated, which no fit may hide. The record decides, without a model: each of its runs is
+compared with the monotone curve nearest to it. Stretches which that curve replaces by a constant are where the output
+turns; they count only if the record is materially further from monotone curves than a measurement is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import isotonic_regression
+
+from smadrive.identification.record import Record
+from smadrive.numerics.arrays import FloatArray
+
+Mask = NDArray[np.bool_]
+
+MATERIAL = 0.005
+"""RMS in output spans up to which a departure from monotone curves is taken for that of a measurement."""
+
+
+@dataclass(frozen=True, slots=True)
+class Turning:
+    """Stretches (from, to) of the input over which the output turns, on heating and on cooling."""
+
+    heating: tuple[tuple[float, float], ...] = ()
+    cooling: tuple[tuple[float, float], ...] = ()
+
+    def at(self, v: FloatArray) -> Mask:
+        """Whether the output turns at inputs v, (2, len(v)): on heating, on cooling."""
+        found = np.zeros((2, len(v)), dtype=bool)
+        for row, stretches in enumerate((self.heating, self.cooling)):
+            for start, end in stretches:
+                found[row] |= (start <= v) & (v <= end)
+        return found
+
+
+NOWHERE = Turning()
+"""Of a wire with monotone branches."""
+
+
+def find_turning(record: Record) -> Turning:
+    """The stretches of `record`; none where it is as near to monotone curves as its noise lets it be."""
+    rises = bool(np.corrcoef(record.v, record.mean_y)[0, 1] > 0)
+    material = float(np.hypot(MATERIAL, record.noise))
+    squares = 0.0
+    stretches: dict[bool, list[tuple[float, float]]] = {True: [], False: []}
+    for run in _runs(record.v):
+        v, y, count = record.v[run], record.mean_y[run] / record.output_span, record.count[run]
+        heating = bool(v[-1] > v[0])
+        nearest = isotonic_regression(y, weights=count, increasing=heating == rises)
+        squares += float(count @ (y - nearest.x) ** 2)
+        for start, end in pairwise(nearest.blocks):
+            if np.ptp(y[start:end]) > material:
+                stretches[heating].append((float(v[start:end].min()), float(v[start:end].max())))
+    if np.sqrt(squares / record.count.sum()) <= material:
+        return NOWHERE
+    return Turning(tuple(stretches[True]), tuple(stretches[False]))
+
+
+def _runs(v: FloatArray) -> list[slice]:
+    """Monotone runs, turning points in both."""
+    rising = v[1:] > v[:-1]
+    corners = [0, *(np.flatnonzero(rising[1:] != rising[:-1]) + 1).tolist(), len(v) - 1]
+    return [slice(start, end + 1) for start, end in pairwise(corners)]

@@ -1,0 +1,162 @@
+"""States of a T-S fuzzy Duhem model along a record, and their exact derivatives with respect to every rule.
+
+Rules with triangular sets are written by two non-negative rates, towards 1 and towards 0:
+
+    heating:  dw/dv =   p(v)(1 - w) - q(v) w        cooling:  dw/dv = -(p(v)(1 - w) - q(v) w)        p = Σ μ_i p_i, ...
+
+so contraction is p + q > 0 and boundedness comes with the signs. A derivative z = ∂w/∂θ obeys the same linear ODE with
+another drive, f = ∂(dw/dv)/∂θ; moving a centre c_i changes a piecewise linear law by ∂p/∂c_i = -p'(v) μ_i(v). With the
+closed form w = P + (w0 - P0) exp(Λ - Λ0) it is enough to tabulate ∂P and ∂Λ once per iteration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smadrive.hysteresis.branch import Branch, BranchEngine
+from smadrive.hysteresis.fuzzy import hat_weights
+from smadrive.hysteresis.tabulate import WEIGHTS, cell_maps, integrate_rate, march, quadrature_points, uniform_grid
+from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.interpolation_matrix import Blend
+
+BINS = 240  # table cells of a trial model
+
+
+class RuleRates(NamedTuple):
+    """The rates p and q of both directions and the centres, one number per set each."""
+
+    p_heating: FloatArray
+    q_heating: FloatArray
+    p_cooling: FloatArray
+    q_cooling: FloatArray
+    centres: FloatArray
+
+
+class Runs:
+    """The monotone runs of a path: where each starts and ends, and its direction."""
+
+    def __init__(self, v: FloatArray) -> None:
+        self.v = v
+        self.rising = v[1:] > v[:-1]
+        self.starts = np.concatenate([[0], np.flatnonzero(self.rising[1:] != self.rising[:-1]) + 1])
+        self.ends = np.concatenate([self.starts[1:], [len(v) - 1]])
+        self.run = np.repeat(np.arange(len(self.starts)), self.ends - self.starts)
+
+
+@dataclass(frozen=True, slots=True)
+class Sensitivity:
+    """∂P and ∂Λ of one branch at the nodes, (nodes, 5 · sets); columns ordered like RuleRates."""
+
+    target: FloatArray
+    exponent: FloatArray
+
+
+class RuleTables:
+    """The branch engine of trial rules over [lower, upper]."""
+
+    def __init__(self, rates: RuleRates, lower: float, upper: float) -> None:
+        self.rates = rates
+        self.nodes = uniform_grid(lower, upper, BINS, rates.centres)
+        self.points = quadrature_points(self.nodes)
+        self.at_points = hat_weights(self.points, rates.centres)
+        self.at_nodes = hat_weights(self.nodes, rates.centres)
+        self.up, self._up_maps = self._branch(rates.p_heating, rates.q_heating, rising=True)
+        self.down, self._down_maps = self._branch(rates.p_cooling, rates.q_cooling, rising=False)
+        self.engine = BranchEngine(self.nodes, BINS, self.up, self.down)
+
+    def _branch(self, p: FloatArray, q: FloatArray, *, rising: bool) -> tuple[Branch, FloatArray]:
+        sign = 1.0 if rising else -1.0
+        cells = integrate_rate(self.nodes, -sign * (self.at_points @ (p + q)))
+        gain, shift = cell_maps(self.nodes, cells, sign * (self.at_points @ p), rising=rising)
+        target = march(0.0 if rising else 1.0, gain, shift, rising=rising)
+        rate = -sign * (self.at_nodes @ (p + q))
+        branch = Branch(cells.exponent, rate, target, rate * target + sign * (self.at_nodes @ p))
+        end = cells.exponent[1:] if rising else cells.exponent[:-1]
+        weight = np.exp(end[:, None] - cells.inner_exponent) * WEIGHTS * np.diff(self.nodes)[:, None]
+        return branch, weight
+
+    @cached_property
+    def sensitivities(self) -> tuple[Sensitivity, Sensitivity]:
+        """Of the heating and of the cooling branch."""
+        return (
+            self._sensitivity(self.up, self._up_maps, rising=True),
+            self._sensitivity(self.down, self._down_maps, rising=False),
+        )
+
+    @property
+    def rates_at_nodes(self) -> list[FloatArray]:
+        """The four blended rates at the nodes."""
+        return [self.at_nodes @ rate for rate in self.rates[:4]]
+
+    @property
+    def slopes_at_nodes(self) -> list[FloatArray]:
+        """Their derivatives with respect to v."""
+        return [self._slopes(rate, self.nodes) for rate in self.rates[:4]]
+
+    def states(self, runs: Runs, w_start: float) -> FloatArray:
+        """State w at every sample."""
+        return self.engine.trajectory(runs.v, w_start)
+
+    def jacobian(self, runs: Runs, w: FloatArray) -> Blend:
+        """∂w at every sample, whose states are w, by (RuleRates in order, w at the start): (samples, 5 · sets + 1).
+
+        With the excess e = w - P at the start of a run and its decay D since, ∂w = ∂P + D e ∂Λ + D (∂e - e ∂Λ at the
+        start): ∂P and ∂Λ blend two nodes each, the last bracket is one more row for each run.
+        """
+        up, down = self.sensitivities
+        rows = np.zeros((4 * len(self.nodes) + 1 + len(runs.starts), up.target.shape[1] + 1))
+        tables, first, entries = np.split(rows, [4 * len(self.nodes), 4 * len(self.nodes) + 1])
+        np.concatenate([down.target, up.target, down.exponent, up.exponent], out=tables[:, :-1])
+        first[0, -1] = 1.0
+        start_v, start_rising = runs.v[runs.starts], runs.rising[runs.starts]
+        target, exponent = self.engine.evaluate(start_v, start_rising)
+        excess = w[runs.starts] - target
+        decay = np.exp(self.engine.evaluate(runs.v[1:], runs.rising)[1] - exponent[runs.run])
+        moves = self._blend(runs.v[1:], runs.rising, excess[runs.run] * decay, rows)
+        entered, last = self._blend(start_v, start_rising, excess, rows).at(slice(None)), runs.ends - 1
+        gained = moves.at(last) - decay[last, None] * entered
+        np.subtract(march(first[0], decay[last], gained, rising=True)[:-1], entered, out=entries)
+        places = np.column_stack([moves.places, (len(tables) + 1 + runs.run).astype(np.int32)])
+        shares = np.column_stack([moves.shares, decay])
+        first_places = np.full((1, 5), len(tables), dtype=np.int32)
+        return Blend(np.vstack([first_places, places]), np.vstack([np.eye(1, 5), shares]), rows)
+
+    def _sensitivity(self, branch: Branch, weight: FloatArray, *, rising: bool) -> Sensitivity:
+        rates, mu, width = self.rates, self.at_points, np.diff(self.nodes)
+        sets = len(rates.centres)
+        p, q = (rates.p_heating, rates.q_heating) if rising else (rates.p_cooling, rates.q_cooling)
+        w = self.engine.evaluate(self.points.ravel(), np.full(self.points.size, rising))[0].reshape(self.points.shape)
+        middle = (self.nodes[1:] + self.nodes[:-1]) / 2
+        p_slope, q_slope = (self._slopes(rate, middle)[:, None] for rate in (p, q))
+        drives = np.stack([1 - w, -w, q_slope * w - p_slope * (1 - w)], axis=1)  # by p, q and centres
+        forced = (weight[:, None] * drives) @ mu  # the sign and the way down cancel
+        met = (WEIGHTS @ mu) * width[:, None]
+        turned = np.hstack([-met, -met, (p_slope + q_slope) * met])
+        change = np.diff(branch.exponent)
+        gain = np.exp(change if rising else -change)
+        target, exponent = np.zeros((2, len(self.nodes), 5 * sets))
+        own_rates = np.arange(2 * sets) + (0 if rising else 2 * sets)
+        mine = np.concatenate([own_rates, np.arange(4 * sets, 5 * sets)])
+        target[:, mine] = march(np.zeros(3 * sets), gain, forced.reshape(len(width), -1), rising=rising)
+        exponent[1:, mine] = np.cumsum(turned if rising else -turned, axis=0)
+        return Sensitivity(target, exponent)
+
+    def _slopes(self, rate: FloatArray, v: FloatArray) -> FloatArray:
+        """Derivative of the blended rate; zero on the shoulders."""
+        slopes = np.concatenate([[0.0], np.diff(rate) / np.diff(self.rates.centres), [0.0]])
+        return np.asarray(slopes[np.searchsorted(self.rates.centres, v)])
+
+    def _blend(self, v: FloatArray, rising: NDArray[np.bool_], excess: FloatArray, rows: FloatArray) -> Blend:
+        """∂P + excess ∂Λ at inputs v, from rows: ∂P at the nodes, cooling then heating, and ∂Λ likewise."""
+        nodes = len(self.nodes)
+        cell = np.clip(np.searchsorted(self.nodes, v, side="right") - 1, 0, nodes - 2)
+        share = (v - self.nodes[cell]) / (self.nodes[cell + 1] - self.nodes[cell])
+        target = cell + nodes * rising
+        places = np.column_stack([target, target + 1, target + 2 * nodes, target + 2 * nodes + 1])
+        shares = np.column_stack([1 - share, share, excess * (1 - share), excess * share])
+        return Blend(places.astype(np.int32), shares, rows)

@@ -1,0 +1,47 @@
+"""A whole wire from one recorded excitation: first its heat balance, then its hysteresis.
+
+The order matters. The thermocouple lags the wire by some 0.1 s, which at a few K/s is several tenths of a kelvin, and
+1 K is 5-7 % of the stroke at mid-loop: a hysteresis model fitted to the reading would take the lag for width. So the
+thermal fit comes first, and the hysteresis model is fitted to the wire's own temperature.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from numpy.typing import ArrayLike
+
+from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
+from smadrive.identification.duhem import identify_duhem
+from smadrive.identification.excitation import ExcitationRecord
+from smadrive.identification.quality.fit import Fit
+from smadrive.identification.thermal import ThermalFit, identify_thermal
+from smadrive.identification.tsfuzzy.fit import identify_tsfuzzy
+from smadrive.wire.heat_balance import HeatBalance
+
+Kind = Literal["tsfuzzy", "duhem"]
+
+AnyFit = Fit[TSFuzzyDuhem] | Fit[DuhemModel]
+
+DUHEM_COMPONENTS = 2
+"""Gaussians per branch of a Duhem fit: measured wires need two."""
+
+
+@dataclass(frozen=True)
+class WireFit:
+    """The thermal fit and the hysteresis fit of one record."""
+
+    thermal: ThermalFit
+    hysteresis: AnyFit
+
+
+def identify_hysteresis(v: ArrayLike, y: ArrayLike, kind: Kind, sets: int) -> AnyFit:
+    """A T-S fuzzy model of `sets` sets, or a Duhem model, of output y on input v."""
+    return identify_tsfuzzy(v, y, sets=sets) if kind == "tsfuzzy" else identify_duhem(v, y, components=DUHEM_COMPONENTS)
+
+
+def identify_wire(record: ExcitationRecord, start: HeatBalance, *, kind: Kind = "tsfuzzy", sets: int = 11) -> WireFit:
+    """Heat balance and hysteresis of a recorded excitation; see `identify_thermal` for what can be wrong with it."""
+    thermal = identify_thermal(record, start)
+    return WireFit(thermal, identify_hysteresis(thermal.wire_temperature_c, record.displacement_mm, kind, sets))

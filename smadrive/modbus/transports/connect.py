@@ -1,0 +1,158 @@
+"""From a connection URL to an open transport: the one place that knows which transports there are.
+
+serial:///dev/ttyUSB0?baudrate=115200&parity=N&stopbits=1
+tcp://host:502                  Modbus TCP; without a port, 502
+rtu+tcp://host:port             RTU frames through a gateway; ?baudrate= is that of the line behind it
+
+&latency_ms=200 at any of them: by how much the way there and back may delay a reply, beyond what the device may take.
+"""
+
+from __future__ import annotations
+
+import errno
+import os
+from dataclasses import replace
+from urllib.parse import SplitResult, parse_qsl, urlsplit
+
+from smadrive.errors import ConfigError
+from smadrive.files.number_text import shortened
+from smadrive.modbus.framing.framing import RtuFraming, TcpFraming
+from smadrive.modbus.transports.descriptor import DescriptorTransport
+from smadrive.modbus.transports.serial_port import SerialTransport
+from smadrive.modbus.transports.tcp_socket import SocketTransport
+from smadrive.modbus.transports.transport import Lease, Parity, SerialSettings, Transport
+
+MODBUS_TCP_PORT = 502
+MOST_CHARACTERS = 1000
+"""Of a URL: longer than any path or name."""
+
+_FORMS = "serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port"
+_PARITIES: dict[str, Parity] = {"N": "N", "E": "E", "O": "O"}
+_ALLOWED = {
+    "baudrate": "baudrate=<50 to 12000000>",
+    "parity": "parity=N|E|O",
+    "stopbits": "stopbits=1|2",
+    "latency_ms": "latency_ms=<0 to 5000>",
+}
+BAUDRATES = (50, 12_000_000)
+"""The slowest line that Linux knows, and the fastest adapter on sale."""
+
+_NO_PATH = (errno.ELOOP, errno.ENAMETOOLONG)
+"""Errors of a path that can lead nowhere; a missing or a forbidden port may be there later."""
+
+MOST_LATENCY_MS = 5000
+"""A reply that comes still later is not waited for, and not remembered as owed for much longer."""
+
+
+def open_transport(
+    url: str, defaults: SerialSettings | None = None, *, exclusive: bool = True, lease: Lease | None = None
+) -> Transport:
+    """The connection of a URL.
+
+    `defaults` (a profile's) hold for what the URL leaves open. `exclusive`: a serial port is for this process alone,
+    and refused when another has it so. `lease` is asked at every use of the connection.
+    ConfigError: the URL makes no sense; TransportError: the port is missing, busy or forbidden, the host unknown,
+    silent or refusing.
+    """
+    transport = _opened(url, defaults or SerialSettings(), exclusive=exclusive)
+    transport.lease = lease
+    return transport
+
+
+def port_of(url: str) -> str:
+    """The port that a URL leads to now, however it is spelled: without query, links resolved, host in lower case
+    without the dot that may end it. A network port has further names (see hostnames.py).
+
+    ConfigError when the URL names no port.
+    """
+    parts = _split(url)
+    if parts.scheme == "serial":
+        return f"serial://{os.path.realpath(_port_path(url, parts))}"
+    host, number = _address(url, parts, MODBUS_TCP_PORT if parts.scheme == "tcp" else None)
+    return f"tcp://{host.removesuffix('.')}:{number}"
+
+
+def is_remote(url: str) -> bool:
+    """Whether the far end may have room for one client only; a port of this machine can be opened a second time."""
+    return _split(url).scheme in ("tcp", "rtu+tcp")
+
+
+def _opened(url: str, line: SerialSettings, *, exclusive: bool) -> DescriptorTransport:
+    parts = _split(url)
+    match parts.scheme:
+        case "serial":
+            settings, latency_s = _options(url, parts.query, line, tuple(_ALLOWED))
+            return SerialTransport(_port_path(url, parts), settings, exclusive=exclusive, latency_s=latency_s)
+        case "tcp":
+            host, port = _address(url, parts, MODBUS_TCP_PORT)
+            _, latency_s = _options(url, parts.query, line, allowed=("latency_ms",))
+            return SocketTransport(host, port, TcpFraming(), None, latency_s)
+        case "rtu+tcp":
+            host, port = _address(url, parts, None)
+            settings, latency_s = _options(url, parts.query, line, allowed=("baudrate", "latency_ms"))
+            return SocketTransport(host, port, RtuFraming(), settings.baudrate, latency_s)
+    raise ConfigError(f"connection {shortened(url, 200)}: unknown scheme {shortened(parts.scheme)}; write {_FORMS}")
+
+
+def _split(url: str) -> SplitResult:
+    """The parts of a URL. ConfigError when it has a character that no address has, or brackets without an address."""
+    wrong = "" if url.isprintable() else "it has a control character"
+    if len(url) > MOST_CHARACTERS:
+        wrong = f"it has {len(url)} characters, at most {MOST_CHARACTERS} are read"
+    try:
+        parts = urlsplit(url)
+    except ValueError as error:
+        wrong = wrong or str(error)
+    if wrong:
+        raise ConfigError(f"connection {shortened(url, 200)}: {wrong}; write {_FORMS}")
+    return parts
+
+
+def _port_path(url: str, parts: SplitResult) -> str:
+    if parts.netloc or not parts.path.strip("/"):
+        raise ConfigError(
+            f"connection {shortened(url, 200)}: names no port; write three slashes, as in serial:///dev/ttyUSB0"
+        )
+    try:
+        os.stat(parts.path)  # noqa: PTH116  (its errors are what counts)
+    except OSError as error:
+        if error.errno in _NO_PATH:
+            raise ConfigError(
+                f"connection {shortened(url, 200)}: is no path ({error.strerror}); write one, as in "
+                "serial:///dev/ttyUSB0"
+            ) from None
+    return parts.path
+
+
+def _address(url: str, parts: SplitResult, default_port: int | None) -> tuple[str, int]:
+    try:
+        host, port = parts.hostname, parts.port or default_port
+        (host or "").encode("idna")  # as the look-up of names does
+    except ValueError:  # a port that is no number, or too great; a name with an empty or too long part
+        host, port = None, None
+    if not host or port is None or parts.path.strip("/"):
+        raise ConfigError(
+            f"connection {shortened(url, 200)}: names no host and port; write {parts.scheme}://192.168.1.10:502"
+        )
+    return host, port
+
+
+def _options(url: str, query: str, defaults: SerialSettings, allowed: tuple[str, ...]) -> tuple[SerialSettings, float]:
+    settings, latency_s = defaults, 0.0
+    for key, text in parse_qsl(query, keep_blank_values=True):
+        if key == "baudrate" in allowed and _is_whole(text, *BAUDRATES):
+            settings = replace(settings, baudrate=int(text))
+        elif key == "parity" in allowed and text in _PARITIES:
+            settings = replace(settings, parity=_PARITIES[text])
+        elif key == "stopbits" in allowed and text in ("1", "2"):
+            settings = replace(settings, stopbits=1 if text == "1" else 2)
+        elif key == "latency_ms" and key in allowed and _is_whole(text, 0, MOST_LATENCY_MS):
+            latency_s = int(text) / 1e3
+        else:
+            cure = "allowed are " + ", ".join(_ALLOWED[name] for name in allowed)
+            raise ConfigError(f"connection {shortened(url, 200)}: cannot use {shortened(f'{key}={text}')}; {cure}")
+    return settings, latency_s
+
+
+def _is_whole(text: str, least: int, most: int) -> bool:
+    return text.isascii() and text.isdecimal() and len(text) <= len(str(most)) and least <= int(text) <= most

@@ -1,0 +1,107 @@
+"""A transport without a wire: real frames to a responder in the same process, on whatever clock the test or demo has.
+
+On a virtual clock waiting for a reply *is* what makes time pass, so timeouts, late replies and watchdogs happen
+exactly and at once.
+"""
+
+from __future__ import annotations
+
+import heapq
+from typing import Protocol, Self
+
+from smadrive.clock import Clock
+from smadrive.errors import TransportError
+from smadrive.modbus.framing.framing import Framing, RtuFraming, TcpFraming
+
+
+class Peer(Protocol):
+    """The other end of the wire."""
+
+    def receive(self, data: bytes, time_s: float) -> list[tuple[float, bytes]]:
+        """Take the bytes that arrive at `time_s`; the answers, each with the time at which it arrives."""
+        ...
+
+
+class InProcessTransport:
+    """Talks to `peer` as if through a serial line, or, where `baudrate` is None, through a TCP connection."""
+
+    def __init__(self, peer: Peer, clock: Clock, baudrate: int | None = 115200, latency_s: float = 0.0) -> None:
+        """`baudrate` only sets the silences that the standard derives from it: bytes take no time here."""
+        self.clock = clock
+        self.name = "in process"
+        self.reconnects = False
+        self.baudrate = baudrate
+        self.latency_s = latency_s
+        self.framing: Framing = TcpFraming() if baudrate is None else RtuFraming()
+        self._peer = peer
+        self._arriving: list[tuple[float, int, bytes]] = []
+        self._order = 0
+        self._lost = False
+        self._closed = False
+        self._return_s = 0.0
+
+    def deliver(self, due_s: float, data: bytes) -> None:
+        """Let `data` arrive at `due_s`; a lost connection loses it."""
+        if not self._lost:
+            self._order += 1
+            heapq.heappush(self._arriving, (due_s, self._order, data))
+
+    def write(self, data: bytes) -> None:
+        """Hand `data` to the peer; TransportError when closed."""
+        self._check_open()
+        for due_s, answer in self._peer.receive(data, self.clock.now_s()):
+            self.deliver(due_s, answer)
+
+    def read(self, deadline_s: float) -> bytes:
+        """Whatever has arrived, at least one byte; empty when nothing came before `deadline_s`."""
+        self._check_open()
+        arriving = self._arriving
+        if not arriving or arriving[0][0] > deadline_s:
+            self.clock.sleep_until(deadline_s)
+            return b""
+        if arriving[0][0] > self.clock.now_s():
+            self.clock.sleep_until(arriving[0][0])
+        return heapq.heappop(arriving)[2]
+
+    def discard(self) -> bytes:
+        """Take away what has arrived."""
+        self._check_open()
+        discarded = b""
+        now_s = self.clock.now_s()
+        while self._arriving and self._arriving[0][0] <= now_s:
+            discarded += heapq.heappop(self._arriving)[2]
+        return discarded
+
+    @property
+    def lost(self) -> bool:
+        """Whether nothing can pass before `reopen`."""
+        return self._lost
+
+    def lose(self, return_s: float = 0.0) -> None:
+        """Let the connection go, with what is on its way; it cannot be opened again before `return_s`."""
+        self._lost = True
+        self._return_s = return_s
+        self._arriving.clear()
+
+    def reopen(self, _deadline_s: float) -> None:
+        """Open a lost connection again; TransportError when it has not returned, or was closed on purpose."""
+        if self._closed:
+            raise TransportError("the in-process connection is closed: open a new one")
+        if self.clock.now_s() < self._return_s:
+            raise TransportError(f"the in-process connection is gone until {self._return_s:g} s of its clock")
+        self._lost = False
+
+    def close(self) -> None:
+        """Nothing passes any more; closing twice does no harm."""
+        self.lose()
+        self._closed = True
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *exception: object) -> None:
+        self.close()
+
+    def _check_open(self) -> None:
+        if self._lost:
+            raise TransportError("the in-process connection is lost, or was closed: open a new one")

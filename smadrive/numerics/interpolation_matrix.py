@@ -1,0 +1,39 @@
+"""Matrices whose rows blend a few rows of a smaller matrix, as interpolation in a table does.
+
+Row i is Σ_j shares[i, j] rows[places[i, j]]. A Jacobian along a record has as many rows as samples, but only as many
+different ones as its tables have nodes: written this way, factors and the chain rule meet the small matrix, and the
+large one is made block by block, where the processor's cache still holds it when it is used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import csr_array
+
+from smadrive.numerics.arrays import FloatArray
+
+_BLOCK = 1024  # rows
+
+
+class Blend(NamedTuple):
+    """places, shares (samples, few) and rows (nodes, columns) of a matrix (samples, columns)."""
+
+    places: NDArray[np.int32]
+    shares: FloatArray
+    rows: FloatArray
+
+    def blocks(self) -> Iterator[FloatArray]:
+        """The matrix, in blocks of its rows."""
+        for start in range(0, len(self.places), _BLOCK):
+            yield self.at(slice(start, start + _BLOCK))
+
+    def at(self, samples: slice | NDArray[np.intp]) -> FloatArray:
+        """Its rows of some samples."""
+        places, shares = self.places[samples], self.shares[samples]
+        ends = np.arange(0, places.size + 1, places.shape[1], dtype=np.int32)
+        blend = csr_array((shares.ravel(), places.ravel(), ends), shape=(len(places), len(self.rows)))
+        return np.asarray(blend @ self.rows)

@@ -1,0 +1,55 @@
+"""Which controller runs an experiment on a rig, put together from rig file, wire and model.
+
+The rig runs it on the wire; a replay runs the same one on what was recorded.
+"""
+
+from __future__ import annotations
+
+from smadrive.control.controllers.feedback import PIGains
+from smadrive.control.controllers.temperature import TemperatureController
+from smadrive.control.controllers.tracking import TrackingController, TrackingSettings
+from smadrive.control.feedforward.displacement import DisplacementInverse
+from smadrive.control.references.reference import Reference
+from smadrive.hysteresis import HysteresisModel
+from smadrive.identification.excitation import Excitation
+from smadrive.rig.config import RigConfig
+from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_model import WireModel
+
+EXCITATION_SLOWER = 2.0
+"""How much slower the temperature loop is before the wire is known."""
+
+
+def excitation_controller(config: RigConfig, excitation: Excitation, balance: HeatBalance) -> TemperatureController:
+    """Follows the temperature path of an identification experiment with the nominal heat balance."""
+    feedback = config.feedback
+    return TemperatureController(
+        excitation.temperature_c,
+        excitation.duration_s,
+        balance,
+        PIGains.for_balance(balance, EXCITATION_SLOWER * feedback.closed_loop_s, feedback.integral_s),
+        config.limits.current_max_a,
+    )
+
+
+def tracking_controller(
+    config: RigConfig,
+    reference: Reference,
+    model: HysteresisModel,
+    balance: HeatBalance,
+    inverse: DisplacementInverse,
+) -> TrackingController:
+    """Follows a displacement reference with the given inverse."""
+    return TrackingController(reference, WireModel(model, balance), inverse, tracking_settings(config))
+
+
+def tracking_settings(config: RigConfig) -> TrackingSettings:
+    """What the rig file says about tracking."""
+    return TrackingSettings(
+        period_s=1.0 / config.rate_hz,
+        current_limit_a=config.limits.current_max_a,
+        closed_loop_s=config.feedback.closed_loop_s,
+        integral_s=config.feedback.integral_s,
+        noise_c=config.feedback.noise_c,
+        feedforward_share=config.feedback.feedforward_share,
+    )

@@ -1,0 +1,233 @@
+"""The rig: where the two columns meet. Config → devices, controller, loop.
+
+A `Rig` owns the port while its context lasts and offers what a bench does: `probe`, `excite`, `track`, `switch_off`.
+Nothing here computes and nothing here talks to a bus: it connects those who do.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from contextlib import ExitStack
+from math import inf
+from pathlib import Path
+from types import TracebackType
+from typing import Self
+
+from smadrive.clock import Clock
+from smadrive.control.controllers.temperature import Controller
+from smadrive.control.feedforward.displacement import DisplacementInverse
+from smadrive.control.loop import ControlLoop, LoopFigures, StopRequested, Tick, never
+from smadrive.control.references.reference import Reference
+from smadrive.devices.heating.zero_current import ZERO_SHARE
+from smadrive.devices.identity import DeviceType, Proof
+from smadrive.devices.state.latch import TripLatch
+from smadrive.errors import ConfigError, SafetyError, TripError
+from smadrive.hysteresis import HysteresisModel
+from smadrive.identification.excitation import Excitation, nested_reversals
+from smadrive.measurement import Measurement
+from smadrive.modbus.transports.transport import Transport
+from smadrive.rig.assembly import open_devices
+from smadrive.rig.config import RigConfig
+from smadrive.rig.controllers import excitation_controller, tracking_controller
+from smadrive.rig.limits_check import check_limits
+from smadrive.rig.wire_check import check_same_wire
+from smadrive.safety.displacement_band import PlausibleDisplacement
+from smadrive.safety.faults import CLEAR
+from smadrive.safety.shutdown import ends_safe
+from smadrive.safety.supervisor import SafetyLimits, Supervisor
+from smadrive.safety.temperature_band import UNCERTAINTIES, PlausibleTemperature
+from smadrive.wire.data_sheet import load_data_sheet
+from smadrive.wire.heat_balance import HeatBalance
+
+Record = Callable[[Tick], None]
+
+LAG_FACTOR = 3.0
+"""How much later than nominal the thermocouple may follow before its reading counts as implausible."""
+
+MISPLACED_S = 2.0
+"""For how long, besides that lag, a displacement may be one that the wire cannot have."""
+
+STALE_PERIODS = 3.0
+"""Measurements may be this many periods apart, however short `stale_after_s`."""
+
+SAMPLED = 0.5
+"""Longest time between two readings of the temperature, in time constants of the wire."""
+
+CURRENT_TOLERANCE_A = 0.05
+"""By how much the measured current may differ from the commanded one, and never more than a tenth of current_max_a."""
+
+RATE_EXCHANGES = 4
+"""How many exchanges are timed before the loop starts, to know whether the devices keep up with it."""
+
+
+class Rig:
+    """The devices of a rig file, connected. A context manager: leaving it puts every device into its safe state.
+
+    `transports` (by device name) take the place of the connections that the rig file names. `clock` is the time the
+    loops run in; without it that of the connection: real on a port, virtual on `sim://`. What passes on every bus is
+    traced to a file in `trace_folder`, if it is given (see TraceFile).
+
+    ConfigError when the limits are none for the rig's wire.
+    """
+
+    def __init__(
+        self,
+        config: RigConfig,
+        clock: Clock | None = None,
+        transports: Mapping[str, Transport] | None = None,
+        trace_folder: Path | None = None,
+    ) -> None:
+        self.config = config
+        wire = load_data_sheet(config.wire)
+        check_limits(config, wire)
+        self.nominal_balance = wire.heat_balance()
+        self._clock = clock
+        self._transports = transports or {}
+        self._trace_folder = trace_folder
+
+    def __enter__(self) -> Self:
+        """Open the ports, check who is there, put everything into its safe state."""
+        with ExitStack() as stack:
+            opened = open_devices(self.config, stack, self._clock, self._transports, self._trace_folder)
+            self.heater, self.devices, self.clock = opened.heater, opened.by_name, opened.clock
+            self.heater.connect()
+            self.latch = TripLatch(opened.key())
+            stack.enter_context(ends_safe(self.heater.enter_safe_state))
+            self._on_exit = stack.pop_all()
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Safe state, then close the port, whatever happened; what happened stays the error that is told."""
+        self._on_exit.__exit__(kind, error, trace)
+
+    @property
+    def identities(self) -> dict[str, DeviceType]:
+        """The type of each device, by its name, and what the device has proved of it up to now."""
+        return {
+            name: DeviceType(device.profile.profile.id, device.profile.profile.vendor, device.proof)
+            for name, device in self.devices.items()
+        }
+
+    def identify(self) -> dict[str, DeviceType]:
+        """`identities`, after the devices that no run of this rig uses have been asked too.
+
+        IdentityError when another device answers, TransportError when none does.
+        """
+        for device in self.devices.values():
+            if device.proof is Proof.NOT_ASKED:
+                device.check_identity()
+        return self.identities
+
+    @property
+    def period_s(self) -> float:
+        """The loop's period."""
+        return 1.0 / self.config.rate_hz
+
+    def excitation(self, start_c: float) -> Excitation:
+        """The identification experiment of the rig file, for a wire found at `start_c`."""
+        plan = self.config.excitation
+        return nested_reversals(plan.low_c, plan.high_c, plan.rate_c_per_s, min(start_c, plan.high_c))
+
+    def excite(self, excitation: Excitation, record: Record) -> LoopFigures:
+        """Run the identification experiment; every tick goes to `record`."""
+        balance = self.nominal_balance
+        controller = excitation_controller(self.config, excitation, balance)
+        return self._run(controller, self._supervisor(balance), record)
+
+    def track(
+        self,
+        reference: Reference,
+        model: HysteresisModel,
+        balance: HeatBalance,
+        inverse: DisplacementInverse,
+        record: Record,
+    ) -> LoopFigures:
+        """Follow a displacement reference with the given inverse; every tick goes to `record`."""
+        controller = tracking_controller(self.config, reference, model, balance, inverse)
+        return self.drive(controller, balance, record, model)
+
+    def drive(
+        self,
+        controller: Controller,
+        balance: HeatBalance,
+        record: Record,
+        model: HysteresisModel | None = None,
+        stop_requested: StopRequested = never,
+    ) -> LoopFigures:
+        """Arm, run a controller on the wire of this heat balance to its end, disarm; every tick goes to `record`.
+
+        With the wire's `model` a displacement that it cannot have is a fault. `stop_requested` ends the run before the
+        next exchange. ConfigError as of `check_balance`.
+        """
+        self.check_balance(balance)
+        return self._run(controller, self._supervisor(balance, model), record, stop_requested)
+
+    def check_balance(self, balance: HeatBalance) -> None:
+        """ConfigError when this heat balance cannot be that of the rig's wire; see check_same_wire."""
+        check_same_wire(balance, self.nominal_balance, self.config.wire)
+
+    def clear_faults(self) -> Measurement:
+        """Clear what is latched, on the devices and here; SafetyError names what persists."""
+        measurement = self.heater.clear_faults()
+        self.latch.clear()
+        return measurement
+
+    def rest(self, duration_s: float) -> None:
+        """Let the wire cool with the heater off."""
+        self.heater.enter_safe_state()
+        self.clock.sleep_until(self.clock.now_s() + duration_s)
+
+    def _check_thermometer(self, balance: HeatBalance) -> None:
+        """ConfigError when the wire can overheat between two readings."""
+        period_s, most_s = self.heater.temperature_period_s, SAMPLED * balance.time_constant_s
+        if period_s > most_s:
+            raise ConfigError(
+                f"rig '{self.config.name}': the wire is read every {period_s:g} s, its time constant is "
+                f"{balance.time_constant_s:.2g} s: read it at least every {most_s:.2g} s, or take a faster thermometer"
+            )
+
+    def _supervisor(self, balance: HeatBalance, model: HysteresisModel | None = None) -> Supervisor:
+        self._check_thermometer(balance)
+        limits, lag_s = self.config.limits, LAG_FACTOR * balance.thermocouple_lag_s
+        guarded = SafetyLimits(
+            limits.temperature_max_c,
+            limits.temperature_min_c,
+            stale_after_s=max(limits.stale_after_s, STALE_PERIODS * self.period_s),
+            current_tolerance_a=min(CURRENT_TOLERANCE_A, ZERO_SHARE * limits.current_max_a),
+            settle_s=self.heater.source.settle_s,
+            displacement_min_mm=-inf if limits.displacement_min_mm is None else limits.displacement_min_mm,
+            displacement_max_mm=inf if limits.displacement_max_mm is None else limits.displacement_max_mm,
+            tracking_max_mm=limits.tracking_max_mm or inf,
+            tracking_for_s=limits.tracking_for_s,
+            misplaced_for_s=MISPLACED_S + lag_s,
+        )
+        lag_s += self.heater.temperature_period_s
+        plausible = PlausibleTemperature(balance, UNCERTAINTIES[balance.source], lag_s)
+        return Supervisor(guarded, plausible, None if model is None else PlausibleDisplacement(model))
+
+    def _run(
+        self, controller: Controller, supervisor: Supervisor, record: Record, stop_requested: StopRequested = never
+    ) -> LoopFigures:
+        if (latched := self.latch.read()) is not None:
+            raise SafetyError(f"refused to arm: the last run tripped ({latched}). {CLEAR}")
+        self._check_rate()
+        loop = ControlLoop(self.heater, controller, supervisor, self.clock, self.period_s, record, stop_requested)
+        try:
+            return loop.run(self.config.limits.watchdog_s)
+        except TripError as trip:
+            self.latch.latch(trip)
+            raise
+
+    def _check_rate(self) -> None:
+        """ConfigError when the devices cannot keep up with the rig's rate."""
+        begun_s = self.clock.now_s()
+        for _ in range(RATE_EXCHANGES):
+            self.heater.exchange(0.0)
+        needed_s = (self.clock.now_s() - begun_s) / RATE_EXCHANGES
+        if needed_s > self.period_s:
+            raise ConfigError(
+                f"rig '{self.config.name}': the devices need {needed_s:.3f} s for one tick, rate_hz = "
+                f"{self.config.rate_hz:g} allows {self.period_s:.3f} s: set rate_hz to {0.8 / needed_s:.2g}"
+            )

@@ -1,0 +1,117 @@
+"""The layout of a log: an HDF5 file with the names of NeXus, and with room for its rows from the start.
+
+Texts that smadrive reads back have a fixed length: those of variable length are in heaps, and HDF5 may search a damaged
+heap without end.
+
+/                       NXroot; every column once more as a link, so that plain readers find it
+/entry                  NXentry: start_time, end_time (empty: the writer was killed), program_name
+/entry/data             NXdata: the columns along `time_s`, float64, each with its `units`
+/entry/about            NXcollection: texts (config, model, provenance), JSON where they are structured
+/entry/events           NXcollection: time_s, message
+/entry/checksums        NXcollection: rows, events (uint32 each, 0: not written), metadata, end (0: not ended)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from smadrive.runs.log.checksums import SUM, VALUE, metadata_sum
+
+CHUNK_ROWS = 1024
+"""Rows of a column that lie together."""
+
+EVENT_ROWS = 128
+"""Events that a log gets room for at a time."""
+
+EVENT_BYTES = 400
+"""Events have a fixed length, or their place could not be known."""
+
+UNITS = {"s": "s", "c": "degC", "a": "A", "v": "V", "w": "W", "mm": "mm"}
+"""The unit of a column, told by the suffix of its name."""
+
+MOST_OPEN_ROWS = 1000
+"""Rows that are written at a time, at most: so many may lack their checksum when the writer is killed."""
+
+CHECKSUMS = "CRC-32"
+"""Attribute `checksums` of a log that has them."""
+
+_NOW_BYTES = 32
+
+
+def create_log(path: Path, columns: Sequence[str], about: Mapping[str, str], rows: int) -> None:
+    """Make the file, with room for `rows` and all of it unwritten."""
+    started, program_version = time_text(), version("smadrive")
+    with h5py.File(path, "w") as file:
+        file.attrs.update(NX_class="NXroot", default="entry", checksums=CHECKSUMS)
+        entry = _group(file, "entry", "NXentry")
+        entry.attrs["default"] = "data"
+        entry["start_time"] = _fixed(started)
+        entry.create_dataset("end_time", data=np.array(b"", f"S{_NOW_BYTES}"))
+        entry["program_name"] = _fixed("smadrive")
+        entry["program_name"].attrs["version"] = _fixed(program_version)
+        texts = _group(entry, "about", "NXcollection")
+        for name, text in about.items():
+            texts[name] = _fixed(text)
+        events = _group(entry, "events", "NXcollection")
+        _reserve(events, "time_s", VALUE, EVENT_ROWS, EVENT_ROWS, np.nan).attrs["units"] = "s"
+        _reserve(events, "message", h5py.string_dtype("utf-8", EVENT_BYTES), EVENT_ROWS, EVENT_ROWS, None)
+        units = {name: UNITS.get(name.rpartition("_")[2], "1") for name in columns}
+        room = -(-rows // CHUNK_ROWS) * CHUNK_ROWS
+        _create_columns(file, _group(entry, "data", "NXdata"), units, room)
+        metadata = metadata_sum(started, program_version, columns, about)
+        _create_checksums(_group(entry, "checksums", "NXcollection"), metadata, room)
+
+
+def _create_columns(file: h5py.File, data: h5py.Group, units: Mapping[str, str], room: int) -> None:
+    data.attrs.update(axes="time_s", signal="displacement_mm" if "displacement_mm" in units else list(units)[-1])
+    for name, unit in units.items():
+        column = _reserve(data, name, VALUE, room, CHUNK_ROWS, np.nan)
+        column.attrs["units"] = unit
+        file[name] = h5py.SoftLink(f"/entry/data/{name}")
+    data["time_s"].make_scale("time_s")
+    for name in units:
+        if name != "time_s":
+            data[name].dims[0].attach_scale(data["time_s"])
+
+
+def _create_checksums(sums: h5py.Group, metadata: int, room: int) -> None:
+    _reserve(sums, "rows", SUM, room, CHUNK_ROWS, 0)
+    _reserve(sums, "events", SUM, EVENT_ROWS, EVENT_ROWS, 0)
+    sums.create_dataset("metadata", data=metadata, dtype=SUM)
+    sums.create_dataset("end", data=0, dtype=SUM)
+
+
+def _reserve(
+    group: h5py.Group, name: str, dtype: np.dtype[Any], rows: int, chunk_rows: int, fill: float | None
+) -> h5py.Dataset:
+    """A dataset whose chunks all exist from the start."""
+    creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
+    creation.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
+    return group.create_dataset(
+        name, (rows,), dtype, chunks=(chunk_rows,), maxshape=(None,), fillvalue=fill, dcpl=creation
+    )
+
+
+def _fixed(text: str) -> NDArray[np.bytes_]:
+    """A text of fixed length, in UTF-8."""
+    data = text.encode()
+    return np.array(data, h5py.string_dtype("utf-8", max(1, len(data))))
+
+
+def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
+    group = parent.create_group(name, track_order=True)
+    group.attrs["NX_class"] = nexus_class
+    return group
+
+
+def time_text() -> str:
+    """The present time as a log tells it."""
+    return datetime.now(UTC).isoformat(timespec="seconds")

@@ -1,0 +1,160 @@
+"""One self-contained HTML page of a run: figures, plots, tables. No request leaves the page.
+
+A page is a sequence of parts, each of which knows its HTML. Plots are drawings, sharp at every size.
+"""
+
+from __future__ import annotations
+
+import base64
+import html
+import io
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, Protocol
+
+import matplotlib as mpl
+from matplotlib.figure import Figure
+
+from smadrive.files.atomic import replacing
+from smadrive.runs.plots import STYLE as PLOT_STYLE
+
+STYLE = """
+:root { color: #1f2933; background: #fff; font: 16px/1.55 system-ui, "Segoe UI", Roboto, sans-serif; }
+body { max-width: 62rem; margin: 0 auto; padding: 2.5rem 1.25rem 4rem; }
+h1 { font-size: 1.75rem; line-height: 1.25; margin: 0 0 .4rem; } .lead { color: #52606d; margin: 0 0 1.5rem; }
+h2 { font-size: 1.15rem; margin: 2.6rem 0 .6rem; padding-bottom: .3rem; border-bottom: 1px solid #e4e7eb; }
+.state { border-left: 5px solid; border-radius: .3rem; padding: .6rem 1rem; margin: 1rem 0; }
+.good { background: #e9f7ef; border-color: #1e8e4e; } .bad { background: #fdecec; border-color: #c8323c; }
+.odd { background: #fff6e5; border-color: #e0a116; }
+.tiles { display: grid; grid-template-columns: repeat(2, 1fr); gap: .75rem; margin: 1.25rem 0; }
+@media (min-width: 40rem) { .tiles { grid-template-columns: repeat(var(--columns), 1fr); } }
+.tile { background: #f5f7fa; border-radius: .5rem; padding: .7rem .9rem; }
+.tile b { display: block; font-size: 1.35rem; line-height: 1.3; white-space: nowrap; }
+.tile span { color: #616e7c; font-size: .85rem; }
+figure { margin: .8rem 0; } img { width: 100%; height: auto; } figcaption, footer { color: #616e7c; font-size: .9rem; }
+table { border-collapse: collapse; font-variant-numeric: tabular-nums; } td, th { text-align: right; }
+th, td { padding: .3rem 1rem .3rem 0; border-bottom: 1px solid #e4e7eb; vertical-align: top; }
+th { color: #52606d; font-weight: 600; } th:first-child, td:first-child { text-align: left; }
+table.text td, table.text th { text-align: left; overflow-wrap: anywhere; }
+table.text td:first-child { white-space: nowrap; }
+details { margin: .6rem 0; } summary { cursor: pointer; color: #1d6fb8; }
+pre { white-space: pre-wrap; font-size: .8rem; background: #f5f7fa; padding: 1rem; border-radius: .5rem; }
+@media print { body { padding: 0; } figure, .tile { break-inside: avoid; } }
+"""
+
+
+class Part(Protocol):
+    """Something that a page consists of."""
+
+    def html(self) -> str:
+        """Its HTML."""
+        ...
+
+
+@dataclass(frozen=True)
+class State:
+    """How it ended, in one coloured line."""
+
+    mood: Literal["good", "odd", "bad"]
+    text: str
+
+    def html(self) -> str:
+        """See Part."""
+        return f"<p class='state {self.mood}'>{html.escape(self.text)}</p>"
+
+
+@dataclass(frozen=True)
+class Tiles:
+    """The few figures that matter, large: pairs of value and what it is."""
+
+    figures: Sequence[tuple[str, str]]
+
+    def html(self) -> str:
+        """See Part."""
+        tiles = (f"<div class=tile><b>{html.escape(v)}</b><span>{html.escape(n)}</span></div>" for v, n in self.figures)
+        columns = -(-len(self.figures) // 2)
+        return f"<div class=tiles style='--columns: {columns}'>{''.join(tiles)}</div>"
+
+
+@dataclass(frozen=True)
+class Grid:
+    """A table; its columns after the first are numbers unless it is one of texts. It may be folded away."""
+
+    header: Sequence[str]
+    rows: Sequence[Sequence[str]]
+    title: str = ""
+    texts: bool = False
+    folded: bool = False
+
+    def html(self) -> str:
+        """See Part."""
+        head = "".join(f"<th>{html.escape(cell)}</th>" for cell in self.header)
+        body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in self.rows)
+        kind = " class=text" if self.texts else ""
+        return _titled(
+            self.title, f"<table{kind}><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>", self.folded
+        )
+
+
+@dataclass(frozen=True)
+class Plot:
+    """A figure with the sentence that tells what to see in it."""
+
+    title: str
+    figure: Figure
+    caption: str
+
+    def html(self) -> str:
+        """See Part."""
+        buffer = io.BytesIO()
+        with mpl.rc_context(PLOT_STYLE):
+            self.figure.savefig(buffer, format="svg", dpi=150, metadata={"Date": None})
+        drawing = base64.b64encode(buffer.getvalue()).decode("ascii")
+        image = f"<img alt='{html.escape(self.title)}' src='data:image/svg+xml;base64,{drawing}'>"
+        return _titled(self.title, f"<figure>{image}<figcaption>{html.escape(self.caption)}</figcaption></figure>")
+
+
+@dataclass(frozen=True)
+class Listing:
+    """A text as it stands, folded away."""
+
+    title: str
+    text: str
+
+    def html(self) -> str:
+        """See Part."""
+        return _titled(self.title, f"<pre>{html.escape(self.text)}</pre>", folded=True)
+
+
+@dataclass(frozen=True)
+class Notes:
+    """Sentences in small print."""
+
+    lines: Sequence[str]
+
+    def html(self) -> str:
+        """See Part."""
+        return "<footer>" + "".join(f"<p>{html.escape(line)}</p>" for line in self.lines) + "</footer>"
+
+
+def write_report(path: Path, title: str, lead: str, parts: Sequence[Part]) -> None:
+    """Write the page to `path`, complete or not at all. DataError when it cannot be written."""
+    page = "\n".join(
+        [
+            "<!doctype html><html lang=en><meta charset=utf-8>",
+            "<meta name=viewport content='width=device-width, initial-scale=1'>",
+            f"<title>{html.escape(title)}</title><style>{STYLE}</style>",
+            f"<h1>{html.escape(title)}</h1><p class=lead>{html.escape(lead)}</p>",
+            *(part.html() for part in parts),
+            "</html>\n",
+        ]
+    )
+    with replacing(path) as partial:
+        partial.write_text(page, encoding="utf-8")
+
+
+def _titled(title: str, content: str, folded: bool = False) -> str:
+    if folded:
+        return f"<details><summary>{html.escape(title)}</summary>{content}</details>"
+    return f"<h2>{html.escape(title)}</h2>{content}" if title else content

@@ -1,0 +1,61 @@
+"""Which displacements a wire can have at a temperature: those between its branches, and nothing else.
+
+    y_low(T) = y₊(T - δ) - m        y_high(T) = y₋(T + δ) + m        y₊, y₋ the branches of the major loop
+
+with δ for a bead that is not quite as warm as the wire and m for a model that has aged. A sensor that is stuck, scaled
+in another unit, or has lost its zero leaves the band as soon as the wire goes through its loop, and so does a wire that
+is blocked or slack. Nothing else tells: a driver that believes such a sensor heats as far as its limits allow.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+
+import numpy as np
+
+from smadrive.hysteresis import HysteresisModel
+from smadrive.numerics.piecewise_linear import Polyline
+
+UNSURE_C = 10.0
+"""By how much the wire's temperature may differ from the reading, K."""
+
+MARGIN = 0.1
+"""By how much a wire may leave the loop of its model, in strokes of it."""
+
+POINTS = 400
+"""Of each branch."""
+
+
+class PlausibleDisplacement:
+    """The band above for the wire of `model`."""
+
+    def __init__(self, model: HysteresisModel) -> None:
+        low_c, high_c = model.input_range
+        warming_c = np.linspace(low_c, high_c, POINTS)
+        loop_mm = model.simulate(np.concatenate([warming_c, warming_c[::-1]]))
+        branches_mm = loop_mm[:POINTS], loop_mm[POINTS:][::-1]
+        around_c = np.linspace(low_c - UNSURE_C, high_c + UNSURE_C, POINTS)
+        shifted_c = around_c - UNSURE_C, around_c + UNSURE_C
+        ends_mm = [np.interp(at_c, warming_c, branch_mm) for branch_mm in branches_mm for at_c in shifted_c]
+        margin_mm = MARGIN * float(np.ptp(loop_mm))
+        self._branches = [Polyline(warming_c, branch_mm) for branch_mm in branches_mm]
+        self._low = Polyline(around_c, np.min(ends_mm, axis=0) - margin_mm)
+        self._high = Polyline(around_c, np.max(ends_mm, axis=0) + margin_mm)
+
+    def band_mm(self, temperature_c: float) -> tuple[float, float]:
+        """The least and the greatest displacement at a reading of `temperature_c`."""
+        return self._low.at(temperature_c), self._high.at(temperature_c)
+
+    def misplaced(self, temperature_c: float, displacement_mm: float) -> str | None:
+        """What is wrong with a displacement at this reading; None when it fits, or one of them is unknown."""
+        if not (isfinite(temperature_c) and isfinite(displacement_mm)):
+            return None
+        low_mm, high_mm = self.band_mm(temperature_c)
+        if low_mm <= displacement_mm <= high_mm:
+            return None
+        return f"{displacement_mm:.3f} mm measured, {low_mm:.2f} to {high_mm:.2f} mm possible at {temperature_c:.1f} °C"
+
+    def nearest_mm(self, temperature_c: float, displacement_mm: float) -> float:
+        """What comes nearest to `displacement_mm` of all that a wire can have at just this temperature."""
+        ends = [branch.at(temperature_c) for branch in self._branches]
+        return min(max(displacement_mm, min(ends)), max(ends))

@@ -1,0 +1,250 @@
+"""The supervisor: looks at every measurement, knows no controller, and can always stop it.
+
+The first fault is latched. Conditions that noise can fake are debounced: a fault is raised when `needed` of the last
+`window` samples show it. Data that are late, wrong or missing count as faults like a wire that is too hot.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from dataclasses import dataclass
+from math import inf, isfinite
+
+from smadrive.errors import SafetyError
+from smadrive.measurement import Measurement
+from smadrive.safety.debounce import Debounce
+from smadrive.safety.displacement_band import PlausibleDisplacement
+from smadrive.safety.faults import CLEAR, Fault, Trip
+from smadrive.safety.temperature_band import FROZEN_C, PlausibleTemperature
+
+LATE_TICKS = 20
+"""So many missed deadlines in a row are a fault."""
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyLimits:
+    """What the supervisor guards; all limits are of the rig's config.
+
+    `settle_s` is how long the heat source takes to reach a commanded current: the measured one must lie within what was
+    commanded in that time, give or take `current_tolerance_a`. `misplaced_for_s` is for how long a lagging thermocouple
+    may excuse a displacement that the wire cannot have at its reading.
+    """
+
+    temperature_max_c: float
+    temperature_min_c: float = -20.0
+    stale_after_s: float = 0.3
+    current_tolerance_a: float = 0.05
+    settle_s: float = 0.0
+    displacement_min_mm: float = -inf
+    displacement_max_mm: float = inf
+    tracking_max_mm: float = inf
+    tracking_for_s: float = 2.0
+    misplaced_for_s: float = 2.0
+
+
+class Supervisor:
+    """Checks each measurement and each silence; the first fault is latched as `trip`.
+
+    `plausible`, where it is given, checks the reading against the heat that went in, `placed` the displacement against
+    the model of the wire.
+    """
+
+    def __init__(
+        self,
+        limits: SafetyLimits,
+        plausible: PlausibleTemperature | None = None,
+        placed: PlausibleDisplacement | None = None,
+    ) -> None:
+        self._limits = limits
+        self._plausible = plausible
+        self._placed = placed
+        self.trip: Trip | None = None
+        self._hot = Debounce(2, 3)
+        self._cold = Debounce(3, 5)
+        self._invalid = Debounce(3, 5)
+        self._powerless = Debounce(3, 5)
+        self._power_w = 0.0
+        self._disarmed = Debounce(2, 2)
+        self._mismatch = Debounce(4, 5)
+        self._implausible = Debounce(3, 4)
+        self._frozen = Debounce(2, 3)
+        self._strayed = Debounce(3, 5)
+        self._commands: deque[tuple[float, float]] = deque()
+        self._fresh_s: float | None = None
+        self._following_s: float | None = None
+        self._displaced_s = inf
+        limits_mm = limits.displacement_min_mm, limits.displacement_max_mm, limits.tracking_max_mm
+        self._limits_displacement = any(map(isfinite, limits_mm))
+        self._placed_s: float | None = None
+        self._late_ticks = 0
+
+    def update(self, measurement: Measurement, wanted_mm: float) -> Trip | None:
+        """Judge one measurement, at which `wanted_mm` was the reference (NaN: none); the latched trip, if any."""
+        self.check_fresh(measurement.time_s)
+        before_s, self._fresh_s = self._fresh_s, measurement.time_s
+        dt_s = 0.0 if before_s is None else measurement.time_s - before_s
+        self._check_device(measurement)
+        self._check_temperature(measurement)
+        self._check_current(measurement)
+        self._check_power(measurement)
+        self._check_heat(measurement, dt_s)
+        self._check_displacement(measurement, wanted_mm)
+        self._check_placement(measurement)
+        return self.trip
+
+    def check_fresh(self, now_s: float) -> Trip | None:
+        """Judge the silence since the last measurement; the latched trip, if any."""
+        if self._fresh_s is None:
+            self._fresh_s = now_s
+        age_s = now_s - self._fresh_s
+        if age_s > self._limits.stale_after_s:
+            self._raise(
+                Fault.STALE_DATA, now_s, f"{age_s:.2f} s without a measurement, limit {self._limits.stale_after_s:g} s"
+            )
+        return self.trip
+
+    def check_deadline(self, missed: bool, now_s: float) -> Trip | None:
+        """Judge the punctuality of a tick; the latched trip, if any."""
+        self._late_ticks = self._late_ticks + 1 if missed else 0
+        if self._late_ticks >= LATE_TICKS:
+            self._raise(Fault.DEADLINES_MISSED, now_s, f"{self._late_ticks} in a row")
+        return self.trip
+
+    def check_may_arm(self, measurement: Measurement) -> None:
+        """SafetyError when heating must not begin: an open fault, no valid temperature, a wire too hot or too cold.
+
+        The measurement is that of a wire at rest, from which the heat is counted.
+        """
+        if measurement.device_faults:
+            latched = ", ".join(measurement.device_faults)
+            raise SafetyError(f"refused to arm: latched on the device: {latched}. {CLEAR}")
+        check_thermocouple(measurement)
+        limits, temperature_c = self._limits, measurement.temperature_c
+        if temperature_c > limits.temperature_max_c:
+            raise SafetyError(
+                f"refused to arm: the wire is at {temperature_c:.1f} °C, "
+                f"above temperature_max_c = {limits.temperature_max_c:g}; {Fault.OVER_TEMPERATURE.remedy}"
+            )
+        if temperature_c < limits.temperature_min_c:
+            raise SafetyError(
+                f"refused to arm: the wire reads {temperature_c:.1f} °C, "
+                f"below temperature_min_c = {limits.temperature_min_c:g}; {Fault.UNDER_TEMPERATURE.remedy}"
+            )
+        if not isfinite(measurement.current_a):
+            fault, reason = Fault.POWER_UNKNOWN, measurement.supply_fault or "no reading of the current"
+            raise SafetyError(f"refused to arm: {fault.cause} ({reason}): {fault.remedy}")
+        if measurement.current_a > limits.current_tolerance_a:
+            raise SafetyError(
+                f"refused to arm: {measurement.current_a:.3f} A flow although none was commanded; "
+                f"{Fault.UNEXPECTED_HEATING.remedy}"
+            )
+        misplaced = self._misplaced(measurement)
+        if misplaced is not None:
+            raise SafetyError(f"refused to arm: {misplaced}; {Fault.DISPLACEMENT_IMPLAUSIBLE.remedy}")
+        if self._plausible is not None:
+            self._plausible.start(temperature_c)
+
+    def _check_device(self, measurement: Measurement) -> None:
+        if measurement.device_faults:
+            self._raise(Fault.DEVICE_FAULT, measurement.time_s, ", ".join(measurement.device_faults))
+        elif self._disarmed.update(not measurement.armed):
+            self._raise(Fault.DISARMED, measurement.time_s, "its output is off")
+
+    def _check_temperature(self, measurement: Measurement) -> None:
+        temperature_c, limits = measurement.temperature_c, self._limits
+        if self._invalid.update(not isfinite(temperature_c)):
+            self._raise(Fault.SENSOR_INVALID, measurement.time_s, measurement.temperature_fault or "no reading")
+        if self._hot.update(temperature_c > limits.temperature_max_c):
+            detail = f"{temperature_c:.1f} °C, limit {limits.temperature_max_c:g} °C"
+            self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail)
+        if self._cold.update(temperature_c < limits.temperature_min_c):
+            detail = f"{temperature_c:.1f} °C, limit {limits.temperature_min_c:g} °C"
+            self._raise(Fault.UNDER_TEMPERATURE, measurement.time_s, detail)
+
+    def _check_current(self, measurement: Measurement) -> None:
+        """The measured current must lie within what was commanded while the source settled."""
+        tolerance_a, measured_a = self._limits.current_tolerance_a, measurement.current_a
+        if not self._commands:
+            self._commands.append((measurement.time_s - 1e-9, 0.0))  # before the first one nothing was commanded
+        self._commands.append((measurement.time_s, measurement.commanded_a))
+        while self._commands[0][0] < measurement.time_s - self._limits.settle_s:
+            self._commands.popleft()
+        commanded_a = [command_a for _, command_a in self._commands]
+        least_a, most_a = min(commanded_a), max(commanded_a)
+        lacking = measured_a < least_a - tolerance_a and not _is_excused(measurement, least_a)
+        if self._mismatch.update(measured_a > most_a + tolerance_a or lacking):
+            fault = Fault.CURRENT_MISMATCH if most_a > 0 else Fault.UNEXPECTED_HEATING
+            self._raise(
+                fault, measurement.time_s, f"{measured_a:.3f} A measured, {least_a:.3f} to {most_a:.3f} A commanded"
+            )
+
+    def _check_power(self, measurement: Measurement) -> None:
+        """The heat is not known without current and voltage; a sample without them counts as the one before."""
+        power_w = measurement.current_a * measurement.voltage_v
+        if is_known := isfinite(power_w):
+            self._power_w = power_w
+        if self._powerless.update(not is_known):
+            self._raise(Fault.POWER_UNKNOWN, measurement.time_s, measurement.supply_fault or "no reading")
+
+    def _check_heat(self, measurement: Measurement, dt_s: float) -> None:
+        if self._plausible is None:
+            return
+        reading_c = measurement.temperature_c
+        band = self._plausible.update(reading_c, self._power_w, dt_s)
+        if band.coldest_c > self._limits.temperature_max_c:
+            detail = (
+                f"at least {band.coldest_c:.0f} °C by the heat that went in, the thermocouple reads {reading_c:.1f} °C"
+            )
+            self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail)
+        if self._frozen.update(band.unseen_c > FROZEN_C):
+            detail = f"{reading_c:.2f} °C, while the wire moved by at least {band.unseen_c:.0f} K"
+            self._raise(Fault.SENSOR_FROZEN, measurement.time_s, detail)
+        if self._implausible.update(not band.low_c <= reading_c <= band.high_c):
+            fault = Fault.READS_TOO_COLD if reading_c < band.low_c else Fault.READS_TOO_HOT
+            detail = f"{reading_c:.1f} °C read, {band.low_c:.0f} to {band.high_c:.0f} °C are possible"
+            self._raise(fault, measurement.time_s, detail)
+
+    def _check_displacement(self, measurement: Measurement, wanted_mm: float) -> None:
+        limits, measured_mm = self._limits, measurement.displacement_mm
+        if isfinite(measured_mm):
+            self._displaced_s = measurement.time_s
+        elif self._limits_displacement and measurement.time_s - self._displaced_s > limits.tracking_for_s:
+            self._raise(Fault.DISPLACEMENT_UNKNOWN, measurement.time_s, f"no reading for {limits.tracking_for_s:g} s")
+        outside = measured_mm < limits.displacement_min_mm or measured_mm > limits.displacement_max_mm
+        if self._strayed.update(outside):
+            self._raise(Fault.OVER_DISPLACEMENT, measurement.time_s, f"{measured_mm:.3f} mm")
+        if self._following_s is None or not abs(wanted_mm - measured_mm) > limits.tracking_max_mm:
+            self._following_s = measurement.time_s
+        elif measurement.time_s - self._following_s > limits.tracking_for_s:
+            detail = f"{wanted_mm:.3f} mm wanted, {measured_mm:.3f} mm measured for {limits.tracking_for_s:g} s"
+            self._raise(Fault.TRACKING_LOST, measurement.time_s, detail)
+
+    def _check_placement(self, measurement: Measurement) -> None:
+        misplaced = self._misplaced(measurement)
+        if self._placed_s is None or misplaced is None:
+            self._placed_s = measurement.time_s
+        elif measurement.time_s - self._placed_s > self._limits.misplaced_for_s:
+            self._raise(Fault.DISPLACEMENT_IMPLAUSIBLE, measurement.time_s, misplaced)
+
+    def _misplaced(self, measurement: Measurement) -> str | None:
+        if self._placed is None:
+            return None
+        return self._placed.misplaced(measurement.temperature_c, measurement.displacement_mm)
+
+    def _raise(self, fault: Fault, time_s: float, detail: str) -> None:
+        if self.trip is None:
+            self.trip = Trip(fault, time_s, detail)
+
+
+def check_thermocouple(measurement: Measurement) -> None:
+    """SafetyError with the cure when the temperature of the wire is not known."""
+    if measurement.temperature_fault or not isfinite(measurement.temperature_c):
+        fault, reason = Fault.SENSOR_INVALID, measurement.temperature_fault or "no reading"
+        raise SafetyError(f"refused to arm: {fault.cause} ({reason}): {fault.remedy}")
+
+
+def _is_excused(measurement: Measurement, commanded_a: float) -> bool:
+    """Whether the device gives less than asked and says why; a voltage limit that halves the current is a bad wire."""
+    if measurement.device_limits == ("voltage",):
+        return measurement.current_a > 0.5 * commanded_a
+    return bool(measurement.device_limits)

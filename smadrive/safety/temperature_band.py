@@ -1,0 +1,130 @@
+"""Between which temperatures the wire must be, given the heat that went in: the check that no sensor can talk away.
+
+Two heat balances bracket the true one. The coldest wire takes up heat slowly (all capacities multiplied by the
+uncertainty, the latent heat spread over `TRANSFORMATION_C`), loses it fast, and cools at once; the hottest does the
+opposite:
+
+    coldest: C = u_c (m c + Q / span) while it warms, m c / u_c while it cools;  h A · u_h;  colder surroundings
+    hottest: C = m c / u_c while it warms, u_c (m c + Q / span) while it cools;  h A / u_h;  warmer surroundings
+
+The reading must lie between them, each seen through a thermocouple that follows late when that widens the band. A bead
+that fell off, a reversed thermocouple, a heater that is not measured: all leave the band.
+
+A reading that stands still to the last digit is found out sooner, by what the power has changed since then:
+
+    C dΔ/dt = P - P₀ - h A Δ,     C and h A of the coldest wire, P₀ the power when the reading last changed
+
+Whatever the balance did not know then, it does not know now; a wire that has been driven Δ away must show it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import exp
+from typing import NamedTuple
+
+from smadrive.wire.heat_balance import BalanceSource, HeatBalance
+
+TRANSFORMATION_C = 20.0
+"""Span over which the latent heat is taken up, K."""
+SURROUNDINGS_C = 10.0
+"""By how much the surroundings may differ from the ambient temperature of the heat balance, K."""
+MARGIN_C = 6.0
+"""What is added on both sides of the band for noise and quantisation, K."""
+FROZEN_C = 3.0
+"""By how much the wire must have moved under a reading that stands still, K."""
+
+
+@dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """Factors within which the parameters of a heat balance are known, both ways."""
+
+    capacity: float
+    loss: float
+
+
+NOMINAL = Uncertainty(capacity=3.0, loss=1.6)
+"""A data sheet: published specific heats differ by 2.6; convection must be that of the room, not of a fan."""
+IDENTIFIED = Uncertainty(capacity=1.5, loss=1.4)
+"""A balance identified on this rig, some draught later."""
+UNCERTAINTIES = {BalanceSource.DATA_SHEET: NOMINAL, BalanceSource.IDENTIFIED: IDENTIFIED}
+"""How well a heat balance is known, by its source."""
+
+
+class Band(NamedTuple):
+    """What the heat allows."""
+
+    low_c: float
+    """The least reading."""
+    high_c: float
+    """The greatest reading."""
+    coldest_c: float
+    """The least temperature of the wire itself."""
+    unseen_c: float
+    """By how much the wire has at least moved under a reading that stands still."""
+
+
+class PlausibleTemperature:
+    """The checks above, for a wire whose balance is known within `uncertainty` and whose reading lags by `lag_s`."""
+
+    def __init__(self, balance: HeatBalance, uncertainty: Uncertainty, lag_s: float) -> None:
+        slow = uncertainty.capacity * (balance.heat_capacity_j_per_k + balance.latent_heat_j / TRANSFORMATION_C)
+        quick = balance.heat_capacity_j_per_k / uncertainty.capacity
+        most_w_per_k, least_w_per_k = balance.loss_w_per_k * uncertainty.loss, balance.loss_w_per_k / uncertainty.loss
+        self._ambient_c = balance.ambient_c
+        self._coldest = _Wire(most_w_per_k, warming_j_per_k=slow, cooling_j_per_k=quick)
+        self._hottest = _Wire(least_w_per_k, warming_j_per_k=quick, cooling_j_per_k=slow)
+        self._unseen = _Wire(most_w_per_k, warming_j_per_k=slow, cooling_j_per_k=slow)
+        self._lag_s = lag_s
+        self.start(balance.ambient_c)
+
+    def start(self, reading_c: float) -> None:
+        """Begin at a wire at rest that reads `reading_c`; it may be warmer or colder than its surroundings."""
+        self._coldest.start(reading_c, min(self._ambient_c, reading_c) - SURROUNDINGS_C)
+        self._hottest.start(reading_c, max(self._ambient_c, reading_c) + SURROUNDINGS_C)
+        self._low_c = self._high_c = reading_c
+        self._changed(reading_c, 0.0)
+
+    def update(self, reading_c: float, power_w: float, dt_s: float) -> Band:
+        """What is possible after `dt_s` at `power_w`, now that `reading_c` is read."""
+        coldest_c = self._coldest.step(power_w, dt_s)
+        hottest_c = self._hottest.step(power_w, dt_s)
+        follow = 1.0 - exp(-dt_s / self._lag_s) if self._lag_s > 0 else 1.0
+        self._low_c = min(self._low_c + follow * (coldest_c - self._low_c), coldest_c)
+        self._high_c = max(self._high_c + follow * (hottest_c - self._high_c), hottest_c)
+        return Band(
+            self._low_c - MARGIN_C, self._high_c + MARGIN_C, coldest_c, self._unseen_c(reading_c, power_w, dt_s)
+        )
+
+    def _unseen_c(self, reading_c: float, power_w: float, dt_s: float) -> float:
+        if reading_c != self._reading_c:
+            self._changed(reading_c, power_w)
+            return 0.0
+        self._still_s += dt_s
+        moved_c = abs(self._unseen.step(power_w - self._power_then_w, dt_s))
+        return moved_c if self._still_s > self._lag_s else 0.0
+
+    def _changed(self, reading_c: float, power_w: float) -> None:
+        self._reading_c = reading_c
+        self._power_then_w = power_w
+        self._still_s = 0.0
+        self._unseen.start(0.0, 0.0)
+
+
+class _Wire:
+    """One of the two wires that bracket the true one."""
+
+    def __init__(self, loss_w_per_k: float, *, warming_j_per_k: float, cooling_j_per_k: float) -> None:
+        self._loss_w_per_k = loss_w_per_k
+        self._warming_j_per_k = warming_j_per_k
+        self._cooling_j_per_k = cooling_j_per_k
+
+    def start(self, temperature_c: float, ambient_c: float) -> None:
+        self._temperature_c = temperature_c
+        self._ambient_c = ambient_c
+
+    def step(self, power_w: float, dt_s: float) -> float:
+        settled_c = self._ambient_c + power_w / self._loss_w_per_k
+        capacity = self._warming_j_per_k if settled_c > self._temperature_c else self._cooling_j_per_k
+        self._temperature_c = settled_c + (self._temperature_c - settled_c) * exp(-dt_s * self._loss_w_per_k / capacity)
+        return self._temperature_c

@@ -1,0 +1,210 @@
+"""The front process: it owns the port of the tuning page, answers OFF, and passes page loads on.
+
+To build a page takes about a second of the page process, and any program can ask for pages. OFF must never wait for
+that, nor for an interpreter that builds one. So this process builds nothing: it counts an OFF in shared memory, where
+the loop sees it at its next tick, and passes on to the page process only as much as that can do.
+
+    POST /off   counted here
+    /state      a websocket that tells how the run ended, and which page process answers
+    /static     the scripts of bokeh
+    /, /ws      passed on to the page process; 503 while MOST_BUILDS pages are being built or MOST_PAGES are open
+
+The control process owns the listening socket: requests that arrive while this process is started anew wait in it.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import logging
+import socket
+import sys
+from collections.abc import Awaitable
+from contextlib import suppress
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from tornado.httpserver import HTTPServer
+from tornado.ioloop import PeriodicCallback
+from tornado.iostream import IOStream
+from tornado.web import Application
+from tornado.websocket import WebSocketClosedError, WebSocketHandler
+
+from smadrive.errors import ConfigError
+from smadrive.tuning.front.gate import GatedHandler, StaticHandler, UnknownPath
+from smadrive.tuning.front.relay import CHUNK_BYTES, PageHandler, PageSocketHandler, Relay
+from smadrive.tuning.link.address import page_hosts
+from smadrive.tuning.link.channel import PageEnd
+from smadrive.tuning.link.child import report_ready, run
+
+MOST_CONNECTIONS = 512
+"""The oldest connection is closed for one more, so that no number of idle connections keeps OFF out."""
+
+IDLE_S = 30.0
+"""A connection without a request is closed after this time."""
+
+MAX_HEAD_BYTES = 1 << 14
+MAX_BODY_BYTES = 1 << 10
+"""No request here needs a body. A longer one is refused before it is read: to parse it would delay OFF."""
+
+BODY_WITHIN_S = 2.0
+"""The connection is closed when the body of a request has not arrived by then."""
+
+LIMITS = {
+    "idle_connection_timeout": IDLE_S,
+    "body_timeout": BODY_WITHIN_S,
+    "max_header_size": MAX_HEAD_BYTES,
+    "max_body_size": MAX_BODY_BYTES,
+    "max_buffer_size": 2 * CHUNK_BYTES,  # the relay reads chunks; a stream may hold one more behind each
+}
+
+STALLED_S = 5.0
+"""A page process that has not read the channel for so long does not answer; building a page takes a second."""
+
+TELL_MS = 100
+FAREWELL_S = 0.5
+"""The last state must have reached the pages by then."""
+
+
+class OffHandler(GatedHandler):
+    """POST /off: the heater goes off at the loop's next tick."""
+
+    def check_xsrf_cookie(self) -> None:
+        """No cookie is asked for: switching off must need no page that was loaded before. The gate suffices."""
+
+    def post(self) -> None:
+        """Count it."""
+        channel: PageEnd = self.settings["channel"]
+        channel.request_off()
+        self.write({"off": "requested"})
+
+
+class States:
+    """What all pages are told, and the websockets on which they are told it."""
+
+    def __init__(self, channel: PageEnd) -> None:
+        self._channel = channel
+        self._sockets: set[StateHandler] = set()
+        self._text = ""
+
+    def enter(self, page: StateHandler) -> None:
+        """Tell a page that has just connected, and from now on."""
+        self._sockets.add(page)
+        page.write_message(self._text)
+
+    def leave(self, page: StateHandler) -> None:
+        """A page has gone."""
+        self._sockets.discard(page)
+
+    def tell(self, end: str | None = None) -> list[Awaitable[None]]:
+        """Tell the state if it has changed: which page process answers, and how the run has ended."""
+        text = json.dumps({"page": self._channel.page_server(STALLED_S), "end": end})
+        if text == self._text:
+            return []
+        self._text = text
+        return [_sent(page, text) for page in self._sockets]
+
+    async def tell_news(self) -> None:
+        """Tell the pages the state if it has changed, and the control process that this one answers."""
+        self._channel.beat_front()
+        await asyncio.gather(*self.tell())
+
+    async def tell_end(self) -> None:
+        """Tell how the run has ended; "unknown" when the control process has gone without a word of it."""
+        published = self._channel.status(-1)
+        end = published[1]["end"] if published else None
+        with suppress(TimeoutError):
+            await asyncio.wait_for(asyncio.gather(*self.tell(end or "unknown")), FAREWELL_S)
+
+
+async def _sent(page: StateHandler, text: str) -> None:
+    with suppress(WebSocketClosedError):
+        await page.write_message(text)
+
+
+class StateHandler(GatedHandler, WebSocketHandler):
+    """GET /state: tells a page the state as long as it is open."""
+
+    def open(self) -> None:
+        """Enter it."""
+        states: States = self.settings["states"]
+        states.enter(self)
+
+    def on_message(self, message: str | bytes) -> None:
+        """Nothing is asked here."""
+
+    def on_close(self) -> None:
+        """Leave."""
+        states: States = self.settings["states"]
+        states.leave(self)
+
+
+class FrontServer(HTTPServer):
+    """An HTTP server that always has room for one more connection and bounds the size of every request."""
+
+    def initialize(self, *args: Any, **kwargs: Any) -> None:
+        """See HTTPServer."""
+        super().initialize(*args, **{**LIMITS, **kwargs})
+        self._streams: list[IOStream] = []
+
+    def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
+        """Close the oldest connection if there are too many."""
+        self._streams = [open_one for open_one in self._streams if not open_one.closed()]
+        if len(self._streams) >= MOST_CONNECTIONS:
+            self._streams.pop(0).close()
+        self._streams.append(stream)
+        super().handle_stream(stream, address)
+
+
+async def serve(parameters: dict[str, Any]) -> None:
+    """Serve until standard input ends."""
+    channel = PageEnd(parameters["memory_fd"], socket.socket(fileno=parameters["socket_fd"]))
+    states = States(channel)
+    application = Application(
+        [
+            (r"/off", OffHandler),
+            (r"/state", StateHandler),
+            (r"/static/(.*)", StaticHandler, {"path": bokeh_static()}),
+            (r"/", PageHandler),
+            (r"/ws", PageSocketHandler),
+        ],
+        default_handler_class=UnknownPath,
+        hosts=page_hosts(parameters["port"]),
+        channel=channel,
+        states=states,
+        relay=Relay(parameters["path"], channel),
+        websocket_max_message_size=MAX_BODY_BYTES,
+    )
+    states.tell()
+    server = FrontServer(application)
+    listener = socket.socket(fileno=parameters["listener_fd"])
+    listener.setblocking(False)
+    server.add_socket(listener)
+    telling = PeriodicCallback(states.tell_news, TELL_MS)
+    telling.start()
+    channel.beat_front()
+    report_ready()
+    await _end_of_input()
+    telling.stop()
+    server.stop()
+    await states.tell_end()
+
+
+def bokeh_static() -> Path:
+    """The folder of bokeh's scripts; to import bokeh for it would take half a second."""
+    package = find_spec("bokeh")
+    if package is None or package.origin is None:
+        raise ConfigError("the tuning page needs bokeh: install it with pip install 'smadrive[tune]'")
+    return Path(package.origin).parent / "server" / "static"
+
+
+async def _end_of_input() -> None:
+    ended = asyncio.Event()
+    asyncio.get_running_loop().add_reader(sys.stdin.fileno(), ended.set)
+    await ended.wait()
+
+
+if __name__ == "__main__":
+    logging.getLogger("tornado.access").setLevel(logging.CRITICAL)  # a refused request is no news for the terminal
+    run(lambda parameters: asyncio.run(serve(parameters)))

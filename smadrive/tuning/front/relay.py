@@ -1,0 +1,146 @@
+"""What the front process passes on to the page process: page loads and the websockets of open pages, as bytes.
+
+The head of a request is written anew from the few fields that bokeh needs, so that nothing but this one request reaches
+the page process. A page load keeps its place among the MOST_BUILDS until the page is built, even if its client has left
+meanwhile: the page process builds it all the same.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from http import HTTPStatus
+
+from tornado.httputil import HTTPServerRequest
+from tornado.iostream import IOStream, StreamClosedError
+from tornado.web import HTTPError
+
+from smadrive.tuning.front.gate import GatedHandler
+from smadrive.tuning.link.channel import PageEnd
+
+MOST_BUILDS = 2
+"""Pages that are built at the same time."""
+
+MOST_PAGES = 8
+"""Pages that are open at the same time."""
+
+CHUNK_BYTES = 1 << 16
+WEBSOCKET_FIELDS = (
+    "Origin",
+    "Upgrade",
+    "Sec-WebSocket-Key",
+    "Sec-WebSocket-Version",
+    "Sec-WebSocket-Protocol",
+    "Sec-WebSocket-Extensions",
+)
+BUSY = (
+    '<!DOCTYPE html><meta charset="utf-8"><meta http-equiv="refresh" content="2"><title>smadrive</title>'
+    "<p>The tuning page is busy or being started. This page tries again by itself.</p>"
+    "<p>To switch the heater off now: <code>curl -X POST http://{host}/off</code></p>"
+)
+
+
+class Places:
+    """Counts what goes on at the same time, `most` of it."""
+
+    def __init__(self, most: int) -> None:
+        self.most = most
+        self.taken = 0
+
+    @property
+    def are_taken(self) -> bool:
+        """Whether there is no room for another one."""
+        return self.taken >= self.most
+
+    @contextmanager
+    def one(self) -> Iterator[None]:
+        """Take a place while the block lasts."""
+        self.taken += 1
+        try:
+            yield
+        finally:
+            self.taken -= 1
+
+
+class Relay:
+    """The way to the page process, which listens on the Unix socket at `path`."""
+
+    def __init__(self, path: str, channel: PageEnd) -> None:
+        self._path = path
+        self._channel = channel
+        self.builds = Places(MOST_BUILDS)
+        self.sockets = Places(MOST_PAGES)
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether no further page may be built now."""
+        return self.builds.are_taken or self._channel.pages_open >= MOST_PAGES
+
+    async def page(self, request: HTTPServerRequest) -> bytes | None:
+        """The whole reply to a page load; None when the page process does not give one."""
+        with self.builds.one(), suppress(StreamClosedError):
+            server = await self.sent(request, {"Connection": "close"})
+            return await server.read_until_close() or None
+        return None
+
+    async def sent(self, request: HTTPServerRequest, fields: Mapping[str, str]) -> IOStream:
+        """A connection on which a request with these fields has been sent. StreamClosedError without page process."""
+        server = IOStream(socket.socket(socket.AF_UNIX))
+        await server.connect(self._path)
+        fields = {"Host": request.host, **fields}
+        lines = [f"GET {request.uri} HTTP/1.1", *(f"{name}: {value}" for name, value in fields.items()), "", ""]
+        await server.write("\r\n".join(lines).encode("latin-1"))
+        return server
+
+
+class PageHandler(GatedHandler):
+    """GET /: a page, built by the page process; 503 when that has enough to do, or is being started."""
+
+    async def get(self) -> None:
+        """Pass it on."""
+        relay: Relay = self.settings["relay"]
+        page = None if relay.is_busy else await relay.page(self.request)
+        if page is None:
+            self.set_status(HTTPStatus.SERVICE_UNAVAILABLE)
+            self.finish(BUSY.format(host=self.request.host))
+            return
+        client = self.detach()
+        with suppress(StreamClosedError):
+            await client.write(page)
+        client.close()
+
+
+class PageSocketHandler(GatedHandler):
+    """GET /ws: the websocket of an open page."""
+
+    async def get(self) -> None:
+        """Pass on what either end sends, until one of them closes."""
+        relay: Relay = self.settings["relay"]
+        headers = self.request.headers
+        if headers.get("Upgrade", "").lower() != "websocket":
+            raise HTTPError(HTTPStatus.BAD_REQUEST)
+        if relay.sockets.are_taken:
+            raise HTTPError(HTTPStatus.SERVICE_UNAVAILABLE)
+        fields = {"Connection": "Upgrade", **{name: headers[name] for name in WEBSOCKET_FIELDS if name in headers}}
+        with relay.sockets.one():
+            try:
+                server = await relay.sent(self.request, fields)
+            except StreamClosedError:
+                raise HTTPError(HTTPStatus.SERVICE_UNAVAILABLE) from None
+            await _join(self.detach(), server)
+
+
+async def _join(client: IOStream, server: IOStream) -> None:
+    pumps = [asyncio.create_task(_pump(*pair)) for pair in ((client, server), (server, client))]
+    await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)
+    client.close()
+    server.close()
+    await asyncio.gather(*pumps)
+
+
+async def _pump(source: IOStream, target: IOStream) -> None:
+    with suppress(StreamClosedError):
+        while True:
+            await target.write(await source.read_bytes(CHUNK_BYTES, partial=True))

@@ -1,0 +1,101 @@
+"""The texts of the page: what holds, what is wrong and what to do about it, how punctual the loop is."""
+
+from __future__ import annotations
+
+from collections import deque
+from html import escape
+from typing import Any
+
+import numpy as np
+
+from smadrive.control.loop import LATE_FRACTION
+from smadrive.tuning.link.channel import COLUMNS, Rows
+
+TIMED_ROWS = 1200
+SHOWN_EVENTS = 8
+
+_LATE = COLUMNS.index("late_s")
+_MODES = {"off": "off", "holding": "on", "tracking": "on", "off, unconfirmed": "bad"}
+
+
+class Timing:
+    """How late the last ticks began, and how many of all were too late."""
+
+    def __init__(self, period_s: float) -> None:
+        self._period_s = period_s
+        self._late_s: deque[float] = deque(maxlen=TIMED_ROWS)
+        self.missed = 0
+
+    def add(self, rows: Rows) -> None:
+        """More ticks."""
+        late_s = rows[:, _LATE]
+        self._late_s.extend(late_s.tolist())
+        self.missed += int(np.sum(late_s > LATE_FRACTION * self._period_s))
+
+    def __str__(self) -> str:
+        """Median and 99th percentile."""
+        if not self._late_s:
+            return "no tick yet"
+        median_ms, worst_ms = 1e3 * np.percentile(self._late_s, (50, 99))
+        return f"{1e3 * self._period_s:.0f} ms · late {median_ms:.2f} ms, p99 {worst_ms:.2f} ms · {self.missed} missed"
+
+
+def chips_html(status: dict[str, Any], punctuality: str, *, late: bool, controls: bool) -> str:
+    """The line of states under the title."""
+    mode, limits = status["mode"], status["limited_by"]
+    tuning = status["tuning"]
+    certified = f"contracting, {tuning['invertible_percent']:.1f} % invertible"
+    return "".join(
+        [
+            _chip("heater", mode, _MODES.get(mode, "on")),
+            _chip("limited by", ", ".join(limits) or "nothing", "warn" if limits else "calm"),
+            _chip("model", f"{tuning['change']} · {certified}", "warn" if tuning["caveats"] else "calm"),
+            _chip("loop", punctuality, "warn" if late else "calm"),
+            _chip("this page", "controls" if controls else "watches", "on" if controls else "off"),
+        ]
+    )
+
+
+def banner_html(status: dict[str, Any], note: str) -> str:
+    """What needs attention: faults with their remedy, a lost device, the answer to the last request."""
+    lines = []
+    if status["mode"] == "off, unconfirmed":
+        lines.append(("bad", "The heater could NOT be confirmed off: cut its supply."))
+    if status["fault"]:
+        lines.append(("bad", status["fault"]))
+    if status["lost"]:
+        lines.append(("bad", f"no answer: {status['lost']}"))
+    if status["device_faults"]:
+        latched = ", ".join(status["device_faults"])
+        lines.append(("bad", f"latched on the device: {latched}; remove the cause, then Clear faults"))
+    if status["temperature_fault"]:
+        lines.append(("bad", f"thermocouple: {status['temperature_fault']}"))
+    lines.extend(("note", f"beware of the model in force: {caveat}") for caveat in status["tuning"]["caveats"])
+    if note:
+        lines.append(("note", note))
+    return "".join(f'<div class="line {kind}">{escape(text)}</div>' for kind, text in lines)
+
+
+def events_html(events: list[tuple[float, str]]) -> str:
+    """The latest events, newest first."""
+    lines = [
+        f"<tr><td>{time_s:.1f} s</td><td>{escape(text)}</td></tr>" for time_s, text in reversed(events[-SHOWN_EVENTS:])
+    ]
+    return f'<table class="events">{"".join(lines)}</table>'
+
+
+def scores_html(comparison: dict[str, Any]) -> str:
+    """A and B: what they are and how well they did."""
+    cells = []
+    for slot in ("A", "B"):
+        mean_percent, cycles = comparison["scores"][slot]
+        turns = f"{cycles} turn{'s' if cycles > 1 else ''}"
+        score = f"{mean_percent:.2f} % RMS, {turns}" if cycles else "not scored"
+        kept = comparison["slots"].get(slot)
+        driving = " driving" if comparison["turn"] == slot else ""
+        cells.append(f'<div class="slot{driving}"><b>{slot}</b> {escape(kept or "empty")}<br>{score}</div>')
+    return f'<div class="slots">{"".join(cells)}</div>'
+
+
+def _chip(name: str, text: str, kind: str) -> str:
+    return f'<span class="chip {kind}"><i>{escape(name)}</i><b>{escape(text)}</b></span>'

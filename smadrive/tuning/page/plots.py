@@ -1,0 +1,232 @@
+"""The plots of the page and the data behind them: four over time, the plane of the hysteresis, the rules that fire.
+
+All traces over time share one source, so that a fresh row is sent once; axes whose ends are known are given them.
+"""
+
+from __future__ import annotations
+
+from math import isfinite
+
+import numpy as np
+from bokeh.models import ColumnDataSource, Range1d, Span
+from bokeh.plotting import figure
+
+from smadrive.hysteresis import TSFuzzyDuhem
+from smadrive.identification.reshape import Model
+from smadrive.tuning.link.channel import COLUMNS, Rows
+
+POINTS = 2000
+"""Points that a trace keeps."""
+WINDOW_S = 60.0
+DRAWN = (
+    "time_s",
+    "temperature_c",
+    "displacement_mm",
+    "current_a",
+    "wanted_c",
+    "wanted_mm",
+    "estimated_c",
+    "estimated_mm",
+    "commanded_a",
+)
+"""The columns of the channel that are drawn over time."""
+
+MOVED = 0.004
+"""On the plane a point is drawn where the wire has moved on by this share of an axis: a wire that stands adds none."""
+
+ERROR_AXES = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
+"""Ends of the error's axis, in percent of the stroke."""
+
+BRANCH_POINTS = 200
+
+WANTED, MEASURED, ESTIMATED = "#22303c", "#0b8f87", "#e8890c"
+HEATING, COOLING = "#d1495b", "#3a7ca5"
+LIMIT, GRID = "#c0392b", "#e6eaee"
+
+_COLUMN = {name: number for number, name in enumerate(COLUMNS)}
+
+
+class Plots:
+    """All figures, by the name under which the page's template places them."""
+
+    def __init__(self, current_max_a: float, temperature_max_c: float) -> None:
+        self.time = ColumnDataSource({name: [] for name in (*DRAWN, "error_percent")})
+        self._branches = ColumnDataSource({"v": [], "heating": [], "cooling": []})
+        self._loop = ColumnDataSource({"v": [], "y": []})
+        self._state = ColumnDataSource({"v": [], "y": []})
+        self._rules = ColumnDataSource({"set": [], "strength": [], "colour": []})
+        self._x = Range1d(0.0, WINDOW_S)
+        self._mm, self._plane_mm = Range1d(0.0, 1.0), Range1d(0.0, 1.0)
+        self._plane_c = Range1d(15.0, 1.02 * temperature_max_c)
+        self._drawn_to = np.full(2, np.nan)
+        self._error_range = Range1d(-1.0, 1.0)
+        self._model: Model | None = None
+        self._travel_mm: tuple[float, float] | None = None
+        self.figures = [
+            self._displacement(),
+            self._temperature(temperature_max_c),
+            self._current(current_max_a),
+            self._error(),
+            self._plane(),
+            self._firing(),
+        ]
+
+    def show_model(self, model: Model, travel_mm: tuple[float, float]) -> None:
+        """Draw the branches of another model, and fit the axes to its travel."""
+        self._model, self._travel_mm = model, travel_mm
+        v = np.linspace(*model.input_range, BRANCH_POINTS)
+        branches = [
+            [model.offset + model.scale * model.engine.target(float(x), rising=rising) for x in v]
+            for rising in (True, False)
+        ]
+        self._branches.data = {"v": v, "heating": branches[0], "cooling": branches[1]}
+        low_mm, high_mm = min(travel_mm), max(travel_mm)
+        margin_mm = 0.06 * (high_mm - low_mm)
+        for axis in (self._mm, self._plane_mm):
+            axis.update(start=low_mm - margin_mm, end=high_mm + margin_mm)
+
+    def add(self, rows: Rows) -> None:
+        """Append what is new; a model has been shown before."""
+        assert self._travel_mm is not None
+        columns = {name: rows[:, _COLUMN[name]] for name in DRAWN}
+        stroke_mm = abs(self._travel_mm[1] - self._travel_mm[0])
+        measured_mm = columns["displacement_mm"]
+        reached_mm = np.where(np.isfinite(measured_mm), measured_mm, columns["estimated_mm"])
+        columns["error_percent"] = 100.0 * (columns["wanted_mm"] - reached_mm) / stroke_mm
+        self.time.stream(columns, rollover=POINTS)
+        now_s = float(rows[-1, _COLUMN["time_s"]])
+        self._x.update(start=now_s - WINDOW_S, end=now_s)
+        self._fit_error_axis()
+
+    def _fit_error_axis(self) -> None:
+        """In steps, so that the axis stands still while it is read."""
+        errors = np.abs(self.time.data["error_percent"])
+        largest = float(np.max(errors[np.isfinite(errors)], initial=0.5))
+        end = next((step for step in ERROR_AXES if step >= 1.05 * largest), ERROR_AXES[-1])
+        if self._error_range.end != end:
+            self._error_range.update(start=-end, end=end)
+
+    def show_state(self, rows: Rows) -> None:
+        """Where the wire is on the plane, and which rules fire there; what is new since this was last called."""
+        before, now = rows[0], rows[-1]
+        wire_c, reached_mm = _wire_c(now), _first(now, "displacement_mm", "estimated_mm")
+        if not (isfinite(wire_c) and isfinite(reached_mm)):
+            return
+        self._state.data = {"v": [wire_c], "y": [reached_mm]}
+        self._draw_loop(rows[:, [_COLUMN["estimated_c"], _COLUMN["displacement_mm"]]])
+        if isinstance(self._model, TSFuzzyDuhem):
+            centres = [f"{centre:.1f}" for centre in self._model.sets.centres]
+            if self._fired.x_range.factors != centres:
+                self._fired.x_range.factors = centres
+            colour = HEATING if wire_c >= _wire_c(before) else COOLING
+            strengths = self._model.sets.weights(np.array([wire_c]))[0]
+            self._rules.data = {"set": centres, "strength": strengths, "colour": [colour] * len(centres)}
+
+    def _draw_loop(self, path: Rows) -> None:
+        """Go on with the measured loop along `path`, (rows, 2); it is broken where the wire is not known."""
+        reach = np.array([axis.end - axis.start for axis in (self._plane_c, self._plane_mm)])
+        drawn = []
+        for point in path:
+            if _has_moved(self._drawn_to, point, MOVED * reach):
+                self._drawn_to = point
+                drawn.append(point)
+        if drawn:
+            v, y = np.array(drawn).T
+            self._loop.stream({"v": v, "y": y}, POINTS)
+
+    def _over_time(self, name: str, label: str, y_range: Range1d) -> figure:
+        plot = _figure(name, label, x_range=self._x, y_range=y_range)
+        plot.xaxis.formatter.use_scientific = False
+        plot.xaxis.visible = False  # one time axis, under the last of them
+        return plot
+
+    def _displacement(self) -> figure:
+        plot = self._over_time("displacement", "displacement / mm", self._mm)
+        _lines(plot, self.time, wanted_mm=WANTED, displacement_mm=MEASURED, estimated_mm=ESTIMATED)
+        return plot
+
+    def _temperature(self, temperature_max_c: float) -> figure:
+        plot = self._over_time("temperature", "temperature / °C", Range1d(15.0, 1.06 * temperature_max_c))
+        _lines(plot, self.time, wanted_c=WANTED, temperature_c=MEASURED, estimated_c=ESTIMATED)
+        _limit(plot, temperature_max_c)
+        return plot
+
+    def _current(self, current_max_a: float) -> figure:
+        plot = self._over_time("current", "current / A", Range1d(-0.03 * current_max_a, 1.1 * current_max_a))
+        _lines(plot, self.time, commanded_a=WANTED, current_a=MEASURED)
+        _limit(plot, current_max_a)
+        return plot
+
+    def _error(self) -> figure:
+        plot = self._over_time("error", "error / % of stroke", self._error_range)
+        _lines(plot, self.time, error_percent=HEATING)
+        plot.add_layout(Span(location=0.0, dimension="width", line_color=WANTED, line_width=1))
+        plot.xaxis.visible = True
+        plot.xaxis.axis_label = "time / s"
+        return plot
+
+    def _plane(self) -> figure:
+        plot = _figure("plane", "displacement / mm", x_range=self._plane_c, y_range=self._plane_mm)
+        plot.xaxis.axis_label = "temperature of the wire / °C"
+        plot.line("v", "heating", source=self._branches, color=HEATING, line_width=2, alpha=0.75)
+        plot.line("v", "cooling", source=self._branches, color=COOLING, line_width=2, alpha=0.75)
+        plot.line("v", "y", source=self._loop, color=MEASURED, line_width=1.3)
+        plot.scatter("v", "y", source=self._state, size=11, color=ESTIMATED, line_color="white", line_width=1.5)
+        return plot
+
+    def _firing(self) -> figure:
+        plot = _figure("firing", "firing strength", x_range=["–"], y_range=Range1d(0.0, 1.05))
+        plot.xaxis.axis_label = "centre of the set / °C"
+        plot.xaxis.major_label_orientation = 0.8
+        plot.vbar("set", top="strength", width=0.8, color="colour", source=self._rules)
+        self._fired = plot
+        return plot
+
+
+def _figure(name: str, label: str, **ranges: object) -> figure:
+    plot = figure(
+        name=name,
+        sizing_mode="stretch_both",
+        min_height=90,
+        toolbar_location=None,
+        tools="",
+        output_backend="canvas",
+        background_fill_color=None,
+        border_fill_color=None,
+        outline_line_color=None,
+        **ranges,
+    )
+    plot.yaxis.axis_label = label
+    plot.axis.axis_label_text_font_style = "normal"
+    plot.axis.axis_label_text_font_size = plot.axis.major_label_text_font_size = "11px"
+    plot.axis.axis_label_text_color = plot.axis.major_label_text_color = "#5b6b79"
+    plot.axis.axis_line_color = plot.axis.major_tick_line_color = "#c3ccd4"
+    plot.axis.minor_tick_line_color = None
+    plot.grid.grid_line_color = GRID
+    plot.min_border_left, plot.min_border_right = 58, 12  # one time axis for all: they begin below each other
+    return plot
+
+
+def _lines(plot: figure, source: ColumnDataSource, **traces: str) -> None:
+    """One line for each column, in its colour."""
+    for column, colour in traces.items():
+        plot.line("time_s", column, source=source, color=colour, line_width=1.6)
+
+
+def _limit(plot: figure, at: float) -> None:
+    plot.add_layout(Span(location=at, dimension="width", line_color=LIMIT, line_dash="dashed", line_width=1.5))
+
+
+def _has_moved(before: Rows, now: Rows, far: Rows) -> bool:
+    """Whether a point is worth drawing; of those that are not known the first is: it ends the line."""
+    if np.isnan(now).any():
+        return not np.isnan(before).any()
+    return not bool((np.abs(now - before) < far).all())
+
+
+def _first(row: Rows, *names: str) -> float:
+    return next((float(row[_COLUMN[name]]) for name in names if isfinite(row[_COLUMN[name]])), float("nan"))
+
+
+def _wire_c(row: Rows) -> float:
+    return _first(row, "estimated_c", "temperature_c")

@@ -1,0 +1,70 @@
+"""The page process: it builds the pages and serves their data, to the front process alone.
+
+Nothing here can hold the loop up, and nothing leaves the machine: all scripts and styles come from the installed
+packages. It listens on a Unix socket in a folder of this user: requests that the gate has not seen do not reach it.
+What a page does, it does for the one client that brought the token first.
+"""
+
+from __future__ import annotations
+
+import logging
+import socket
+import sys
+from pathlib import Path
+from typing import Any
+
+from bokeh.application import Application
+from bokeh.application.handlers.function import FunctionHandler
+from bokeh.document import Document
+from bokeh.server.server import Server
+from tornado.ioloop import PeriodicCallback
+
+from smadrive.tuning.link.address import page_hosts
+from smadrive.tuning.link.channel import PageEnd
+from smadrive.tuning.link.child import is_input_closed, report_ready, run
+from smadrive.tuning.page.client_registry import Desk
+from smadrive.tuning.page.fit import Fitter
+from smadrive.tuning.page.page import Page
+
+READ_MS = 50
+UNUSED_MS = 1000
+"""A client whose socket has been gone for so long has left."""
+
+
+def serve(parameters: dict[str, Any]) -> None:
+    """Serve until standard input ends."""
+    channel = PageEnd(parameters["memory_fd"], socket.socket(fileno=parameters["socket_fd"]))
+    desk, fitter = Desk(channel, parameters["token"]), Fitter()
+    folder, rig_file = Path(parameters["folder"]), Path(parameters["rig_file"])
+
+    def document(doc: Document) -> None:
+        Page(doc, desk, fitter, folder, rig_file)
+
+    def read() -> None:
+        desk.read()
+        channel.beat()
+
+    desk.read()
+    while not desk.status:  # it is being replaced just now; a page that is asked for at once needs one
+        if is_input_closed(within_s=READ_MS / 1000):
+            return
+        desk.read()
+    server = Server(
+        {"/": Application(FunctionHandler(document))},
+        unix_socket=parameters["path"],
+        allow_websocket_origin=list(page_hosts(parameters["port"])),
+        check_unused_sessions_milliseconds=UNUSED_MS // 2,
+        unused_session_lifetime_milliseconds=UNUSED_MS,
+    )
+    server.start()
+    server.io_loop.add_handler(sys.stdin.fileno(), lambda *_: server.io_loop.stop(), server.io_loop.READ)
+    PeriodicCallback(read, READ_MS).start()
+    report_ready()
+    server.io_loop.start()
+    server.stop()
+    fitter.close()
+
+
+if __name__ == "__main__":
+    logging.getLogger("bokeh").setLevel(logging.ERROR)  # a client that leaves is no warning
+    run(serve)

@@ -1,0 +1,47 @@
+"""A controller that can be exchanged while it runs: between two ticks another takes over where this one stands."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf
+
+from smadrive.control.controllers.temperature import Command
+from smadrive.control.controllers.tracking import TrackingController
+from smadrive.control.references.reference import Reference
+from smadrive.measurement import Measurement
+
+
+class LiveController:
+    """Runs a tracking controller without end; `at_tick` is called before every update and may exchange it."""
+
+    duration_s = inf
+
+    def __init__(self, controller: TrackingController, reference: Reference, at_tick: Callable[[], None]) -> None:
+        self.reference = reference
+        self.time_s = 0.0
+        self._controller = controller
+        self._at_tick = at_tick
+        self._began_s = 0.0
+
+    @property
+    def reference_s(self) -> float:
+        """Time on the reference."""
+        return self.time_s - self._began_s
+
+    @property
+    def wanted_mm(self) -> float:
+        """Where the reference is now."""
+        return self.reference.value_mm(self.reference_s)
+
+    def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
+        """See Controller."""
+        self.time_s = time_s
+        self._at_tick()
+        return self._controller.update(self.reference_s, measurement, dt_s)
+
+    def exchange(self, controller: TrackingController, reference: Reference) -> None:
+        """Let `controller` take over, bumplessly; another reference begins now, the same one goes on."""
+        controller.take_over(self._controller)
+        self._controller = controller
+        if reference is not self.reference:
+            self.reference, self._began_s = reference, self.time_s

@@ -1,0 +1,58 @@
+"""A wire file: what the data sheet of a wire says, and the nominal heat balance that follows from it."""
+
+from __future__ import annotations
+
+from math import pi
+
+from pydantic import Field
+
+from smadrive.files.config import Section, load_config
+from smadrive.files.kinds import WIRE
+from smadrive.files.shipped import config_file
+from smadrive.wire.heat_balance import BalanceSource, HeatBalance
+
+AGEING_C = 200.0
+"""Nickel-titanium begins to age there and changes for good; the file of an alloy that transforms hotter says so."""
+
+
+class WireDataSheet(Section):
+    """A wire as its data sheet describes it.
+
+    `temperature_max_c` is what the wire stands for good: no rig may allow more. Left out, it is `AGEING_C`.
+
+    The bounds are far outside of every wire on sale, and inside of what a value in another unit looks like: metres for
+    millimetres, grams for kilograms, kelvins for degrees, milliseconds for seconds.
+    """
+
+    name: str
+    diameter_mm: float = Field(ge=0.01, le=10)
+    length_mm: float = Field(ge=2, le=100_000)
+    resistance_ohm_per_m: float = Field(ge=0.02, le=20_000)
+    resistance_change: float = Field(gt=-1, lt=1)
+    density_kg_per_m3: float = Field(ge=1000, le=30_000)
+    specific_heat_j_per_kg_k: float = Field(ge=50, le=5000)
+    latent_heat_j_per_kg: float = Field(ge=0, le=1e6)
+    convection_w_per_m2_k: float = Field(ge=1, le=1e5)
+    ambient_c: float = Field(ge=-100, le=150)
+    thermocouple_lag_s: float = Field(ge=0, le=10)
+    temperature_max_c: float = Field(default=AGEING_C, ge=30, le=350)
+
+    def heat_balance(self) -> HeatBalance:
+        """The nominal heat balance: m from the volume, A the wire's surface."""
+        diameter_m, length_m = 1e-3 * self.diameter_mm, 1e-3 * self.length_mm
+        mass_kg = self.density_kg_per_m3 * 0.25 * pi * diameter_m**2 * length_m
+        return HeatBalance(
+            heat_capacity_j_per_k=mass_kg * self.specific_heat_j_per_kg_k,
+            loss_w_per_k=self.convection_w_per_m2_k * pi * diameter_m * length_m,
+            latent_heat_j=mass_kg * self.latent_heat_j_per_kg,
+            ambient_c=self.ambient_c,
+            resistance_cold_ohm=self.resistance_ohm_per_m * length_m,
+            resistance_change=self.resistance_change,
+            thermocouple_lag_s=self.thermocouple_lag_s,
+            source=BalanceSource.DATA_SHEET,
+        )
+
+
+def load_data_sheet(name: str) -> WireDataSheet:
+    """The data sheet at the path `name`, or the shipped one of that name. ConfigError."""
+    return load_config(config_file(name, WIRE), WireDataSheet)

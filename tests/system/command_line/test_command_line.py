@@ -1,0 +1,410 @@
+"""The commands as a user types them: files in, files out, and one clear line for everything that is wrong."""
+
+import json
+import os
+import re
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from smadrive.cli.identify import certificate_rows
+from smadrive.control.references.shapes import SHAPES
+from smadrive.hysteresis import DuhemModel, save_model
+from smadrive.hysteresis.certificate import Certificate
+from smadrive.runs.log.reader import read_log
+from smadrive.safety.shutdown import CONFIRMED
+
+ROOT = Path(__file__).parents[3]
+CONFIGS = ROOT / "configs"
+SHARED = ROOT.parent / "shared" / "data"
+LOOP = DuhemModel.gaussian(
+    mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=-0.04, offset=0.04, input_range=(20, 140)
+)
+
+
+def smadrive(*arguments, cwd, stdout=subprocess.PIPE, env=None):
+    command = [sys.executable, "-m", "smadrive", *map(str, arguments)]
+    return subprocess.run(command, cwd=cwd, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False, env=env)
+
+
+def succeed(*arguments, cwd):
+    done = smadrive(*arguments, "--json", cwd=cwd)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)
+
+
+@pytest.fixture
+def data(tmp_path):
+    """A CSV of a falling output with reversals, and an extra column."""
+    sweep = np.concatenate(
+        [np.linspace(a, b, 150) for a, b in [(25, 130), (130, 75), (75, 95), (95, 40), (40, 130), (130, 25)]]
+    )
+    rows = [f"{t},{y},x" for t, y in zip(sweep, LOOP.simulate(sweep), strict=True)]
+    (tmp_path / "wire.csv").write_text("temperature_c,strain,note\n" + "\n".join(rows) + "\n")
+    return tmp_path
+
+
+def test_identify_simulate_and_invert_work_on_files(data):
+    found = succeed("identify", "wire.csv", "--output", "strain", "-o", "model.json", cwd=data)
+    assert {"kind", "rules", "rms_percent", "max_percent", "model_file", "certificate"} <= found.keys()
+    assert found["rules"] == 22
+    assert found["rms_percent"] < 1.0
+    assert found["certificate"]["holds"] is True
+
+    plotted = succeed(
+        "identify",
+        "wire.csv",
+        "--output",
+        "strain",
+        "--kind",
+        "duhem",
+        "-o",
+        "duhem.json",
+        "--plot",
+        "fit.html",
+        cwd=data,
+    )
+    assert plotted["plot_file"] == "fit.html"
+    page = (data / "fit.html").read_text()
+    assert page.count("<img") == 2
+    assert "with standard errors" in page
+
+    succeed("simulate", "model.json", "wire.csv", "--output", "strain", "-o", "simulated.csv", cwd=data)
+    header = (data / "simulated.csv").read_text().splitlines()[0]
+    assert header == "temperature_c,note,strain"
+
+    inverted = succeed("invert", "model.json", "simulated.csv", "--output", "strain", "-o", "inverted.csv", cwd=data)
+    assert inverted["unreachable"] == 0
+    succeed("simulate", "model.json", "inverted.csv", "--output", "again", "-o", "again.csv", cwd=data)
+    wanted, got = (column(data / "again.csv", name) for name in ("strain", "again"))
+    np.testing.assert_allclose(got, wanted, atol=1e-8 * 0.04)
+
+
+def test_columns_in_other_units_than_they_tell_are_doubted_wherever_the_model_is_told_of(data):
+    lines = (data / "wire.csv").read_text().splitlines()[1:]
+    cells = [line.split(",") for line in lines]
+    rows = [f"{float(celsius) + 273.15},{strain}" for celsius, strain, _ in cells]
+    (data / "other.csv").write_text("temperature_c,displacement_mm\n" + "\n".join(rows) + "\n")
+    found = succeed("identify", "other.csv", "-o", "other.json", "--plot", "other.html", cwd=data)
+    kelvin, metres = found["caveats"]
+    assert "looks like kelvin" in kelvin
+    assert "looks like metres" in metres
+    assert json.loads((data / "other.json").read_text())["provenance"]["caveats"] == [kelvin, metres]
+    page = (data / "other.html").read_text()
+    assert kelvin in page
+    assert metres in page
+    assert succeed("identify", "wire.csv", "--output", "strain", "-o", "strain.json", cwd=data)["caveats"] == []
+
+
+def column(path, name):
+    lines = [line.split(",") for line in path.read_text().splitlines()]
+    at = lines[0].index(name)
+    return np.array([float(line[at]) for line in lines[1:]])
+
+
+def test_a_duhem_model_has_no_rules(data):
+    found = succeed("identify", "wire.csv", "--output", "strain", "--kind", "duhem", "-o", "model.json", cwd=data)
+    assert found["kind"] == "duhem"
+    assert found["rules"] == 0
+    assert found["rms_percent"] < 1.0
+
+
+def test_every_figure_of_a_certificate_is_explained_and_judged():
+    good = {name: (value, note) for name, value, note in certificate_rows(LOOP.certificate())}
+    assert list(good) == ["contraction", "left after a loop", "bounded", "invertible", "turns back", "certified"]
+    assert all(len(note) > 20 for _, note in good.values())
+    assert "good: a wrong start is forgotten" in good["contraction"][1]
+    assert good["certified"] == ("yes", "may drive a feedforward")
+    bad = {name: (value, note) for name, value, note in certificate_rows(Certificate(-0.1, 2.0, False, 0.5, 0.3))}
+    assert "not above 0, bad" in bad["contraction"][1]
+    assert bad["bounded"] == ("no", "bad: the output leaves the stroke")
+    assert "a branch comes back by 30 %" in bad["certified"][1]
+
+
+@pytest.mark.parametrize("stress", ["100MPa", "172MPa"])
+def test_measured_flexinol_is_identified(tmp_path, stress):
+    source = SHARED / "flexinol_isobaric" / f"{stress}.csv"
+    if not source.exists():
+        pytest.skip("measured wires are not on this machine")
+    found = succeed("identify", source, "--output", "strain", "-o", "model.json", cwd=tmp_path)
+    assert found["rules"] == 22
+    assert found["rms_percent"] <= 1.0
+
+
+def test_probe_and_off_answer_in_json(tmp_path):
+    probed = succeed("probe", "in-process", cwd=tmp_path)
+    assert probed["temperature_c"] == pytest.approx(22.0, abs=1.0)
+    assert probed["device_faults"] == []
+    assert succeed("off", "in-process", cwd=tmp_path)["safe"] is True
+
+
+@pytest.fixture
+def track(tmp_path):
+    """Tracks a reference on the rig in process; what `run` answers, and its log."""
+    wire = DuhemModel.gaussian(
+        mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 200)
+    )
+    save_model(wire, tmp_path / "wire.json")
+
+    def track(reference, *options, rig="in-process"):
+        run = ("run", rig, "--model", "wire.json", "--reference", reference, "-o", "run.h5", *options)
+        return succeed(*run, cwd=tmp_path), read_log(tmp_path / "run.h5")
+
+    return track
+
+
+def test_a_run_tells_what_lets_doubt_its_model(track, tmp_path):
+    document = json.loads((tmp_path / "wire.json").read_text())
+    document["provenance"]["caveats"] = ["it misses its own record"]
+    (tmp_path / "wire.json").write_text(json.dumps(document))
+    ran, log = track(ANY_SINE)
+    assert ran["caveats"] == log.json("caveats") == ["wire.json: it misses its own record"]
+
+
+def test_run_doubts_a_reference_that_is_lost_in_noise(track):
+    ran, _ = track("sine:low_mm=0.002,high_mm=0.009,period_s=5,cycles=1")
+    assert "is it in mm?" in ran["caveats"][0]
+
+
+def test_a_smoothed_run_tells_how_far_it_is_from_what_was_asked_for_and_keeps_that(track, tmp_path):
+    succeed("excite", "in-process", "-o", "excitation.h5", cwd=tmp_path)
+    succeed("identify", "excitation.h5", "-o", "wire.json", cwd=tmp_path)
+    ran, log = track("sine:low_mm=2,high_mm=9,period_s=3,cycles=2", "--smooth")
+    assert re.match(
+        r"smoothed, and every error is against the smoothed.* mm \(\d\d % of its stroke\)", ran["caveats"][0]
+    )
+    assert ran["rms_percent"] < 1.0
+    given, run = (log.json(name) for name in ("given_reference", "reference"))
+    spans_mm = [np.ptp(np.array(told["displacement_mm"])[np.array(told["times_s"]) > 12.0]) for told in (given, run)]
+    assert spans_mm[1] < spans_mm[0] - 1.0
+
+
+def test_a_run_that_trips_answers_with_what_it_did_until_then_and_with_the_trip(track, tmp_path):
+    ran, _ = track(ANY_SINE)
+    assert ran["tripped"] is None
+    tight = rig_text("watchdog_s = 0.5", "watchdog_s = 0.5\ndisplacement_max_mm = 5.0", rig="in-process")
+    (tmp_path / "tight.toml").write_text(tight)
+    run = ("run", "tight.toml", "--model", "wire.json", "--reference", ANY_SINE, "-o", "short.h5")
+    done = smadrive(*run, "--json", cwd=tmp_path)
+    assert done.returncode == 4, done.stderr
+    told, log = json.loads(done.stdout), read_log(tmp_path / "short.h5")
+    assert told.keys() == ran.keys()
+    assert told["trips"] == 1
+    assert told["tripped"].startswith("fault 11: the displacement left")
+    assert told["tripped"] in done.stderr
+    assert told["ticks"] == log.column("time_s").size < ran["ticks"]
+    assert 0.0 < told["rms_percent"] < 2.0
+    with Path("/dev/full").open("w") as full:
+        unread = smadrive(*run[:-1], "unread.h5", "--json", cwd=tmp_path, stdout=full)
+    assert unread.returncode == 4
+    tripped, outcome = unread.stderr.splitlines()
+    assert "fault 11" in tripped
+    assert CONFIRMED in outcome
+
+
+@pytest.mark.parametrize("limit", ["displacement_max_mm = 5.0", "displacement_min_mm = 5.0"])  # on its way, at once
+def test_an_excitation_that_trips_answers_with_what_it_did_until_then_and_with_the_trip(limit, tmp_path):
+    (tmp_path / "tight.toml").write_text(rig_text("watchdog_s = 0.5", f"watchdog_s = 0.5\n{limit}", rig="in-process"))
+    done = smadrive("excite", "tight.toml", "-o", "short.h5", "--json", cwd=tmp_path)
+    assert done.returncode == 4, done.stderr
+    told = json.loads(done.stdout)
+    assert (told["trips"], told["ticks"]) == (1, read_log(tmp_path / "short.h5").column("time_s").size)
+    assert told["tripped"].startswith("fault 11:")
+    assert told["tripped"] in done.stderr
+
+
+def test_a_run_says_that_only_the_tuning_page_adapts_the_rules(track, tmp_path):
+    adapting = rig_text("[excitation]", "[feedback]\nadapt = true\n\n[excitation]", rig="in-process")
+    (tmp_path / "adapting.toml").write_text(adapting)
+    ran, log = track("sine:low_mm=2,high_mm=9,period_s=20,cycles=1", rig="adapting.toml")
+    assert "is for `smadrive tune` alone" in ran["caveats"][0]
+    assert log.json("caveats") == ran["caveats"]
+
+
+@pytest.mark.parametrize("unbuffered", ["", "1"])
+@pytest.mark.parametrize(
+    "arguments", [("--help",), ("--version",), ("probe", "in-process"), ("off", "in-process", "--json")]
+)
+def test_an_output_that_cannot_be_written_is_told_and_one_that_nobody_reads_is_not(tmp_path, arguments, unbuffered):
+    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
+    with Path("/dev/full").open("w") as full:
+        done = smadrive(*arguments, cwd=tmp_path, stdout=full, env=environment)
+    assert done.returncode == 2
+    assert done.stderr.startswith("smadrive: standard output cannot be written (No space left on device)")
+    assert len(done.stderr.splitlines()) == 1
+    reading, writing = os.pipe()
+    os.close(reading)
+    assert smadrive(*arguments, cwd=tmp_path, stdout=writing, env=environment).stderr == ""
+    os.close(writing)
+
+
+def test_without_a_standard_output_a_command_does_its_work(tmp_path):
+    command = ["sh", "-c", '"$0" -m smadrive off in-process --json >&-', sys.executable]
+    done = subprocess.run(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_the_version_is_told(tmp_path):
+    assert smadrive("--version", cwd=tmp_path).stdout == f"smadrive {version('smadrive')}\n"
+
+
+def test_the_help_of_run_names_every_shape_of_reference(tmp_path):
+    told = smadrive("run", "--help", cwd=tmp_path).stdout
+    assert all(shape in told for shape in SHAPES)
+
+
+def rig_text(old, new, rig="simulated"):
+    """A shipped rig with one thing changed."""
+    text = (CONFIGS / "rigs" / f"{rig}.toml").read_text()
+    assert old in text
+    return text.replace(old, new)
+
+
+ANY_SINE = "sine:low_mm=2,high_mm=9,period_s=56"
+FAR = "sine:low_mm=2,high_mm=30,period_s=56"
+FAST = "trapezoid:low_mm=0.01,high_mm=0.03,rise_s=0.5"
+RUN = ("run", "in-process", "-o", "l.h5")
+WIRE, BOARD, SIM = (
+    CONFIGS / f"{name}.toml"
+    for name in ("wires/flexinol-lt-0.15mm", "devices/sma-reference", "sims/flexinol-lt-0.15mm")
+)
+A_RIG = "give such a .toml file, or the name of a shipped one: bench-supply, in-process, simulated, tclab\n"
+STRAIN = ("--output", "strain", "-o", "m.json")
+WRONG = [
+    # what is wrong, the command, exit code, what the line says
+    ("missing file", ("identify", "absent.csv", "-o", "m.json"), 2, "absent.csv: no such file"),
+    ("missing column", ("identify", "wire.csv", "-o", "m.json"), 2, "no column 'displacement_mm'"),
+    ("text in a cell", ("identify", "text.csv", *STRAIN), 2, "line 3, column 'strain': 'high'"),
+    ("nan in a cell", ("identify", "nan.csv", *STRAIN), 2, "line 3, column 'strain': 'nan'"),
+    ("constant input", ("identify", "flat.csv", *STRAIN), 5, "constant"),
+    ("no such model", ("simulate", "absent.json", "wire.csv", "-o", "o.csv"), 2, "absent.json"),
+    ("a model that is none", ("simulate", "text.md", "wire.csv", "-o", "o.csv"), 2, "text.md: not a JSON file; give"),
+    ("unwritable model", ("identify", "wire.csv", "--output", "strain", "-o", "no/m.json"), 2, "no/m.json"),
+    ("unknown rig", ("probe", "nosuch"), 2, "'nosuch' is neither a .toml file nor one of the shipped rigs"),
+    ("missing rig", ("probe", "absent.toml"), 2, "absent.toml: no such file"),
+    ("unknown key", ("probe", "key.toml"), 2, "limits.curent_max_a: unknown key; did you mean 'current_max_a'?"),
+    ("limits that contradict", ("probe", "limits.toml"), 2, "must be below limits.temperature_max_c = 110"),
+    ("milliamperes", ("probe", "milli.toml"), 2, "current_max_a = 600 is no limit for 'flexinol"),
+    ("a wire in metres", ("probe", "metres.toml"), 2, "diameter_mm: Input should be greater than or equal to 0.01"),
+    ("a number in quotes", ("probe", "quoted.toml"), 2, "limits: current_max_a = '0.6': put a number there, without"),
+    ("a model that is a log", (*RUN, "--model", "kept.h5", "--reference", ANY_SINE), 2, "kept.h5: is a log, and a mod"),
+    ("a model that is a rig", (*RUN, "--model", "rig.toml", "--reference", ANY_SINE), 2, "rig.toml: is a rig file, a"),
+    ("a reference that is a log", (*RUN, "--model", "loop.json", "--reference", "kept.h5"), 2, "is a log, and a table"),
+    ("a rig that is a wire", ("probe", WIRE), 2, f"is a wire file, and a rig file is wanted here: {A_RIG}"),
+    ("a rig that is a model", ("probe", "loop.json"), 2, "loop.json: is a model file, and a rig file is wanted here"),
+    ("a wire's name for a rig", ("probe", "flexinol-lt-0.15mm"), 2, "it is the name of a wire file and a simulat"),
+    ("a misspelt rig", ("probe", "simulatd"), 2, "simulated, tclab; did you mean 'simulated'?"),
+    ("a log that is a model", ("report", "loop.json"), 2, "loop.json: is a model file, and a log is wanted"),
+    ("a log that is a page", ("report", "page.html"), 2, "page.html: is a page (HTML), and a log is wanted here: give"),
+    ("a key of no reference", (*RUN, "--model", "loop.json", "--reference", "sine:low=2"), 2, "unknown key 'low'; did"),
+    ("a model that is absent", (*RUN, "--model", "no.json", "--reference", ANY_SINE), 2, "no.json: cannot be read: No"),
+    ("unknown wire", ("probe", "wire.toml"), 2, "'nitinol' is neither a .toml file nor one of the shipped wires"),
+    ("no device there", ("probe", "port.toml"), 3, "/dev/ttyNONE: no such port"),
+    ("another device", ("probe", "other.toml"), 3, "is no 'sma-reference': device_id is 21325"),
+    ("beyond the stroke", (*RUN, "--model", "loop.json", "--reference", FAR), 2, "reaches from 0 to 0.04 mm"),
+    ("beyond cooling", (*RUN, "--model", "loop.json", "--reference", FAST), 2, "cools no faster: slow it down"),
+    ("model is a folder", ("identify", "wire.csv", *STRAIN[:-1], "folder.json"), 2, "folder.json: cannot be written"),
+    ("log in no folder", ("excite", "in-process", "-o", "no/l.h5"), 2, "no/l.h5: cannot be written"),
+    ("a log with the name of a table", ("excite", "in-process", "-o", "l.csv"), 2, "its name ends in .h5"),
+    ("a log over a log", ("excite", "in-process", "-o", "kept.h5"), 2, "kept.h5: exists, and a record is never"),
+    ("a run over a log", (*RUN[:-1], "kept.h5", "--reference", ANY_SINE), 2, "kept.h5: exists, and a record is never"),
+    ("a page over its log", ("report", "kept.h5", "-o", "kept.h5"), 2, "its name ends in .html"),
+    ("a page over its log, linked", ("report", "kept.h5", "-o", "link.html"), 2, "link.html: is read by this command"),
+    ("a model over its data", ("identify", "wire.csv", *STRAIN[:-1], "wire.csv"), 2, "its name ends in .json"),
+    ("a table over its input", ("simulate", "loop.json", "wire.csv", "-o", "wire.csv"), 2, "wire.csv: is read by"),
+    ("a table over its input", ("invert", "loop.json", "wire.csv", "-o", "./wire.csv"), 2, "wire.csv: is read by"),
+    ("data that is a page", ("identify", "link.html", *STRAIN), 2, "link.html: neither a log nor a CSV"),
+    ("a demo among other files", ("demo", "-o", "."), 2, "is not empty"),
+    ("tuning in virtual time", ("tune", "in-process", "--model", "loop.json"), 2, "on sim:// time is virtual"),
+    ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
+    ("a rig that is a pipe", ("probe", "pipe.toml"), 2, "pipe.toml: is a pipe, no regular file: give the path of a f"),
+    ("an endless table", ("simulate", "loop.json", "/dev/zero", "-o", "o.csv"), 2, "/dev/zero: is a device, no regu"),
+    ("a log that is a folder", ("report", "folder.json"), 2, "folder.json: is a folder, no regular file"),
+    ("a log that is this folder", ("report", "."), 2, ".: is a folder, no regular file"),
+    ("a reference that is a pipe", (*RUN, "--model", "loop.json", "--reference", "pipe.csv"), 2, "is a pipe, no reg"),
+    ("no log to replay", ("replay", "absent.h5"), 2, "absent.h5: no such file"),
+    ("a log that is none", ("replay", "wire.csv"), 2, "wire.csv: is a table (CSV), and a log is wanted here"),
+    ("unknown option", ("probe", "in-process", "--nosuch"), 2, "No such option"),
+    ("no command", ("prob",), 2, "No such command"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("arguments", "code", "told"), [case[1:] for case in WRONG], ids=[case[0] for case in WRONG])
+def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(data, arguments, code, told):
+    (data / "text.csv").write_text("temperature_c,strain\n20,0.04\n21,high\n")
+    (data / "nan.csv").write_text("temperature_c,strain\n20,0.04\n21,nan\n")
+    (data / "flat.csv").write_text("temperature_c,strain\n" + "20,0.04\n" * 100)
+    (data / "key.toml").write_text(rig_text("current_max_a", "curent_max_a"))
+    (data / "milli.toml").write_text(rig_text("current_max_a = 0.6", "current_max_a = 600"))
+    (data / "quoted.toml").write_text(rig_text("current_max_a = 0.6", "current_max_a = '0.6'"))
+    (data / "metres.toml").write_text(rig_text('"flexinol-lt-0.15mm"', '"metres-wire.toml"'))
+    wire = (CONFIGS / "wires" / "flexinol-lt-0.15mm.toml").read_text()
+    (data / "metres-wire.toml").write_text(wire.replace("diameter_mm = 0.15", "diameter_mm = 0.15e-3"))
+    (data / "limits.toml").write_text(rig_text("temperature_max_c = 135.0", "temperature_max_c = 110.0"))
+    (data / "rig.toml").write_text((CONFIGS / "rigs" / "simulated.toml").read_text())
+    (data / "text.md").write_text("# Notes\n\nNo, nothing.\n")
+    (data / "wire.toml").write_text(rig_text('"flexinol-lt-0.15mm"', '"nitinol"'))
+    (data / "port.toml").write_text(rig_text("/tmp/smadrive-sim", "/dev/ttyNONE"))  # noqa: S108
+    (data / "other.toml").write_text(
+        rig_text('profile = "sma-reference"', 'profile = "board.toml"', rig="in-process").replace(
+            '0.15mm"\nunit', '0.15mm?profile=sma-reference"\nunit'
+        )
+    )
+    board = (CONFIGS / "devices" / "sma-reference.toml").read_text()
+    (data / "board.toml").write_text(board.replace("[[0x534D, 0x534D]]", "[[7, 7]]"))
+    (data / "folder.json").mkdir()
+    for name in ("pipe.toml", "pipe.csv"):
+        os.mkfifo(data / name)
+    (data / "kept.h5").write_bytes(b"\x89HDF\r\n\x1a\n, a record")
+    (data / "link.html").symlink_to(data / "kept.h5")
+    (data / "page.html").write_text("<!doctype html>\n<title>a run</title>\n")
+    save_model(LOOP, data / "loop.json")
+    before = contents(data)
+    done = smadrive(*arguments, cwd=data)
+    assert done.returncode == code, done.stderr
+    assert told in done.stderr
+    assert "Traceback" not in done.stderr
+    if "No such" not in told:
+        assert len(done.stderr.strip().splitlines()) == 1
+    assert done.stdout == ""
+    assert contents(data) == before
+
+
+def contents(folder):
+    return {file.name: file.read_bytes() if file.is_file() else None for file in folder.iterdir()}
+
+
+def test_its_linear_algebra_starts_no_threads_that_would_keep_cores_from_the_loop(tmp_path):
+    script = (
+        "import os, sys\n"
+        "from smadrive.cli import main\n"
+        "sys.argv = ['smadrive', 'identify', '--help']\n"
+        "try:\n"
+        "    main()\n"
+        "except SystemExit:\n"
+        "    print('numpy' in sys.modules, len(os.listdir('/proc/self/task')))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True, env={"HOME": "/"}
+    )
+    assert done.stdout.splitlines()[-1] == "True 1"
+
+
+def test_signal_during_the_first_imports_is_told_as_an_interruption():
+    script = (
+        "import signal, sys\n"
+        "class Press:\n"
+        "    def find_spec(name, path=None, target=None):\n"
+        "        if name == 'typer':\n"
+        "            signal.raise_signal(signal.SIGINT)\n"
+        "sys.meta_path.insert(0, Press)\n"
+        "from smadrive.cli import main\n"
+        "main()\n"
+    )
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
+    assert done.returncode == 130
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,103 @@
+"""The main job, as the README runs it."""
+
+import json
+import signal
+import subprocess
+import sys
+import time
+from html.parser import HTMLParser
+from pathlib import Path
+
+import pytest
+
+from smadrive.cli.demo import _unused_folder
+from smadrive.runs.log.reader import read_log
+
+DEMO = [sys.executable, "-m", "smadrive", "demo"]
+
+
+@pytest.fixture(scope="module")
+def demo(tmp_path_factory):
+    """Folder and figures of one demo."""
+    folder = tmp_path_factory.mktemp("demo")
+    done = subprocess.run([*DEMO, "--json", "-o", folder], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return folder, json.loads(done.stdout)
+
+
+def test_the_inverse_is_ten_times_better_than_the_plain_map_and_within_two_percent(demo):
+    _, figures = demo
+    assert figures["inverse"]["rms_percent"] <= 2.0
+    assert figures["inverse"]["rms_percent"] <= figures["plain_map"]["rms_percent"] / 10
+
+
+def test_every_arm_has_the_figures_of_a_run(demo):
+    _, figures = demo
+    for arm in ("inverse", "plain_map"):
+        assert figures[arm].keys() == {"rms_percent", "max_percent", "ticks", "missed_deadlines", "trips", "log_file"}
+        assert figures[arm]["trips"] == 0
+        assert read_log(Path(figures[arm]["log_file"])).column("time_s").size == figures[arm]["ticks"]
+
+
+def test_the_model_has_22_rules_and_is_certified(demo):
+    _, figures = demo
+    assert figures["identify"]["rules"] == 22
+    assert figures["identify"]["certificate"]["holds"] is True
+
+
+def test_without_a_folder_the_demo_takes_one_that_nobody_uses(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert _unused_folder().name == "smadrive-demo"
+    for name in ("smadrive-demo", "smadrive-demo-2"):
+        (tmp_path / name).mkdir()
+    assert _unused_folder().name == "smadrive-demo-3"
+
+
+class Plots(HTMLParser):
+    """Counts what the page shows, and what it would fetch."""
+
+    def __init__(self):
+        super().__init__()
+        self.inside, self.fetched = 0, []
+
+    def handle_starttag(self, tag, attrs):
+        for name, value in attrs:
+            if name in {"src", "href"}:
+                self.inside += value.startswith("data:")
+                self.fetched += [value] if not value.startswith("data:") else []
+
+
+def test_the_report_shows_loop_tracking_and_error_and_fetches_nothing(demo):
+    folder, _ = demo
+    page = (folder / "report.html").read_text()
+    plots = Plots()
+    plots.feed(page)
+    assert plots.inside >= 3
+    assert plots.fetched == []
+    for title in ("The loop", "Tracking", "Error"):
+        assert f"<h2>{title}</h2>" in page
+
+
+def test_the_board_was_armed_and_ended_switched_off(demo):
+    folder, _ = demo
+    events = (folder / "firmware.log").read_text().splitlines()
+    assert sum("armed, watchdog" in event for event in events) == 3
+    assert not any("watchdog:" in event for event in events)
+    assert "heater off" in events[-1]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP], ids=["Ctrl-C", "closed terminal"])
+def test_an_interruption_leaves_zero_current(tmp_path, number):
+    with subprocess.Popen(
+        [*DEMO, "-o", tmp_path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        log = tmp_path / "firmware.log"
+        while process.poll() is None and not (log.exists() and "armed" in log.read_text()):
+            time.sleep(0.01)
+        process.send_signal(number)
+        _, told = process.communicate()
+    assert process.returncode == 130, told
+    assert "interrupted" in told
+    assert "Traceback" not in told
+    events = [event.partition(" s ")[2] for event in log.read_text().splitlines()]
+    assert events[:2] == ["armed, watchdog 0.500 s", "disarmed"]

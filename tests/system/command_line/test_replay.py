@@ -1,0 +1,117 @@
+"""A replay is the record bit for bit, and shows what another model, or another rig file, would have made of it."""
+
+import json
+from dataclasses import replace
+from math import inf, nan
+
+import numpy as np
+import pytest
+
+from smadrive.control.feedforward.displacement import HysteresisInverse, StaticMap
+from smadrive.control.references.shapes import sine
+from smadrive.errors import DataError
+from smadrive.hysteresis import DuhemModel
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.replay import Difference, prediction_percent, replay
+from smadrive.runs.run_log import record_excitation, record_tracking
+
+
+def wire(mu_heating=93.0):
+    return DuhemModel.gaussian(
+        mu_heating=mu_heating,
+        mu_cooling=71.0,
+        sigma_heating=6.0,
+        sigma_cooling=6.0,
+        scale=11.0,
+        input_range=(20.0, 130.0),
+    )
+
+
+def track(path, inverse=None, until_s=inf):
+    """The log of a short tracking run, ended by Ctrl-C at `until_s`."""
+    model = wire()
+    reference = sine(low_mm=1.0, high_mm=8.0, period_s=20.0, cycles=1.0).with_approach(0.0, 5.0)
+
+    def record(tick):
+        recorder.tick(tick)
+        if tick.time_s >= until_s:
+            raise KeyboardInterrupt
+
+    with Rig(load_rig("in-process")) as rig:
+        experiment = reference, model, rig.nominal_balance, inverse or HysteresisInverse(model)
+        with record_tracking(path, rig, *experiment) as recorder:
+            rig.track(*experiment, record)
+
+
+@pytest.fixture(scope="module")
+def tracked(tmp_path_factory):
+    path = tmp_path_factory.mktemp("tracked") / "run.h5"
+    track(path)
+    return read_log(path)
+
+
+def test_the_replay_of_a_tracking_run_is_the_record(tracked):
+    again = replay(tracked)
+    assert again.exact
+    for name, values in again.signals.items():
+        np.testing.assert_array_equal(values, tracked.columns[name])
+        assert again.differences[name] == Difference(max=0.0, rms=0.0, first_s=inf)
+
+
+def test_the_replay_of_an_excitation_is_the_record(tmp_path):
+    path = tmp_path / "excitation.h5"
+    with Rig(load_rig("in-process")) as rig:
+        excitation = rig.excitation(22.0)
+        with record_excitation(path, rig, excitation) as recorder:
+            rig.excite(excitation, recorder.tick)
+    log = read_log(path)
+    assert replay(log).exact
+    with pytest.raises(DataError, match="runs without a model"):
+        replay(log, (wire(), None))
+
+
+def test_the_replay_of_a_run_that_was_stopped_is_its_record(tmp_path):
+    with pytest.raises(KeyboardInterrupt):
+        track(tmp_path / "run.h5", until_s=7.0)
+    log = read_log(tmp_path / "run.h5")
+    assert log.column("time_s")[-1] == pytest.approx(7.0, abs=0.06)
+    assert replay(log).exact
+
+
+def test_another_model_differs_where_it_should(tracked):
+    far = wire(mu_heating=99.0)
+    again = replay(tracked, (far, Rig(load_rig("in-process")).nominal_balance))
+    assert not again.exact
+    assert again.differences["reference_mm"].first_s == inf
+    assert again.differences["wanted_c"].max > 4.0
+    assert again.differences["wanted_c"].rms > 1.0
+
+
+def test_another_model_predicts_worse_where_the_displacement_does_not_put_it_right(tracked):
+    blind = replace(
+        tracked, columns={**tracked.columns, "displacement_mm": np.full_like(tracked.columns["time_s"], nan)}
+    )
+    balance = Rig(load_rig("in-process")).nominal_balance
+    misses = []
+    for model in (wire(mu_heating=90.0), wire(mu_heating=99.0)):
+        estimated_mm = replay(blind, (model, balance)).signals["estimated_mm"]
+        misses.append(prediction_percent(tracked, estimated_mm, model))
+    assert misses[1] > 2.0 * misses[0]
+
+
+def test_a_changed_rig_file_shows_at_the_first_tick_that_answers_otherwise(tracked):
+    rig = tracked.json("rig")
+    rig["feedback"]["closed_loop_s"] *= 2.0
+    again = replay(replace(tracked, about={**tracked.about, "rig": json.dumps(rig)}))
+    assert again.differences["estimated_mm"].first_s == inf
+    assert 0.0 <= again.differences["power_w"].first_s < 1.0
+
+
+def test_a_plain_map_is_replayed_only_with_a_model_instead(tmp_path):
+    track(tmp_path / "map.h5", StaticMap([20.0, 80.0, 130.0], [0.0, 5.0, 11.0]))
+    log = read_log(tmp_path / "map.h5")
+    with pytest.raises(DataError, match="plain map, which no log keeps"):
+        replay(log)
+    assert not replay(log, (wire(), Rig(load_rig("in-process")).nominal_balance)).exact

@@ -1,0 +1,207 @@
+"""A log becomes one page and one table, whatever ended it, and nothing of it is left out."""
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from html.parser import HTMLParser
+
+import numpy as np
+import pytest
+
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
+from smadrive.cli.views.demo_report import _error_plot
+from smadrive.cli.views.log_plots import log_plots
+from smadrive.cli.views.log_report import write_log_report
+from smadrive.clock import VirtualClock
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.loop import LoopFigures
+from smadrive.control.references.shapes import sine
+from smadrive.devices.heater import AT_LIMIT
+from smadrive.errors import DeadlineError, TripError
+from smadrive.files.csv_table import read_table
+from smadrive.hysteresis import DuhemModel
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.run_log import record_excitation, record_tracking
+from smadrive.runs.run_metrics import tracking_figures
+
+WIRE = DuhemModel.gaussian(
+    mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 130)
+)
+
+
+@pytest.fixture(scope="module")
+def logs(tmp_path_factory):
+    """A folder of logs: of a complete run, of the same one as a kill leaves it, of an experiment that tripped."""
+    folder = tmp_path_factory.mktemp("logs")
+    with Rig(load_rig("in-process")) as rig:
+        reference = sine(low_mm=1.0, high_mm=8.0, period_s=40.0, cycles=1.0).with_approach(0.0, 5.0)
+        experiment = reference, WIRE, rig.nominal_balance, HysteresisInverse(WIRE)
+        with record_tracking(folder / "complete.h5", rig, *experiment, seed="0") as recorder:
+            rig.track(*experiment, recorder.tick)
+            shutil.copy(folder / "complete.h5", folder / "killed.h5")
+    trip(folder / "tripped.h5")
+    return folder
+
+
+def trip(path, breaks=lambda device: device.bench.sensors.faults.open_thermocouple()):
+    device = simulated_device(load_sim("flexinol-lt-0.15mm"))
+    clock = VirtualClock()
+    clock.follow(device.bench.advance_to)
+
+    def record(tick):
+        recorder.tick(tick)
+        if tick.time_s > 3.0:
+            breaks(device)
+
+    with Rig(load_rig("in-process"), transports={"board": device.transport(clock)}) as rig:
+        excitation = rig.excitation(22.0)
+        with pytest.raises(TripError), record_excitation(path, rig, excitation) as recorder:
+            rig.excite(excitation, record)
+
+
+def report(folder, log, *options):
+    command = [sys.executable, "-m", "smadrive", "report", log, "--json", *options]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    figures = json.loads(done.stdout)
+    return figures, (folder / figures["report_file"]).read_text()
+
+
+class Page(HTMLParser):
+    """Collects titles, and what a browser would fetch."""
+
+    def __init__(self, text):
+        super().__init__()
+        self.titles, self.fetched, self._inside = [], [], False
+        self.feed(text)
+
+    def handle_starttag(self, tag, attrs):
+        self._inside = tag in {"h2", "summary"}
+        self.fetched += [value for name, value in attrs if name in {"src", "href"} and not value.startswith("data:")]
+
+    def handle_data(self, data):
+        if self._inside:
+            self.titles.append(data)
+        self._inside = False
+
+
+def test_a_complete_run_is_shown_with_everything_it_was_run_with(logs):
+    figures, text = report(logs, "complete.h5", "-o", "page.html")
+    assert figures["report_file"] == "page.html"
+    assert figures["complete"] is True
+    assert figures["kind"] == "tracking"
+    assert figures["ticks"] == 901
+    assert 0.0 < figures["rms_percent"] < figures["max_percent"] < 10.0
+    assert figures["missed_deadlines"] == 0
+    assert 20.0 < figures["energy_j"] < 80.0
+    page = Page(text)
+    assert page.fetched == []
+    assert page.titles == [
+        *("Tracking", "Heat", "Temperature and displacement", "Loop timing", "Events", "Provenance"),
+        *("Rig file", "Wire: the model that tracked", "Nominal heat balance", "Device profiles"),
+    ]
+    for told in ("sim://flexinol-lt-0.15mm", "sma-reference (smadrive)", "limits.current_max_a", "numpy 2", "seed"):
+        assert told in text
+
+
+def test_the_demo_shows_the_error_that_its_table_scores(logs):
+    log = read_log(logs / "complete.h5")
+    figures = tracking_figures(log, LoopFigures())
+    plot = _error_plot([("inverse", log, figures), ("plain map", log, figures)])
+    for panel in plot.figure.axes:
+        shown, (approach,) = panel.lines[0].get_ydata(), panel.patches
+        assert np.nanmax(np.abs(shown)) == pytest.approx(figures.max_percent)
+        assert approach.get_width() == 5.0
+        assert panel.get_ylabel() == "error / % of stroke"
+    assert "The approach (grey)" in plot.caption
+
+
+def test_virtual_time_shows_no_lateness_and_real_time_does(logs, tmp_path):
+    virtual = read_log(logs / "complete.h5")
+    late_s = np.full_like(virtual.column("late_s"), 1e-5)
+    real = replace(virtual, columns={**virtual.columns, "late_s": late_s})
+    for log, panels, told in ((virtual, 1, "missed deadlines, virtual time has none"), (real, 2, "worst 0.0 ms")):
+        (timing,) = (plot for plot in log_plots(log) if plot.title == "Loop timing")
+        assert len(timing.figure.axes) == panels
+        assert ("Virtual time has no lateness" in timing.caption) == (panels == 1)
+        write_log_report(tmp_path / "page.html", log)
+        assert told in (tmp_path / "page.html").read_text()
+
+
+def test_an_error_that_is_unknown_is_told_and_not_drawn(logs, tmp_path):
+    complete = read_log(logs / "complete.h5")
+    unmeasured = replace(
+        complete,
+        columns={**complete.columns, "displacement_mm": np.full_like(complete.column("time_s"), np.nan)},
+        about={**complete.about, "caveats": json.dumps(["its reference was smoothed"])},
+    )
+    tripped = replace(complete, columns={name: column[:40] for name, column in complete.columns.items()})
+    for log, told in ((unmeasured, "no displacement was measured"), (tripped, "the run ended in its approach")):
+        tracking = next(plot for plot in log_plots(log) if plot.title == "Tracking")
+        (displacement,) = tracking.figure.axes
+        assert displacement.get_xlim()[1] < 1.1 * log.column("time_s")[-1]
+        assert displacement.get_xlabel() == "time / s"
+        assert told in tracking.caption
+        write_log_report(tmp_path / "page.html", log)
+        text = (tmp_path / "page.html").read_text()
+        assert f"Beware: the tracking error is unknown: {told}" in text.partition("<h2>")[0]
+
+
+def test_the_head_doubts_nothing_where_nothing_is_in_doubt(logs):
+    _, text = report(logs, "complete.h5")
+    assert "Beware" not in text
+
+
+def test_a_command_at_the_limit_counts_as_held_back(logs):
+    figures, text = report(logs, "complete.h5")
+    log = read_log(logs / "complete.h5")
+    at_limit = log.column("commanded_a") >= 0.6 * AT_LIMIT
+    assert at_limit.any()
+    np.testing.assert_array_equal(
+        log.column("limited")[1:] > 0, at_limit[:-1]
+    )  # a command is sent by the next exchange
+    assert figures["limited_percent"] == pytest.approx(100.0 * at_limit.sum() / at_limit.size)
+    assert ">0.0 %<" not in text
+    assert "limited by current_max for the first time" in text
+
+
+def test_a_killed_run_is_shown_as_far_as_it_went(logs):
+    figures, text = report(logs, "killed.h5")
+    assert figures["report_file"] == "killed.html"
+    assert figures["complete"] is False
+    assert 43.0 < figures["duration_s"] < 45.0
+    assert "Nobody ended this log" in text
+
+
+def test_a_fault_is_told_with_its_remedy(logs):
+    figures, text = report(logs, "tripped.h5")
+    assert figures["complete"] is False
+    assert figures["ended_by"].startswith("TripError: fault ")
+    assert figures["rms_percent"] is None
+    assert "thermocouple_open" in " ".join(event["message"] for event in figures["events"])
+    assert "check the" in text or "remove it, then clear it" in text
+    assert "Tracking" not in Page(text).titles
+    assert "Excitation" in Page(text).titles
+
+
+def test_a_heater_that_could_not_be_confirmed_off_is_told_at_the_head(tmp_path):
+    with pytest.raises(DeadlineError):
+        trip(tmp_path / "silent.h5", lambda device: device.faults.drop(10_000))
+    _, text = report(tmp_path, "silent.h5")
+    head = text.partition("<h2>")[0]
+    assert "could NOT be confirmed off" in head
+    assert "cut its supply by hand" in head
+
+
+def test_the_table_has_every_column_and_row(logs):
+    figures, _ = report(logs, "complete.h5", "--csv", "table.csv")
+    table = read_table(logs / figures["csv_file"])
+    assert next(iter(table.cells)) == "time_s"
+    assert {"temperature_c", "displacement_mm", "current_a", "reference_mm", "late_s", "limited"} <= table.cells.keys()
+    assert table.column("time_s").size == figures["ticks"]
+    assert np.all(np.diff(table.column("time_s")) > 0)

@@ -1,0 +1,64 @@
+"""`smadrive scan` on a served device: what proves itself, what may be, and nobody."""
+
+import contextlib
+import json
+import os
+import subprocess
+import sys
+
+import pytest
+
+from smadrive.devices.state.lock import Role, lock_line
+from smadrive.modbus.transports.connect import port_of
+
+
+@contextlib.contextmanager
+def served(profile):
+    command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--profile", profile]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            yield process.stdout.readline().strip()
+        finally:
+            process.kill()
+
+
+def scan(*arguments):
+    command = [sys.executable, "-m", "smadrive", "scan", *arguments]
+    return subprocess.run(command, check=False, capture_output=True, text=True)
+
+
+@pytest.mark.parametrize(
+    ("profile", "proved", "possible"),
+    [("riden-rd60xx", ["riden-rd60xx"], []), ("baumer-om20", [], ["baumer-om20"])],
+)
+def test_a_device_is_found_with_the_profiles_that_match(profile, proved, possible):
+    with served(profile) as url:
+        done = scan(f"{url}?baudrate=9600", "--units", "1", "--json")
+    assert done.returncode == 0, done.stderr
+    (found,) = json.loads(done.stdout)["devices"]
+    assert found["unit_id"] == 1
+    assert found["profiles"] == proved
+    assert found["possible"] == possible
+
+
+def test_a_line_that_another_smadrive_has_is_not_scanned():
+    with served("riden-rd60xx") as url, lock_line(port_of(url), Role.DRIVER):
+        done = scan(url, "--units", "1")
+    assert done.returncode == 3
+    assert f"process {os.getpid()}" in done.stderr
+
+
+def test_what_is_found_can_be_put_into_a_rig_file():
+    with served("sma-reference") as url:
+        said = scan(url, "--units", "1").stdout
+    assert 'profile = "sma-reference"' in said
+    assert f'url = "{url}?baudrate=115200&parity=N&stopbits=1"' in said
+
+
+def test_nobody_is_an_error_with_its_cure_and_nonsense_is_refused():
+    with served("sma-reference") as url:
+        nobody = scan(f"{url}?baudrate=9600", "--units", "7-8")
+    assert nobody.returncode == 3
+    assert "none of the units 7-8 answers: are they powered" in nobody.stderr
+    for units in ("x", "5-1", "300", ""):
+        assert scan("serial:///dev/ttyNONE", "--units", units).returncode == 2

@@ -1,0 +1,126 @@
+"""What a person sees while a wire moves, and that a program sees none of it."""
+
+import os
+import pty
+import signal
+import subprocess
+import sys
+import tomllib
+import urllib.request
+from itertools import takewhile
+from pathlib import Path
+
+import pytest
+
+from smadrive.cli.views.run_view import RunView
+from smadrive.control.controllers.temperature import Command
+from smadrive.control.loop import Tick
+from smadrive.hysteresis import DuhemModel, save_model
+from smadrive.measurement import Measurement
+from smadrive.runs.recorder import Recorder
+from smadrive.testing.simulator import ServedSimulator
+
+CONFIGS = Path(__file__).parents[3] / "configs"
+WIRE = DuhemModel.gaussian(
+    mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 130)
+)
+
+
+def on_a_terminal(*arguments, cwd):
+    """Output on stderr of a command whose stderr is a terminal."""
+    master, slave = pty.openpty()
+    command = [sys.executable, "-m", "smadrive", *arguments]
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
+    with subprocess.Popen(command, cwd=cwd, env=environment, stdout=subprocess.PIPE, stderr=slave) as process:
+        os.close(slave)
+        seen = b""
+        while True:
+            try:
+                seen += os.read(master, 65536)
+            except OSError:  # the other end is closed
+                break
+        process.communicate()
+    os.close(master)
+    assert process.returncode == 0
+    return seen.decode()
+
+
+def test_a_run_shows_its_values_on_a_terminal(tmp_path):
+    seen = on_a_terminal("excite", "in-process", "-o", "l.h5", cwd=tmp_path)
+    for shown in ("exciting", "━", "temperature", "°C", "current", "limited by"):
+        assert shown in seen
+
+
+def test_with_json_the_terminal_stays_quiet(tmp_path):
+    assert on_a_terminal("excite", "in-process", "-o", "l.h5", "--json", cwd=tmp_path) == ""
+
+
+def test_without_a_terminal_stderr_stays_quiet(tmp_path):
+    command = [sys.executable, "-m", "smadrive", "excite", "in-process", "-o", "l.h5"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
+    assert done.stdout.startswith("l.h5: ")
+
+
+def test_tune_tells_what_it_does_and_who_looks_on(tmp_path):
+    save_model(WIRE, tmp_path / "wire.json")
+    with ServedSimulator("flexinol-lt-0.15mm", real_time=True) as simulator:
+        rig = (CONFIGS / "rigs" / "simulated.toml").read_text()
+        url = tomllib.loads(rig)["devices"][0]["url"]
+        (tmp_path / "rig.toml").write_text(rig.replace(url, simulator.url))
+        command = [sys.executable, "-m", "smadrive", "tune", "rig.toml", "--model", "wire.json"]
+        with subprocess.Popen(
+            [*command, "--port", "0", "--no-browser"], cwd=tmp_path, stdout=subprocess.PIPE, text=True
+        ) as process:
+            page = process.stdout.readline().split()[-1]
+            alone = process.stdout.readline()
+            with urllib.request.urlopen(page) as reply:  # noqa: S310
+                reply.read()
+            opened = list(takewhile(lambda line: "no page is open" not in line, process.stdout))
+            process.send_signal(signal.SIGINT)
+            process.communicate()
+    assert process.returncode == 130
+    assert "heater off; no page is open; Ctrl-C ends (" in alone
+    assert opened
+    assert all("heater off; 1 page is open, " in line for line in opened)
+
+
+@pytest.fixture
+def recorder(tmp_path):
+    with Recorder(tmp_path / "l.h5", ("time_s",)) as recorder:
+        yield recorder
+
+
+def tick(**measured):
+    values = {"time_s": 0.0, "temperature_c": 84.06, "current_a": 0.2, "voltage_v": 3.1, "displacement_mm": 4.2}
+    return Tick(34.2, 0.0012, Measurement(**{**values, **measured}), Command(0.2, wanted_c=84.3, wanted_mm=4.21))
+
+
+def test_values_limits_faults_and_events_are_all_in_the_picture(recorder):
+    view = RunView("tracking", 122.0, 0.6, recorder)
+    assert "starting" in str(view.__rich__())
+    recorder.event("limited by voltage for the first time")
+    view.latest = tick(device_limits=("voltage",), host_limits=("derate",), device_faults=("watchdog",))
+    lines = " ".join(str(view.__rich__()).split())
+    for shown in (
+        *("34.2 of 122.0 s", "reference 4.210 mm", "displacement 4.200 mm", "error 0.010 mm", "wanted 84.3 °C"),
+        *("temperature 84.1 °C", "late 1.2 ms", "current 0.200 A", "limit 0.600 A", "limited by voltage, derate"),
+        *("faults watchdog", "limited by voltage for the first time"),
+    ):
+        assert shown in lines
+
+
+def test_a_last_tick_after_the_end_is_shown_at_the_end(recorder):
+    view = RunView("tracking", 34.1, 0.6, recorder)
+    view.latest = tick()
+    assert "34.1 of 34.1 s" in str(view.__rich__())
+
+
+def test_what_is_not_known_is_not_made_up(recorder):
+    view = RunView("tracking", float("inf"), 0.6, recorder)
+    view.latest = tick(temperature_c=float("nan"), temperature_fault="open", displacement_mm=float("nan"))
+    lines = " ".join(str(view.__rich__()).split())
+    assert "tracking 34.2 s" in lines
+    assert "temperature open" in lines
+    assert "displacement –" in lines
+    assert "limited by nothing" in lines

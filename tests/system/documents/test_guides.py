@@ -1,0 +1,97 @@
+"""The guides: every command in them runs, in their order, on the files that they have the reader write.
+
+A guide that says that it goes on where another ended does so here too, in the same folder. A command that ends in `&`
+runs until the last guide of the folder has ended. Ports are this test's own: several may run on one machine.
+"""
+
+import os
+import re
+import shlex
+import signal
+import socket
+import subprocess
+import sys
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[3]
+GUIDES = sorted((ROOT / "docs").glob("*.md"))
+BLOCK = re.compile(r"```(\w+)(?: (\S+))?\n(.*?)```", re.DOTALL)
+"""Language, name of the file that the reader is to write (if one), content."""
+
+WALKS = (("first-wire", "records", "tuning"), ("bench-supply",))
+"""Guides that a reader follows in one folder, one after the other."""
+
+PROMISED = {
+    "first-wire": ("first-heat.html", "wire.json", "run.h5", "run.html", "run.csv", "steps.h5"),
+    "records": ("run.html", "run.csv", "other.json"),
+    "tuning": ("tuned-rig.toml",),
+    "bench-supply": ("bench.h5", "bench.json", "bench-run.html"),
+}
+"""What the reader has at the end of each."""
+
+
+def steps(text):
+    """The files and commands of a guide, in the order of its text."""
+    for language, name, content in BLOCK.findall(text):
+        if name:
+            yield "write", name, content
+        elif language == "console":
+            yield from (("run", line.removeprefix("$ "), "") for line in content.splitlines() if line.startswith("$ "))
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@contextmanager
+def in_the_background(command, **options):
+    """Started, and ended by Ctrl-C as its reader would; it begins by telling where it is to be found."""
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options) as process:
+        assert process.stdout.readline(), process.communicate()
+        try:
+            yield
+        finally:
+            process.send_signal(signal.SIGINT)
+            told = process.communicate()
+    assert process.returncode in {0, 130}, told
+    assert "Traceback" not in told[1]
+
+
+@pytest.mark.timeout(600)
+@pytest.mark.parametrize("walk", WALKS, ids="-".join)
+def test_a_reader_who_follows_the_guides_gets_through(walk, tmp_path):
+    path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
+    options = {"cwd": tmp_path, "env": {**os.environ, "PATH": path}}
+    own = {"/tmp/": f"{tmp_path}/", "5006": str(free_port())}  # noqa: S108
+    with ExitStack() as background:
+        for guide in walk:
+            text = (ROOT / "docs" / f"{guide}.md").read_text()
+            for shared, ours in own.items():
+                text = text.replace(shared, ours)
+            for kind, what, content in steps(text):
+                if kind == "write":
+                    (tmp_path / what).write_text(content)
+                elif what.endswith(" &"):
+                    background.enter_context(in_the_background(shlex.split(what[:-2]), **options))
+                else:
+                    done = subprocess.run(shlex.split(what), capture_output=True, text=True, check=False, **options)
+                    assert done.returncode == 0, f"{what}\n{done.stdout}{done.stderr}"
+            for promised in PROMISED[guide]:
+                assert (tmp_path / promised).stat().st_size > 0
+
+
+def test_every_guide_with_something_to_do_is_walked():
+    busy = {guide.stem for guide in GUIDES if any(steps(guide.read_text()))}
+    assert {guide for walk in WALKS for guide in walk} == busy
+
+
+@pytest.mark.parametrize("guide", GUIDES, ids=lambda guide: guide.stem)
+def test_every_link_leads_somewhere_and_the_readme_leads_to_every_guide(guide):
+    for link in re.findall(r"\]\((?!http)([^)#]+)\)", BLOCK.sub("", guide.read_text())):
+        assert (guide.parent / link).exists(), link
+    assert f"(docs/{guide.name})" in (ROOT / "README.md").read_text()

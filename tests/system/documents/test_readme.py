@@ -1,0 +1,50 @@
+"""What the README promises: its code runs, its files exist, its commands are commands."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from smadrive.cli.app import COMMANDS
+
+ROOT = Path(__file__).parents[3]
+TEXT = (ROOT / "README.md").read_text()
+
+
+def blocks(language):
+    return re.findall(rf"```{language}\n(.*?)```", TEXT, re.DOTALL)
+
+
+def test_there_are_exactly_two_set_up_commands():
+    assert blocks("sh") == [
+        ".ci/setup && .venv/bin/smadrive demo\n",
+        ".ci/setup test && .venv/bin/pytest\n",
+    ]
+
+
+def test_the_library_example_runs():
+    (example,) = blocks("python")
+    done = subprocess.run([sys.executable, "-W", "error", "-c", example], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert "22 rules" in done.stdout
+    assert "certified: True" in done.stdout
+    assert "all reachable: True" in done.stdout
+
+
+@pytest.mark.parametrize("link", re.findall(r"\]\((?!http)([^)#]+)\)", TEXT))
+def test_every_link_leads_somewhere(link):
+    assert (ROOT / link).exists()
+
+
+def test_every_command_of_the_session_exists_and_is_explained():
+    used = set(re.findall(r"\.venv/bin/smadrive ([a-z]+)", TEXT))
+    explained = set(re.findall(r"^\| `([a-z]+)|, `([a-z]+) MODEL", TEXT, re.MULTILINE))
+    assert used <= set(COMMANDS)
+    assert {name for pair in explained for name in pair if name} == set(COMMANDS)
+
+
+def test_the_rigs_of_the_session_are_shipped():
+    for name in set(re.findall(r"smadrive (?:probe|excite|run|off) ([a-z-]+)", TEXT)):
+        assert (ROOT / "configs" / "rigs" / f"{name}.toml").is_file()

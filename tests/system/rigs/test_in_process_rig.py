@@ -1,0 +1,192 @@
+"""The whole driver on the simulated device in one process and virtual time: excite, identify, track, trip."""
+
+import numpy as np
+import pytest
+
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
+from smadrive.clock import VirtualClock
+from smadrive.control.feedforward.displacement import HysteresisInverse, StaticMap
+from smadrive.control.references.shapes import sine
+from smadrive.errors import SafetyError, TripError
+from smadrive.identification.wire import identify_wire
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.run_log import record_excitation, record_tracking
+from smadrive.runs.run_metadata import excitation_record, nominal_balance
+from smadrive.runs.run_metrics import tracking_figures
+from smadrive.safety.faults import Fault
+from smadrive.wire.wire_model import travel_mm
+
+
+class Bench:
+    """The shipped in-process rig with its simulated device within reach."""
+
+    def __init__(self):
+        self.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=3)
+        self.clock = VirtualClock()
+        self.clock.follow(self.device.bench.advance_to)
+        self.rig = Rig(load_rig("in-process"), transports={"board": self.device.transport(self.clock)})
+
+
+@pytest.fixture
+def bench():
+    return Bench()
+
+
+@pytest.fixture(scope="module")
+def excited(tmp_path_factory):
+    """The log of one excitation, and the wire identified from it."""
+    path = tmp_path_factory.mktemp("excited") / "excitation.h5"
+    with Rig(load_rig("in-process")) as rig:
+        excitation = rig.excitation(22.0)
+        with record_excitation(path, rig, excitation) as recorder:
+            rig.excite(excitation, recorder.tick)
+    log = read_log(path)
+    return log, identify_wire(excitation_record(log), nominal_balance(log))
+
+
+def test_identification_recovers_the_simulated_wire_from_its_record(excited):
+    _, wire = excited
+    sim = load_sim("flexinol-lt-0.15mm").wire
+    balance = wire.thermal.balance
+    assert balance.heat_capacity_j_per_k == pytest.approx(sim.heat_capacity_j_per_k, rel=0.03)
+    assert balance.loss_w_per_k == pytest.approx(sim.loss_w_per_k, rel=0.02)
+    assert balance.latent_heat_j == pytest.approx(sim.mass_kg * sim.latent_heat_j_per_kg, rel=0.05)
+    assert balance.resistance_change == pytest.approx(sim.resistance_change, abs=0.01)
+    assert wire.hysteresis.rms_percent < 0.5
+    assert wire.hysteresis.certificate.holds
+    assert len(wire.hysteresis.model.rules) == 22
+
+
+def test_the_inverse_tracks_ten_times_better_than_the_plain_map(excited, tmp_path):
+    log, wire = excited
+    model, balance = wire.hysteresis.model, wire.thermal.balance
+    cold_mm, hot_mm = travel_mm(model)
+    low_mm, high_mm = (cold_mm + part * (hot_mm - cold_mm) for part in (0.2, 0.8))
+    reference = sine(low_mm=low_mm, high_mm=high_mm, period_s=56.0, cycles=1.5).with_approach(cold_mm, 10.0)
+    plain = StaticMap(wire.thermal.wire_temperature_c, log.column("displacement_mm"))
+    errors = []
+    for name, inverse in (("inverse", HysteresisInverse(model)), ("plain", plain)):
+        path = tmp_path / f"{name}.h5"
+        experiment = reference, model, balance, inverse
+        with Rig(load_rig("in-process")) as rig, record_tracking(path, rig, *experiment) as recorder:
+            loop = rig.track(*experiment, recorder.tick)
+        figures = tracking_figures(read_log(path), loop)
+        assert figures.missed_deadlines == figures.trips == 0
+        errors.append(figures.rms_percent)
+    assert errors[0] <= 2.0
+    assert errors[0] <= errors[1] / 10
+
+
+def assert_same_log(first, second):
+    one, other = read_log(first), read_log(second)
+    assert one.events == other.events
+    for name, column in one.columns.items():
+        np.testing.assert_array_equal(column, other.columns[name], err_msg=name)
+
+
+def test_the_same_tracking_twice_gives_the_same_log(excited, tmp_path):
+    _, wire = excited
+    model = wire.hysteresis.model
+    cold_mm, _ = travel_mm(model)
+    reference = sine(low_mm=3.0, high_mm=8.0, period_s=28.0, cycles=1.0).with_approach(cold_mm, 5.0)
+    paths = tmp_path / "first.h5", tmp_path / "second.h5"
+    for path in paths:
+        experiment = reference, model, wire.thermal.balance, HysteresisInverse(model)
+        with Rig(load_rig("in-process")) as rig, record_tracking(path, rig, *experiment) as recorder:
+            assert rig.track(*experiment, recorder.tick).ticks > 600
+    assert_same_log(*paths)
+
+
+def test_the_same_excitation_twice_gives_the_same_log(tmp_path):
+    paths = tmp_path / "first.h5", tmp_path / "second.h5"
+    for path in paths:
+        with Rig(load_rig("in-process")) as rig, record_excitation(path, rig, rig.excitation(22.0)) as recorder:
+            ticks = iter(range(600))
+
+            def record(tick, recorder=recorder, ticks=ticks):
+                recorder.tick(tick)
+                if next(ticks, None) is None:
+                    raise KeyboardInterrupt
+
+            with pytest.raises(KeyboardInterrupt):
+                rig.excite(rig.excitation(22.0), record)
+    assert_same_log(*paths)
+
+
+def excite_and_break(bench, break_it):
+    """Excite the wire and break something after two seconds; the trip."""
+    count = iter(range(10_000))
+
+    def record(tick):
+        if next(count) == 40:
+            assert bench.device.firmware.current_a > 0
+            break_it()
+
+    with pytest.raises(TripError) as caught, bench.rig as rig:
+        rig.excite(rig.excitation(22.0), record)
+    return caught.value
+
+
+def test_an_open_thermocouple_trips_and_ends_with_zero_current(bench):
+    trip = excite_and_break(bench, bench.device.bench.sensors.faults.open_thermocouple)
+    assert trip.number == Fault.DEVICE_FAULT.number
+    assert bench.device.firmware.current_a == 0.0
+    assert not hasattr(trip, "__notes__")
+
+
+@pytest.mark.parametrize("at_s", [0.0, 30.0, 45.0])
+def test_a_displacement_that_stands_still_while_the_wire_goes_through_its_loop_trips(excited, bench, at_s):
+    stick = bench.device.bench.known_faults()["stick_displacement"]
+    with pytest.raises(TripError) as caught, bench.rig as rig:
+        track(rig, excited, lambda tick: stick() if at_s <= tick.time_s < at_s + 0.05 else None)
+    assert caught.value.number == Fault.DISPLACEMENT_IMPLAUSIBLE.number
+    assert bench.device.bench.plant.current_a == 0.0
+    assert bench.device.bench.plant.temperature_c < 110.0
+
+
+def test_a_displacement_that_spikes_now_and_then_does_not_trip(excited, bench):
+    bench.device.bench.known_faults()["spike_displacement"](height_mm=50.0)
+    with bench.rig as rig:
+        assert track(rig, excited, lambda _: None).trips == 0
+
+
+def track(rig, excited, record):
+    """A sine with the wire identified before."""
+    wire = excited[1]
+    model = wire.hysteresis.model
+    reference = sine(low_mm=2.0, high_mm=9.0, period_s=56.0, cycles=1).with_approach(travel_mm(model)[0], 10.0)
+    return rig.track(reference, model, wire.thermal.balance, HysteresisInverse(model), record)
+
+
+def test_a_dead_bus_trips_says_that_off_is_unconfirmed_and_the_watchdog_switches_off(bench):
+    trip = excite_and_break(bench, lambda: bench.device.faults.drop(10_000))
+    assert trip.number == Fault.STALE_DATA.number
+    assert sum("could NOT be confirmed off" in note for note in trip.__notes__) == 1
+    assert bench.device.firmware.current_a == 0.0
+    assert any("watchdog" in event for event in bench.device.bench.events)
+
+
+def test_an_exception_in_the_loop_ends_with_zero_current(bench):
+    def record(tick):
+        if tick.time_s > 2.0:
+            assert bench.device.firmware.current_a > 0
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError), bench.rig as rig:
+        rig.excite(rig.excitation(22.0), record)
+    assert bench.device.firmware.current_a == 0.0
+
+
+def test_a_latched_fault_refuses_to_heat_until_it_is_cleared(bench):
+    bench.device.bench.sensors.faults.open_thermocouple()
+    with bench.rig as rig:
+        with pytest.raises(SafetyError, match="thermocouple_open"):
+            rig.excite(rig.excitation(22.0), lambda tick: None)
+        bench.device.bench.sensors.faults.mend_thermocouple()
+        with pytest.raises(SafetyError, match="refused to arm"):
+            rig.excite(rig.excitation(22.0), lambda tick: None)
+        rig.heater.clear_faults()
+        assert rig.heater.exchange(0.0).device_faults == ()

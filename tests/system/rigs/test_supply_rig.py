@@ -1,0 +1,318 @@
+"""A rig of three devices on one simulated wire: a bench supply, a thermometer and a laser, in virtual time."""
+
+import pytest
+
+from firmware_sim.bench import SimulatedBench
+from firmware_sim.config import load_sim
+from smadrive.clock import VirtualClock
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.shapes import sine
+from smadrive.devices.identity import Proof
+from smadrive.devices.profile.profile import load_profile
+from smadrive.errors import ConfigError, DeadlineError, IdentityError, TripError
+from smadrive.identification.wire import identify_wire
+from smadrive.modbus.transports.in_process import InProcessTransport
+from smadrive.rig.config import RigConfig, load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.run_log import record_excitation, record_tracking
+from smadrive.runs.run_metadata import excitation_record, nominal_balance
+from smadrive.runs.run_metrics import tracking_figures
+from smadrive.safety.faults import Fault
+from smadrive.wire.wire_model import travel_mm
+
+PROFILES = {"supply": "riden-rd60xx", "reader": "autonics-tk", "laser": "baumer-om20"}
+
+
+def rig_of(devices, rate_hz=4.0, **limits):
+    """The shipped in-process rig with other devices."""
+    base = load_rig("in-process").model_dump(exclude_none=True, exclude={"feedback"})
+    base["devices"] = devices
+    base["rate_hz"] = rate_hz
+    base["limits"] |= {"voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0} | limits
+    return RigConfig.model_validate(base)
+
+
+def devices(**changes):
+    return [
+        {"name": name, "profile": profile, "url": "sim://flexinol-lt-0.15mm"} | changes.get(name, {})
+        for name, profile in PROFILES.items()
+    ]
+
+
+class Plug:
+    """The far end of a port: leads to whatever device it is put into."""
+
+    def __init__(self, device):
+        self.device = device
+
+    def receive(self, data, time_s):
+        return self.device.line.receive(data, time_s)
+
+
+class Bench:
+    """The rig, with its simulated bench within reach."""
+
+    def __init__(self, config):
+        self.bench = SimulatedBench(load_sim("flexinol-lt-0.15mm"), seed=3)
+        clock = VirtualClock()
+        clock.follow(self.bench.advance_to)
+        self.devices = {name: self.bench.attach(load_profile(profile), name=name) for name, profile in PROFILES.items()}
+        self.transports = {name: device.transport(clock) for name, device in self.devices.items()}
+        self.rig = Rig(config, transports=self.transports)
+
+    def heat(self, rig, current_a, ticks):
+        measured = []
+        for _ in range(ticks):
+            rig.clock.sleep_until(rig.clock.now_s() + 0.25)
+            measured.append(rig.heater.exchange(current_a))
+        return measured
+
+
+@pytest.fixture
+def bench():
+    return Bench(rig_of(devices()))
+
+
+def test_every_device_is_known_and_measures_its_part(bench):
+    with bench.rig as rig:
+        assert list(rig.identities) == ["supply", "reader", "laser"]
+        assert {name: identity.proof for name, identity in rig.identities.items()} == {
+            "supply": Proof.PROVED,
+            "reader": Proof.ANSWERED,
+            "laser": Proof.ANSWERED,
+        }
+        rig.heater.arm(1.0)
+        last = bench.heat(rig, 0.25, 60)[-1]
+        plant = bench.bench.plant
+        assert last.armed
+        assert last.current_a == pytest.approx(0.25, abs=0.002)
+        assert last.voltage_v == pytest.approx(0.25 * plant.resistance_ohm, abs=0.02)
+        assert last.temperature_c == pytest.approx(plant.temperature_c, abs=1.5)
+        assert last.displacement_mm == pytest.approx(plant.displacement_mm, abs=0.2)
+        assert 0.0 <= last.temperature_age_s <= 0.5
+    assert bench.devices["supply"].firmware.current_a == 0.0
+
+
+def test_a_device_that_was_not_asked_is_not_said_to_answer(bench):
+    bench = Bench(rig_of(devices(laser={"measures": []})))
+    with bench.rig as rig:
+        assert rig.identities["laser"].proof is Proof.NOT_ASKED
+        assert rig.identify()["laser"].proof is Proof.ANSWERED
+
+
+def test_an_unused_device_that_is_silent_is_found_by_asking_every_device(bench):
+    bench = Bench(rig_of(devices(laser={"measures": []})))
+    bench.devices["laser"].faults.drop(1_000_000)
+    with bench.rig as rig, pytest.raises(DeadlineError):
+        rig.identify()
+
+
+@pytest.mark.parametrize("code", [1, 2, 4, 6])
+def test_an_exception_reply_of_a_sensor_is_no_news_of_it_and_refuses_no_command(bench, code):
+    with bench.rig as rig:
+        rig.heater.arm(1.0)
+        (before,) = bench.heat(rig, 0.25, 1)
+        bench.devices["reader"].faults.refuse(code, replies=1)
+        after = bench.heat(rig, 0.25, 2)
+        assert after[0].temperature_c == before.temperature_c
+        assert after[0].temperature_age_s > before.temperature_age_s
+        assert [one.armed for one in after] == [True, True]
+        bench.devices["reader"].faults.refuse(code, for_s=10.0)
+        assert "no new temperature" in bench.heat(rig, 0.25, 12)[-1].temperature_fault
+
+
+def test_a_supply_is_told_only_what_changes_and_read_back_every_time(bench):
+    with bench.rig as rig:
+        rig.heater.arm(1.0)
+        bench.heat(rig, 0.25, 2)
+        counters = rig.devices["supply"].master.counters
+        before = counters.requests
+        bench.heat(rig, 0.25, 4)
+        assert counters.requests == before + 4
+        bench.heat(rig, 0.26, 1)
+        assert counters.requests == before + 6
+
+
+def test_what_is_measured_belongs_to_the_command_before(bench):
+    with bench.rig as rig:
+        rig.heater.arm(1.0)
+        bench.heat(rig, 0.25, 2)
+        (after,) = bench.heat(rig, 0.1, 1)
+        assert (after.commanded_a, after.current_a) == pytest.approx((0.25, 0.25), abs=0.002)
+        (after,) = bench.heat(rig, 0.0, 1)
+        assert (after.commanded_a, after.current_a) == pytest.approx((0.1, 0.1), abs=0.002)
+
+
+def test_its_wire_is_identified_and_tracked_from_cold(tmp_path):
+    path, run = tmp_path / "excitation.h5", tmp_path / "run.h5"
+    bench_supply = load_rig("bench-supply").at("sim://flexinol-lt-0.15mm")
+    with Rig(bench_supply) as rig:
+        excitation = rig.excitation(22.0)
+        with record_excitation(path, rig, excitation) as recorder:
+            rig.excite(excitation, recorder.tick)
+    log = read_log(path)
+    found = identify_wire(excitation_record(log), nominal_balance(log))
+    model, balance = found.hysteresis.model, found.thermal.balance
+    wire = load_sim("flexinol-lt-0.15mm")
+    assert balance.thermocouple_lag_s == pytest.approx(wire.thermocouple.lag_s, abs=0.05)
+    assert balance.heat_capacity_j_per_k == pytest.approx(wire.wire.heat_capacity_j_per_k, rel=0.05)
+    reference = sine(low_mm=2.0, high_mm=9.0, period_s=56.0, cycles=1.5).with_approach(travel_mm(model)[0], 10.0)
+    experiment = (reference, model, balance, HysteresisInverse(model))
+    with Rig(bench_supply) as rig, record_tracking(run, rig, *experiment) as recorder:
+        loop = rig.track(*experiment, recorder.tick)
+    tracked = read_log(run)
+    assert tracking_figures(tracked, loop).rms_percent < 0.5
+    ahead_mm = tracked.column("displacement_mm") - tracked.column("reference_mm")
+    assert ahead_mm[tracked.column("time_s") < 10.0].max() < 0.5
+
+
+@pytest.mark.parametrize(
+    ("name", "turned"), [("i_set", {"heater_current": 0.55}), ("v_set", {"heater_voltage": 16.0, "ovp": 60.0})]
+)
+def test_a_knob_that_somebody_turned_is_an_error(bench, name, turned):
+    def record(tick):
+        if tick.time_s > 5.0:
+            bench.devices["supply"].firmware.write(turned)
+
+    with pytest.raises(TripError, match=rf"{name}.*did somebody turn its knob") as caught, bench.rig as rig:
+        rig.excite(rig.excitation(22.0), record)
+    assert caught.value.number == Fault.COMMAND_REFUSED.number
+    assert bench.devices["supply"].firmware.current_a == 0.0
+
+
+def test_a_dead_thermometer_stops_the_heat_although_the_supply_lives(bench):
+    def record(tick):
+        if tick.time_s > 5.0:
+            bench.devices["reader"].faults.drop(for_s=1000.0)
+
+    with pytest.raises(TripError) as caught, bench.rig as rig:
+        rig.excite(rig.excitation(22.0), record)
+    assert caught.value.number == Fault.SENSOR_INVALID.number
+    assert "no new temperature for" in str(caught.value)
+    assert bench.devices["supply"].firmware.current_a == 0.0
+
+
+def test_a_supply_that_lost_its_output_is_noticed(bench):
+    def record(tick):
+        if tick.time_s > 5.0:
+            bench.devices["supply"].firmware.write({"heater_enable": 0})
+
+    with pytest.raises(TripError) as caught, bench.rig as rig:
+        rig.excite(rig.excitation(22.0), record)
+    assert caught.value.number == Fault.DISARMED.number
+
+
+def test_an_output_that_blinks_between_two_exchanges_is_noticed(bench):
+    """Armed no more, the driver would send no current for the rest of the run, and call that a run."""
+    supply = bench.devices["supply"].firmware
+    blinked = []
+
+    def record(tick):
+        if blinked == ["off"]:
+            supply.write({"heater_enable": 1})
+            blinked.append("on")
+        if tick.time_s > 5.0 and not blinked:
+            supply.write({"heater_enable": 0})
+            blinked.append("off")
+
+    with pytest.raises(TripError) as caught, bench.rig as rig:
+        rig.excite(rig.excitation(22.0), record)
+    assert caught.value.number == Fault.DISARMED.number
+    assert not supply.on
+
+
+def test_a_rate_that_the_devices_cannot_keep_is_refused_with_the_one_they_can():
+    bench = Bench(rig_of(devices(), rate_hz=20.0))
+    with pytest.raises(ConfigError, match=r"need 0\.1\d\d s for one tick, .* set rate_hz to"), bench.rig as rig:
+        rig.excite(rig.excitation(22.0), lambda tick: None)
+
+
+@pytest.mark.parametrize(
+    ("changed", "says"),
+    [
+        (devices()[1:], "one device that heats, of role 'heater' or 'supply'; this one has none"),
+        (devices(reader={"profile": "hanmatek-hm30x"}), "this one has 'supply', 'reader'"),
+        ([devices()[0], devices()[2]], "nothing measures the wire's temperature"),
+        (devices(laser={"profile": "delta-dtb"}), "'reader', 'laser' all measure the temperature: say which one"),
+        (devices(laser={"measures": ["temperature"]}), "profile 'baumer-om20' binds none"),
+        (devices(laser={"url": "sim://other"}), "stand on one bench"),
+        (devices(laser={"name": "reader"}), "two devices have the same name"),
+    ],
+    ids=["no heat", "two heaters", "no thermometer", "two thermometers", "cannot measure", "two benches", "same name"],
+)
+def test_devices_that_make_up_no_rig_are_refused_by_name(changed, says):
+    with pytest.raises(Exception, match=says), Rig(rig_of(changed)):
+        pass
+
+
+def test_two_thermometers_are_one_too_many_until_the_rig_says_which_counts():
+    both = [*devices(), {"name": "spare", "profile": "delta-dtb", "url": "sim://flexinol-lt-0.15mm", "measures": []}]
+    with Rig(rig_of(both)) as rig:
+        assert rig.heater.exchange(0.0).temperature_c == pytest.approx(22.0, abs=1.0)
+
+
+def test_a_supply_without_a_voltage_limit_does_not_heat():
+    config = rig_of(devices())
+    config = config.model_copy(update={"limits": config.limits.model_copy(update={"voltage_max_v": None})})
+    with pytest.raises(ConfigError, match="needs a voltage limit: set voltage_max_v"), Rig(config) as rig:
+        rig.heater.arm(1.0)
+
+
+@pytest.mark.parametrize("profile", ["riden-rd60xx", "xy-sk-family", "hanmatek-hm30x", "juntek-dpm86xx"])
+def test_any_supply_heats_the_wire_under_its_own_protections(profile):
+    config = rig_of(devices(supply={"profile": profile}), rate_hz=2.0)
+    with Rig(config) as rig:
+        rig.heater.arm(1.0)
+        for _ in range(40):
+            rig.clock.sleep_until(rig.clock.now_s() + 0.5)
+            last = rig.heater.exchange(0.25)
+        assert last.armed
+        assert last.current_a == pytest.approx(0.25, abs=0.011)
+        assert last.temperature_c > 60.0
+        supply = rig.devices["supply"]
+        for role, limit in (("ovp", 15.0), ("ocp", 0.6)):
+            if (name := getattr(supply.profile.roles, role)) is not None:
+                assert supply.read((name,))[name].value == pytest.approx(1.1 * limit, rel=0.02)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"reader": {"url": "serial:///dev/x"}, "laser": {"url": "serial:///dev/x"}},
+        {"reader": {"url": "tcp://host", "unit_id": 7}, "laser": {"url": "tcp://host", "unit_id": 7}},
+    ],
+    ids=["factory ids", "given ids"],
+)
+def test_two_devices_of_one_unit_id_on_a_line_are_refused_before_it_is_opened(changes):
+    with pytest.raises(
+        ConfigError, match=r"'reader' and 'laser' both have unit id [17] at .*: give one of them another"
+    ):
+        Rig(rig_of(devices(**changes))).__enter__()
+
+
+def test_a_twin_that_comes_back_at_the_supplys_port_confirms_nothing(bench):
+    sim = load_sim("flexinol-lt-0.15mm")
+    board = sim.board.model_copy(update={"serial_number": 2})
+    twin = SimulatedBench(sim.model_copy(update={"board": board})).attach(load_profile("riden-rd60xx"))
+    plug = Plug(bench.devices["supply"])
+    port = bench.transports["supply"] = InProcessTransport(plug, bench.transports["supply"].clock)
+
+    def swapped_while_it_heats():
+        with bench.rig as rig:
+            rig.heater.arm(1.0)
+            bench.heat(rig, 0.25, 4)
+            plug.device = twin
+            port.lose()
+            bench.heat(rig, 0.25, 1)
+
+    with pytest.raises(IdentityError, match="another one answers than before: serial_number is 2, ") as caught:
+        swapped_while_it_heats()
+    assert any("could NOT be confirmed off" in note for note in caught.value.__notes__)
+    assert bench.devices["supply"].firmware.current_a > 0.0
+
+
+def test_a_laser_that_is_silent_is_told_at_once(bench):
+    bench.devices["laser"].faults.drop(1_000_000)
+    with pytest.raises(DeadlineError), bench.rig:
+        pass

@@ -1,0 +1,140 @@
+"""A record, a log or a display that fails, at whatever step, leaves no current flowing and hides no trip."""
+
+import errno
+import os
+
+import pytest
+from rich.console import Console
+
+from firmware_sim.bench import SimulatedBench
+from firmware_sim.config import load_sim
+from smadrive.cli.views.run_view import RunView, drawing
+from smadrive.clock import VirtualClock
+from smadrive.control.controllers.temperature import Command
+from smadrive.devices.profile.profile import load_profile
+from smadrive.errors import SafetyError, TripError
+from smadrive.rig.config import RigConfig, load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.run_log import record_excitation
+from smadrive.safety.shutdown import shutdown_of
+
+TICKS = 40
+FAILURES = [OSError(errno.ENOSPC, "full"), BrokenPipeError(), MemoryError(), ValueError("closed"), SystemExit(1)]
+SUPPLY = [
+    {"name": "supply", "profile": "riden-rd60xx", "url": "sim://bench"},
+    {"name": "reader", "profile": "autonics-tk", "url": "sim://bench"},
+]
+
+
+class Constant:
+    """A controller that commands one current for `TICKS` ticks."""
+
+    def __init__(self, period_s):
+        self.duration_s = TICKS * period_s
+
+    def update(self, _time_s, _measurement, _dt_s):
+        return Command(0.2)
+
+
+class Scene:
+    """A rig on its bench."""
+
+    def __init__(self, kind):
+        base = load_rig("in-process").model_dump(exclude_none=True)
+        if kind == "supply":
+            base |= {"devices": SUPPLY, "rate_hz": 4.0}
+            base["limits"] |= {"voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0}
+        config = RigConfig.model_validate(base)
+        self.bench = SimulatedBench(load_sim("flexinol-lt-0.15mm"), seed=5)
+        clock = VirtualClock()
+        clock.follow(self.bench.advance_to)
+        transports = {
+            device.name: self.bench.attach(load_profile(device.profile), name=device.name).transport(clock)
+            for device in config.devices
+        }
+        self.rig = Rig(config, transports=transports)
+
+    def drive(self, rig, record):
+        return rig.drive(Constant(rig.period_s), rig.nominal_balance, record)
+
+
+@pytest.fixture(params=["board", "supply"])
+def scene(request):
+    return Scene(request.param)
+
+
+@pytest.mark.parametrize("at_tick", [0, TICKS // 2, TICKS])
+@pytest.mark.parametrize("failure", FAILURES, ids=lambda failure: type(failure).__name__)
+def test_a_record_that_fails_at_any_tick_ends_the_run_without_current(scene, failure, at_tick):
+    left = [at_tick]
+
+    def record(_tick):
+        left[0] -= 1
+        if left[0] < 0:
+            raise failure
+
+    with pytest.raises(type(failure)) as caught, scene.rig as rig:
+        scene.drive(rig, record)
+    assert caught.value is failure
+    assert shutdown_of(caught.value).confirmed
+    assert scene.bench.plant.current_a == 0.0
+
+
+def test_a_log_whose_file_fails_at_its_end_does_not_hide_the_trip(scene, tmp_path):
+    def run(rig, recorder):
+        def record(tick):
+            recorder.tick(tick)
+            if tick.time_s > 1.0:
+                os.close(recorder._file._handle)
+                raise TripError("trip", 3)
+
+        scene.drive(rig, record)
+
+    with (
+        pytest.raises(TripError) as caught,
+        scene.rig as rig,
+        record_excitation(tmp_path / "l.h5", rig, rig.excitation(22.0)) as recorder,
+    ):
+        run(rig, recorder)
+    assert shutdown_of(caught.value).confirmed
+    assert len(caught.value.__notes__) == 1
+
+
+class FailingTerminal:
+    """A terminal that takes some writes and is gone then."""
+
+    encoding = "utf-8"
+
+    def __init__(self, writes):
+        self._left = writes
+
+    def write(self, text):
+        self._left -= 1
+        if self._left < 0:
+            raise OSError(errno.EIO, "the terminal is gone")
+        return len(text)
+
+    def flush(self):
+        pass
+
+    def isatty(self):
+        return True
+
+
+@pytest.mark.parametrize("writes", [0, 1, 2, 3, 100])
+def test_a_terminal_that_is_gone_hides_no_trip(scene, tmp_path, writes):
+    console = Console(file=FailingTerminal(writes), force_terminal=True)
+
+    def run(rig, recorder):
+        with drawing(RunView("exciting", 10.0, 0.6, recorder), console):
+            scene.bench.sensors.faults.open_thermocouple()
+            rig.clock.sleep_until(rig.clock.now_s() + 1.0)
+            scene.drive(rig, recorder.tick)
+
+    with (
+        pytest.raises(SafetyError) as caught,
+        scene.rig as rig,
+        record_excitation(tmp_path / "l.h5", rig, rig.excitation(22.0)) as recorder,
+    ):
+        run(rig, recorder)
+    assert shutdown_of(caught.value).confirmed

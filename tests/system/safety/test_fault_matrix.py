@@ -1,0 +1,233 @@
+"""Every fault, while heating, holding and cooling, on a board and on a supply with a reader, in virtual time.
+
+Whatever happens, the wire is without current within the fault's deadline and stays so, the run ends with the number of
+the fault, and the rig refuses to heat again until the faults are cleared. A fault that only disturbs must not trip.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from dataclasses import dataclass, field
+
+import pytest
+
+from firmware_sim.bench import SimulatedBench
+from firmware_sim.config import load_sim
+from smadrive.clock import VirtualClock
+from smadrive.devices.profile.profile import load_profile
+from smadrive.errors import SafetyError, SmadriveError, TripError
+from smadrive.identification.excitation import Excitation
+from smadrive.rig.config import RigConfig, load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.run_log import record_excitation
+from smadrive.safety.faults import Fault
+
+SIM = "flexinol-lt-0.15mm"
+TOO_HOT_C = 160.0
+"""The vendor's limit for a wire of this alloy in air, and that of the simulated board."""
+FAULT_AT_S = 12.0
+PATHS_C = {
+    "heating": (22.0, 40.0, 40.1, 40.0, 40.1, 110.0, 40.0, 22.0),
+    "holding": (22.0, 90.0, 89.0, 90.0, 89.0, 90.0, 89.0, 90.0, 89.0, 90.0, 40.0, 22.0),
+    "cooling": (22.0, 82.0, 60.0, 45.0, 35.0, 60.0, 22.0),
+}
+FOREVER = {"for_s": 1e4}
+
+
+@dataclass(frozen=True)
+class Case:
+    """A fault: its name at the bench, the numbers it may end with (none: it must not trip), and its deadline.
+
+    `hottest_c` bounds the wire; only a reading that drifts down on a wire that is not known yet, and so looks like a
+    draught, may get it farther than the limit. `harmless`: it need not be noticed as long as the wire does not get too
+    hot. `unstoppable`: nobody but the user can end it, and must be told so.
+    """
+
+    name: str
+    numbers: tuple[Fault, ...] = ()
+    within_s: float = 0.0
+    parameters: dict[str, object] = field(default_factory=dict)
+    hottest_c: float = TOO_HOT_C
+    harmless: bool = False
+    unstoppable: bool = False
+
+
+def boards():
+    """The reference board: silence is ended by its watchdog of 0.5 s, most others by its own firmware."""
+    lost = (Fault.STALE_DATA,)
+    latched = (Fault.DEVICE_FAULT,)
+    return [
+        Case("open_thermocouple", latched, 0.1),
+        Case("short_thermocouple", latched, 0.1),
+        Case("stop_conversions", (Fault.SENSOR_INVALID,), 1.0),
+        Case("freeze_thermocouple", (Fault.SENSOR_FROZEN,), 20.0),
+        Case("break_wire", latched, 6.0),
+        Case("board.drop", lost, 0.6, FOREVER),
+        Case("board.delay", lost, 0.6, FOREVER | {"delay_s": 1.0}),
+        Case("board.corrupt", lost, 0.6, FOREVER),
+        Case("board.truncate", lost, 0.6, FOREVER),
+        Case("board.wrong_unit", lost, 0.6, FOREVER),
+        Case("board.wrong_function", lost, 0.6, FOREVER),
+        Case("board.short_count", lost, 0.6, FOREVER),
+        Case("board.stale", lost, 0.6, FOREVER),
+        Case("board.refuse", (Fault.COMMAND_REFUSED,), 0.6, FOREVER | {"code": 4}),
+        Case("board.refuse", lost, 0.6, FOREVER | {"code": 6}),
+        Case("board.refuse", lost, 0.6, FOREVER | {"code": 11}),
+        Case("board.vanish", lost, 0.6, FOREVER),
+        Case("board.reboot", (Fault.DISARMED,), 0.1),
+        Case("board.drop", parameters={"replies": 1}),
+        Case("board.corrupt", parameters={"replies": 2}),
+        Case("board.refuse", parameters={"replies": 1, "code": 6}),
+        Case("board.split", parameters=FOREVER | {"pause_s": 0.004}),
+        Case("board.brown_out", (Fault.DISARMED, *lost), 0.6, {"for_s": 0.5}),
+        Case("board.noise", lost, 30.0, FOREVER, harmless=True),
+        Case("board.junk_before", lost, 0.6, FOREVER),
+        Case("board.junk_after", lost, 0.6, FOREVER),
+        Case("board.duplicate", lost, 30.0, FOREVER, harmless=True),
+        Case(
+            "short_switch",
+            (*latched, Fault.UNEXPECTED_HEATING, Fault.CURRENT_MISMATCH),
+            0.0,
+            {"leak_a": 0.2},
+            unstoppable=True,
+        ),
+        Case("open_switch", latched, 12.0),
+        Case("weaken_current", (*latched, Fault.CURRENT_MISMATCH), 12.0, {"passed": 0.4}),
+        *unsteady(),
+    ]
+
+
+def unsteady():
+    """What a thermocouple, a contact or the wire may do that no bit tells."""
+    lies = (Fault.READS_TOO_COLD, Fault.READS_TOO_HOT, Fault.OVER_TEMPERATURE, Fault.UNDER_TEMPERATURE)
+    latched = (Fault.DEVICE_FAULT,)
+    return [
+        Case("bridge_thermocouple", (*lies, *latched, Fault.SENSOR_FROZEN), 30.0, harmless=True),
+        Case("reverse_thermocouple", (*lies, *latched, Fault.SENSOR_FROZEN), 30.0, harmless=True),
+        Case("drift_thermocouple", (*lies, *latched), 30.0, {"rate_c_per_s": 5.0}, harmless=True),
+        Case("drift_thermocouple", (*lies, *latched), 30.0, {"rate_c_per_s": -5.0}, hottest_c=200.0),
+        Case("spike_thermocouple", (*lies, *latched), 30.0, {"height_c": 60.0}, harmless=True),
+        Case("corrode_contact", (*latched, Fault.CURRENT_MISMATCH), 30.0, {"contact_ohm": 3.0}, harmless=True),
+        Case("limit_voltage", (*latched, Fault.CURRENT_MISMATCH), 30.0, {"voltage_v": 2.5}, harmless=True),
+        Case("stick_displacement", (), harmless=True),
+        Case("spike_displacement", (), parameters={"height_mm": 5.0}, harmless=True),
+        Case("age_wire", parameters={"shift_c": 3.0, "fade": 0.05, "over_s": 10.0}),
+    ]
+
+
+def supplies():
+    """A supply and a reader, four ticks a second: nothing but the driver ends the heat."""
+    lost = (Fault.STALE_DATA,)
+    return [
+        Case("open_thermocouple", (Fault.SENSOR_INVALID,), 2.0),
+        Case("short_thermocouple", (Fault.SENSOR_INVALID,), 2.0),
+        Case("freeze_thermocouple", (Fault.SENSOR_FROZEN,), 20.0),
+        Case("break_wire", (Fault.CURRENT_MISMATCH,), 6.0),
+        Case("supply.refuse", (Fault.COMMAND_REFUSED,), 2.0, {"replies": 3, "code": 4}),
+        Case("supply.reboot", (Fault.DISARMED, Fault.COMMAND_REFUSED), 0.1),
+        Case("supply.drop", lost, 4.0, {"for_s": 2.5}),
+        Case("supply.corrupt", lost, 4.0, {"for_s": 2.5}),
+        Case("supply.wrong_unit", lost, 4.0, {"for_s": 2.5}),
+        Case("reader.drop", (Fault.SENSOR_INVALID, Fault.STALE_DATA), 4.0, FOREVER),
+        Case("reader.corrupt", (Fault.SENSOR_INVALID, Fault.STALE_DATA), 4.0, FOREVER),
+        Case("reader.vanish", (Fault.SENSOR_INVALID, Fault.STALE_DATA), 4.0, FOREVER),
+        Case("reader.refuse", (Fault.SENSOR_INVALID, Fault.STALE_DATA), 4.0, FOREVER | {"code": 4}),
+        Case("supply.drop", parameters={"replies": 1}),
+        Case("reader.refuse", parameters={"replies": 1, "code": 4}),
+        Case("reader.drop", parameters={"replies": 1}),
+        Case("supply.brown_out", (Fault.DISARMED, Fault.COMMAND_REFUSED, *lost), 4.0, {"for_s": 2.5}),
+        Case(
+            "short_switch", (Fault.UNEXPECTED_HEATING, Fault.CURRENT_MISMATCH), 0.0, {"leak_a": 0.2}, unstoppable=True
+        ),
+        Case("open_switch", (Fault.CURRENT_MISMATCH,), 12.0),
+        Case("weaken_current", (Fault.CURRENT_MISMATCH,), 12.0, {"passed": 0.4}),
+        *unsteady(),
+    ]
+
+
+def board_rig():
+    return load_rig("in-process")
+
+
+def supply_rig():
+    base = load_rig("in-process").model_dump(exclude_none=True)
+    base["devices"] = [
+        {"name": "supply", "profile": "riden-rd60xx", "url": "sim://bench"},
+        {"name": "reader", "profile": "autonics-tk", "url": "sim://bench"},
+    ]
+    base["rate_hz"] = 4.0
+    base["limits"] |= {"voltage_max_v": 15.0, "watchdog_s": 1.0, "stale_after_s": 2.0}
+    return RigConfig.model_validate(base)
+
+
+class Scene:
+    """A rig on its simulated bench, and the current that really flowed, after every jump of the clock."""
+
+    def __init__(self, config):
+        self.bench = SimulatedBench(load_sim(SIM), seed=5)
+        self.current_a = []
+        self.hottest_c = 0.0
+        clock = VirtualClock()
+        clock.follow(self._advance_to)
+        transports = {
+            device.name: self.bench.attach(load_profile(device.profile), name=device.name).transport(clock)
+            for device in config.devices
+        }
+        self.rig = Rig(config, transports=transports)
+        self.broken_s = None
+
+    def _advance_to(self, time_s):
+        self.bench.advance_to(time_s)
+        self.current_a.append((time_s, self.bench.plant.current_a))
+        self.hottest_c = max(self.hottest_c, self.bench.plant.temperature_c)
+
+    def last_heated_s(self):
+        """How long after the fault current flowed for the last time."""
+        return max((time_s for time_s, current_a in self.current_a if current_a > 0.0), default=0.0) - self.broken_s
+
+
+@pytest.mark.parametrize("phase", PATHS_C)
+@pytest.mark.parametrize(
+    ("config", "case"),
+    [
+        pytest.param(config, case, id=f"{kind}-{case.name}-{'-'.join(map(str, case.parameters.values()))}")
+        for kind, config, cases in (("board", board_rig, boards()), ("supply", supply_rig, supplies()))
+        for case in cases
+    ],
+)
+def test_it_ends_without_current_in_time_and_with_its_number(tmp_path, config, case, phase):
+    scene = Scene(config())
+    log = tmp_path / "run.h5"
+    excitation = Excitation(PATHS_C[phase], 6.0)
+    trips = []
+
+    def run(rig, recorder):
+        def record(tick):
+            recorder.tick(tick)
+            if scene.broken_s is None and tick.time_s >= FAULT_AT_S:
+                scene.broken_s = scene.bench.time_s
+                scene.bench.known_faults()[case.name](**case.parameters)
+
+        try:
+            rig.excite(excitation, record)
+        except TripError as trip:
+            trips.append(trip)
+            rig.clock.sleep_until(rig.clock.now_s() + 5.0)
+            with pytest.raises(SafetyError, match="refused to arm"):
+                rig.excite(excitation, record)
+
+    with suppress(SmadriveError), scene.rig as rig, record_excitation(log, rig, excitation) as recorder:
+        run(rig, recorder)  # leaving the rig raises what a dead bus makes of it
+    assert scene.hottest_c <= case.hottest_c
+    if case.unstoppable:
+        assert any("still flow although the heater is off: cut its supply" in note for note in trips[0].__notes__)
+    else:
+        assert scene.bench.plant.current_a == 0.0
+    if not case.numbers or (case.harmless and not trips):
+        assert not trips
+        return
+    (trip,) = trips
+    assert trip.number in [fault.number for fault in case.numbers], str(trip)
+    assert case.unstoppable or scene.last_heated_s() <= case.within_s, str(trip)
+    assert len(read_log(log).column("time_s")) > 40

@@ -1,0 +1,368 @@
+"""A supply without a watchdog never heats without its driver: killed, stopped, crashed or interrupted, in real time."""
+
+import contextlib
+import os
+import select
+import signal
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+from urllib.parse import urlsplit
+
+import pytest
+from supply_rig import RIG
+
+from smadrive.devices.guardian.client import Guard
+from smadrive.devices.guardian.task import GuardedDevice, Task
+from smadrive.errors import UNCONFIRMED, ConfigError, SafetyError, TakenOverError
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
+
+SIMULATOR = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm"]
+DRIVER = """
+import sys, time
+from smadrive.rig.rig import Rig
+from smadrive.rig.config import load_rig
+with Rig(load_rig(sys.argv[1])) as rig:
+    rig.heater.arm(1.0)
+    for tick in range(10_000):
+        rig.heater.exchange(0.3)
+        if tick == 2:
+            print("heating", flush=True)
+        if tick == 4 and sys.argv[2] == "crash":
+            raise ZeroDivisionError
+        time.sleep(0.1)
+"""
+ASKS_AGAIN = """
+import sys, time
+from smadrive.rig.rig import Rig
+from smadrive.rig.config import load_rig
+with Rig(load_rig(sys.argv[1])) as rig:
+    rig.heater.arm(1.0)
+    print("heating", flush=True)
+    waits = 0
+    while waits < 3:
+        begun_s = time.monotonic()
+        assert rig.heater.exchange(0.3).armed
+        waits += time.monotonic() - begun_s > 1.0
+    print("heats on", flush=True)
+"""
+TAKES_BACK = """
+import sys, time
+from smadrive.errors import TakenOverError
+from smadrive.rig.rig import Rig
+from smadrive.rig.config import load_rig
+with Rig(load_rig(sys.argv[1])) as rig:
+    for said in ("heating", "heats again"):
+        rig.heater.arm(1.0)
+        print(said, flush=True)
+        try:
+            for _ in range(30):
+                assert rig.heater.exchange(0.3).armed
+        except TakenOverError:
+            assert not rig.heater.clear_faults().armed
+"""
+LOSES_REPLIES = "".join(f"[[faults]]\nat_s = {at_s}\nname = 'drop'\nreplies = 2\n" for at_s in range(20, 100, 3))
+
+
+@contextlib.contextmanager
+def served(profile, *options):
+    """A simulated device; its process and its address."""
+    with subprocess.Popen(
+        [*SIMULATOR, "--profile", profile, *options], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        try:
+            yield process, process.stdout.readline().strip()
+        finally:
+            process.kill()
+
+
+def children(pid):
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def guardians(pid):
+    """Of the children of a process."""
+    return [one for one in children(pid) if b"device.guardian" in Path(f"/proc/{one}/cmdline").read_bytes()]
+
+
+def lives(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+@contextlib.contextmanager
+def driven(tmp_path, fate="", *options, script=DRIVER, stderr=subprocess.PIPE, through=contextlib.nullcontext):
+    """A driver that heats through a supply, simulated with these options; its process, and the supply's.
+
+    `through` leads from the supply's address to that of a gateway.
+    """
+    with (
+        served("riden-rd60xx", *options) as (supply, served_url),
+        served("delta-dtb") as (_, reader_url),
+        through(served_url) as supply_url,
+    ):
+        rig = tmp_path / "rig.toml"
+        rig.write_text(RIG.format(supply=supply_url, reader=reader_url))
+        with subprocess.Popen(
+            [sys.executable, "-c", script, str(rig), fate], stdout=subprocess.PIPE, stderr=stderr, text=True
+        ) as driver:
+            guardians = []
+            try:
+                assert driver.stdout.readline() == "heating\n"
+                guardians = children(driver.pid)
+                assert any(line.endswith("output on, no watchdog\n") for line in supply.stderr)
+                yield driver, supply
+            finally:
+                driver.kill()
+                while any(map(lives, guardians)):  # it needs its supply for that
+                    time.sleep(0.05)
+
+
+@pytest.mark.parametrize("fate", ["killed", "stopped"])
+def test_the_guardian_switches_off_behind_a_driver_that_cannot(tmp_path, fate):
+    with driven(tmp_path, fate) as (driver, supply):
+        driver.send_signal(signal.SIGKILL if fate == "killed" else signal.SIGSTOP)
+        assert supply.stderr.readline().endswith("output off\n")
+        if fate == "stopped":
+            driver.send_signal(signal.SIGCONT)
+        said = driver.communicate(timeout=30)[1]
+        assert "taking over" in said
+        assert "heater off, confirmed by read-back" in said
+        if fate == "stopped":
+            assert "the guardian has taken over" in said.replace("\n", " ")
+
+
+@contextlib.contextmanager
+def one_client(url):
+    """A gateway that serves one client and lets the others wait until that has gone; its address."""
+
+    def relay(client, device):
+        other = {client: device, device: client}
+        while True:
+            for end in select.select(list(other), (), ())[0]:
+                data = end.recv(512)
+                if not data:
+                    return
+                other[end].sendall(data)
+
+    def serve():
+        while True:
+            with door.accept()[0] as client, socket.create_connection((behind.hostname, behind.port)) as device:
+                if closing.is_set():
+                    return
+                with contextlib.suppress(ConnectionError):
+                    relay(client, device)
+
+    behind, closing = urlsplit(url), threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as door:
+        gateway = threading.Thread(target=serve)
+        gateway.start()
+        try:
+            yield f"{behind.scheme}://127.0.0.1:{door.getsockname()[1]}"
+        finally:
+            closing.set()
+            socket.create_connection(door.getsockname()).close()
+            gateway.join()
+
+
+@pytest.mark.parametrize("way_in", ["--rtu-tcp", "--tcp"])
+def test_a_driver_that_stands_still_in_the_only_way_in_is_ended_and_its_heat_too(tmp_path, way_in):
+    with driven(tmp_path, "stopped", way_in, "0", through=one_client) as (driver, supply):
+        driver.send_signal(signal.SIGSTOP)
+        assert supply.stderr.readline().endswith("output off\n")
+        said = driver.communicate(timeout=30)[1]
+        assert driver.returncode == -signal.SIGKILL
+        assert f"ending it (process {driver.pid})" in said
+        assert said.endswith("heater off, confirmed by read-back\n")
+
+
+def test_a_driver_is_spared_where_the_guardian_gets_in_beside_it(tmp_path):
+    with driven(tmp_path, "stopped", "--rtu-tcp", "0") as (driver, supply):
+        driver.send_signal(signal.SIGSTOP)
+        assert supply.stderr.readline().endswith("output off\n")
+        driver.send_signal(signal.SIGCONT)
+        said = driver.communicate(timeout=30)[1]
+        assert driver.returncode == 1
+        assert "ending it" not in said
+
+
+def test_a_driver_that_wakes_in_the_only_way_in_gives_way_and_is_spared(tmp_path):
+    with driven(tmp_path, "stopped", "--rtu-tcp", "0", through=one_client) as (driver, supply):
+        driver.send_signal(signal.SIGSTOP)
+        assert "taking over" in driver.stderr.readline()
+        driver.send_signal(signal.SIGCONT)
+        assert supply.stderr.readline().endswith("output off\n")
+        said = driver.communicate(timeout=30)[1]
+        assert driver.returncode == 1
+        assert "TakenOverError" in said
+        assert "ending it" not in said
+
+
+@pytest.mark.parametrize("fate", ["interrupted", "terminated", "crash"])
+def test_a_driver_that_can_switch_off_does_so_itself(tmp_path, fate):
+    with driven(tmp_path, fate) as (driver, supply):
+        if fate != "crash":
+            driver.send_signal(signal.SIGINT if fate == "interrupted" else signal.SIGTERM)
+        assert supply.stderr.readline().endswith("output off\n")
+        said = driver.communicate(timeout=30)[1]
+        assert ("taking over" in said) == (fate == "terminated")  # to a script like this one SIGTERM is a kill
+
+
+def test_the_guardian_watches_on_while_current_flows_although_the_supply_says_that_it_is_off(tmp_path):
+    script = tmp_path / "leaks.toml"
+    script.write_text("[[faults]]\nat_s = 0.0\nname = 'short_switch'\nleak_a = 0.2\n")
+    with driven(tmp_path, "crash", "--faults", str(script)) as (driver, _):
+        said = driver.communicate(timeout=60)[1]
+    assert UNCONFIRMED in said
+    assert "taking over" in said
+
+
+def test_a_terminal_that_takes_nothing_does_not_keep_the_heat_on(tmp_path):
+    """As a stalled ssh session, or a pipe that nobody reads: what is said there is lost, not the wire."""
+    nobody_reads, stalled = os.pipe()
+    os.set_blocking(stalled, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(stalled, bytes(4096))
+    os.set_blocking(stalled, True)
+    try:
+        with driven(tmp_path, "killed", stderr=stalled) as (driver, supply):
+            driver.kill()
+            assert supply.stderr.readline().endswith("output off\n")
+    finally:
+        os.close(nobody_reads)
+        os.close(stalled)
+
+
+def test_a_driver_whose_guardian_stands_still_switches_off(tmp_path):
+    with driven(tmp_path, "unguarded") as (driver, supply):
+        (guardian,) = children(driver.pid)
+        os.kill(guardian, signal.SIGSTOP)
+        assert supply.stderr.readline().endswith("output off\n")
+        said = driver.communicate(timeout=30)[1]
+        assert "SafetyError: the guardian is gone or stands still" in said
+        assert "TimeoutExpired" not in said
+        assert not lives(guardian)
+
+
+def test_a_driver_whose_guardian_is_killed_switches_off_and_knows_that_it_is_off(tmp_path):
+    with driven(tmp_path) as (driver, supply):
+        (guardian,) = children(driver.pid)
+        os.kill(guardian, signal.SIGKILL)
+        assert supply.stderr.readline().endswith("output off\n")
+        said = driver.communicate(timeout=30)[1]
+        assert "SafetyError: the guardian is gone or stands still" in said
+        assert "could NOT be confirmed off" not in said
+
+
+def test_a_driver_that_waits_for_lost_replies_is_not_taken_for_dead(tmp_path):
+    script = tmp_path / "loses.toml"
+    script.write_text(LOSES_REPLIES)
+    with driven(tmp_path, "", "--faults", str(script), script=ASKS_AGAIN) as (driver, _):
+        told, said = driver.communicate(timeout=90)
+        assert driver.returncode == 0, said
+        assert told == "heats on\n"
+        assert "taking over" not in said
+
+
+def test_after_a_takeover_the_driver_has_its_ports_again_and_may_heat_again_under_guard(tmp_path):
+    with driven(tmp_path, script=TAKES_BACK) as (driver, supply):
+        driver.send_signal(signal.SIGSTOP)
+        assert supply.stderr.readline().endswith("output off\n")
+        driver.send_signal(signal.SIGCONT)
+        assert driver.stdout.readline() == "heats again\n"
+        assert supply.stderr.readline().endswith("output on, no watchdog\n")
+        driver.send_signal(signal.SIGSTOP)
+        assert supply.stderr.readline().endswith("output off\n")
+        driver.send_signal(signal.SIGCONT)
+        said = driver.communicate(timeout=30)[1]
+        assert driver.returncode == 0, said
+        assert said.count("heater off, confirmed by read-back") == 2
+
+
+def test_a_guardian_that_could_not_await_a_reply_is_refused(tmp_path):
+    with served("riden-rd60xx") as (_, supply_url), served("delta-dtb") as (_, reader_url):
+        rig = tmp_path / "rig.toml"
+        rig.write_text(RIG.format(supply=supply_url, reader=reader_url).replace("watchdog_s = 1.0", "watchdog_s = 0.6"))
+        with pytest.raises(
+            ConfigError, match=r"watchdog_s = 0\.6 is too short.* 0\.5 s for an answer: raise it to 0\.75"
+        ):
+            Rig(load_rig(str(rig))).__enter__()
+
+
+def test_a_supply_can_be_switched_off_whatever_its_rig_says_of_heating(tmp_path):
+    with served("riden-rd60xx") as (_, supply_url), served("delta-dtb") as (_, reader_url):
+        rig = tmp_path / "rig.toml"
+        text = RIG.format(supply=supply_url, reader=reader_url).replace("watchdog_s = 1.0", "watchdog_s = 0.6")
+        rig.write_text(text.replace("temperature_max_c = 135.0", "temperature_max_c = 408.0"))
+        with pytest.raises(ConfigError, match="is more than"):
+            Rig(load_rig(str(rig)))
+        subprocess.run([sys.executable, "-m", "smadrive", "off", str(rig)], check=True)
+
+
+def test_a_driver_gives_way_to_its_guardian_and_waits_for_it_also_where_it_noticed_nothing():
+    gave_way = []
+    with served("riden-rd60xx") as (_, url):
+        task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
+        with Guard(task, lambda: gave_way.append(True)) as guard:
+            guard.brief({})
+            guard.watch()
+            time.sleep(1.0)
+            for _ in range(2):
+                with pytest.raises(TakenOverError):
+                    guard.hold()
+            guard.take_back()
+            assert gave_way
+            guard.watch()
+            guard.check()
+            time.sleep(1.0)
+            guard.rest()
+            guard.watch()
+            for _ in range(3):
+                guard.check()
+            guard.rest()
+
+
+@pytest.mark.parametrize("name", ["select.py", "smadrive.py"])
+def test_no_file_of_the_present_folder_runs_in_place_of_the_guardian(tmp_path, monkeypatch, name):
+    (tmp_path / name).write_text("raise RuntimeError")
+    monkeypatch.chdir(tmp_path)
+    task = Task(GuardedDevice("riden-rd60xx", "serial:///dev/null", None), timeout_s=0.3)
+    with Guard(task, lambda: None) as guard:
+        guard.brief({})
+        guard.watch()
+        guard.check()
+        guard.rest()
+
+
+def test_a_guardian_that_stands_still_when_the_driver_rests_is_ended():
+    with served("riden-rd60xx") as (_, url):
+        task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
+        with Guard(task, lambda: None) as guard:
+            guard.brief({})
+            guard.watch()
+            (process,) = guardians(os.getpid())
+            os.kill(process, signal.SIGSTOP)
+            guard.rest()
+            with pytest.raises(SafetyError, match="gone"):
+                guard.watch()
+
+
+def test_a_guardian_confirms_nothing_on_another_device_than_the_one_that_heated():
+    with served("riden-rd60xx") as (_, url):
+        task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
+        with Guard(task, lambda: None) as guard:
+            guard.brief({"serial_number": 2})
+            guard.watch()
+            time.sleep(1.0)
+            with pytest.raises(TakenOverError):
+                guard.hold()
+            with pytest.raises(SafetyError, match="could not confirm yet"):
+                guard.take_back()
+            guard.rest()

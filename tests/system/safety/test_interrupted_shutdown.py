@@ -1,0 +1,131 @@
+"""Signals that arrive while the driver switches a silent device off: on a pseudo-terminal and on TCP, in real time."""
+
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from contextlib import contextmanager
+
+import pytest
+from served import served
+
+from smadrive.errors import UNCONFIRMED
+from smadrive.files.shipped import configs_dir
+from smadrive.modbus.trace import read_trace
+from smadrive.safety.faults import Fault
+from smadrive.safety.shutdown import CONFIRMED
+
+TRIPPED = f"fault {Fault.STALE_DATA.number}:"
+STALE_S = 0.3
+SURELY_S = 3 * STALE_S
+"""A request so long after the last reply belongs to the switching off: the loop has tripped before it."""
+
+MANY_FRAMES = 30
+"""So many frames after arming the loop ticks."""
+
+
+class Driver:
+    """`smadrive excite` on a simulated board, with what it sent and received."""
+
+    def __init__(self, process, trace, simulator):
+        self.simulator = simulator
+        self._process = process
+        self._trace = trace
+
+    def frames(self):
+        return read_trace(self._trace)[1] if self._trace.exists() else []
+
+    def wait_for(self, happened):
+        while not happened(self.frames()):
+            assert self._process.poll() is None, self._process.stderr.read()
+            time.sleep(0.02)
+
+    def silence_and_wait_for_the_shutdown(self):
+        self.simulator.send_signal(signal.SIGSTOP)
+        self.wait_for(tries_to_switch_off)
+
+    def wait_for_another_try(self):
+        before = len(self.frames())
+        self.wait_for(lambda frames: len(frames) > before)
+
+    def send(self, *numbers):
+        for number in numbers:
+            self._process.send_signal(number)
+
+    def end(self):
+        """Exit code and what it said."""
+        _, said = self._process.communicate(timeout=60)
+        return self._process.returncode, said
+
+
+def tries_to_switch_off(frames):
+    answered_s = max((time_s for time_s, direction, _ in frames if direction == "received"), default=0.0)
+    return bool(frames) and frames[-1].time_s > answered_s + SURELY_S
+
+
+@contextmanager
+def heating(tmp_path, way_in):
+    with served(way_in, str(tmp_path / "port") if way_in == "--pty" else "0") as (simulator, url):
+        rig = (configs_dir() / "rigs" / "simulated.toml").read_text()
+        (tmp_path / "rig.toml").write_text(rig.replace(tomllib.loads(rig)["devices"][0]["url"], url))
+        command = [sys.executable, "-m", "smadrive", "excite", "rig.toml", "-o", "l.h5", "--trace", "."]
+        with subprocess.Popen(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True) as process:
+            try:
+                while "armed" not in simulator.stderr.readline():
+                    assert process.poll() is None, process.stderr.read()
+                driver = Driver(process, tmp_path / "board.trace", simulator)
+                before = len(driver.frames())
+                driver.wait_for(lambda frames: len(frames) > before + MANY_FRAMES)
+                yield driver
+            finally:
+                process.kill()
+                simulator.send_signal(signal.SIGCONT)
+
+
+@pytest.fixture(params=["--pty", "--rtu-tcp"])
+def driver(request, tmp_path):
+    with heating(tmp_path, request.param) as driver:
+        yield driver
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_does_not_end_the_tries_and_does_not_hide_the_trip(driver, number):
+    driver.silence_and_wait_for_the_shutdown()
+    driver.send(number)
+    driver.wait_for_another_try()
+    driver.simulator.send_signal(signal.SIGCONT)
+    code, said = driver.end()
+    assert code == 4, said
+    assert TRIPPED in said
+    assert CONFIRMED in said
+    assert UNCONFIRMED not in said
+
+
+def test_a_device_that_stays_silent_is_told_as_unconfirmed_although_two_signals_came(driver):
+    driver.silence_and_wait_for_the_shutdown()
+    driver.send(signal.SIGINT, signal.SIGTERM)
+    code, said = driver.end()
+    assert code == 4, said
+    assert TRIPPED in said
+    assert said.count(UNCONFIRMED) == 1
+    assert CONFIRMED not in said
+
+
+def test_the_third_signal_ends_the_tries_but_hides_neither_trip_nor_outcome(driver):
+    driver.silence_and_wait_for_the_shutdown()
+    driver.send(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    before = len(driver.frames())
+    code, said = driver.end()
+    assert code == 4, said
+    assert TRIPPED in said
+    assert said.count(UNCONFIRMED) == 1
+    assert len(driver.frames()) <= before + 2
+
+
+def test_an_interruption_of_a_silent_run_is_told_with_its_outcome(driver):
+    driver.send(signal.SIGINT)
+    driver.simulator.send_signal(signal.SIGSTOP)
+    code, said = driver.end()
+    assert code == 130
+    assert (CONFIRMED in said) != (UNCONFIRMED in said)

@@ -1,0 +1,203 @@
+"""Switching off whatever else is broken: the file, the sensors, the port; and the truth when it cannot be done."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import contextmanager
+from pathlib import Path
+from urllib.parse import quote
+
+import pytest
+from served import served
+
+from smadrive.devices.device import Device
+from smadrive.devices.profile.profile import load_profile
+from smadrive.files.shipped import configs_dir
+from smadrive.modbus.client import Master
+from smadrive.modbus.transports.connect import open_transport
+
+UNCONFIRMED = "the heater could NOT be confirmed off"
+SHIPPED = (configs_dir() / "rigs" / "bench-supply.toml").read_text().replace("/dev/ttyUSB", "/dev/no-such-port-")
+SUPPLY_URL = "serial:///dev/no-such-port-0"
+
+
+def off(rig, *options):
+    """`smadrive off`, as it ends."""
+    command = [sys.executable, "-m", "smadrive", "off", str(rig), *options]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+@pytest.fixture
+def hot(tmp_path):
+    """A supply left heating that nobody watches: its process, the file of a rig without its sensors, its port."""
+    with served("--profile", "riden-rd60xx") as (process, url):
+        profile = load_profile("riden-rd60xx")
+        with open_transport(url, profile.serial_settings()) as port:
+            supply = Device(profile, Master(port))
+            for name, value in (("v_set", 5.0), ("i_set", 0.3), ("output", 1)):
+                supply.write(name, value)
+        assert "output on" in process.stderr.readline()
+        rig = tmp_path / "rig.toml"
+        rig.write_text(SHIPPED.replace(SUPPLY_URL, url))
+        yield process, rig, Path(url.removeprefix("serial://"))
+
+
+def is_off(process):
+    """Whether the supply itself says so next."""
+    return "output off" in process.stderr.readline()
+
+
+def test_the_heat_ends_first_and_then_it_is_told_that_a_sensor_is_missing(hot):
+    process, rig, _ = hot
+    done = off(rig, "--json")
+    assert is_off(process)
+    told = json.loads(done.stdout)
+    assert (told["safe"], told["devices"]) == (True, ["supply"])
+    assert done.returncode == 3
+    assert "no such port" in done.stderr
+    assert UNCONFIRMED not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        ('wire = "', 'wire = "no-'),
+        ("temperature_max_c = ", "temperature_max = "),
+        ("rate_hz = ", "rate_hz = -"),
+        ("high_c = ", "high_c = 9"),
+    ],
+)
+def test_what_else_is_wrong_in_the_file_does_not_matter(hot, right, wrong):
+    process, rig, _ = hot
+    text = rig.read_text()
+    assert right in text
+    rig.write_text(text.replace(right, wrong))
+    assert "heater off, confirmed by read-back (supply)" in off(rig).stdout
+    assert is_off(process)
+
+
+@pytest.mark.parametrize(
+    "url", ["tcp://192.168.1..10:502", "tcp://[::1", r"serial:///dev/tty\u0000", "sim://a\\u0000b.toml"]
+)
+def test_bad_address_of_one_device_keeps_no_other_from_being_switched_off(hot, url):
+    process, rig, _ = hot
+    other = f'[[devices]]\nname = "other"\nprofile = "riden-rd60xx"\nurl = "{url}"\n'
+    rig.write_text(rig.read_text().replace("\n[[devices]]", f"\n{other}\n[[devices]]", 1))
+    done = off(rig)
+    assert done.returncode == 2, done.stderr
+    assert is_off(process)
+    assert UNCONFIRMED in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        (SHIPPED, 3),
+        (SHIPPED.replace("riden-rd60xx", "riden-rd99"), 2),
+        (SHIPPED.replace("rate_hz = ", "rate_hz = 20,"), 2),
+        ("", 2),
+        (SHIPPED.replace("riden-rd60xx", "delta-dtb"), 2),
+        (None, 2),
+    ],
+    ids=["no port", "no profile", "no TOML", "empty", "nothing heats", "no file"],
+)
+def test_whatever_keeps_it_from_being_done_the_heater_is_not_said_to_be_off(tmp_path, text, code):
+    rig = tmp_path / "rig.toml"
+    if text is not None:
+        rig.write_text(text)
+    done = off(rig)
+    assert done.returncode == code, done.stderr
+    assert UNCONFIRMED in done.stderr
+    assert "cut its supply" in done.stderr
+    assert "Traceback" not in done.stderr
+    assert not done.stdout
+
+
+def test_a_controller_that_could_heat_too_is_made_safe_although_the_supply_is_gone(tmp_path):
+    profile = load_profile("delta-dtb")
+    with served("--profile", "delta-dtb") as (_, url), open_transport(url, profile.serial_settings()) as port:
+        controller, step = Device(profile, Master(port)), profile.safe_state[0]
+        controller.write(step.register_, 1 - step.value)
+        port.lose()
+        rig = tmp_path / "rig.toml"
+        rig.write_text(
+            SHIPPED.replace("autonics-tk", "delta-dtb").replace(SUPPLY_URL[:-1] + "1", url).partition("[limits]")[0]
+        )
+        done = off(rig)
+        assert done.returncode == 3
+        assert UNCONFIRMED in done.stderr
+        assert controller.read((step.register_,))[step.register_].value == step.value
+
+
+def test_unreadable_state_folder_does_not_undo_a_confirmed_off(hot, tmp_path, monkeypatch):
+    process, rig, _ = hot
+    rig.write_text(supply_alone(rig.read_text()))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / ("x" * 300)))
+    done = off(rig, "--json")
+    assert (done.returncode, done.stderr) == (0, "")
+    assert is_off(process)
+    told = json.loads(done.stdout)
+    assert told["safe"]
+    assert told["warnings"]
+    assert told["faults"]
+
+
+def supply_alone(text):
+    """The rig file with its first device, which heats, alone."""
+    devices, limits, rest = text.partition("[limits]")
+    head, first, *_ = devices.split("\n[[devices]]\n")
+    return f"{head}\n[[devices]]\n{first}{limits}{rest}"
+
+
+@pytest.mark.parametrize("folder", ["guardians", "locks"])
+def test_pipe_in_the_state_folder_does_not_keep_off_waiting(hot, state_home, folder):
+    process, rig, port = hot
+    (state_home / "smadrive" / folder).mkdir(parents=True)
+    names = {"guardians": "aa.json", "locks": quote(f"serial://{port.resolve()}", safe="")}
+    os.mkfifo(state_home / "smadrive" / folder / names[folder])
+    done = off(rig)
+    assert done.returncode == 3, done.stderr  # the sensors of the rig are missing
+    assert is_off(process)
+
+
+@contextmanager
+def switching_off_in_silence(hot):
+    """`smadrive off` that has opened the port of a supply which does not answer."""
+    process, rig, port = hot
+    process.send_signal(signal.SIGSTOP)
+    with subprocess.Popen(
+        [sys.executable, "-m", "smadrive", "off", str(rig)], stderr=subprocess.PIPE, text=True
+    ) as switching:
+        while not any(one.resolve() == port for one in Path(f"/proc/{switching.pid}/fd").iterdir()):
+            time.sleep(0.02)
+        yield switching
+
+
+def test_who_interrupts_it_three_times_is_not_told_that_the_heater_is_off(hot):
+    process, rig, _ = hot
+    with switching_off_in_silence(hot) as switching:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            switching.send_signal(number)
+        _, told = switching.communicate()
+    assert switching.returncode == 130
+    assert "interrupted" in told
+    assert UNCONFIRMED in told
+    process.send_signal(signal.SIGCONT)
+    assert off(rig).returncode == 3
+    assert is_off(process)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP])
+def test_a_signal_does_not_keep_it_from_switching_off_a_supply_that_answers_again(hot, number):
+    process, _, _ = hot
+    with switching_off_in_silence(hot) as switching:
+        switching.send_signal(number)
+        process.send_signal(signal.SIGCONT)
+        _, told = switching.communicate()
+    assert is_off(process)
+    assert switching.returncode == 3  # the sensors of the rig are missing
+    assert UNCONFIRMED not in told

@@ -1,0 +1,251 @@
+"""A guardian whose driver has ended and whose device is away: it waits, is shown, and disturbs nobody."""
+
+import contextlib
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from served import COMMAND
+from supply_rig import RIG
+
+from smadrive.devices.guardian.duty import waiting_duties
+from smadrive.devices.guardian.search import AGREEING, Search
+from smadrive.devices.guardian.states import Outcome
+from smadrive.devices.guardian.switch import Access, Switch
+from smadrive.devices.guardian.task import GuardedDevice
+from smadrive.devices.profile.profile import load_profile
+from smadrive.devices.state.key import key_at, port_names
+from smadrive.devices.state.lock import Role, lines_of, lock_line
+from smadrive.files.shipped import configs_dir
+from tests.conftest import RUN, guardians_of
+
+DRIVER = """
+import sys, time
+from smadrive.rig.rig import Rig
+from smadrive.rig.config import load_rig
+with Rig(load_rig(sys.argv[1])) as rig:
+    rig.heater.arm(1.0)
+    for tick in range(10_000):
+        rig.heater.exchange(0.3)
+        if tick == 2:
+            print("heating", flush=True)
+        time.sleep(0.1)
+"""
+
+
+@pytest.fixture
+def stage(tmp_path):
+    with contextlib.ExitStack() as stack:
+        yield Stage(tmp_path, stack)
+
+
+class Stage:
+    """A supply behind a port, a rig file for it, a driver that heats."""
+
+    def __init__(self, folder, stack):
+        self.folder = folder
+        self.stack = stack
+        self.rig = folder / "rig.toml"
+        self.reader = self.serve("delta-dtb", None)[1]
+
+    def serve(self, profile, serial_number, *options):
+        """A simulated device of this serial number; its process and its address."""
+        sim = self.folder / f"{serial_number}.toml"
+        text = (configs_dir() / "sims" / "flexinol-lt-0.15mm.toml").read_text()
+        fixed = "[board]" if serial_number is None else f"[board]\nserial_number = {serial_number}"
+        sim.write_text(text.replace("[board]", fixed))
+        process = subprocess.Popen(
+            [*COMMAND, str(sim), "--profile", profile, *options],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        self.stack.enter_context(process)
+        self.stack.callback(process.kill)
+        return process, process.stdout.readline().strip()
+
+    def heat(self, url):
+        """A driver that heats through the supply there; its process."""
+        self.rig.write_text(RIG.format(supply=url, reader=self.reader))
+        guardians = []
+        self.stack.callback(until, lambda: not any(map(lives, guardians)))  # they need the supply for that
+        driver = subprocess.Popen(
+            [sys.executable, "-c", DRIVER, str(self.rig)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        self.stack.enter_context(driver)
+        self.stack.callback(driver.kill)
+        assert driver.stdout.readline() == "heating\n"
+        guardians += children(driver.pid)
+        return driver
+
+    def lose(self, driver, supply):
+        """Driver and supply end in the same moment; the guardian that waits, which does not outlive the test."""
+        supply.terminate()
+        supply.wait()
+        driver.kill()
+        driver.wait()
+        until(waiting_duties)
+        (duty,) = waiting_duties()
+        self.stack.callback(end, duty.pid)
+        return duty.pid
+
+    def smadrive(self, command, *options):
+        """The command on the rig, as it ends."""
+        arguments = [sys.executable, "-m", "smadrive", command, str(self.rig), *options]
+        return subprocess.run(arguments, capture_output=True, text=True, check=False)
+
+
+def children(pid):
+    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
+
+
+def end(pid):
+    with contextlib.suppress(ProcessLookupError):
+        os.kill(pid, signal.SIGKILL)
+
+
+def until(happens, within_s=20.0):
+    give_up_s = time.monotonic() + within_s
+    while not happens():
+        assert time.monotonic() < give_up_s
+        time.sleep(0.05)
+
+
+def lives(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def events(process):
+    """Every event of a simulator, which ends."""
+    process.terminate()
+    return process.communicate()[1]
+
+
+@pytest.mark.parametrize("way_in", ["--pty", "--rtu-tcp"])
+def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_waits(stage, way_in):
+    at = str(stage.folder / "port") if way_in == "--pty" else "0"
+    supply, url = stage.serve("riden-rd60xx", 77, way_in, at)
+    driver = stage.heat(url)
+    guardian = stage.lose(driver, supply)
+    at = at if way_in == "--pty" else url.rpartition(":")[2]
+    other, _ = stage.serve("riden-rd60xx", 78, way_in, at)
+    for _ in range(5):
+        probed = stage.smadrive("probe", "--json")
+        assert probed.returncode == 0, probed.stderr
+        (shown,) = json.loads(probed.stdout)["waiting_guardians"]
+        assert f"process {guardian}" in shown
+    assert lives(guardian)
+    heating = stage.heat(url)
+    time.sleep(3.0)
+    assert heating.poll() is None
+    heating.send_signal(signal.SIGINT)
+    heating.communicate()
+    assert events(other).count("output on") == 1
+    assert lives(guardian)
+
+
+def test_the_supply_that_heated_is_switched_off_when_it_is_back(stage):
+    port = str(stage.folder / "port")
+    supply, url = stage.serve("riden-rd60xx", 77, "--pty", port)
+    guardian = stage.lose(stage.heat(url), supply)
+    stage.serve("riden-rd60xx", 77, "--pty", port)
+    until(lambda: not lives(guardian))
+    assert waiting_duties() == []
+
+
+@pytest.mark.parametrize("command", ["probe", "off"])
+def test_a_device_that_is_away_is_told_with_the_guardian_that_waits_for_it(stage, command):
+    supply, url = stage.serve("riden-rd60xx", 77, "--pty", str(stage.folder / "port"))
+    guardian = stage.lose(stage.heat(url), supply)
+    ended = stage.smadrive(command)
+    assert ended.returncode == 3
+    assert f"process {guardian}" in ended.stderr
+
+
+@pytest.mark.parametrize("command", ["probe", "off"])
+def test_a_program_that_confirms_the_same_supply_off_relieves_the_guardian(stage, command):
+    port = str(stage.folder / "port")
+    supply, url = stage.serve("riden-rd60xx", 77, "--pty", port)
+    guardian = stage.lose(stage.heat(url), supply)
+    os.kill(guardian, signal.SIGSTOP)  # else it would be the first to find the supply
+    again, _ = stage.serve("riden-rd60xx", 77, "--pty", port)
+    ended = stage.smadrive(command, "--json")
+    os.kill(guardian, signal.SIGCONT)
+    if command == "off":
+        assert ended.returncode == 0, ended.stderr
+    until(lambda: not lives(guardian))
+    assert waiting_duties() == []
+    assert again.poll() is None
+
+
+def test_a_guardian_of_a_pseudo_terminal_that_is_gone_ends(stage):
+    supply, url = stage.serve("riden-rd60xx", 77)
+    driver = stage.heat(url)
+    (guardian,) = guardians_of(os.environ[RUN])
+    supply.kill()
+    supply.wait()
+    driver.kill()
+    until(lambda: not lives(guardian))
+    assert waiting_duties() == []
+
+
+def test_a_second_driver_of_a_heater_is_refused_on_a_network_too_and_off_gets_in(stage):
+    supply, url = stage.serve("riden-rd60xx", 77, "--tcp", "0")
+    driver = stage.heat(url)
+    assert "output on" in supply.stderr.readline()
+    probed = stage.smadrive("probe")
+    assert probed.returncode == 3
+    assert f"process {driver.pid}" in probed.stderr
+    assert driver.poll() is None
+    assert stage.smadrive("off").returncode in (0, 3)
+    assert "output off" in supply.stderr.readline()
+
+
+@pytest.mark.parametrize("spelled", ["localhost", "127.1", "LOCALHOST.", "[::ffff:127.0.0.1]"])
+def test_second_driver_is_refused_under_another_name_of_the_host(stage, spelled):
+    supply, url = stage.serve("riden-rd60xx", 77, "--tcp", "0")
+    driver = stage.heat(url)
+    assert "127.0.0.1" in url
+    _, free_reader = stage.serve("delta-dtb", None)
+    stage.rig.write_text(RIG.format(supply=url.replace("127.0.0.1", spelled), reader=free_reader))
+    probed = stage.smadrive("probe")
+    assert probed.returncode == 3
+    assert f"process {driver.pid}" in probed.stderr
+    assert driver.poll() is None
+    assert supply.poll() is None
+
+
+def switch_for(url, identity, search=None):
+    """How a guardian switches off the supply that its driver knew by this identity."""
+    profile = load_profile("riden-rd60xx")
+    device = GuardedDevice("riden-rd60xx", url, None, identity)
+    return Switch(device, profile, search or Search(url, port_names(url), time.monotonic), Access(()))
+
+
+@pytest.mark.parametrize("way_in", ["--pty", "--rtu-tcp", "--tcp"])
+def test_an_attempt_leaves_a_line_alone_that_another_program_has(stage, way_in):
+    _, url = stage.serve("riden-rd60xx", 77, way_in, str(stage.folder / "port") if way_in == "--pty" else "0")
+    switch = switch_for(url, {"serial_number": 77})
+    line = lines_of(key_at(url, load_profile("riden-rd60xx"), None))[0]
+    with lock_line(line, Role.DRIVER):
+        assert switch.off(alone=True).outcome is Outcome.BUSY
+        assert switch.off(alone=False).outcome is Outcome.CONFIRMED  # its own driver still has the line
+    assert switch.off(alone=True).outcome is Outcome.CONFIRMED
+
+
+def test_an_attempt_asks_a_port_with_another_device_no_more_for_a_while(stage):
+    _, url = stage.serve("riden-rd60xx", 78)
+    search = Search(url, port_names(url), lambda: 0.0)
+    switch = switch_for(url, {"serial_number": 77}, search)
+    outcomes = [switch.off(alone=True).outcome for _ in range(AGREEING)]
+    assert outcomes == [Outcome.ANOTHER_DEVICE] * AGREEING
+    assert search.urls() == []
+    assert switch.off(alone=True).outcome is Outcome.UNREACHABLE

@@ -1,0 +1,117 @@
+"""Faults by script in the served process: the driver behind a real port and a real socket."""
+
+import re
+import subprocess
+import sys
+from functools import partial
+
+import pytest
+from served import COMMAND, SIM, advance, served
+
+from smadrive.devices.profile.profile import load_profile
+from smadrive.errors import ExceptionReply, ProtocolError, TransportError
+from smadrive.files.shipped import configs_dir
+from smadrive.hysteresis import DuhemModel, save_model
+from smadrive.modbus import requests
+from smadrive.modbus.bus import BusTiming
+from smadrive.modbus.client import Master
+from smadrive.modbus.transports.connect import open_transport
+
+READ = requests.read_holding(0, 2)
+RIGHT = (0x534D, 1)
+TIMING = BusTiming(0.1, read_retries=0)
+FAULTS = """
+[[faults]]
+at_s = 1.0
+name = "corrupt"
+
+[[faults]]
+at_s = 2.0
+name = "refuse"
+code = 6
+
+[[faults]]
+at_s = 3.0
+name = "vanish"
+for_s = 1.0
+
+[[faults]]
+at_s = 5.0
+name = "noise"
+for_s = 0.5
+gap_s = 0.01
+"""
+
+
+@pytest.fixture(params=["--pty", "--tcp", "--rtu-tcp"])
+def scripted(request, tmp_path):
+    """How to move the simulator's time, and its URL."""
+    script = tmp_path / "faults.toml"
+    script.write_text(FAULTS, encoding="utf-8")
+    way_in = str(tmp_path / "port") if request.param == "--pty" else "0"
+    with served("--time", "driven", "--faults", str(script), request.param, way_in) as (process, url):
+        yield partial(advance, process), url
+
+
+def test_a_scripted_bus_fails_on_time_and_the_driver_gets_over_it(scripted):
+    advance_to, url = scripted
+    with open_transport(url, load_profile("sma-reference").serial_settings()) as transport:
+        master = Master(transport)
+
+        def read():
+            return requests.registers_of(master.execute(1, READ, TIMING))
+
+        assert read() == RIGHT
+        advance_to(1.0)
+        with pytest.raises(ProtocolError):
+            read()
+        assert read() == RIGHT
+        advance_to(2.0)
+        with pytest.raises(ExceptionReply):
+            read()
+        reopenings = master.counters.reopenings
+        advance_to(3.0)
+        for _ in range(2):
+            with pytest.raises(TransportError):
+                read()
+        advance_to(4.1)
+        assert read() == RIGHT
+        assert master.counters.reopenings == reopenings + 1
+        advance_to(5.0)
+        advance_to(6.0)
+        with_noise_before = master.counters.discarded_bytes
+        try:
+            assert read() == RIGHT
+            assert url.startswith("tcp://") or master.counters.discarded_bytes > with_noise_before
+        except ProtocolError:
+            assert not url.startswith("tcp://")
+        assert read() == RIGHT
+
+
+def test_a_run_with_an_open_thermocouple_is_refused_before_anything_is_rehearsed_or_written(tmp_path):
+    script, rig, wire, log = (tmp_path / name for name in ("faults.toml", "rig.toml", "wire.json", "run.h5"))
+    script.write_text('[[faults]]\nat_s = 0.0\nname = "open_thermocouple"\n', encoding="utf-8")
+    model = DuhemModel.gaussian(
+        mu_heating=90, mu_cooling=70, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 200)
+    )
+    save_model(model, wire)
+    with served("--faults", str(script), "--pty", str(tmp_path / "port")) as (_, url):
+        rig.write_text(re.sub('url = ".*"', f'url = "{url}"', (configs_dir() / "rigs" / "simulated.toml").read_text()))
+        run = ("run", rig, "--model", wire, "--reference", "sine:low_mm=2,high_mm=9,period_s=40", "-o", log)
+        done = subprocess.run(
+            [sys.executable, "-m", "smadrive", *map(str, run)], capture_output=True, text=True, check=False
+        )
+    assert done.returncode == 4
+    (told,) = done.stderr.splitlines()
+    assert "gives no valid reading (thermocouple_open): check the bead, the plug and the polarity" in told
+    assert not log.exists()
+
+
+def test_a_script_that_makes_no_sense_is_one_clear_line(tmp_path):
+    script = tmp_path / "faults.toml"
+    script.write_text('[[faults]]\nat_s = 1.0\nname = "dorp"\n', encoding="utf-8")
+    for path, says in ((script, "did you mean 'drop'?"), (tmp_path / "none.toml", "no such file")):
+        run = subprocess.run([*COMMAND, SIM, "--faults", str(path)], capture_output=True, text=True, check=False)
+        assert run.returncode == 2
+        assert says in run.stderr
+        assert run.stderr.count("\n") == 1

@@ -1,0 +1,92 @@
+"""Record the bus of a served simulator, then serve the record."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+from served import COMMAND, SIM, served
+
+from smadrive.devices.device import Device
+from smadrive.devices.profile.profile import load_profile
+from smadrive.errors import DeadlineError
+from smadrive.files.kinds import RIG
+from smadrive.files.shipped import config_file
+from smadrive.modbus import requests
+from smadrive.modbus.bus import BusTiming
+from smadrive.modbus.client import Master
+from smadrive.modbus.trace import TraceFile
+from smadrive.modbus.transports.connect import open_transport
+
+PROFILE = load_profile("sma-reference")
+NAMES = ("serial_number", "temperature", "sample_counter", "watchdog_s", "uptime")
+
+
+def read(url, trace_path=None):
+    with open_transport(url, PROFILE.serial_settings()) as transport:
+        if trace_path is None:
+            return readings(Master(transport))
+        with TraceFile(trace_path, transport) as trace:
+            return readings(Master(transport, trace))
+
+
+def readings(master):
+    device = Device(PROFILE, master)
+    device.check_identity()
+    return [device.read(NAMES) for _ in range(3)]
+
+
+@pytest.mark.parametrize("way_in", ["--pty", "--tcp"])
+def test_a_record_is_served_as_the_device_that_it_was(way_in, tmp_path):
+    path = tmp_path / "bus.trace"
+    with served() as (_, url):
+        recorded = read(url, path)
+    where = str(tmp_path / "port") if way_in == "--pty" else "0"
+    with served("--replay", str(path), way_in, where, sim=None) as (process, url):
+        assert read(url) == recorded
+        with open_transport(url, PROFILE.serial_settings()) as transport, pytest.raises(DeadlineError):
+            Master(transport).execute(1, requests.read_holding(32, 1), BusTiming(0.1, read_retries=0))
+        assert "not in the recording: unit 1, read 1 holding registers from 32" in process.stderr.readline()
+
+
+@pytest.mark.parametrize(
+    ("options", "says"),
+    [
+        (["--replay", "/nowhere/bus.trace"], "/nowhere/bus.trace: cannot be read"),
+        ([SIM, "--replay", "/nowhere/bus.trace"], "--replay takes the place of SIM.toml"),
+        ([], "names no SIM.toml"),
+    ],
+)
+def test_bad_input_is_one_clear_line(options, says):
+    run = subprocess.run([*COMMAND, *options], capture_output=True, text=True, check=False)
+    assert run.returncode == 2
+    assert says in run.stderr
+    assert run.stderr.count("\n") == 1
+
+
+def probe(port, *options, cwd):
+    """What `smadrive probe` says of the shipped rig, its board at this port."""
+    rig = config_file("simulated", RIG).read_text(encoding="utf-8")
+    rig = rig.replace("/tmp/smadrive-sim?", f"{port}?latency_ms=2000&")  # noqa: S108  (on a busy machine, too)
+    (cwd / "rig.toml").write_text(rig, encoding="utf-8")
+    command = [sys.executable, "-m", "smadrive", "probe", "rig.toml", *options, "--json"]
+    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+
+
+def test_what_a_command_traced_answers_that_command_again(tmp_path):
+    there, again = tmp_path / "there", tmp_path / "again"
+    with served("--pty", str(there)):
+        first = probe(there, "--trace", "traces", cwd=tmp_path)
+        refused = probe(there, "--trace", "traces", cwd=tmp_path)
+    assert first.returncode == 0, first.stderr
+    assert refused.returncode == 2
+    assert "traces/board.trace: is there already" in refused.stderr
+    trace = (tmp_path / "traces" / "board.trace").read_text()
+    assert "| unit 1: read 5 holding registers from 0" in trace
+    assert "| unit 1: write register" in trace
+    with served("--replay", "traces/board.trace", "--pty", str(again), sim=None, cwd=tmp_path):
+        second = probe(again, cwd=tmp_path)
+    assert second.returncode == 0, second.stderr
+    recorded, replayed = json.loads(first.stdout), json.loads(second.stdout)
+    for name in ("devices", "temperature_c", "displacement_mm", "current_a", "voltage_v", "device_faults"):
+        assert replayed[name] == recorded[name]

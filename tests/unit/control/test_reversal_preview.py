@@ -1,0 +1,92 @@
+"""Turning in time: neither so late that the wire lags, nor so early that it misses the peak."""
+
+import numpy as np
+import pytest
+
+from smadrive.control.estimation.observer import WireEstimate
+from smadrive.control.feedforward.reversal_preview import TurnPreview
+from smadrive.control.references.reference import Reference
+from smadrive.hysteresis import DuhemModel
+from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.wire_model import WireModel, WireState
+
+LOOP = DuhemModel.gaussian(
+    mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 160)
+)
+FALLING = DuhemModel.gaussian(
+    mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=-12, offset=12, input_range=(0, 160)
+)
+BALANCE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
+LIMIT_W = 5.9
+PEAK_S = 10.0
+
+
+def peak(rate=0.4, model=LOOP):
+    """A triangle that turns at `PEAK_S`, at 70 % of the stroke."""
+    top_mm = model.offset + 0.7 * model.scale
+    down_mm = top_mm - np.sign(model.scale) * rate * PEAK_S
+    return Reference.from_samples([0, PEAK_S, 2 * PEAK_S], [down_mm, top_mm, down_mm])
+
+
+def at(reference, time_s, model=LOOP):
+    """A wire that has followed the reference up to now along the heating branch."""
+    phase = (reference.value_mm(time_s) - model.offset) / model.scale
+    temperatures = np.linspace(60, 120, 6001)
+    state = model.initial_state(float(temperatures[np.searchsorted(model.heating.cdf(temperatures), phase)]))
+    return WireEstimate(state.v, state.v, state, 0.0, state.v, 1)
+
+
+def leaves_s(reference, model=LOOP):
+    """When the wire leaves the heating branch."""
+    preview = TurnPreview(WireModel(model, BALANCE))
+    for time_s in np.arange(8.0, PEAK_S + 0.01, 0.02).tolist():
+        if turn := preview.update(at(reference, time_s, model), reference, time_s, 1, LIMIT_W):
+            return time_s, turn
+    return None
+
+
+def largest_error(reference, leave_s):
+    """Of a wire that follows exactly until `leave_s` and then cools as fast as it can, until it meets the reference."""
+    wire, estimate = WireModel(LOOP, BALANCE), at(reference, leave_s)
+    state, time_s = WireState(estimate.temperature_c, estimate.hysteresis), leave_s
+    early = late = error = 0.0
+    while time_s < PEAK_S + 0.2 or error < 0.0:
+        state, time_s = wire.step(state, 0.0, 0.01), time_s + 0.01
+        error = reference.value_mm(time_s) - state.hysteresis.y
+        early, late = max(early, error), max(late, -error)
+    return max(early, late)
+
+
+def test_the_wire_leaves_before_the_peak_and_meets_the_reference_after_it():
+    leave_s, turn = leaves_s(peak())
+    assert PEAK_S - 0.8 < leave_s < PEAK_S - 0.1
+    assert turn.meets_s > PEAK_S
+    assert turn.direction == -1
+    assert turn.meets_c < at(peak(), leave_s).temperature_c - 5.0
+
+
+def test_leaving_then_makes_the_largest_error_smallest():
+    reference = peak()
+    leave_s, _ = leaves_s(reference)
+    chosen = largest_error(reference, leave_s)
+    assert chosen < 0.65 * largest_error(reference, PEAK_S)
+    assert chosen < 1.1 * min(largest_error(reference, t) for t in np.arange(9.0, 10.0, 0.02).tolist())
+
+
+def test_a_displacement_that_falls_on_heating_turns_at_the_same_time():
+    assert leaves_s(peak(model=FALLING), FALLING)[0] == pytest.approx(leaves_s(peak())[0])
+
+
+def test_far_from_a_turn_nothing_turns():
+    reference = peak()
+    preview = TurnPreview(WireModel(LOOP, BALANCE))
+    assert preview.update(at(reference, 5.0), reference, 5.0, 1, LIMIT_W) is None
+
+
+def test_a_turn_is_over_at_the_meeting_or_beyond_it():
+    _, turn = leaves_s(peak())
+    before = at(peak(), 9.5).hysteresis
+    assert not turn.is_over(turn.meets_s - 0.1, before, LOOP.scale)
+    assert turn.is_over(turn.meets_s, before, LOOP.scale)
+    beyond = before._replace(y=turn.meets_mm - 0.02 * LOOP.scale)
+    assert turn.is_over(turn.meets_s - 0.1, beyond, LOOP.scale)

@@ -1,0 +1,126 @@
+"""The guardian's states without processes, ports and time: the table, and whole stories run through it."""
+
+import pytest
+
+from smadrive.devices.guardian.states import ATTEMPTS, LOOK_AGAIN_S, TABLE, Action, Heard, Outcome, State, run
+
+TIMEOUT_S = 3.0
+
+
+class Script:
+    """What the driver says and what the attempts come to, in turn; keeps what the guardian did, and for how long."""
+
+    def __init__(self, *events):
+        self.events = list(events)
+        self.actions = []
+        self.attempts = []
+        self.listened_s = []
+
+    def take(self, kind):
+        assert self.events, "the guardian goes on after the end of the story"
+        event = self.events.pop(0)
+        assert isinstance(event, kind), event
+        return event
+
+    def listen(self, within_s):
+        self.listened_s.append(within_s)
+        return self.take(Heard)
+
+    def attempt(self, state):
+        self.attempts.append(state)
+        return self.take(Outcome)
+
+    def run(self):
+        run(self.listen, self.attempt, self.actions.append, TIMEOUT_S)
+        assert not self.events
+        return self
+
+
+BEAT, GIVES_WAY, REST, SILENCE, CLOSED = Heard
+OFF, UNREACHABLE, BARRED, ANOTHER, BUSY, RELIEVED, GONE = Outcome
+
+
+@pytest.mark.parametrize("state", [state for state in State if state is not State.DONE])
+def test_every_event_that_can_occur_has_an_entry(state):
+    expected = {*Heard, *Outcome} if state in ATTEMPTS else {*Heard}
+    assert set(TABLE[state]) == expected
+
+
+def test_every_state_but_the_first_can_be_reached_and_every_one_can_end():
+    following = {state: {step.state for step in steps.values()} for state, steps in TABLE.items()}
+    assert set().union(*following.values()) == set(State)
+    ends = {State.DONE}
+    for _ in State:
+        ends |= {state for state, after in following.items() if after & ends}
+    assert ends == set(State)
+
+
+@pytest.mark.parametrize("state", sorted(ATTEMPTS, key=str))
+@pytest.mark.parametrize("outcome", [one for one in Outcome if one not in (OFF, RELIEVED, GONE)])
+def test_the_guardian_never_ends_while_heat_may_flow(state, outcome):
+    assert TABLE[state][outcome].state not in (State.DONE, State.IDLE)
+
+
+@pytest.mark.parametrize("state", sorted(ATTEMPTS - {State.WAITING_FOR_DEVICE}, key=str))
+def test_a_driver_that_lives_is_told_that_it_has_its_ports_only_after_a_confirmed_switch_off(state):
+    freeing = {event for event, step in TABLE[state].items() if step.action is Action.FREE}
+    assert freeing <= {OFF}
+
+
+def test_a_driver_is_only_ended_after_a_whole_silence_behind_a_network():
+    ending = [
+        (state, event) for state in TABLE for event in TABLE[state] if TABLE[state][event].action is Action.END_DRIVER
+    ]
+    assert ending == [(State.BARRED, SILENCE)]
+    assert {s for s in TABLE for e in TABLE[s] if TABLE[s][e].state is State.BARRED} <= ATTEMPTS
+
+
+def test_a_driver_that_rests_and_ends_needs_nothing():
+    story = Script(BEAT, BEAT, REST, SILENCE, CLOSED).run()
+    assert story.attempts == []
+    assert story.actions == [Action.ECHO, Action.ECHO, Action.FREE]
+    assert set(story.listened_s) == {TIMEOUT_S}
+
+
+def test_a_driver_that_is_killed_is_switched_off_behind():
+    story = Script(BEAT, CLOSED, OFF).run()
+    assert story.attempts == [State.WAITING_FOR_DEVICE]
+
+
+def test_a_driver_that_wakes_gets_its_ports_after_one_more_look():
+    story = Script(BEAT, SILENCE, OFF, SILENCE, OFF, GIVES_WAY, OFF, REST, OFF, BEAT, REST, CLOSED).run()
+    assert story.attempts == [State.TAKING_OVER, State.WAITING_FOR_DRIVER, State.GIVEN_WAY, State.RELEASING]
+    assert story.actions == [Action.ECHO, Action.TAKE, Action.FREE, Action.ECHO, Action.FREE]
+
+
+def test_a_driver_that_bars_the_only_way_in_is_ended_after_its_patience():
+    story = Script(BEAT, SILENCE, BARRED, SILENCE, CLOSED, OFF).run()
+    assert story.actions == [Action.ECHO, Action.TAKE, Action.END_DRIVER]
+    assert story.listened_s == [TIMEOUT_S, TIMEOUT_S, TIMEOUT_S, LOOK_AGAIN_S]
+
+
+def test_a_driver_that_gives_way_in_the_only_way_in_is_spared():
+    story = Script(BEAT, SILENCE, BARRED, GIVES_WAY, BARRED, SILENCE, BARRED, REST, OFF, CLOSED).run()
+    assert Action.END_DRIVER not in story.actions
+
+
+def test_a_driver_that_does_not_end_is_ended_again():
+    story = Script(BEAT, SILENCE, BARRED, SILENCE, SILENCE, BARRED, SILENCE, CLOSED, OFF).run()
+    assert story.actions.count(Action.END_DRIVER) == 2
+
+
+@pytest.mark.parametrize("last", [OFF, RELIEVED, GONE])
+def test_a_device_that_is_away_is_awaited_for_as_long_as_it_takes(last):
+    away = [UNREACHABLE, SILENCE, ANOTHER, SILENCE, BUSY, SILENCE, BARRED, SILENCE]
+    story = Script(BEAT, CLOSED, *(away * 5000), last).run()
+    assert len(story.attempts) == 20_001
+
+
+def test_heat_that_returns_while_the_driver_sleeps_is_taken_over_again():
+    story = Script(BEAT, SILENCE, OFF, SILENCE, UNREACHABLE, SILENCE, OFF, CLOSED, OFF).run()
+    assert story.attempts == [
+        State.TAKING_OVER,
+        State.WAITING_FOR_DRIVER,
+        State.TAKING_OVER,
+        State.WAITING_FOR_DEVICE,
+    ]

@@ -1,0 +1,249 @@
+"""The TCLab board against its simulated firmware: no duty that was not said back, no temperature said only once."""
+
+from math import isnan, sqrt
+
+import pytest
+
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
+from firmware_sim.fault_script import FaultScript
+from smadrive.clock import VirtualClock
+from smadrive.devices.heating.heat_source import HeaterLimits
+from smadrive.devices.heating.tclab import AGREE_C, TCLab, TCLabBoard
+from smadrive.devices.profile.profile import load_profile
+from smadrive.errors import (
+    ConfigError,
+    DeadlineError,
+    DeviceError,
+    IdentityError,
+    ProtocolError,
+    ReadBackError,
+    SafetyError,
+    TransportError,
+)
+
+PROFILE = load_profile("tclab")
+LIMITS = HeaterLimits(current_max_a=0.6, temperature_max_c=130.0)
+STEP_C = 0.33
+"""Of the converter."""
+
+
+@pytest.fixture
+def device():
+    return simulated_device(load_sim("flexinol-lt-0.15mm"), seed=1, profile=PROFILE)
+
+
+@pytest.fixture
+def clock(device):
+    clock = VirtualClock()
+    clock.follow(device.bench.advance_to)
+    return clock
+
+
+@pytest.fixture
+def board(device, clock):
+    return TCLabBoard(PROFILE, device.transport(clock))
+
+
+@pytest.fixture
+def source(board):
+    return TCLab(board, full_scale_a=1.0, full_scale_v=16.5)
+
+
+@pytest.fixture
+def armed(source):
+    source.connect()
+    source.configure(LIMITS, 0.5)
+    source.arm()
+    return source
+
+
+def wait(clock, seconds):
+    clock.sleep_until(clock.now_s() + seconds)
+
+
+@pytest.mark.parametrize("current_a", [0.08, 0.1, 0.25, 0.5, 0.6])
+def test_the_heat_is_that_of_the_commanded_current(device, clock, armed, current_a):
+    armed.exchange(current_a)
+    wait(clock, 0.05)
+    plant = device.bench.plant
+    step_a = 1.0 / sqrt(200) if current_a < 0.1 else 0.02
+    assert current_a - step_a <= plant.current_a <= current_a + 1e-9
+    supplied = armed.exchange(current_a)
+    assert supplied.armed
+    assert supplied.current_a == pytest.approx(plant.current_a, rel=0.01)
+    assert supplied.voltage_v == pytest.approx(plant.voltage_v, rel=0.01)
+    assert supplied.temperature.value == pytest.approx(device.bench.sensors.temperature_c, abs=STEP_C)
+
+
+def test_all_of_it_is_all_of_it_and_nothing_is_nothing(device, clock, armed):
+    armed.exchange(1.0)
+    assert device.firmware.duty["Q1"] == 100.0
+    armed.exchange(0.0)
+    assert device.firmware.current_a == 0.0
+
+
+def test_what_the_pulse_width_cannot_do_is_told_as_a_limit(armed):
+    assert armed.exchange(0.05).limits == ("pulse_width_step",)
+    assert armed.exchange(0.5).limits == ()
+
+
+def test_nothing_heats_before_arming_and_after_the_safe_state(device, source):
+    source.connect()
+    assert not source.exchange(0.5).armed
+    assert device.firmware.current_a == 0.0
+    source.arm()
+    source.exchange(0.5)
+    assert device.firmware.current_a > 0.4
+    source.enter_safe_state()
+    assert device.firmware.current_a == 0.0
+    assert not source.exchange(0.5).armed
+
+
+def test_the_safe_state_ends_both_heaters(device, source):
+    device.firmware.duty = {"Q1": 30.0, "Q2": 40.0}
+    source.connect()
+    assert device.firmware.duty == {"Q1": 0.0, "Q2": 0.0}
+
+
+def test_limits_that_the_board_cannot_keep_are_refused(source):
+    source.connect()
+    with pytest.raises(ConfigError, match="current_max_a = 2 is more than the board gives: full_scale_a = 1"):
+        source.configure(HeaterLimits(2.0, 130.0), 0.5)
+    with pytest.raises(ConfigError, match=r"voltage_max_v = 9 is less than full_scale_v = 16\.5"):
+        source.configure(HeaterLimits(0.6, 130.0, 9.0), 0.5)
+
+
+def test_a_board_that_heats_already_is_not_armed(device, source):
+    source.connect()
+    device.firmware.duty["Q1"] = 5.0
+    with pytest.raises(SafetyError, match="heats already, at 5 %"):
+        source.arm()
+
+
+def test_a_restart_of_the_board_is_found_out_before_it_is_commanded_again(device, clock, armed):
+    armed.exchange(0.5)
+    device.firmware.restart()
+    with pytest.raises(ReadBackError, match=r"heats at 0 %, 25.1 % were commanded: did it restart"):
+        armed.exchange(0.5)
+    assert not armed.armed
+    assert device.firmware.current_a == 0.0
+
+
+@pytest.mark.parametrize(("fault", "shown"), [("open_thermocouple", "-50.0"), ("short_thermocouple", "279.7")])
+def test_a_sensor_at_the_end_of_its_converter_is_no_temperature(device, clock, armed, fault, shown):
+    getattr(device.bench.sensors.faults, fault)()
+    wait(clock, 0.05)
+    sample = armed.exchange(0.0).temperature
+    assert isnan(sample.value)
+    assert sample.problem == f"{shown} °C, out of the sensor's range: open or shorted"
+
+
+@pytest.fixture
+def damage(device, monkeypatch):
+    """Let the next reply to a command have another first digit, of which nothing in the line tells."""
+    right, damaged = device.firmware.answer, []
+
+    def answer(line):
+        said = right(line)
+        if line in damaged:
+            damaged.remove(line)
+            return bytes((said[0] ^ 1,)) + said[1:]
+        return said
+
+    monkeypatch.setattr(device.responder, "answer", answer)
+    return damaged.append
+
+
+def test_a_damaged_temperature_is_not_taken(armed, damage):
+    damage(b"T1")
+    with pytest.raises(ProtocolError, match=r"'T1' is 3[\d.]+, then 2[\d.]+: a damaged reply"):
+        armed.exchange(0.3)
+    assert armed.exchange(0.3).armed
+
+
+def test_a_damaged_echo_of_the_duty_is_read_back(device, armed, damage):
+    damage(b"Q1 9.10")
+    armed.exchange(0.3)
+    assert device.firmware.duty["Q1"] == 9.1
+    damage(b"R1")
+    assert armed.exchange(0.3).current_a == pytest.approx(0.3)
+
+
+def test_a_command_that_the_line_damaged_is_an_error(device, armed, monkeypatch):
+    right = device.firmware.answer
+    monkeypatch.setattr(device.responder, "answer", lambda line: right(line.replace(b"Q1 9.10", b"Q1 99.10")))
+    with pytest.raises(ReadBackError, match=r"heater 1 was set to 9.1 %, reads back 99.1 %"):
+        armed.exchange(0.3)
+    armed.enter_safe_state()
+    assert device.firmware.current_a == 0.0
+
+
+def test_a_lost_echo_leaves_both_duties_possible_and_no_other(device, armed):
+    for _ in range(3):
+        device.faults.delay(1e-4)
+    device.faults.drop()
+    with pytest.raises(DeadlineError):
+        armed.exchange(0.3)
+    assert armed.exchange(0.2).current_a == pytest.approx(0.3)
+
+
+@pytest.mark.parametrize(
+    "banner", ["TCLab Firmware 1.3.0 Arduino Uno", "TCLab Firmware 2.0.1", "Grbl 1.1h ['$' for help]", ""]
+)
+def test_whoever_is_no_tclab_is_told_nothing(device, board, monkeypatch, banner):
+    heard = []
+
+    def answer(line):
+        heard.append(line)
+        return banner.encode()
+
+    monkeypatch.setattr(device.responder, "answer", answer)
+    with pytest.raises((IdentityError, DeadlineError)):
+        board.heat(1, 10.0)
+    assert set(heard) == {b"VER"}
+
+
+def test_a_board_that_starts_is_waited_for(clock, board):
+    board.check_identity()
+    assert PROFILE.timing.boot_ms / 1e3 - 0.5 < clock.now_s() < PROFILE.timing.boot_ms / 1e3 + 0.5
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_on_a_bus_where_everything_goes_wrong_no_wrong_value_is_taken(seed):
+    """Every failure is typed; every value that is taken is right; the end is always without heat."""
+    device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed, PROFILE)
+    clock = VirtualClock()
+    clock.follow(device.bench.advance_to)
+    source = TCLab(TCLabBoard(PROFILE, device.transport(clock)), 1.0, 16.5)
+    source.connect()
+    device.bench.follow_script(FaultScript.model_validate({"random": {"share": 0.1, "slowest_s": 0.4}}))
+    right = failed = 0
+    for number in range(1500):
+        wait(clock, 0.05)
+        if not source.armed:
+            try:
+                source.enter_safe_state()
+                source.arm()
+            except (TransportError, ProtocolError, DeviceError, SafetyError):
+                continue
+        duty = device.firmware.duty["Q1"]
+        before_c = device.bench.sensors.temperature_c
+        try:
+            supplied = source.exchange(0.1 + 0.1 * (number % 3))
+        except (TransportError, ProtocolError, DeviceError):
+            failed += 1
+            continue
+        right += 1
+        assert supplied.current_a == pytest.approx(sqrt(int(duty * 2) / 200))
+        now_c = device.bench.sensors.temperature_c
+        low_c, high_c = sorted((before_c, now_c))
+        assert low_c - AGREE_C - STEP_C <= supplied.temperature.value <= high_c + AGREE_C + STEP_C
+        assert source._may_be == (device.firmware.duty["Q1"],)
+    assert right > 500
+    assert failed > 100
+    device.faults.before_reply = lambda: None
+    device.faults.clear()
+    wait(clock, 5.0)
+    source.enter_safe_state()
+    assert device.firmware.current_a == 0.0

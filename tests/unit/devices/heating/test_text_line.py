@@ -1,0 +1,144 @@
+"""Text without a checksum: no late, foreign or torn line is taken for the answer to a command."""
+
+import random
+import re
+
+import pytest
+
+from smadrive.clock import VirtualClock
+from smadrive.devices.heating.text_line import Exchange, TextLine
+from smadrive.errors import DeadlineError, IdentityError, ProtocolError, TransportError
+from smadrive.modbus.transports.in_process import InProcessTransport
+
+NUMBER = re.compile(r"-?\d{1,3}\.\d{2,3}")
+GREETING = Exchange("VER", re.compile(r"Board \d"))
+TIMEOUT_S = 0.15
+
+
+class Board:
+    """Says `Board 1` to a greeting, a token back, and the number of any other command, each later by the next of
+    `delays_s`.
+
+    `says` has other lines to say than the right ones, by command.
+    """
+
+    def __init__(self, delays_s=(), says=()):
+        self.delays_s = list(delays_s)
+        self.says = dict(says)
+        self.heard = []
+        self.busy_until_s = 0.0
+
+    def receive(self, data, time_s):
+        command = data.decode().strip()
+        self.heard.append(command)
+        self.busy_until_s = max(time_s, self.busy_until_s) + (self.delays_s.pop(0) if self.delays_s else 0.001)
+        return [(self.busy_until_s, self.says.get(command, f"{self.right(command)}\r\n".encode()))]
+
+    @staticmethod
+    def right(command):
+        if command == "VER":
+            return "Board 1"
+        return command if command.startswith("token") else f"{int(command.split()[1])}.000"
+
+
+def line_to(board):
+    transport = InProcessTransport(board, VirtualClock())
+    return TextLine(transport, TIMEOUT_S, GREETING, token), transport
+
+
+def token(number):
+    return Exchange(f"token{number}", re.compile(f"token{number}"))
+
+
+def test_nothing_is_sent_before_the_board_has_said_who_it_is():
+    board = Board()
+    line, _ = line_to(board)
+    assert line.ask("N 7", NUMBER) == "7.000"
+    assert line.ask("N 8", NUMBER) == "8.000"
+    assert board.heard == ["VER", "token0", "N 7", "N 8"]
+
+
+WRONG = [
+    *(b"7\r\n", b"7.0\r\n", b"7.0000\r\n", b" 7.000\r\n", b"7.000 \r\n", b"+7.000\r\n", b"-.00\r\n", b"1000.00\r\n"),
+    *(b"7,000\r\n", b"1e1\r\n", b"nan\r\n", b"\r\n", b"Board 1\r\n", b"7.000\r\r\n", b"7.000\n\r\n", b"7.000\x00\r\n"),
+    *(b"\xb7.000\r\n", b"\xd9\xa7.000\r\n", b"7.000\r\n8.000\r\n", b"7.000\r\n8", b"x" * 70),
+]
+
+
+@pytest.mark.parametrize("wrong", WRONG, ids=repr)
+def test_what_is_not_the_one_right_line_is_refused_and_the_board_greeted_again(wrong):
+    board = Board(says={"N 7": wrong})
+    line, _ = line_to(board)
+    with pytest.raises(ProtocolError, match=r"'N 7'.*discarded"):
+        line.ask("N 7", NUMBER)
+    assert line.ask("N 8", NUMBER) == "8.000"
+    assert board.heard == ["VER", "token0", "N 7", "VER", "token1", "N 8"]
+
+
+@pytest.mark.parametrize("torn", [b"7.000", b"7.000\r", b"7."])
+def test_a_line_without_its_end_is_a_missed_deadline(torn):
+    board = Board(says={"N 7": torn})
+    line, _ = line_to(board)
+    with pytest.raises(DeadlineError, match=f"{len(torn)} characters of the reply"):
+        line.ask("N 7", NUMBER)
+    assert line.clock.now_s() <= 2 * TIMEOUT_S
+    assert line.ask("N 8", NUMBER) == "8.000"
+
+
+def test_a_late_reply_is_dropped_although_it_has_the_right_form():
+    board = Board([0.0, 0.0, 0.2])
+    line, _ = line_to(board)
+    with pytest.raises(DeadlineError, match="nothing of the reply before the deadline: is the board powered"):
+        line.ask("N 7", NUMBER)
+    assert line.ask("N 8", NUMBER) == "8.000"
+    assert board.heard == ["VER", "token0", "N 7", "VER", "token1", "N 8"]
+
+
+def test_what_arrives_unasked_is_dropped_and_the_board_greeted():
+    board = Board()
+    line, transport = line_to(board)
+    line.ask("N 7", NUMBER)
+    transport.deliver(line.clock.now_s(), b"99.000\r\n")
+    assert line.ask("N 8", NUMBER) == "8.000"
+    assert board.heard[-3:] == ["VER", "token1", "N 8"]
+
+
+def test_another_board_is_found_out():
+    board = Board()
+    line, transport = line_to(board)
+    line.ask("N 7", NUMBER)
+    board.says["VER"] = b"Board 2\r\n"
+    transport.lose()
+    with pytest.raises(IdentityError, match="'Board 2' answers where 'Board 1' did"):
+        line.ask("N 8", NUMBER)
+    assert board.heard[-1] == "VER"
+
+
+def test_a_line_that_is_never_silent_is_given_up():
+    line, transport = line_to(Board(says={"VER": b"?\r\n"}))
+    for tenth in range(100):
+        transport.deliver(0.1 * tenth, b"chatter\r\n")
+    with pytest.raises(TransportError, match="never silent"):
+        line.ask("N 7", NUMBER)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_however_late_replies_come_none_is_taken_for_another(seed):
+    """Delays up to four timeouts, of a fifth of them; every answer is the own one, or a typed error within its time."""
+    chance = random.Random(seed)
+    board = Board()
+    line, _ = line_to(board)
+    right = failed = 0
+    for number in range(2000):
+        board.delays_s = [chance.uniform(0.0, 0.6) if chance.random() < 0.2 else 0.001 for _ in range(9)]
+        command = f"N {number % 1000}"
+        begun_s = line.clock.now_s()
+        try:
+            assert line.ask(command, NUMBER) == f"{number % 1000}.000"
+            right += 1
+        except (DeadlineError, ProtocolError):
+            failed += 1
+        assert line.clock.now_s() - begun_s < 5.0
+        line.clock.sleep_until(line.clock.now_s() + chance.choice((0.0, 0.05, 0.3)))
+    assert right > 1000
+    assert failed > 100

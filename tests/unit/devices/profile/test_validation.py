@@ -1,0 +1,86 @@
+"""What a profile of a family, of several tables or with golden frames is refused for at load."""
+
+import pytest
+
+from smadrive.devices.profile.profile import load_profile
+from smadrive.errors import ConfigError
+from smadrive.files.shipped import configs_dir
+
+DEVICES = configs_dir() / "devices"
+
+
+@pytest.mark.parametrize(
+    ("device", "old", "new", "says"),
+    [
+        ("riden-rd60xx", "power = { scale = 0.001 } }", "power = { scle = 0.1 } }", r"power.scle: .*mean 'scale'"),
+        ("riden-rd60xx", "power = { scale = 0.001 } }", "pover = { scale = 0.1 } }", r"registers.pover is no register"),
+        ("riden-rd60xx", "max = 30.0 }", "max = 3000.0 }", r"variants: registers.i_set: .*overflows uint16"),
+        ("riden-rd60xx", "{ model_id = [60241, 60249] }", "{ model_id = [60180, 60249] }", "match the same device"),
+        (
+            "riden-rd60xx",
+            'register = "serial_number"',
+            'register = "output"',
+            "output can be written, and so tells no device",
+        ),
+        ("riden-rd60xx", "current_range = [0, 0]", "current_rnge = [0, 0]", r"variants.match .*mean 'current_range'"),
+        ("riden-rd60xx", 'sign_register = "temp_int_sign"', 'sign_register = "sign"', r"temp_int names the unknown"),
+        ("riden-rd60xx", "E8 0F", "E8 0E", r"wrong CRC; the right one is E8 0F"),
+        ("riden-rd60xx", "means = { output = 1 }", "means = { output = 0 }", r"output is 1.0 in these frames, not 0"),
+        ("riden-rd60xx", "means = { output = 1 }", "means = { outpt = 0 }", r"unknown register 'outpt'"),
+        ("juntek-dpm86xx", "B7 6B", "B7 6C", "wrong CRC"),
+        ("juntek-dpm86xx", "01 10 00 00 00 02 41 C8", "01 06 00 00 09 60 8F B2", "does not answer"),
+        (
+            "juntek-dpm86xx",
+            'scale = 0.001\nunit = "A"\naccess = "rw"',
+            'scale = 0.01\nunit = "A"\naccess = "rw"',
+            "i_set is",
+        ),
+        ("juntek-dpm86xx", "[3, 6, 16]", "[4, 6, 16]", "none of timing.function_codes .* reads a holding"),
+        ("juntek-dpm86xx", "[3, 6, 16]", "[3, 17]", "function 17 is not used"),
+        (
+            "hanmatek-hm30x",
+            'access = "r"\nevidence = "uncertain"',
+            'access = "rw"\nmin = 0\nmax = 1\nevidence = "two"',
+            "writes 2 addr",
+        ),
+        ("xy-sk-family", 'write = "ovp"', 'write = "opv"', "write_order.write names the unknown register 'opv'"),
+        ("xy-sk-family", 'before = "v_set"', 'before = "*"', r"before '\*' needs a value"),
+        ("xy-sk-family", 'before = "v_set"', 'before = "output"', "must wait for another write"),
+        ("delta-dtb", "value = 1\n", "value = 2\n", "write_order: register 'comm_write_enable': 2"),
+        ("delta-dtb", 'write = "comm_write_enable"', 'write = "pv"', "'pv' has access 'r'"),
+        ("autonics-tk", 'enum = { 0 = "1", 1 = "0.1"', 'enum = { 0 = "one", 1 = "0.1"', "whose enum names factors"),
+        ("autonics-tk", 'unit = "degC"', 'unit = "K"', "unit_from needs unit = 'degC'"),
+        ("baumer-om20", "address = 209", "address = 213", r"block 'measurement' cannot be read in one request"),
+        ("baumer-om20", "[timing]", "[timing]\nmax_read_registers = 12", r"(has 16 words|cannot be read in one)"),
+        ("baumer-om20", "quality = [0, 1]", "qualty = [0, 1]", r"unknown register 'qualty'; did you mean 'quality'"),
+        ("adam-6018", "[tcp]\nunit_id = 1", "", r"'modbus-tcp' needs the table \[tcp\]"),
+        ("adam-6018", 'choice = "J"', 'choice = "T"', "a choice is there twice"),
+        ("adam-6018", 'choice = "J"', 'choice = "J"\nmatch = { tc_0 = [0, 1] }', "either match .* or choice"),
+        ("adam-6018", "address = 16", "address = 65530", "ends at 65537, beyond 65535"),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path, device, old, new, says):
+    text = (DEVICES / f"{device}.toml").read_text(encoding="utf-8")
+    assert old in text
+    path = tmp_path / "bad.toml"
+    path.write_text(text.replace(old, new, 1), encoding="utf-8")
+    with pytest.raises(ConfigError, match=says) as error:
+        load_profile(path)
+    assert "\n" not in str(error.value)
+
+
+def test_channels_may_stand_apart_but_not_overlap(tmp_path):
+    text = (DEVICES / "adam-6018.toml").read_text(encoding="utf-8")
+    path = tmp_path / "apart.toml"
+    path.write_text(text.replace("stride = 1", "stride = 3", 1), encoding="utf-8")
+    assert load_profile(path).register("tc_7").address == 21
+    path.write_text(text.replace('type = "uint16"', 'type = "uint32"', 1), encoding="utf-8")
+    with pytest.raises(ConfigError, match=r"registers\.tc_1\.address 1 overlaps registers\.tc_0"):
+        load_profile(path)
+
+
+def test_a_choice_holds_for_every_channel_and_a_wrong_one_is_named():
+    assert load_profile("adam-6018:T").register("tc_5").codec.decode((0,)).value == -100.0
+    assert load_profile("adam-6018").register("tc_5").codec.decode((65535,)).value == pytest.approx(1370.0)
+    with pytest.raises(ConfigError, match="has no choice 'K'; known are: E, J, T"):
+        load_profile("adam-6018:K")

@@ -1,0 +1,164 @@
+"""Names and units on the bus: few requests, identity first, nothing believed before it is read back."""
+
+import math
+
+import pytest
+
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
+from smadrive.devices.device import Device
+from smadrive.devices.profile.profile import load_profile
+from smadrive.errors import ConfigError, DeadlineError, ExceptionReply, IdentityError, ReadBackError
+from smadrive.modbus.client import Master
+
+
+def test_reading_merges_neighbours(device):
+    readings = device.read(("temperature", "cold_junction", "sequence_echo", "state", "faults", "limits", "watchdog_s"))
+    assert readings["watchdog_s"].value == 0.5
+    assert readings["state"].words == ("idle",)
+    assert readings["cold_junction"].value == pytest.approx(25.0)
+    assert device.master.counters.requests == 2
+
+
+def test_reading_respects_what_the_device_can(rig, clock):
+    profile = load_profile("sma-reference")
+    short = profile.model_copy(update={"timing": profile.timing.model_copy(update={"max_read_registers": 4})})
+    device = Device(short, Master(rig.transport(clock)))
+    assert (
+        device.read(("device_id", "map_version", "firmware_version", "serial_number"))["serial_number"].value > 1 << 31
+    )
+    assert device.master.counters.requests == 2
+
+
+def test_an_unknown_register_names_the_nearest(device):
+    with pytest.raises(ConfigError, match="no register 'temprature'; did you mean 'temperature'"):
+        device.read(("temprature",))
+
+
+def test_a_sentinel_is_no_number(device, rig):
+    rig.bench.sensors.faults.open_thermocouple()
+    reading = device.read(("temperature",))["temperature"]
+    assert math.isnan(reading.value)
+    assert reading.invalid == "no reading"
+
+
+def test_nothing_is_written_to_another_device(rig, clock):
+    profile = load_profile("sma-reference")
+    other = profile.identify[0].model_copy(update={"ranges": [(1, 9)]})
+    device = Device(profile.model_copy(update={"identify": (other,)}), Master(rig.transport(clock)))
+    sequence = rig.firmware.sequence
+    for write in (
+        lambda: device.write("sequence", 7),
+        lambda: device.exchange({"sequence": 7}, ("state",)),
+        device.enter_safe_state,
+        device.check_identity,
+    ):
+        with pytest.raises(
+            IdentityError, match=r"unit 1 is no 'sma-reference': device_id is 21325, expected 1 to 9: check"
+        ):
+            write()
+    assert rig.firmware.sequence == sequence
+
+
+def test_a_write_is_read_back(device, rig):
+    device.write("watchdog_s", 0.25)
+    assert rig.firmware.watchdog_s == 0.25
+
+
+def test_a_write_that_does_not_arrive_is_an_error(device):
+    with pytest.raises(ReadBackError, match=r"register 'heater_current': wrote 0.3 A, reads back 0 A"):
+        device.write("heater_current", 0.3)  # idle: the board keeps zero
+
+
+@pytest.mark.parametrize(("name", "value"), [("watchdog_s", 0.049), ("heater_current", math.nan), ("heater_enable", 2)])
+def test_a_write_outside_the_limits_is_not_sent(device, name, value):
+    with pytest.raises(ConfigError, match=name):
+        device.write(name, value)
+    assert device.master.counters.requests == 0
+
+
+@pytest.mark.parametrize("unit_id", [0, 248, -1])
+def test_a_unit_id_that_is_no_single_device_is_refused(device, unit_id):
+    with pytest.raises(ConfigError, match="outside 1 to 247"):
+        Device(device.profile, device.master, unit_id)
+
+
+def test_a_read_only_register_is_not_written(device):
+    with pytest.raises(ConfigError, match="'temperature' of 'sma-reference' cannot be written"):
+        device.write("temperature", 20.0)
+
+
+def test_a_refused_write_names_register_and_value(device):
+    with pytest.raises(ExceptionReply, match=r"register 'temperature_max' = 200 degC: .*illegal data value"):
+        device.write("temperature_max", 200.0)
+
+
+def test_an_exchange_is_one_transaction_in_any_order_of_names(device, rig):
+    device.check_identity()
+    before = device.master.counters.requests
+    readings = device.exchange(
+        {"heater_enable": 0, "sequence": 77, "heater_current": 0.0}, ("state", "sequence_echo", "faults")
+    )
+    assert readings["sequence_echo"].value == 77
+    assert rig.firmware.sequence == 77
+    assert device.master.counters.requests == before + 1
+
+
+def test_an_exchange_of_scattered_registers_is_refused(device):
+    with pytest.raises(ConfigError, match="cannot be written in one request"):
+        device.exchange({"sequence": 1, "watchdog_s": 1.0}, ("state",))
+    with pytest.raises(ConfigError, match="cannot be read in one request"):
+        device.exchange({"sequence": 1}, ("state", "watchdog_s"))
+
+
+def test_reads_survive_a_bad_bus_and_writes_are_not_repeated(device, rig):
+    device.check_identity()
+    rig.faults.drop()
+    rig.faults.corrupt()
+    assert device.read(("watchdog_s",))["watchdog_s"].value == 0.5
+    rig.faults.drop()
+    with pytest.raises(DeadlineError):
+        device.exchange({"sequence": 5}, ("state",))
+    assert rig.firmware.sequence == 5  # it was carried out once; nobody sent it twice
+    assert device.master.counters.retries > 0
+
+
+@pytest.mark.parametrize("fault", ["drop", "corrupt", "truncate"])
+def test_the_safe_state_is_reached_on_a_bad_bus(device, rig, fault):
+    device.check_identity()
+    rig.firmware.write({"arm": 1})
+    rig.firmware.write({"sequence": 9, "heater_current": 0.4, "heater_enable": 1})
+    getattr(rig.faults, fault)(3)
+    device.enter_safe_state()
+    assert rig.firmware.current_a == 0.0
+    assert rig.firmware.state == 0
+
+
+def test_a_safe_state_that_cannot_be_confirmed_raises(device, rig):
+    device.check_identity()
+    rig.faults.drop(1000)
+    with pytest.raises(DeadlineError):
+        device.enter_safe_state()
+
+
+def test_the_safe_state_waits_for_a_device_that_is_back_after_a_second(device, rig):
+    device.check_identity()
+    rig.firmware.write({"arm": 1})
+    rig.firmware.write({"sequence": 9, "heater_current": 0.4, "heater_enable": 1})
+    rig.faults.drop(for_s=1.5)
+    device.enter_safe_state()
+    assert rig.firmware.current_a == 0.0
+
+
+@pytest.mark.parametrize("name", ["autonics-tk", "baumer-om20"])
+def test_a_device_whose_type_nothing_proves_must_answer_at_least(clock, name):
+    profile = load_profile(name)
+    assert not profile.proves_type
+    simulated = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=1, profile=profile)
+    clock.follow(simulated.bench.advance_to)
+    device = Device(profile, Master(simulated.transport(clock)))
+    device.check_identity()
+    assert not device.identity
+    simulated.faults.drop(1000)
+    with pytest.raises(DeadlineError):
+        device.check_identity()

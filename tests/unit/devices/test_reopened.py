@@ -1,0 +1,125 @@
+"""A connection that was opened anew may lead to another device: who is there must prove to be the one of before."""
+
+import pytest
+
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
+from smadrive.devices.device import Device
+from smadrive.devices.identity import UNKNOWN
+from smadrive.devices.profile.profile import load_profile
+from smadrive.errors import DeadlineError, DeviceError, IdentityError
+from smadrive.modbus.client import Master
+from smadrive.modbus.transports.in_process import InProcessTransport
+
+READS = (1, 2, 3, 4)
+
+
+class Hub:
+    """The far end of a port whose name may come back with another device behind it; keeps the functions it heard."""
+
+    def __init__(self, clock, profile):
+        self.clock = clock
+        self.profile = profile
+        self.heard = []
+        self.device = self.plug(serial_number=1)
+
+    def plug(self, serial_number, profile=None):
+        """From now on a device with a bench of its own."""
+        config = load_sim("flexinol-lt-0.15mm")
+        board = config.board.model_copy(update={"serial_number": serial_number})
+        self.device = simulated_device(
+            config.model_copy(update={"board": board}), seed=1, profile=profile or self.profile
+        )
+        self.clock.follow(self.device.bench.advance_to)
+        self.heard.clear()
+        return self.device
+
+    def receive(self, data, time_s):
+        self.heard.append(data[1])
+        return self.device.line.receive(data, time_s)
+
+
+PROFILES = ("sma-reference", "riden-rd60xx:model_id=60121")
+
+
+@pytest.fixture(params=PROFILES)
+def hub(request, clock):
+    return Hub(clock, load_profile(request.param))
+
+
+@pytest.fixture
+def device(hub, clock):
+    device = Device(load_profile(hub.profile.profile.id), Master(InProcessTransport(hub, clock)))
+    device.check_identity()
+    return device
+
+
+def uses(device):
+    name = device.profile.role("heater_current")
+    yield lambda: device.write(name, 0.0)
+    yield lambda: device.command(name, 0.0, (name,))
+    yield lambda: device.read((name,))
+    yield device.enter_safe_state
+    if device.profile.profile.role == "heater":
+        yield lambda: device.exchange({"sequence": 7}, ("state",))
+
+
+def test_a_twin_behind_the_same_port_is_told_nothing(hub, device):
+    for use in uses(device):
+        hub.plug(serial_number=2)
+        device.master.transport.lose()
+        with pytest.raises(IdentityError, match="another one answers than before: serial_number is 2, was 1: did two"):
+            use()
+        assert hub.heard
+        assert set(hub.heard) <= set(READS)
+
+
+def test_another_thing_behind_the_same_port_is_told_nothing(hub, device):
+    for use in uses(device):
+        hub.plug(serial_number=1, profile=load_profile("autonics-tk"))
+        device.master.transport.lose()
+        with pytest.raises((DeviceError, DeadlineError)):
+            use()
+        assert set(hub.heard) <= set(READS)
+
+
+def test_the_same_one_is_asked_once_and_driven_on(device):
+    def requests_of(use):
+        before = device.master.counters.requests
+        use()
+        return device.master.counters.requests - before
+
+    proof = requests_of(device.check_identity)
+    for use in uses(device):
+        use()
+        needed = requests_of(use)
+        device.master.transport.lose()
+        assert requests_of(use) == needed + proof
+
+
+def test_the_first_one_that_comes_back_is_driven_on(hub, device):
+    first = hub.device
+    hub.plug(serial_number=2)
+    device.master.transport.lose()
+    with pytest.raises(IdentityError):
+        device.enter_safe_state()
+    hub.device = first
+    device.master.transport.lose()
+    device.enter_safe_state()
+
+
+def test_who_knows_a_device_from_another_takes_no_twin(hub, device):
+    found = dict(device.identity)
+    assert found["serial_number"] == 1
+    Device(device.profile, device.master, identity=found).check_identity()
+    with pytest.raises(IdentityError, match="serial_number is 1, was 2"):
+        Device(device.profile, device.master, identity=found | {"serial_number": 2}).enter_safe_state()
+
+
+def test_a_setting_is_no_part_of_who_a_device_is(clock):
+    """A range switch tells two variants apart, and may be turned."""
+    hub = Hub(clock, load_profile("riden-rd60xx:model_id=60125,current_range=0"))
+    device = Device(load_profile("riden-rd60xx"), Master(InProcessTransport(hub, clock)))
+    assert device.identity == UNKNOWN
+    device.check_identity()
+    assert set(device.identity) == {"model_id", "serial_number"}

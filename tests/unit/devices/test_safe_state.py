@@ -1,0 +1,92 @@
+"""Switching off: every step is tried whatever the others raise, and the current must be seen gone."""
+
+import errno
+from functools import partial
+
+import pytest
+
+from smadrive.devices.device import Device
+from smadrive.devices.heater import Heater
+from smadrive.devices.heating.board import HeaterBoard
+from smadrive.devices.heating.heat_source import HeaterLimits
+from smadrive.devices.heating.zero_current import wait_for_zero_current
+from smadrive.devices.profile.profile import load_profile
+from smadrive.devices.retry import PAUSES_S, retry_all
+from smadrive.errors import DeadlineError, SafetyError, TakenOverError
+from smadrive.modbus.client import Master
+
+FAILURES = [OSError(errno.ENOSPC, "full"), BrokenPipeError(), MemoryError(), ValueError(), SafetyError()]
+
+
+@pytest.fixture
+def hot(heater, run, rig):
+    """A board that heats."""
+    heater.connect()
+    heater.arm(0.5)
+    run(0.3, 0.5)
+    assert rig.firmware.current_a > 0.0
+    return heater
+
+
+def failing(failure, counted):
+    def step():
+        counted.append(failure)
+        raise failure
+
+    return step
+
+
+@pytest.mark.parametrize("failure", FAILURES, ids=lambda failure: type(failure).__name__)
+@pytest.mark.parametrize("place", [0, 1])
+def test_a_step_that_fails_by_whatever_exception_keeps_no_other_from_being_tried(
+    hot, device, rig, clock, failure, place
+):
+    counted = []
+    steps = [partial(device.write, "heater_enable", 0)]
+    steps.insert(place, failing(failure, counted))
+    with pytest.raises(type(failure)) as caught:
+        retry_all(steps, clock)
+    assert caught.value is failure
+    assert len(counted) == len(PAUSES_S) + 1
+    assert rig.firmware.current_a == 0.0
+
+
+@pytest.mark.parametrize("error", [TakenOverError(), KeyboardInterrupt()], ids=lambda error: type(error).__name__)
+def test_a_takeover_and_an_interruption_end_the_tries_at_once(clock, error):
+    counted = []
+    with pytest.raises(type(error)):
+        retry_all([failing(error, counted)], clock)
+    assert len(counted) == 1
+
+
+def test_a_device_that_is_busy_when_its_current_is_looked_at_is_asked_again(hot, rig, clock):
+    hot.source.enter_safe_state()
+    rig.faults.refuse(code=6, replies=1)
+    assert not wait_for_zero_current(hot.source, 0.6, clock).armed
+
+
+@pytest.mark.parametrize("fails_from", [0, 1, 2, 5])
+@pytest.mark.parametrize("fails_for", [1, 3])
+def test_a_sink_on_the_bus_that_fails_for_a_while_does_not_keep_the_heater_on(rig, clock, fails_from, fails_for):
+    frames = []
+
+    def trace(_time_s, _direction, _frame):
+        frames.append(None)
+        if armed and fails_from <= len(frames) - armed[0] < fails_from + fails_for:
+            raise OSError(errno.ENOSPC, "full")
+
+    armed = []
+    device = Device(load_profile("sma-reference"), Master(rig.transport(clock), trace))
+    heater = Heater(HeaterBoard(device, clock), HeaterLimits(0.6, 130.0), clock)
+    heater.connect()
+    heater.arm(0.5)
+    heater.exchange(0.3)
+    armed.append(len(frames))
+    heater.enter_safe_state()
+    assert rig.firmware.current_a == 0.0
+
+
+def test_a_device_that_never_answers_is_told_by_its_first_error(hot, rig):
+    rig.faults.drop(10_000)
+    with pytest.raises(DeadlineError):
+        hot.enter_safe_state()

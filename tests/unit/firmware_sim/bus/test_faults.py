@@ -1,0 +1,194 @@
+"""Every fault of the bus, as the master meets it: a typed error at once or at the deadline, and right values after."""
+
+import pytest
+
+from firmware_sim.bench import simulated_device
+from firmware_sim.bus.message import ModbusMessage
+from smadrive.clock import VirtualClock
+from smadrive.devices.profile.profile import load_profile
+from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
+from smadrive.modbus import requests
+from smadrive.modbus.bus import BusTiming
+from smadrive.modbus.client import Master
+
+TIMING = BusTiming(response_timeout_s=0.1, read_retries=0)
+READ = {"sma-reference": requests.read_holding(0, 5), "adam-6018": requests.read_coils(16, 8)}
+WRITE = {"sma-reference": requests.write_register(32, 7), "adam-6018": requests.write_coil(19, True)}
+
+
+@pytest.fixture(params=["sma-reference", "adam-6018"], ids=["rtu", "tcp"])
+def profile(request):
+    return load_profile(request.param)
+
+
+@pytest.fixture
+def bus(config, profile):
+    """A device, the master that talks to it, and one good reply behind them."""
+    clock = VirtualClock()
+    device = simulated_device(config, 1, profile)
+    clock.follow(device.bench.advance_to)
+    master = Master(device.transport(clock))
+    clock.sleep_until(2.0)
+    master.execute(1, READ[profile.profile.id], TIMING)
+    return device, master
+
+
+@pytest.fixture
+def read(bus, profile):
+    return lambda: bus[1].execute(1, READ[profile.profile.id], TIMING)
+
+
+SPOILT = {
+    "corrupt": ProtocolError,
+    "junk_before": ProtocolError,
+    "wrong_unit": ProtocolError,
+    "wrong_function": ProtocolError,
+    "short_count": (ProtocolError, DeadlineError),  # an RTU reply that ends early only silence tells from a slow one
+    "drop": DeadlineError,
+    "truncate": DeadlineError,
+}
+
+
+@pytest.mark.parametrize("name", SPOILT)
+def test_a_spoilt_reply_is_a_typed_error_within_the_deadline_and_the_next_is_right(bus, read, name):
+    device, master = bus
+    right = read()
+    getattr(device.faults, name)()
+    before_s = master.clock.now_s()
+    with pytest.raises(SPOILT[name]):
+        read()
+    assert master.clock.now_s() - before_s < TIMING.response_timeout_s + 0.01
+    assert read() == right
+
+
+@pytest.mark.parametrize("code", [1, 2, 3, 4, 5, 6, 0x0B])
+def test_a_refused_request_is_not_carried_out(bus, profile, code):
+    device, master = bus
+    asked = device.responder.counters.requests
+    device.faults.refuse(code)
+    with pytest.raises(ExceptionReply) as refusal:
+        master.execute(1, WRITE[profile.profile.id], TIMING)
+    assert refusal.value.code == code
+    assert device.responder.counters.requests == asked
+
+
+def test_a_write_whose_reply_is_lost_is_carried_out(bus, profile):
+    device, master = bus
+    asked = device.responder.counters.requests
+    device.faults.drop()
+    with pytest.raises(DeadlineError):
+        master.execute(1, WRITE[profile.profile.id], TIMING)
+    assert device.responder.counters.requests == asked + 1
+
+
+def test_a_split_reply_is_right_and_a_slow_split_one_is_late(bus, read):
+    device, master = bus
+    right = read()
+    device.faults.split(pause_s=0.01, pieces=5)
+    assert read() == right
+    device.faults.split(pause_s=0.06, pieces=5)
+    with pytest.raises(DeadlineError):
+        read()
+    master.clock.sleep_until(master.clock.now_s() + 0.3)
+    assert read() == right
+
+
+@pytest.mark.parametrize(("name", "parameters"), [("delay", {"delay_s": 0.15}), ("duplicate", {"after_s": 0.15})])
+def test_what_comes_late_answers_nothing_else(bus, read, name, parameters):
+    device, _ = bus
+    right = read()
+    getattr(device.faults, name)(**parameters, replies=5)
+    for _ in range(10):
+        try:
+            assert read() == right
+        except (DeadlineError, ProtocolError):
+            continue
+
+
+def test_junk_behind_a_reply_never_passes_for_one(bus, read):
+    device, master = bus
+    right = read()
+    device.faults.junk_after()
+    try:
+        assert read() == right  # a TCP frame ends where its length says
+    except ProtocolError:
+        assert not master.transport.framing.numbered
+    try:
+        assert read() == right
+    except ProtocolError:
+        assert master.transport.framing.numbered  # the junk stands before this reply
+    assert read() == right
+
+
+def test_noise_is_told_from_replies(bus, read):
+    device, master = bus
+    right = read()
+    device.faults.noise(for_s=3.0, gap_s=0.02)
+    outcomes = set()
+    while master.clock.now_s() < 8.0:
+        master.clock.sleep_until(master.clock.now_s() + 0.1)
+        try:
+            outcomes.add(read())
+        except (ProtocolError, TransportError) as error:
+            outcomes.add(type(error))
+    assert right in outcomes
+    assert all(outcome == right for outcome in outcomes if isinstance(outcome, bytes))
+    assert read() == right
+
+
+def test_a_port_that_vanishes_comes_back(bus, read):
+    device, master = bus
+    right = read()
+    device.faults.vanish(for_s=2.0)
+    for _ in range(3):
+        with pytest.raises(TransportError, match="gone until"):
+            read()
+    master.clock.sleep_until(master.clock.now_s() + 2.0)
+    assert read() == right
+    assert master.counters.reopenings == 1
+
+
+def test_a_rebooting_device_is_deaf_for_its_boot_time(config):
+    device = simulated_device(config, 1, load_profile("xy-sk-family"))
+    boot_s = device.profile.timing.boot_ms / 1e3
+    assert boot_s > 0
+    timing = BusTiming(0.1, min_gap_s=0.05, read_retries=0)
+    master = Master(device.transport())
+    master.clock.sleep_until(boot_s)
+    read = requests.read_holding(0, 2)
+    right = master.execute(1, read, timing)
+    device.power_cycle()
+    with pytest.raises(DeadlineError):
+        master.execute(1, read, timing)
+    master.clock.sleep_until(device.bench.time_s + boot_s)
+    assert master.execute(1, read, timing) == right
+
+
+def test_a_stale_reply_is_the_one_before(bus, profile, read):
+    device, master = bus
+    right = read()
+    device.faults.stale()
+    with pytest.raises(ProtocolError):
+        master.execute(1, WRITE[profile.profile.id], TIMING)
+    assert len(read()) == len(right)
+
+
+def test_a_fault_holds_for_a_while_or_for_some_replies_and_the_first_planned_goes_first(config):
+    faults = simulated_device(config, 1).faults
+    faults.refuse(6, for_s=1.0)
+    faults.refuse(5, replies=1)
+    request = ModbusMessage(1, bytes.fromhex("03 0000 0001"))
+    answers = [faults.answer(request, lambda _pdu: b"\x03\x02\x00\x07", 0.1 * tenth) for tenth in range(15)]
+    codes = [frame[2] if frame[1] & 0x80 else 0 for ((_, frame),) in answers]
+    assert codes == [6] * 10 + [5] + [0] * 4
+
+
+def test_a_broadcast_is_carried_out_and_consumes_no_fault(config):
+    device = simulated_device(config, 1)
+    master = Master(device.transport())
+    master.clock.sleep_until(2.0)
+    device.faults.drop()
+    master.broadcast(requests.write_register(48, 700), TIMING)
+    with pytest.raises(DeadlineError):
+        master.execute(1, requests.read_holding(48, 1), TIMING)
+    assert requests.registers_of(master.execute(1, requests.read_holding(48, 1), TIMING)) == (700,)

@@ -1,0 +1,82 @@
+"""The protections of simulated supplies, seen through the driver's eyes, on every map that has them."""
+
+import pytest
+
+from firmware_sim.bench import simulated_device
+from smadrive.clock import VirtualClock
+from smadrive.devices.device import Device
+from smadrive.devices.profile.profile import load_profile
+from smadrive.modbus.client import Master
+
+SUPPLIES = ("riden-rd60xx", "xy-sk-family", "hanmatek-hm30x")
+
+
+@pytest.fixture(params=SUPPLIES)
+def supply(request, config):
+    """The simulated supply with its output on at 0.3 A, at most 12 V, and the driver's device."""
+    profile = load_profile(request.param)
+    simulated = simulated_device(config, profile=profile)
+    clock = VirtualClock()
+    clock.follow(simulated.bench.advance_to)
+    device = Device(profile, Master(simulated.transport(clock)))
+    device.check_identity()
+    for name, value in (("ovp", 30.0), ("ocp", 1.0), ("v_set", 12.0), ("i_set", 0.3), ("output", 1)):
+        device.write(name, value)
+    return simulated, device
+
+
+def shown(device):
+    reading = device.read(("protection",))["protection"]
+    return tuple(word for word in reading.words if word != "ok")
+
+
+def test_at_rest_nothing_is_latched_and_the_limits_can_be_read(supply):
+    simulated, device = supply
+    simulated.bench.advance_to(simulated.bench.time_s + 1.0)
+    assert shown(device) == ()
+    readings = device.read(("ovp", "ocp", "output"))
+    assert [readings[name].value for name in ("ovp", "ocp", "output")] == [30.0, 1.0, 1]
+
+
+def test_more_current_than_allowed_switches_off_though_it_was_never_set(supply):
+    simulated, device = supply
+    simulated.bench.plant.faults.short_switch(1.5)
+    simulated.bench.advance_to(simulated.bench.time_s + 0.1)
+    assert shown(device) == ("ocp",)
+    assert not simulated.firmware.on
+    assert any("ocp: " in event and "output off" in event for event in simulated.bench.events)
+
+
+def test_a_setting_above_the_protection_trips_at_once(supply):
+    simulated, device = supply
+    device.write("ovp", 11.0)
+    assert shown(device) == ("ovp",)
+    assert simulated.firmware.current_a == 0.0
+
+
+def test_what_is_latched_keeps_the_output_off_until_it_is_reset(supply):
+    simulated, device = supply
+    device.write("ocp", 0.2)
+    device.write("i_set", 0.1)
+    simulated.firmware.write({"heater_enable": 1.0})
+    assert (simulated.firmware.on, shown(device)) == (False, ("ocp",))
+    if device.profile.register("protection").writable:
+        device.write("protection", 0)
+    else:
+        simulated.power_cycle()
+        device.master.clock.sleep_until(simulated.bench.time_s + 3.0)
+        device.write("v_set", 12.0)
+    assert (simulated.firmware.on, shown(device)) == (False, ())
+    device.write("output", 1)
+    assert simulated.firmware.on
+
+
+def test_a_reset_does_not_help_while_the_cause_is_there(config):
+    simulated = simulated_device(config, profile=load_profile("xy-sk-family"))
+    firmware = simulated.firmware
+    firmware.write({"ovp": 10.0, "heater_voltage": 12.0})
+    assert firmware.latched == "ovp"
+    firmware.write({"faults": 0.0})
+    assert firmware.latched == "ovp"
+    firmware.write({"heater_voltage": 9.0, "faults": 0.0})
+    assert firmware.latched == "ok"

@@ -1,0 +1,150 @@
+"""The wire against what is known of wires."""
+
+from math import exp
+
+import pytest
+
+from firmware_sim.config import load_sim
+from firmware_sim.physics.plant import Plant
+from firmware_sim.sensors.sensors import Sensors
+
+CONFIG = load_sim("flexinol-lt-0.15mm")
+
+
+@pytest.fixture
+def plant():
+    return Plant(CONFIG)
+
+
+def until(plant, current_a, done, limit_s=60.0):
+    time_s = 0.0
+    while not done(plant) and time_s < limit_s:
+        plant.advance(current_a, 0.01)
+        time_s += 0.01
+    return time_s
+
+
+def test_it_cools_in_the_time_that_the_vendor_gives(plant):
+    """Vendor: 2.0 s. One time constant without transformation, and half of the stroke back with it."""
+    wire = CONFIG.wire
+    assert wire.heat_capacity_j_per_k / wire.loss_w_per_k == pytest.approx(2.0, rel=0.25)
+    until(plant, 0.41, lambda p: p.phase > 0.99)
+    assert until(plant, 0.0, lambda p: p.phase < 0.5) == pytest.approx(2.0, rel=0.25)
+
+
+def test_the_vendors_current_contracts_it_in_about_a_second(plant):
+    assert until(plant, 0.41, lambda p: p.phase > 0.9) == pytest.approx(1.0, rel=0.5)
+
+
+def test_it_ages_linearly_and_for_good(plant):
+    plant.ageing.age_wire(shift_c=3.0, over_s=10.0, fade=0.05)
+    plant.advance(0.0, 5.0)
+    assert (plant.ageing.shift_c, plant.ageing.fade) == pytest.approx((1.5, 0.025))
+    plant.advance(0.0, 20.0)
+    assert (plant.ageing.shift_c, plant.ageing.fade) == pytest.approx((3.0, 0.05))
+    young = Plant(CONFIG)
+    for wire, at_c in ((young, 90.0), (plant, 93.0)):
+        until(wire, 0.3, lambda one, at_c=at_c: one.temperature_c >= at_c)
+    assert plant.phase == pytest.approx(young.phase, abs=0.02)
+    assert plant.displacement_mm == pytest.approx(0.95 * CONFIG.wire.stroke_mm * plant.phase)
+
+
+def test_without_transformation_it_follows_the_exact_solution(plant):
+    wire = CONFIG.wire
+    plant.advance(0.1, 2.0)
+    settled_c = wire.ambient_c + 0.1**2 * wire.resistance_cold_ohm / wire.loss_w_per_k
+    decay = exp(-2.0 * wire.loss_w_per_k / wire.heat_capacity_j_per_k)
+    assert plant.temperature_c == pytest.approx(settled_c + (wire.ambient_c - settled_c) * decay, abs=1e-3)
+
+
+def test_heat_is_conserved_through_the_transformation(plant):
+    """Heat put in = heat stored, sensible and latent, plus heat lost."""
+    wire, lost_j, put_in_j = CONFIG.wire, 0.0, 0.0
+    for _ in range(500):
+        before_c, before_ohm = plant.temperature_c, plant.resistance_ohm
+        plant.advance(0.35, 0.005)
+        put_in_j += 0.35**2 * (before_ohm + plant.resistance_ohm) / 2 * 0.005
+        lost_j += wire.loss_w_per_k * ((before_c + plant.temperature_c) / 2 - wire.ambient_c) * 0.005
+    latent_j = wire.mass_kg * wire.latent_heat_j_per_kg * plant.phase
+    stored_j = wire.heat_capacity_j_per_k * (plant.temperature_c - wire.ambient_c) + latent_j
+    assert plant.phase > 0.9
+    assert stored_j + lost_j == pytest.approx(put_in_j, rel=0.01)
+
+
+@pytest.mark.parametrize("name", ["flexinol-lt-0.15mm", "flexinol-ht-0.10mm", "flexinol-lt-0.38mm"])
+def test_cooling_returns_the_heat_of_the_transformation(name):
+    """Over a whole cycle every joule of the current has left through the surface."""
+    config = load_sim(name)
+    plant, wire = Plant(config), config.wire
+    put_in_j = lost_j = stored_j = 0.0
+    for step in range(10_000):
+        current_a = 0.75 * config.board.supply_limit_a if plant.temperature_c < 140.0 and step < 2000 else 0.0
+        before_c, before_ohm = plant.temperature_c, plant.resistance_ohm
+        plant.advance(current_a, 0.01)
+        put_in_j += current_a**2 * (before_ohm + plant.resistance_ohm) / 2 * 0.01
+        lost_j += wire.loss_w_per_k * ((before_c + plant.temperature_c) / 2 - wire.ambient_c) * 0.01
+        stored_j = max(stored_j, wire.mass_kg * wire.latent_heat_j_per_kg * plant.phase)
+    left_j = wire.heat_capacity_j_per_k * (plant.temperature_c - wire.ambient_c)
+    assert stored_j > 0.99 * wire.mass_kg * wire.latent_heat_j_per_kg
+    assert plant.phase < 0.01
+    assert lost_j + left_j == pytest.approx(put_in_j, rel=2e-3)
+
+
+def test_larger_steps_of_the_caller_change_nothing_much(plant):
+    other = Plant(CONFIG)
+    for _ in range(100):
+        plant.advance(0.4, 0.01)
+    other.advance(0.4, 1.0)
+    assert other.temperature_c == pytest.approx(plant.temperature_c, abs=0.05)
+
+
+def test_the_loop_has_two_branches(plant):
+    until(plant, 0.4, lambda p: p.phase > 0.5)
+    heating_c = plant.temperature_c
+    until(plant, 0.4, lambda p: p.phase > 0.999)
+    until(plant, 0.0, lambda p: p.phase < 0.5)
+    assert heating_c - plant.temperature_c == pytest.approx(89.9 - 69.0, abs=1.0)
+
+
+def test_resistance_falls_with_the_phase(plant):
+    cold_ohm = plant.resistance_ohm
+    until(plant, 0.4, lambda p: p.phase > 0.999)
+    assert plant.resistance_ohm == pytest.approx(cold_ohm * 0.88, rel=1e-3)
+
+
+def test_a_broken_wire_carries_nothing_and_a_shorted_switch_its_leak(plant):
+    plant.faults.break_wire()
+    plant.advance(0.5, 0.1)
+    assert plant.current_a == 0.0
+    plant.faults.mend_heater()
+    plant.faults.short_switch(0.2)
+    plant.advance(0.0, 0.1)
+    assert plant.current_a == 0.2
+
+
+def test_the_thermocouple_lags_and_freezes_while_counting(plant):
+    sensors = Sensors(CONFIG, plant, seed=0)
+
+    def run(current_a, ticks):
+        for _ in range(ticks):
+            before_c = plant.temperature_c
+            plant.advance(current_a, 0.01)
+            sensors.advance(before_c, 0.01)
+
+    run(0.2, 200)
+    ramp_c_per_s = -(plant.temperature_c - (run(0.2, 1), plant.temperature_c)[1]) / 0.01
+    assert plant.temperature_c - sensors.temperature_c == pytest.approx(0.15 * ramp_c_per_s, abs=0.7)
+    sensors.faults.freeze_thermocouple()
+    frozen_c, count = sensors.temperature_c, sensors.conversions
+    run(0.4, 100)
+    assert sensors.temperature_c == frozen_c
+    assert sensors.conversions == count + 50
+    sensors.faults.mend_thermocouple()
+    run(0.4, 2)
+    assert sensors.temperature_c != frozen_c
+
+
+def test_readings_are_multiples_of_the_quantum(plant):
+    sensors = Sensors(CONFIG, plant, seed=0)
+    steps = sensors.temperature_c / CONFIG.thermocouple.quantum_c
+    assert steps == pytest.approx(round(steps), abs=1e-6)

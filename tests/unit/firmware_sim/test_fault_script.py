@@ -1,0 +1,99 @@
+"""FAULTS.toml: what it does to a rig, and what it may not say."""
+
+import pytest
+
+from firmware_sim.bench import simulated_device
+from firmware_sim.fault_script import FaultScript, load_script
+from smadrive.errors import ConfigError, DeadlineError, ExceptionReply, SmadriveError
+from smadrive.modbus import requests
+from smadrive.modbus.bus import BusTiming
+from smadrive.modbus.client import Master
+
+TIMING = BusTiming(0.1, read_retries=0)
+READ = requests.read_holding(0, 2)
+
+
+@pytest.fixture
+def script(tmp_path):
+    def write(text):
+        path = tmp_path / "faults.toml"
+        path.write_text(text, encoding="utf-8")
+        return load_script(path)
+
+    return write
+
+
+def test_faults_happen_at_their_times_and_are_told(rig, script):
+    rig.bench.follow_script(
+        script("""
+        [[faults]]
+        at_s = 3.0
+        name = "refuse"
+        code = 6
+        replies = 1
+        [[faults]]
+        at_s = 1.0
+        name = "drop"
+        for_s = 0.5
+        [[faults]]
+        at_s = 4.0
+        name = "open_thermocouple"
+        """)
+    )
+    master = Master(rig.transport())
+    outcomes = []
+    for time_s in (0.9, 1.1, 2.9, 3.0, 3.1, 3.2):
+        master.clock.sleep_until(time_s)
+        try:
+            outcomes.append(len(master.execute(1, READ, TIMING)))
+        except SmadriveError as error:
+            outcomes.append(type(error))
+    assert outcomes == [4, DeadlineError, 4, ExceptionReply, 4, 4]
+    healthy = rig.bench.sensors.faults.thermocouple.name
+    rig.bench.advance_to(4.1)
+    assert (healthy, rig.bench.sensors.faults.thermocouple.name) == ("none", "open")
+    assert [event for event in rig.bench.events if "fault:" in event] == [
+        "t=1.000 s fault: drop for_s = 0.5",
+        "t=3.000 s fault: refuse code = 6, replies = 1",
+        "t=4.000 s fault: open_thermocouple",
+    ]
+
+
+def outcomes_by_chance(config, seed):
+    rig = simulated_device(config, seed)
+    rig.bench.follow_script(FaultScript.model_validate({"random": {"share": 0.5, "slowest_s": 0.3}}))
+    master = Master(rig.transport())
+    outcomes = []
+    for _ in range(300):
+        try:
+            outcomes.append(master.execute(1, READ, TIMING).hex())
+        except SmadriveError as error:
+            outcomes.append(type(error).__name__)
+    return outcomes
+
+
+def test_faults_by_chance_are_those_of_the_seed(config):
+    first = outcomes_by_chance(config, 1)
+    assert first == outcomes_by_chance(config, 1)
+    assert first != outcomes_by_chance(config, 2)
+    assert set(first) >= {"534d0001", "DeadlineError", "ProtocolError", "ExceptionReply"}
+    assert set(first) <= {"534d0001", "DeadlineError", "ProtocolError", "ExceptionReply", "TransportError"}
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ('[[faults]]\nat_s = 1\nname = "dorp"', r"\[\[faults\]\] 1: no fault is called 'dorp'; did you mean 'drop'"),
+        ('[[faults]]\nat_s = 1\nname = "delay"', r"1 \(delay\): delay_s: is missing"),
+        ('[[faults]]\nat_s = 1\nname = "delay"\ndelay = 1.0', "delay: unknown key; did you mean 'delay_s'"),
+        ('[[faults]]\nat_s = 1\nname = "delay"\ndelay_s = -1.0', r"delay_s: .*greater than 0 \(it is -1.0\)"),
+        ('[[faults]]\nat_s = 1\nname = "drop"\nreplies = 0', "replies: .*greater than or equal to 1"),
+        ('[[faults]]\nat_s = 1\nname = "refuse"\ncode = 6.5', "code: "),
+        ('[[faults]]\nname = "drop"', "at_s: is missing"),
+        ("[random]\nshare = 1.5", "random.share: .*less than or equal to 1"),
+        ("[randon]\nshare = 0.5", "randon: unknown key; did you mean 'random'"),
+    ],
+)
+def test_what_makes_no_sense_is_refused_with_its_cure(rig, script, text, says):
+    with pytest.raises(ConfigError, match=says):
+        rig.bench.follow_script(script(text))

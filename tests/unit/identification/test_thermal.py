@@ -1,0 +1,183 @@
+"""The thermal fit recovers the parameters of a known wire, and says when a record cannot tell them."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from smadrive.errors import ConfigError, IdentificationError
+from smadrive.hysteresis import DuhemModel
+from smadrive.identification.excitation import ExcitationRecord, check_may_excite, nested_reversals
+from smadrive.identification.thermal import identify_thermal
+from smadrive.measurement import Measurement
+from smadrive.wire.heat_balance import HeatBalance
+
+TRUE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
+NOMINAL = HeatBalance(0.035, 0.0145, 0.70, 20.0, 15.0, 0.0, 0.08)
+LOOP = DuhemModel.gaussian(
+    mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 160)
+)
+DT_S = 0.05
+
+
+@pytest.fixture(scope="module")
+def record():
+    """A wire driven by power steps, simulated in fine steps, with 0.1 K and 0.1 % sensor noise."""
+    noise = np.random.default_rng(1)
+    wire = reading = 22.0
+    state = LOOP.initial_state(wire)
+    columns = []
+    for n in range(6000):
+        current_a = 0.32 if (n // 300) % 2 == 0 else (0.1, 0.2)[(n // 600) % 2]
+        resistance = TRUE.resistance_ohm(state.w)
+        for _ in range(10):
+            direction = 1 if TRUE.ambient_c + current_a**2 * resistance / TRUE.loss_w_per_k > wire else -1
+            slope = LOOP.slope(state, direction) / LOOP.scale
+            after = TRUE.step(wire, current_a**2 * resistance, slope, DT_S / 10)
+            reading = TRUE.step_thermocouple(reading, wire, after, DT_S / 10)
+            wire, state = after, LOOP.step(state, after)
+        columns.append(((n + 1) * DT_S, current_a, current_a * resistance, reading, state.y, wire))
+    time, current, voltage, temperature, displacement, truth = np.array(columns).T
+    noisy = ExcitationRecord(
+        time,
+        current,
+        voltage,
+        temperature + noise.normal(0, 0.1, time.size),
+        displacement + noise.normal(0, 0.012, time.size),
+    )
+    return noisy, truth
+
+
+def test_the_parameters_of_a_known_wire_come_back(record):
+    measured, _ = record
+    found = identify_thermal(measured, NOMINAL).balance
+    for name, tolerance in (
+        ("heat_capacity_j_per_k", 0.02),
+        ("loss_w_per_k", 0.01),
+        ("latent_heat_j", 0.03),
+        ("resistance_cold_ohm", 0.01),
+        ("resistance_change", 0.05),
+        ("thermocouple_lag_s", 0.10),
+    ):
+        assert getattr(found, name) == pytest.approx(getattr(TRUE, name), rel=tolerance), name
+    assert found.ambient_c == pytest.approx(TRUE.ambient_c, abs=0.3)
+
+
+def test_the_truth_lies_near_the_stated_intervals(record):
+    measured, _ = record
+    fit = identify_thermal(measured, NOMINAL)
+    for name, half in fit.within.items():
+        scale = 1.0 if name in {"ambient_c", "resistance_change"} else getattr(TRUE, name)
+        assert abs(getattr(fit.balance, name) - getattr(TRUE, name)) < 3.0 * half * scale, name
+    assert fit.within["heat_capacity_j_per_k"] < 0.02
+    assert fit.within["latent_heat_j"] < 0.05
+
+
+def test_a_record_that_only_hints_at_a_parameter_is_refused_with_the_figures(record):
+    measured, _ = record
+    noise = np.random.default_rng(4).normal(0, 25.0, measured.time_s.size)
+    hinting = dataclasses.replace(measured, temperature_c=measured.temperature_c + noise)
+    with pytest.raises(IdentificationError, match=r"only to within ±[\d.]+ %, ±\d+ % are needed: excite for longer"):
+        identify_thermal(hinting, NOMINAL)
+
+
+def test_the_wire_temperature_is_free_of_lag_and_noise(record):
+    measured, truth = record
+    estimated = identify_thermal(measured, NOMINAL).wire_temperature_c
+    error = (estimated - truth)[200:]
+    assert np.sqrt(np.mean(error**2)) < 0.1
+    assert np.sqrt(np.mean((measured.temperature_c - truth)[200:] ** 2)) > 0.5  # what it would be without the fit
+
+
+def test_a_clock_that_jitters_changes_nothing(record):
+    measured, _ = record
+    jitter = np.random.default_rng(5).uniform(-0.4, 0.4, measured.time_s.size) * DT_S
+    times = measured.time_s + jitter
+    resampled = {
+        name: np.interp(times, measured.time_s, getattr(measured, name))
+        for name in ("temperature_c", "displacement_mm")
+    }
+    energy = np.cumsum(measured.current_a * measured.voltage_v) * DT_S
+    power = np.diff(np.interp(times, measured.time_s, energy), prepend=0.0) / np.diff(times, prepend=times[0] - DT_S)
+    jittered = ExcitationRecord(times, measured.current_a, power / np.maximum(measured.current_a, 1e-9), **resampled)
+    even = identify_thermal(measured, NOMINAL).balance
+    found = identify_thermal(jittered, NOMINAL).balance
+    assert found.thermocouple_lag_s == pytest.approx(even.thermocouple_lag_s, abs=0.01)
+    assert found.heat_capacity_j_per_k == pytest.approx(even.heat_capacity_j_per_k, rel=0.01)
+
+
+def test_a_sensor_that_falls_on_heating_gives_the_same_wire(record):
+    measured, _ = record
+    mirrored = dataclasses.replace(measured, displacement_mm=12.0 - measured.displacement_mm)
+    found = identify_thermal(mirrored, NOMINAL).balance
+    assert found.latent_heat_j == pytest.approx(identify_thermal(measured, NOMINAL).balance.latent_heat_j, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"current_a": 0.0}, "nothing was heated"),
+        ({"displacement_mm": 3.0}, "the wire did not move"),
+        ({"displacement_mm": np.random.default_rng(0).normal(3.0, 0.012, 6000)}, "did not move, .* by 0.06"),
+        ({"time_s": 0.0}, "does not increase"),
+    ],
+)
+def test_a_record_that_cannot_tell_is_refused_with_the_reason(record, change, told):
+    measured, _ = record
+    columns = {name: np.full(measured.time_s.size, value) for name, value in change.items()}
+    with pytest.raises(IdentificationError, match=told):
+        identify_thermal(dataclasses.replace(measured, **columns), NOMINAL)
+
+
+def test_a_wire_far_from_the_nominal_one_is_reported(record):
+    measured, _ = record
+    far = dataclasses.replace(NOMINAL, heat_capacity_j_per_k=0.035 * 12)
+    with pytest.raises(IdentificationError, match=r"heat capacity .* end of its range"):
+        identify_thermal(measured, far)
+
+
+def test_the_excitation_reverses_at_many_depths_and_ends_cold():
+    excitation = nested_reversals(40.0, 120.0, 4.0, start_c=22.0)
+    points = np.array(excitation.turning_points_c)
+    assert points[0] == 22.0
+    assert points[-1] == 40.0
+    inner = points[(points > 40.0) & (points < 120.0)]
+    assert len(set(np.round(inner, 6))) >= 10
+    assert np.all(np.diff(excitation.times_s) > 0)
+    rates = np.diff(points) / np.diff(excitation.times_s)
+    np.testing.assert_allclose(np.abs(rates), 4.0)
+    assert excitation.temperature_c(excitation.duration_s + 5) == 40.0
+
+
+def test_an_excitation_without_span_is_refused():
+    with pytest.raises(ConfigError, match="must exceed"):
+        nested_reversals(90.0, 60.0, 4.0, start_c=22.0)
+    with pytest.raises(ConfigError, match="rate_c_per_s must be positive"):
+        nested_reversals(60.0, 90.0, 0.0, start_c=22.0)
+
+
+EXCITATION = nested_reversals(40.0, 120.0, 6.0, start_c=22.0)
+FOUND = Measurement(0.0, 22.0, 0.0, 0.0, displacement_mm=0.0)
+
+
+def test_a_bench_that_can_do_the_experiment_passes():
+    check_may_excite(EXCITATION, TRUE, 0.6, FOUND)
+
+
+@pytest.mark.parametrize(
+    ("excitation", "current_max_a", "found", "told"),
+    [
+        (EXCITATION, 0.6, FOUND._replace(displacement_mm=float("nan")), "no displacement is measured"),
+        (
+            EXCITATION,
+            0.3,
+            FOUND,
+            r"take about 0.3\d A, current_max_a = 0.3: lower high_c or rate_c_per_s, or raise the limit where",
+        ),
+        (nested_reversals(30.0, 120.0, 6.0, start_c=22.0), 0.6, FOUND, r"cools no faster than 2.* raise low_c to 39"),
+        (nested_reversals(20.0, 120.0, 6.0, start_c=22.0), 0.6, FOUND, "raise low_c to 39"),
+    ],
+)
+def test_an_experiment_that_cannot_succeed_is_refused_with_the_cure(excitation, current_max_a, found, told):
+    with pytest.raises(ConfigError, match=told):
+        check_may_excite(excitation, TRUE, current_max_a, found)

@@ -1,0 +1,58 @@
+"""A URL that makes no sense is a ConfigError, whoever reads it."""
+
+import pytest
+
+from smadrive.errors import ConfigError, TransportError
+from smadrive.modbus.transports.connect import open_transport, port_of
+
+BAD = [
+    "tcp://192.168.1..10:502",
+    "tcp://[::1",
+    "tcp://host\0:502",
+    "serial:///dev/tty\0USB0",
+    "tcp://host:99999999999999999999",
+    "tcp://host:" + "9" * 5000,
+    "tcp://" + "a" * 64 + ":502",
+    "tcp://" + "a" * 2000 + ":502",
+    "rtu+tcp://host:٥٠٢",
+    "serial:///tmp/" + "a" * 300,
+]
+
+BAD_OPTIONS = [
+    "baudrate=0",
+    "baudrate=49",
+    "baudrate=12000001",
+    "baudrate=" + "9" * 5000,
+    "baudrate=٩٦٠٠",
+    "baudrate=9_600",
+    "latency_ms=" + "9" * 5000,
+    "latency_ms=٢٠٠",
+]
+
+
+@pytest.mark.parametrize("url", BAD)
+@pytest.mark.parametrize("read", [open_transport, port_of])
+def test_url_that_makes_no_sense_is_a_config_error(url, read):
+    with pytest.raises(ConfigError) as caught:
+        read(url)
+    assert len(str(caught.value)) < 400
+
+
+@pytest.mark.parametrize("option", BAD_OPTIONS)
+@pytest.mark.parametrize("url", ["serial:///dev/no-such-port", "rtu+tcp://127.0.0.1:1"])
+def test_option_out_of_bounds_is_a_config_error(url, option):
+    with pytest.raises(ConfigError):
+        open_transport(f"{url}?{option}")
+
+
+@pytest.mark.parametrize("option", ["baudrate=50", "baudrate=12000000", "latency_ms=5000", "latency_ms=0"])
+def test_option_at_its_bound_is_taken(option):
+    with pytest.raises(TransportError):
+        open_transport(f"serial:///dev/no-such-port?{option}")
+
+
+@pytest.mark.parametrize("read", [open_transport, port_of])
+def test_loop_of_links_is_a_config_error(tmp_path, read):
+    (tmp_path / "loop").symlink_to(tmp_path / "loop")
+    with pytest.raises(ConfigError):
+        read(f"serial://{tmp_path}/loop")

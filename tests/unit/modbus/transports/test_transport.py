@@ -1,0 +1,205 @@
+"""URLs and serial ports; a pseudo-terminal is the port."""
+
+import grp
+import os
+from pathlib import Path
+
+import pytest
+
+from smadrive.errors import ConfigError, TakenOverError, TransportError
+from smadrive.modbus.transports.connect import open_transport, port_of
+from smadrive.modbus.transports.transport import SerialSettings
+
+
+@pytest.fixture
+def terminal():
+    near, far = os.openpty()
+    path = os.ttyname(far)
+    os.close(far)
+    yield near, path
+    os.close(near)
+
+
+@pytest.mark.parametrize(
+    ("url", "says"),
+    [
+        ("/dev/ttyUSB0", "unknown scheme ''; write serial:///dev/ttyUSB0"),
+        ("udp://host:502", "unknown scheme 'udp'"),
+        ("tcp://", "names no host and port"),
+        ("tcp://host:x", "names no host and port"),
+        ("tcp://host:502/unit", "names no host and port"),
+        ("rtu+tcp://host", "names no host and port"),
+        ("tcp://host?baudrate=9600", "cannot use 'baudrate=9600'; allowed are latency_ms=<0 to 5000>"),
+        ("rtu+tcp://host:4001?parity=E", "cannot use 'parity=E'; allowed are baudrate="),
+        ("serial://dev/ttyUSB0", "three slashes"),
+        ("serial:///", "names no port"),
+        ("serial:///dev/x?baud=9600", "cannot use 'baud=9600'; allowed are baudrate="),
+        ("serial:///dev/x?baudrate=fast", "cannot use 'baudrate=fast'"),
+        ("serial:///dev/x?baudrate=0", "cannot use 'baudrate=0'"),
+        ("serial:///dev/x?parity=even", r"cannot use 'parity=even'.*N\|E\|O"),
+        ("serial:///dev/x?stopbits=3", "cannot use 'stopbits=3'"),
+        ("serial:///dev/x?latency_ms=5001", "cannot use 'latency_ms=5001'; .*latency_ms=<0 to 5000>"),
+        ("tcp://host?latency_ms=-1", "cannot use 'latency_ms=-1'"),
+    ],
+)
+def test_a_url_that_makes_no_sense_is_refused(url, says):
+    with pytest.raises(ConfigError, match=says):
+        open_transport(url)
+
+
+def test_a_missing_port_names_those_present():
+    cure = r"/dev/ttyNone: no such port; serial ports present: .*plugged in, .* its name in /dev/serial/by-id stays"
+    with pytest.raises(TransportError, match=cure):
+        open_transport("serial:///dev/ttyNone")
+
+
+def test_a_forbidden_port_names_the_group_to_join(terminal):
+    _, path = terminal
+    Path(path).chmod(0)
+    group = grp.getgrgid(Path(path).stat().st_gid).gr_name
+    is_root = os.geteuid() == 0
+    if is_root:
+        os.seteuid(65534)  # root may open anything
+    try:
+        with pytest.raises(TransportError, match=rf"{path}: not permitted; join .*: sudo usermod -aG {group} \$USER"):
+            open_transport(f"serial://{path}")
+    finally:
+        if is_root:
+            os.seteuid(0)
+
+
+def test_a_forked_child_does_not_keep_the_port_locked(terminal):
+    """It shares the open port as a duplicate does, and the lock with it."""
+    _, path = terminal
+    transport = open_transport(f"serial://{path}")
+    shared = os.dup(transport._descriptor)
+    transport.close()
+    open_transport(f"serial://{path}").close()
+    os.close(shared)
+
+
+def test_a_pseudo_terminal_has_no_parity_and_is_opened_again_and_again(terminal):
+    _, path = terminal
+    for parity in ("E", "E", "O", "N", "E"):
+        with open_transport(f"serial://{path}?parity={parity}") as transport:
+            transport.write(b"x")
+
+
+def test_a_file_is_no_port(tmp_path):
+    file = tmp_path / "file"
+    file.touch()
+    with pytest.raises(TransportError, match="cannot be opened as a serial port"):
+        open_transport(f"serial://{file}")
+
+
+def test_a_port_in_use_is_refused_and_free_again_after_close(terminal):
+    _, path = terminal
+    with (
+        open_transport(f"serial://{path}"),
+        pytest.raises(
+            TransportError, match=rf"busy: process {os.getpid()} .* Ctrl-C .*`kill {os.getpid()}`.*POST /off"
+        ),
+    ):
+        open_transport(f"serial://{path}")
+    open_transport(f"serial://{path}").close()
+
+
+def test_the_url_overrules_the_defaults(terminal):
+    _, path = terminal
+    defaults = SerialSettings(baudrate=9600, stopbits=2)
+    with open_transport(f"serial://{path}", defaults) as transport:
+        assert transport.baudrate == 9600
+    with open_transport(f"serial://{path}?baudrate=57600&parity=E&stopbits=1", defaults) as transport:
+        assert transport.baudrate == 57600
+
+
+def test_bytes_pass_both_ways_and_can_be_discarded(terminal):
+    near, path = terminal
+    with open_transport(f"serial://{path}") as transport:
+        transport.write(b"\x01\x03\x0a\x0d\x11")
+        assert os.read(near, 100) == b"\x01\x03\x0a\x0d\x11"
+        os.write(near, b"\x0a\x0d\x00\xff")
+        assert transport.read(transport.clock.now_s() + 5) == b"\x0a\x0d\x00\xff"
+        assert transport.read(transport.clock.now_s()) == b""
+        assert transport.discard() == b""
+        os.write(near, b"xyz")
+        assert transport.read(transport.clock.now_s() + 5) == b"xyz"
+
+
+def test_a_vanished_port_is_a_lost_connection():
+    near, far = os.openpty()
+    with open_transport(f"serial://{os.ttyname(far)}") as transport:
+        os.close(far)
+        os.close(near)
+        with pytest.raises(TransportError, match=r"connection is lost.*plugged in"):
+            transport.read(transport.clock.now_s() + 5)
+        with pytest.raises(TransportError, match="connection is lost"):
+            transport.write(b"x")
+
+
+def test_a_port_that_has_come_back_is_opened_again_but_not_one_that_was_closed(terminal, tmp_path):
+    link = tmp_path / "port"
+    near, far = os.openpty()
+    link.symlink_to(os.ttyname(far))
+    with open_transport(f"serial://{link}") as transport:
+        os.close(far)
+        os.close(near)
+        with pytest.raises(TransportError, match="connection is lost"):
+            transport.write(b"x")
+        assert transport.lost
+        link.unlink()
+        with pytest.raises(TransportError, match="no such port"):
+            transport.reopen(transport.clock.now_s())
+        link.symlink_to(terminal[1])
+        transport.reopen(transport.clock.now_s())
+        transport.write(b"x")
+        assert os.read(terminal[0], 10) == b"x"
+    with pytest.raises(TransportError, match="closed: open a new one"):
+        transport.reopen(transport.clock.now_s())
+
+
+def test_a_closed_port_is_a_lost_connection_and_closing_twice_does_no_harm(terminal):
+    transport = open_transport(f"serial://{terminal[1]}")
+    transport.close()
+    transport.close()
+    for use in (lambda: transport.write(b"x"), transport.discard, lambda: transport.read(transport.clock.now_s())):
+        with pytest.raises(TransportError, match="connection is lost"):
+            use()
+
+
+def test_a_connection_that_is_another_s_now_sends_nothing_and_believes_nothing(terminal):
+    """The lease is lost once while it waits for an answer, then before it asks."""
+    asked = []
+
+    def lease():
+        asked.append(len(asked))
+        if len(asked) > 2:
+            raise TakenOverError
+
+    near, path = terminal
+    with open_transport(f"serial://{path}", lease=lease) as transport:
+        transport.write(b"x")
+        assert os.read(near, 10) == b"x"
+        os.write(near, b"the answer to another's question")
+        with pytest.raises(TakenOverError):
+            transport.read(transport.clock.now_s() + 1.0)
+        for use in (lambda: transport.write(b"y"), transport.discard, lambda: transport.reopen(0.0)):
+            with pytest.raises(TakenOverError):
+                use()
+        os.set_blocking(near, False)
+        with pytest.raises(BlockingIOError):
+            os.read(near, 10)
+
+
+def test_a_port_is_the_same_however_it_is_spelled(tmp_path):
+    port = tmp_path / "ttyUSB0"
+    port.touch()
+    (tmp_path / "link").symlink_to(port)
+    spelled = (f"{tmp_path}/./ttyUSB0", f"{tmp_path}//ttyUSB0?baudrate=9600", f"{tmp_path}/link")
+    assert {port_of(f"serial://{path}") for path in spelled} == {f"serial://{port}"}
+
+
+def test_a_host_is_the_same_however_it_is_spelled():
+    spelled = ("tcp://Bench", "tcp://bench:502", "tcp://BENCH/?latency_ms=5", "rtu+tcp://bench:502")
+    assert {port_of(url) for url in spelled} == {"tcp://bench:502"}
+    assert port_of("tcp://bench:503") == "tcp://bench:503"

@@ -1,0 +1,93 @@
+"""A heat balance that cannot be that of the rig's wire is refused before anything is heated."""
+
+from dataclasses import replace
+
+import pytest
+
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
+from smadrive.clock import VirtualClock
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.references.shapes import sine
+from smadrive.errors import ConfigError
+from smadrive.hysteresis import DuhemModel
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
+from smadrive.rig.wire_check import check_same_wire
+from smadrive.wire.data_sheet import load_data_sheet
+
+NAME = "flexinol-lt-0.15mm"
+NOMINAL = load_data_sheet(NAME).heat_balance()
+WIRE = DuhemModel.gaussian(
+    mu_heating=90, mu_cooling=70, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 130)
+)
+
+
+@pytest.mark.parametrize(
+    ("name", "times"),
+    [
+        ("heat_capacity_j_per_k", 1 / 2.6),
+        ("heat_capacity_j_per_k", 2.6),
+        ("loss_w_per_k", 1 / 2.0),
+        ("loss_w_per_k", 2.0),
+        ("latent_heat_j", 0.0),
+        ("latent_heat_j", 4.5),
+        ("resistance_cold_ohm", 1.5),
+        ("resistance_change", -2.0),
+        ("thermocouple_lag_s", 0.0),
+        ("thermocouple_lag_s", 9.0),
+        ("ambient_c", 1.7),
+    ],
+)
+def test_a_wire_that_differs_as_wires_do_is_taken(name, times):
+    check_same_wire(replace(NOMINAL, **{name: times * getattr(NOMINAL, name)}), NOMINAL, NAME)
+
+
+@pytest.mark.parametrize(
+    ("name", "times"),
+    [
+        ("heat_capacity_j_per_k", 0.1),
+        ("heat_capacity_j_per_k", 10.0),
+        ("loss_w_per_k", 0.1),
+        ("loss_w_per_k", 10.0),
+        ("latent_heat_j", 10.0),
+        ("resistance_cold_ohm", 0.1),
+        ("resistance_cold_ohm", 10.0),
+        ("resistance_change", 9.0),
+        ("thermocouple_lag_s", 100.0),
+        ("thermocouple_lag_s", 1000.0),
+        ("ambient_c", 13.4),
+    ],
+)
+def test_a_value_in_another_unit_is_refused_with_both_values(name, times):
+    value = times * getattr(NOMINAL, name)
+    with pytest.raises(ConfigError, match="identify this wire again, or correct the wire file") as caught:
+        check_same_wire(replace(NOMINAL, **{name: value}), NOMINAL, NAME)
+    told = str(caught.value)
+    assert f"{name} = {value:.4g}" in told
+    assert f"nominal for '{NAME}' is {getattr(NOMINAL, name):.4g}" in told
+
+
+def test_a_wire_file_without_latent_heat_and_lag_bounds_them_all_the_same():
+    plain = replace(NOMINAL, latent_heat_j=0.0, thermocouple_lag_s=0.0)
+    check_same_wire(replace(plain, latent_heat_j=0.5, thermocouple_lag_s=0.5), plain, NAME)
+    for far in ({"latent_heat_j": 5.0}, {"thermocouple_lag_s": 5.0}):
+        with pytest.raises(ConfigError, match=next(iter(far))):
+            check_same_wire(replace(plain, **far), plain, NAME)
+
+
+def test_a_rig_is_not_driven_with_it():
+    device = simulated_device(load_sim(NAME), seed=3)
+    clock = VirtualClock()
+    clock.follow(device.bench.advance_to)
+    reference = sine(low_mm=2.0, high_mm=9.0, period_s=40.0, cycles=1.0).with_approach(0.0, 10.0)
+    slow = replace(NOMINAL, thermocouple_lag_s=150.0)
+    heated_a = []
+    clock.follow(lambda _: heated_a.append(device.bench.plant.current_a))
+    with (
+        pytest.raises(ConfigError, match="thermocouple_lag_s = 150"),
+        Rig(load_rig("in-process"), transports={"board": device.transport(clock)}) as rig,
+    ):
+        rig.track(reference, WIRE, slow, HysteresisInverse(WIRE), lambda tick: None)
+    assert heated_a
+    assert max(heated_a) == 0.0

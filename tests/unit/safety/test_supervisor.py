@@ -1,0 +1,243 @@
+"""The supervisor: raises each fault for its cause, only after its debounce, and latches the first."""
+
+from dataclasses import replace
+from math import inf, nan
+
+import pytest
+
+from smadrive.errors import SafetyError
+from smadrive.hysteresis import DuhemModel
+from smadrive.measurement import Measurement
+from smadrive.safety.displacement_band import PlausibleDisplacement
+from smadrive.safety.faults import Fault
+from smadrive.safety.supervisor import SafetyLimits, Supervisor
+from smadrive.safety.temperature_band import IDENTIFIED, PlausibleTemperature
+from smadrive.wire.heat_balance import HeatBalance
+
+LIMITS = SafetyLimits(temperature_max_c=120.0, stale_after_s=0.3, current_tolerance_a=0.05, misplaced_for_s=3.5)
+
+
+def sample(n=0, temperature_c=60.0, current_a=0.2, commanded_a=0.2, armed=True, **rest):
+    return Measurement(0.05 * n, temperature_c, current_a, 3.3, commanded_a=commanded_a, armed=armed, **rest)
+
+
+def trips_after(samples, limits=LIMITS, wanted_mm=nan, placed=None):
+    """How many samples it took to trip, and on what; None when it never did."""
+    supervisor = Supervisor(limits, placed=placed)
+    for n, one in enumerate(samples, start=1):
+        if trip := supervisor.update(one, wanted_mm):
+            return n, trip.fault
+    return None
+
+
+def test_a_healthy_wire_never_trips():
+    assert trips_after([sample(n) for n in range(1000)]) is None
+
+
+def test_over_temperature_needs_two_of_three():
+    assert trips_after([sample(temperature_c=125.0), sample(), sample(), sample(temperature_c=125.0), sample()]) is None
+    assert trips_after([sample(temperature_c=125.0), sample(), sample(temperature_c=125.0)]) == (
+        3,
+        Fault.OVER_TEMPERATURE,
+    )
+
+
+def test_an_invalid_thermocouple_needs_three_of_five():
+    bad = sample(temperature_c=nan, temperature_fault="thermocouple_open")
+    assert trips_after([bad, bad, sample(), sample(), sample(), sample(), bad]) is None
+    assert trips_after([bad, bad, sample(), bad]) == (4, Fault.SENSOR_INVALID)
+
+
+def test_the_current_must_be_the_commanded_one():
+    assert trips_after([sample(current_a=0.1)] * 10) == (4, Fault.CURRENT_MISMATCH)
+    assert trips_after([sample(current_a=0.1, commanded_a=0.0)] * 10) == (4, Fault.UNEXPECTED_HEATING)
+
+
+@pytest.mark.parametrize("unknown", [{"current_a": nan}, {"voltage_v": nan}, {"voltage_v": inf}])
+def test_an_unknown_power_needs_three_of_five(unknown):
+    bad = sample()._replace(**unknown)
+    assert trips_after([bad, bad, sample(), sample(), sample(), sample(), bad]) is None
+    assert trips_after([bad, bad, sample(), bad]) == (4, Fault.POWER_UNKNOWN)
+
+
+def test_a_sample_of_unknown_power_counts_as_the_one_before():
+    """A wire that is heated hard, with a bead that fell off: every other sample lacks the voltage."""
+    balance = HeatBalance(0.0298, 0.014, 0.83, 22.0, 16.5, -0.12, 0.15)
+    tripped = []
+    for lacking in (False, True):
+        supervisor = Supervisor(LIMITS, PlausibleTemperature(balance, IDENTIFIED, 0.5))
+        for n in range(400):
+            one = sample(n, temperature_c=22.0, current_a=0.5, commanded_a=0.5)._replace(voltage_v=8.0)
+            if lacking and n % 3 == 2:
+                one = one._replace(voltage_v=nan)
+            if trip := supervisor.update(one, nan):
+                tripped.append((trip.fault, n))
+                break
+    (first, n), (second, other) = tripped
+    assert first is second
+    assert abs(n - other) <= 2
+
+
+@pytest.mark.parametrize("limit", [{"displacement_max_mm": 10.0}, {"tracking_max_mm": 1.0}])
+def test_a_displacement_that_has_a_limit_and_is_lost_trips(limit):
+    limits = replace(LIMITS, tracking_for_s=2.0, **limit)
+    seen, lost = [sample(n, displacement_mm=5.0) for n in range(10)], [sample(n) for n in range(10, 100)]
+    assert trips_after(seen + lost, limits, wanted_mm=5.0) == (51, Fault.DISPLACEMENT_UNKNOWN)
+    assert trips_after(seen + lost[:30] + [sample(40, displacement_mm=5.0)], limits, wanted_mm=5.0) is None
+    assert trips_after(lost, limits, wanted_mm=5.0) is None  # a rig without such a sensor
+    assert trips_after(seen + lost) is None
+
+
+def test_a_current_that_is_unknown_does_not_arm():
+    with pytest.raises(SafetyError):
+        Supervisor(LIMITS).check_may_arm(sample(current_a=nan, commanded_a=0.0))
+
+
+def test_a_device_that_limits_the_current_and_says_so_is_no_mismatch():
+    assert trips_after([sample(current_a=0.1, device_limits=("temperature",))] * 10) is None
+    assert trips_after([sample(current_a=0.4, device_limits=("temperature",))] * 10) == (4, Fault.CURRENT_MISMATCH)
+
+
+def test_a_fault_of_the_device_trips_at_once():
+    assert trips_after([sample(device_faults=("watchdog",))]) == (1, Fault.DEVICE_FAULT)
+
+
+def test_silence_is_a_fault_after_its_limit():
+    supervisor = Supervisor(LIMITS)
+    supervisor.update(sample(0), nan)
+    assert supervisor.check_fresh(0.29) is None
+    trip = supervisor.check_fresh(0.31)
+    assert trip is not None
+    assert trip.fault is Fault.STALE_DATA
+    assert "rate_hz or a larger stale_after_s" in str(trip)
+
+
+def test_silence_is_a_fault_even_when_it_was_broken_before_anyone_looked():
+    assert trips_after([sample(0), sample(5), sample(12)]) == (3, Fault.STALE_DATA)
+
+
+def test_silence_from_the_beginning_counts_too():
+    supervisor = Supervisor(LIMITS)
+    assert supervisor.check_fresh(10.0) is None
+    assert supervisor.check_fresh(10.4) is not None
+
+
+def test_the_first_fault_is_latched():
+    supervisor = Supervisor(LIMITS)
+    supervisor.update(sample(device_faults=("watchdog",)), nan)
+    for n in range(10):
+        trip = supervisor.update(sample(n, temperature_c=200.0), nan)
+    assert trip is not None
+    assert trip.fault is Fault.DEVICE_FAULT
+
+
+def test_a_trip_tells_number_cause_value_limit_and_remedy():
+    supervisor = Supervisor(LIMITS)
+    for n in range(2):
+        trip = supervisor.update(sample(n, temperature_c=125.04), nan)
+    text = str(trip)
+    for part in ("fault 1", "hotter", "125.0 °C", "120", "let it cool"):
+        assert part in text
+
+
+def test_fault_numbers_are_unique():
+    numbers = [fault.number for fault in Fault]
+    assert len(set(numbers)) == len(numbers)
+
+
+@pytest.mark.parametrize(
+    ("measurement", "told"),
+    [
+        (sample(device_faults=("watchdog",)), r"latched on the device: watchdog\. .*--clear-faults"),
+        (sample(temperature_c=nan, temperature_fault="thermocouple_open"), "thermocouple_open"),
+        (sample(temperature_c=130.0), r"130.0 °C, above temperature_max_c = 120"),
+    ],
+)
+def test_arming_is_refused_with_the_cure(measurement, told):
+    with pytest.raises(SafetyError, match=told):
+        Supervisor(LIMITS).check_may_arm(measurement)
+
+
+def test_a_device_that_stops_heating_by_itself_is_noticed():
+    assert trips_after([sample(), sample(armed=False), sample(armed=False)]) == (3, Fault.DISARMED)
+
+
+def test_a_wire_that_reads_colder_than_any_room_has_its_thermocouple_reversed():
+    assert trips_after([sample(temperature_c=-25.0)] * 5) == (3, Fault.UNDER_TEMPERATURE)
+
+
+def test_a_source_that_settles_slowly_may_be_anywhere_between_its_last_commands():
+    slow = SafetyLimits(120.0, settle_s=0.5)
+    ramp = [sample(n, current_a=0.02 * n, commanded_a=0.02 * (n + 8)) for n in range(100)]
+    assert trips_after(ramp) == (4, Fault.CURRENT_MISMATCH)
+    assert trips_after(ramp, slow) is None
+    stuck = [sample(n, current_a=0.5, commanded_a=0.5 if n < 10 else 0.1) for n in range(100)]
+    count, fault = trips_after(stuck, slow)
+    assert fault is Fault.CURRENT_MISMATCH
+    assert 20 <= count <= 25
+
+
+def test_a_voltage_limit_excuses_a_little_less_current_but_not_a_broken_wire():
+    at_limit = {"device_limits": ("voltage",), "commanded_a": 0.4}
+    assert trips_after([sample(current_a=0.3, **at_limit)] * 10) is None
+    assert trips_after([sample(current_a=0.0, **at_limit)] * 10) == (4, Fault.CURRENT_MISMATCH)
+
+
+def test_displacement_has_its_own_limits():
+    limits = SafetyLimits(120.0, displacement_min_mm=-1.0, displacement_max_mm=12.0)
+    assert trips_after([sample(displacement_mm=11.9)] * 10, limits) is None
+    assert trips_after([sample(displacement_mm=12.1)] * 10, limits) == (3, Fault.OVER_DISPLACEMENT)
+    assert trips_after([sample(displacement_mm=nan)] * 10, limits) is None
+
+
+def test_a_wire_that_does_not_follow_for_too_long_has_lost_its_reference():
+    limits = SafetyLimits(120.0, tracking_max_mm=1.0, tracking_for_s=2.0)
+    strayed = [sample(n, displacement_mm=3.5) for n in range(100)]
+    back = [sample(n, displacement_mm=3.5 if n % 30 else 4.5) for n in range(100)]
+    assert trips_after(strayed, limits, wanted_mm=5.0) == (42, Fault.TRACKING_LOST)
+    assert trips_after(back, limits, wanted_mm=5.0) is None
+    assert trips_after(strayed, limits) is None
+
+
+def test_a_loop_that_is_always_late_is_stopped():
+    supervisor = Supervisor(LIMITS)
+    assert all(supervisor.check_deadline(n % 15 > 0, 0.05 * n) is None for n in range(1000))
+    trips = [supervisor.check_deadline(True, 0.05 * n) for n in range(20)]
+    assert trips[-1].fault is Fault.DEADLINES_MISSED
+
+
+def test_arming_is_refused_while_current_flows():
+    with pytest.raises(SafetyError, match=r"0.300 A flow although none was commanded"):
+        Supervisor(LIMITS).check_may_arm(sample(current_a=0.3, commanded_a=0.0))
+
+
+@pytest.fixture
+def placed():
+    """Rises by 12 mm at 90 °C, falls at 69 °C."""
+    model = DuhemModel.gaussian(
+        mu_heating=90.0, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(20.0, 140.0)
+    )
+    return PlausibleDisplacement(model)
+
+
+@pytest.mark.parametrize(("temperature_c", "displacement_mm"), [(115.0, 0.0), (30.0, 12.0), (80.0, 999.0)])
+def test_a_displacement_that_the_wire_cannot_have_is_a_fault_when_no_lag_excuses_it_any_more(
+    placed, temperature_c, displacement_mm
+):
+    samples = [sample(n, temperature_c=temperature_c, displacement_mm=displacement_mm) for n in range(100)]
+    after, fault = trips_after(samples, placed=placed)
+    assert fault is Fault.DISPLACEMENT_IMPLAUSIBLE
+    assert 0.05 * after == pytest.approx(LIMITS.misplaced_for_s, abs=0.2)
+
+
+def test_a_displacement_that_is_wrong_for_a_while_or_not_measured_is_none(placed):
+    there = [sample(n, temperature_c=80.0, displacement_mm=999.0 if n % 50 else 6.0) for n in range(500)]
+    assert trips_after(there, placed=placed) is None
+    assert trips_after([sample(n, temperature_c=115.0) for n in range(500)], placed=placed) is None
+
+
+def test_a_sensor_without_its_zero_is_not_armed(placed):
+    rest = {"current_a": 0.0, "commanded_a": 0.0, "temperature_c": 22.0}
+    Supervisor(LIMITS, placed=placed).check_may_arm(sample(displacement_mm=0.5, **rest))
+    with pytest.raises(SafetyError, match=r"refused to arm: 6\.000 mm measured, -1\.\d+ to 1\.\d+ mm possible"):
+        Supervisor(LIMITS, placed=placed).check_may_arm(sample(displacement_mm=6.0, **rest))

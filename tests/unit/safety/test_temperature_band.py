@@ -1,0 +1,126 @@
+"""The reading against the heat that went in: no healthy wire is ever refused, and no sensor can hide a hot one."""
+
+from dataclasses import replace
+from math import sin
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from smadrive.hysteresis import DuhemModel
+from smadrive.measurement import Measurement
+from smadrive.safety.faults import Fault
+from smadrive.safety.supervisor import SafetyLimits, Supervisor
+from smadrive.safety.temperature_band import IDENTIFIED, NOMINAL, PlausibleTemperature
+from smadrive.wire.data_sheet import load_data_sheet
+
+NOMINAL_BALANCE = load_data_sheet("flexinol-lt-0.15mm").heat_balance()
+TICK_S = 0.05
+FACTOR = st.floats(0.75, 1.33)
+
+
+class Wire:
+    """A wire with a thermocouple, whose phase follows a Duhem loop."""
+
+    def __init__(self, balance, sigma=5.0):
+        self.balance = balance
+        self.loop = DuhemModel.gaussian(
+            mu_heating=90, mu_cooling=69, sigma_heating=sigma, sigma_cooling=sigma, scale=1, input_range=(-50, 400)
+        )
+        self.temperature_c = self.reading_c = balance.ambient_c
+        self.state = self.loop.initial_state(self.temperature_c)
+
+    def heat(self, power_w):
+        for _ in range(10):
+            before_c = self.temperature_c
+            direction = 1 if power_w > self.balance.loss_w_per_k * (before_c - self.balance.ambient_c) else -1
+            slope = self.loop.slope(self.state, direction)
+            self.temperature_c = self.balance.step(before_c, power_w, slope, TICK_S / 10)
+            self.state = self.loop.step(self.state, self.temperature_c)
+            self.reading_c = self.balance.step_thermocouple(self.reading_c, before_c, self.temperature_c, TICK_S / 10)
+        return self.reading_c
+
+
+def supervised(balance, uncertainty=NOMINAL, maximum_c=135.0):
+    lag_s = 3 * balance.thermocouple_lag_s
+    return Supervisor(SafetyLimits(maximum_c), PlausibleTemperature(balance, uncertainty, lag_s))
+
+
+def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c):
+    """Heat, and show the supervisor what `read` makes of the reading; the trip, if any."""
+    supervisor.check_may_arm(Measurement(0.0, wire.reading_c, 0.0, 0.0))
+    for n, power_w in enumerate(powers_w, start=1):
+        reading_c = read(n, wire.heat(power_w))
+        sample = Measurement(n * TICK_S, reading_c, power_w, 1.0, commanded_a=power_w, armed=True)
+        if trip := supervisor.update(sample, float("nan")):
+            return trip
+    return None
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    capacity=FACTOR,
+    loss=FACTOR,
+    latent=FACTOR,
+    sigma=st.floats(2.0, 8.0),
+    lag_s=st.floats(0.0, 0.25),
+    ambient_c=st.floats(15.0, 29.0),
+    powers=st.lists(st.tuples(st.floats(0.0, 1.3), st.integers(1, 80)), min_size=3, max_size=12),
+)
+def test_no_healthy_wire_of_unknown_parameters_is_refused(capacity, loss, latent, sigma, lag_s, ambient_c, powers):
+    """Powers up to what holds the hottest wire at its limit, with bursts far above."""
+    true = replace(
+        NOMINAL_BALANCE,
+        heat_capacity_j_per_k=NOMINAL_BALANCE.heat_capacity_j_per_k * capacity,
+        loss_w_per_k=NOMINAL_BALANCE.loss_w_per_k * loss,
+        latent_heat_j=NOMINAL_BALANCE.latent_heat_j * latent,
+        thermocouple_lag_s=lag_s,
+        ambient_c=ambient_c,
+    )
+    steps = [power_w for power_w, ticks in powers for _ in range(ticks)]
+    assert run(supervised(NOMINAL_BALANCE, maximum_c=400.0), Wire(true, sigma), steps) is None
+
+
+@pytest.mark.parametrize("uncertainty", [NOMINAL, IDENTIFIED])
+@pytest.mark.parametrize(
+    ("read", "fault"),
+    [
+        (lambda n, _c: 22.0 + 0.01 * (n % 2), Fault.READS_TOO_COLD),
+        (lambda _n, c: 44.0 - c, Fault.READS_TOO_COLD),
+        (lambda n, c: c + 0.4 * n, Fault.READS_TOO_HOT),
+    ],
+    ids=["fell off", "reversed", "drifting up"],
+)
+def test_a_lying_thermocouple_is_found_out(read, fault, uncertainty):
+    powers_w = [1.0] * 100 + [0.0] * 400
+    trip = run(supervised(NOMINAL_BALANCE, uncertainty, 400.0), Wire(NOMINAL_BALANCE), powers_w, read)
+    assert trip is not None
+    assert trip.fault is fault
+
+
+@pytest.mark.parametrize("uncertainty", [NOMINAL, IDENTIFIED])
+def test_a_frozen_thermocouple_is_found_out_before_the_wire_is_hot(uncertainty):
+    """It freezes while the wire is driven as hard as the rig allows: six watts, a hundred kelvin per second."""
+    wire, frozen_c = Wire(NOMINAL_BALANCE), []
+
+    def read(n, reading_c):
+        if n >= 40:
+            frozen_c.append(reading_c)
+        return frozen_c[0] if frozen_c else reading_c
+
+    trip = run(supervised(NOMINAL_BALANCE, uncertainty), wire, [0.7] * 40 + [6.0] * 100, read)
+    assert trip.fault is Fault.SENSOR_FROZEN
+    assert wire.temperature_c < 130.0
+
+
+def test_a_wire_that_must_be_too_hot_trips_whatever_is_read():
+    wire = Wire(NOMINAL_BALANCE)
+    trip = run(supervised(NOMINAL_BALANCE, IDENTIFIED), wire, [2.5] * 200, lambda n, c: c if n < 10 else 70 + sin(n))
+    assert trip.fault in (Fault.OVER_TEMPERATURE, Fault.READS_TOO_COLD)
+    assert wire.temperature_c < 220.0
+
+
+def test_heat_that_nobody_measures_is_found_out():
+    wire = Wire(NOMINAL_BALANCE)
+    trip = run(supervised(NOMINAL_BALANCE), wire, [0.0] * 200, lambda _n, _c: wire.heat(2.0))
+    assert trip.fault is Fault.READS_TOO_HOT

@@ -1,0 +1,206 @@
+"""The page's port: OFF is answered whatever becomes of pages; only the page itself and local programs are let in."""
+
+import asyncio
+import http.client
+import json
+import os
+import secrets
+import signal
+import socket
+from contextlib import ExitStack, contextmanager
+from urllib.parse import urlsplit
+
+import pytest
+from tornado.websocket import websocket_connect
+
+from smadrive.errors import ConfigError
+from smadrive.rig.config import rig_file
+from smadrive.tuning.front.process import MAX_BODY_BYTES, MAX_HEAD_BYTES, MOST_CONNECTIONS
+from smadrive.tuning.front.relay import MOST_BUILDS
+from smadrive.tuning.link.channel import ControlEnd, PageEnd
+from smadrive.tuning.processes import TuningPage
+from tests.unit.tuning.conftest import Bench, true_wire
+
+LOADS = 200
+PATIENCE_S = 20.0
+FOREIGN = [
+    {"Host": "elsewhere.example:5006"},
+    {"Origin": "http://elsewhere.example"},
+    {"Origin": "http://127.0.0.1:1"},
+    {"Origin": "null"},
+    {"Sec-Fetch-Site": "cross-site"},
+    {"Sec-Fetch-Site": "same-site"},
+]
+UPGRADE = {
+    "Upgrade": "websocket",
+    "Connection": "Upgrade",
+    "Sec-WebSocket-Version": "13",
+    "Sec-WebSocket-Key": "a" * 22,
+}
+REQUESTS = [
+    ("GET", "/", {}),
+    ("GET", "/ws", UPGRADE),
+    ("GET", "/state", UPGRADE),
+    ("GET", "/static/js/bokeh.min.js", {}),
+    ("GET", "/metadata", {}),
+    ("POST", "/off", {}),
+]
+
+
+class Served:
+    """The page of a session that has just ended, on a port of its own."""
+
+    def __init__(self, control, folder):
+        Bench(true_wire(), control).run(until_s=1.0)
+        self.channel = PageEnd(control.memory_fd, control.page_socket)
+        self.page = TuningPage(
+            control, port=0, token=secrets.token_urlsafe(8), rig_file=rig_file("simulated"), folder=folder
+        )
+
+    @property
+    def host(self):
+        return urlsplit(self.page.url).netloc
+
+    def status(self, method, path, headers=()):
+        """The status of the reply to one request."""
+        connection = http.client.HTTPConnection(self.host, timeout=60.0)
+        connection.request(method, path, headers=dict(headers))
+        status = connection.getresponse().status
+        connection.close()
+        return status
+
+    def pending(self, request):
+        """A connection on which a request, or nothing yet, has been sent."""
+        connection = socket.create_connection(self.host.split(":"), timeout=PATIENCE_S)
+        connection.sendall(request.encode())
+        return connection
+
+
+@pytest.fixture(scope="module")
+def served(tmp_path_factory):
+    with ControlEnd() as control:
+        served = Served(control, tmp_path_factory.mktemp("saved"))
+        with served.page:
+            yield served
+
+
+@contextmanager
+def stopped(pid):
+    os.kill(pid, signal.SIGSTOP)
+    try:
+        yield
+    finally:
+        os.kill(pid, signal.SIGCONT)
+
+
+def test_off_is_answered_while_page_loads_wait_for_their_pages(served):
+    offs = served.channel.offs
+    with ExitStack() as stack:
+        with stopped(served.page.server.pid):
+            load = f"GET / HTTP/1.1\r\nHost: {served.host}\r\n\r\n"
+            loads = [stack.enter_context(served.pending(load)) for _ in range(LOADS)]
+            assert served.status("POST", "/off") == 200
+            assert served.channel.offs == offs + 1
+        replies = [load.recv(12) for load in loads]
+    assert replies.count(b"HTTP/1.1 200") == MOST_BUILDS
+    assert replies.count(b"HTTP/1.1 503") == LOADS - MOST_BUILDS
+
+
+@pytest.mark.parametrize("foreign", FOREIGN)
+@pytest.mark.parametrize(("method", "path", "headers"), REQUESTS)
+def test_what_other_sites_cause_is_refused_on_every_path(served, method, path, headers, foreign):
+    offs = served.channel.offs
+    assert served.status(method, path, {**headers, **foreign}) == 403
+    assert served.channel.offs == offs
+
+
+@pytest.mark.parametrize("headers", [{}, {"Sec-Fetch-Site": "none"}, {"Sec-Fetch-Site": "same-origin"}])
+@pytest.mark.parametrize(("method", "path"), [("GET", "/"), ("GET", "/static/js/bokeh.min.js"), ("POST", "/off")])
+def test_the_page_itself_and_local_programs_are_let_in(served, method, path, headers):
+    assert served.status(method, path, headers) == 200
+
+
+def test_idle_connections_do_not_keep_off_out(served):
+    with ExitStack() as stack:
+        for _ in range(MOST_CONNECTIONS + 50):
+            stack.enter_context(served.pending(""))
+        assert served.status("POST", "/off") == 200
+
+
+@pytest.mark.parametrize("size", ["Content-Length: 99000000\r\n\r\n", "Transfer-Encoding: chunked\r\n\r\n186a0\r\n"])
+@pytest.mark.parametrize("path", ["/off", "/", "/elsewhere"])
+def test_large_body_is_refused_before_it_arrives(served, path, size):
+    offs = served.channel.offs
+    head = f"POST {path} HTTP/1.1\r\nHost: {served.host}\r\nContent-Type: application/x-www-form-urlencoded\r\n{size}"
+    with served.pending(head) as connection:
+        assert connection.recv(12) == b"HTTP/1.1 400"
+    assert served.channel.offs == offs
+
+
+def test_large_head_closes_the_connection(served):
+    with served.pending(f"GET /elsewhere?{'a' * 2 * MAX_HEAD_BYTES}") as connection:
+        assert connection.recv(100) == b""
+
+
+def test_body_that_does_not_arrive_closes_the_connection(served):
+    with served.pending(f"POST /off HTTP/1.1\r\nHost: {served.host}\r\nContent-Length: 9\r\n\r\n") as connection:
+        assert connection.recv(100) == b""
+
+
+def test_off_with_a_small_body_is_counted(served):
+    offs = served.channel.offs
+    request = f"POST /off HTTP/1.1\r\nHost: {served.host}\r\nContent-Length: 2\r\n\r\n{{}}"
+    with served.pending(request) as connection:
+        assert connection.recv(12) == b"HTTP/1.1 200"
+    assert served.channel.offs == offs + 1
+
+
+def test_long_message_closes_the_state_socket(served):
+    async def reply():
+        state = await websocket_connect(f"ws://{served.host}/state")
+        await state.read_message()
+        await state.write_message("a" * 2 * MAX_BODY_BYTES)
+        last = await asyncio.wait_for(state.read_message(), PATIENCE_S)
+        state.close()
+        return last
+
+    assert asyncio.run(reply()) is None
+
+
+def test_an_off_that_comes_while_the_front_process_is_started_anew_is_counted(served):
+    offs = served.channel.offs
+    os.kill(served.page.front.pid, signal.SIGKILL)
+    assert served.status("POST", "/off") == 200
+    assert served.channel.offs == offs + 1
+
+
+def test_frozen_front_process_is_replaced_and_off_is_counted(served):
+    offs, frozen = served.channel.offs, served.page.front.pid
+    os.kill(frozen, signal.SIGSTOP)
+    assert served.status("POST", "/off") == 200
+    assert served.page.front.pid != frozen
+    assert served.channel.offs == offs + 1
+
+
+def test_a_port_that_is_taken_is_refused(served, control, tmp_path):
+    port = urlsplit(served.page.url).port
+    page = TuningPage(control, port=port, token="", rig_file=rig_file("simulated"), folder=tmp_path)
+    with pytest.raises(ConfigError), page:
+        pass
+
+
+def test_the_last_thing_a_page_is_told_is_how_the_run_has_ended(control, tmp_path):
+    async def told():
+        served = Served(control, tmp_path)
+        with served.page:
+            state = await websocket_connect(f"ws://{served.host}/state")
+            first = json.loads(await state.read_message())
+            await asyncio.to_thread(served.page.__exit__, None, None, None)
+            last, nothing = json.loads(await state.read_message()), await state.read_message()
+            state.close()
+            return served.page.server.pid, first, last, nothing
+
+    page_process, first, last, nothing = asyncio.run(told())
+    assert first == {"page": page_process, "end": None}
+    assert last == {"page": page_process, "end": "off"}
+    assert nothing is None

@@ -1,0 +1,123 @@
+"""A supervised process: started anew until that succeeds, and gone with the session, also with one that never began."""
+
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import threading
+import time
+from contextlib import contextmanager
+from pathlib import Path
+
+import pytest
+
+from smadrive.tuning.link.mailbox import ParcelPair
+from smadrive.tuning.link.supervised_process import Beside
+from smadrive.tuning.processes import COMPLETE, WorkshopProcess
+
+MODULES = ["smadrive.tuning.front.process", "smadrive.tuning.page.process", "smadrive.tuning.builder.process"]
+PATIENCE_S = 60.0
+
+
+class Interrupted(BaseException):
+    """Raised by a signal handler, as Ctrl-C does it in a command."""
+
+
+def wait(condition):
+    """Until `condition()` holds; fails when it does not come to hold."""
+    give_up_s = time.monotonic() + PATIENCE_S
+    while not condition():
+        assert time.monotonic() < give_up_s
+        time.sleep(0.01)
+
+
+@contextmanager
+def no_descriptors():
+    """Nothing can be opened meanwhile."""
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    resource.setrlimit(resource.RLIMIT_NOFILE, (5, before[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+
+def children():
+    """The processes that this one has started and that still exist."""
+    return set(Path(f"/proc/self/task/{threading.get_native_id()}/children").read_text().split())
+
+
+def test_process_starts_again_after_its_restart_has_failed():
+    with ParcelPair() as parcels, WorkshopProcess(parcels) as workshop:
+        with no_descriptors():
+            os.kill(workshop.pid, signal.SIGKILL)
+            wait(lambda: workshop.trouble)
+            assert workshop.restarts == 0
+        wait(lambda: workshop.restarts)
+        assert workshop.trouble is None
+        os.kill(workshop.pid, 0)
+
+
+@pytest.fixture
+def slow_module(tmp_path, monkeypatch):
+    """The name of a module that never gets ready."""
+    (tmp_path / "slow_to_start.py").write_text("import time\nwhile True:\n    time.sleep(1.0)\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    return "slow_to_start"
+
+
+def test_interrupt_during_the_start_leaves_no_process(slow_module):
+    def interrupt(*_):
+        raise Interrupted
+
+    before = children()
+    handler = signal.signal(signal.SIGALRM, interrupt)
+    signal.setitimer(signal.ITIMER_REAL, 0.5)
+    try:
+        with pytest.raises(Interrupted), Beside(slow_module, {}, (), COMPLETE):
+            pass
+    finally:
+        signal.signal(signal.SIGALRM, handler)
+    assert children() == before
+
+
+def test_end_during_a_new_start_leaves_no_process(tmp_path, monkeypatch):
+    """The process answers once, and never gets ready again."""
+    script = "import pathlib, sys, time\nonce = pathlib.Path(sys.argv[0]).with_suffix('.once')\n"
+    script += "if not once.exists():\n    once.touch()\n    print('{}', flush=True)\n"
+    (tmp_path / "ready_once.py").write_text(f"{script}while True:\n    time.sleep(1.0)\n")
+    monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
+    with Beside("ready_once", {}, (), COMPLETE) as process:
+        first = process.pid
+        os.kill(first, signal.SIGKILL)
+        wait(lambda: process.pid != first)
+    with pytest.raises(ProcessLookupError):
+        os.kill(process.pid, 0)
+
+
+@pytest.mark.parametrize("module", MODULES)
+def test_process_ends_quietly_when_its_input_ends_before_it_serves(module):
+    ended = subprocess.run([sys.executable, "-m", module], stdin=subprocess.DEVNULL, capture_output=True, check=False)
+    assert (ended.returncode, ended.stdout, ended.stderr) == (0, b"", b"")
+
+
+def test_page_process_ends_while_it_waits_for_a_status(control, tmp_path):
+    """Nothing has been published on this channel."""
+    fds = control.memory_fd, control.page_socket.fileno()
+    parameters = {"memory_fd": fds[0], "socket_fd": fds[1], "token": "", "folder": "", "rig_file": "", "port": 0}
+    page = subprocess.Popen(
+        [sys.executable, "-m", "smadrive.tuning.page.process"],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        pass_fds=fds,
+    )
+    assert page.communicate(
+        json.dumps({**parameters, "path": str(tmp_path / "page")}).encode() + b"\n", PATIENCE_S
+    ) == (
+        b"",
+        b"",
+    )
+    assert page.returncode == 0

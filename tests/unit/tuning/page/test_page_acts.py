@@ -1,0 +1,87 @@
+"""Everything that a page does for its user passes one gate, which only the page in control opens."""
+
+import secrets
+from functools import partial
+from types import SimpleNamespace
+
+import pytest
+from bokeh.document import Document
+from bokeh.events import ButtonClick
+from bokeh.models import Button, ColumnDataSource, Slider, Spinner
+
+from smadrive.rig.config import rig_file
+from smadrive.tuning.page.button_events import Presses
+from smadrive.tuning.page.client_registry import WATCHES, Desk
+from smadrive.tuning.page.fit import Fitter
+from smadrive.tuning.page.page import STATE_FRAMES, Page
+
+TOKEN = secrets.token_urlsafe(8)
+
+
+def edit_rule(source):
+    """As the table of the rules does it when its first cell is edited."""
+    source.data = {**source.data, "a_heating": [-0.01, *source.data["a_heating"][1:]]}
+
+
+def turn(number):
+    number.value += 0.01
+
+
+CHANGES = {(Slider, "value"): turn, (Spinner, "value"): turn, (ColumnDataSource, "data"): edit_rule}
+"""How a user changes what the page listens to. A new kind of widget needs a line here."""
+
+
+class OpenPage:
+    """A page of a session that is idle, built as the page process builds it."""
+
+    def __init__(self, bench, folder, token):
+        bench.run(until_s=1.0)
+        self.bench, self.fitter = bench, Fitter()
+        desk = Desk(bench.page, TOKEN)
+        desk.read()
+        self._doc = Document()
+        self._context = SimpleNamespace(id="client", request=SimpleNamespace(arguments={"token": [token.encode()]}))
+        self._doc._session_context = lambda: self._context
+        self._page = Page(self._doc, desk, self.fitter, folder, rig_file("simulated"))
+        self._doc.get_model_by_name("save_name").value = "stolen"
+
+    def acts(self):
+        """Everything that a user can cause in the page process, by the names of widget and event."""
+        presses = next(model for model in self._doc.models if isinstance(model, Presses))
+        for model in sorted(self._doc.models, key=lambda model: model.id):
+            for event in model._event_callbacks:
+                yield (model.name, event), partial(model._trigger_event, {"button_click": ButtonClick}[event](model))
+            for attribute in model._callbacks:
+                if model is not presses:
+                    yield (model.id, attribute), partial(CHANGES[type(model), attribute], model)
+            if isinstance(model, Button) and not model._event_callbacks:
+                yield (model.name, "press"), partial(setattr, presses, "latest", (model.name, 0, int(model.id[1:])))
+
+    def note_after(self, act):
+        """What the page says of it."""
+        self._page._note = ""
+        act()
+        for _ in range(STATE_FRAMES):
+            self._page._draw()
+        return self._doc.get_model_by_name("banner").text
+
+    @property
+    def buttons(self):
+        return {model.name for model in self._doc.models if isinstance(model, Button)}
+
+
+@pytest.fixture(params=["wrong", TOKEN], ids=["watches", "controls"])
+def opened(request, ruled_bench, tmp_path):
+    page = OpenPage(ruled_bench, tmp_path, request.param)
+    yield page, request.param == TOKEN
+    page.fitter.close()
+
+
+def test_every_act_of_a_page_passes_the_gate(opened, tmp_path):
+    page, controls = opened
+    acts = dict(page.acts())
+    assert page.buttons <= {name for name, _ in acts}
+    refused = {name for name, act in acts.items() if WATCHES in page.note_after(act)}
+    assert refused == (set() if controls else set(acts))
+    assert bool(list(page.bench.control.received(100))) == controls
+    assert bool(list(tmp_path.iterdir())) == controls
