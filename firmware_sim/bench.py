@@ -18,7 +18,7 @@ from collections.abc import Callable
 from math import sqrt
 from random import SystemRandom
 
-from firmware_sim.bus.random_faults import ChanceFaults
+from firmware_sim.bus.random_faults import RandomBusFaults
 from firmware_sim.config import SimConfig
 from firmware_sim.devices.behaviour import Inside, RegisterBehaviour
 from firmware_sim.devices.board import Firmware
@@ -109,7 +109,7 @@ class SimulatedBench:
         self._timeline.pass_time(self.time_s)
         if script.random is not None:
             for device in self.devices:
-                ChanceFaults(device.faults, device.power_cycle, seed=self.seed, **script.random.model_dump())
+                RandomBusFaults(device.faults, device.power_cycle, seed=self.seed, **script.random.model_dump())
 
     def known_faults(self) -> dict[str, Callable[..., None]]:
         """Everything that a script can do; the faults of a named device begin with its name and a point."""

@@ -17,7 +17,7 @@ from firmware_sim.config import load_sim
 from firmware_sim.devices.device import SimulatedDevice
 from firmware_sim.devices.replay import Replay
 from firmware_sim.fault_script import load_script
-from firmware_sim.server.listen_address import Entrance, Kind, WayIn, open_door, open_entrances
+from firmware_sim.server.listen_address import Entrance, Kind, ListenAddress, open_door, open_entrances
 from firmware_sim.server.server import Server, stop_on_signal
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError, SmadriveError
@@ -83,23 +83,25 @@ def serve(
         raise typer.Exit(error.exit_code) from None
 
 
-def _way_in(pty: Path | None, tcp: str | None, rtu_tcp: str | None) -> WayIn | None:
+def _way_in(pty: Path | None, tcp: str | None, rtu_tcp: str | None) -> ListenAddress | None:
     options: tuple[tuple[Kind, Path | str | None], ...] = (("pty", pty), ("tcp", tcp), ("rtu_tcp", rtu_tcp))
-    given = [WayIn(kind, str(address)) for kind, address in options if address is not None]
+    given = [ListenAddress(kind, str(address)) for kind, address in options if address is not None]
     if len(given) > 1:
         raise ConfigError("--pty, --tcp and --rtu-tcp exclude each other: start one simulator for each")
     return given[0] if given else None
 
 
-def _placed(bench: SimulatedBench, way_in: WayIn | None, profile: str | None) -> list[tuple[SimulatedDevice, WayIn]]:
+def _placed(
+    bench: SimulatedBench, way_in: ListenAddress | None, profile: str | None
+) -> list[tuple[SimulatedDevice, ListenAddress]]:
     """Every device of the sim file with its way in; without any there, the one that the options tell."""
     devices = bench.config.devices
     if not devices:
-        return [(bench.attach(load_profile(profile or REFERENCE)), way_in or WayIn("pty"))]
+        return [(bench.attach(load_profile(profile or REFERENCE)), way_in or ListenAddress("pty"))]
     if way_in is not None or profile is not None:
         raise ConfigError("the sim file names its [[devices]]: leave --profile, --pty, --tcp and --rtu-tcp out")
     return [
-        (bench.attach(load_profile(device.profile), device.unit_id, device.name), WayIn.of(device))
+        (bench.attach(load_profile(device.profile), device.unit_id, device.name), ListenAddress.of(device))
         for device in devices
     ]
 
@@ -122,9 +124,9 @@ def _serve_bench(bench: SimulatedBench, entrances: Sequence[Entrance], time: Tim
 
 
 def _serve_replay(
-    replay: Replay, way_in: WayIn | None, stack: ExitStack, tell: Callable[[str], None], time: Time
+    replay: Replay, way_in: ListenAddress | None, stack: ExitStack, tell: Callable[[str], None], time: Time
 ) -> None:
-    way_in = way_in or WayIn("tcp" if replay.numbered else "pty")
+    way_in = way_in or ListenAddress("tcp" if replay.numbered else "pty")
     door = open_door(way_in, lambda numbered: replay.new_port(numbered=numbered), None, tell, line_speed=False)
     stack.callback(door.close)
     _run(Server(replay, (door,)), [door.url], time)

@@ -33,9 +33,31 @@ CUT = (
 
 
 class SmadriveError(Exception):
-    """Root of the tree. `exit_code` is what the command line returns for it."""
+    """Root of the tree: `<where>: <what> (<value>, limit <limit>). <Cure>.`
+
+    what: what is wrong. where: the file, register, device or option. value: what was found there, with its unit.
+    limit: what it violates. cure: what the user does about it, as an imperative. All but `what` may be left out.
+    `exit_code` is what the command line returns for it.
+    """
 
     exit_code = 1
+
+    def __init__(
+        self, what: str, *, where: object = "", value: object = None, limit: object = None, cure: str = ""
+    ) -> None:
+        super().__init__(what)
+        self.what = what
+        self.where = str(where)
+        self.value = value
+        self.limit = limit
+        self.cure = cure
+
+    def __str__(self) -> str:
+        facts = [] if self.value is None else [f"{self.value}"]
+        facts += [] if self.limit is None else [f"limit {self.limit}"]
+        text = f"{self.where}: {self.what}" if self.where else self.what
+        text += f" ({', '.join(facts)})" if facts else ""
+        return f"{text}. {self.cure[0].upper()}{self.cure[1:]}." if self.cure else text
 
 
 class ConfigError(SmadriveError):
@@ -85,8 +107,8 @@ class DeviceError(SmadriveError):
 class ExceptionReply(DeviceError):
     """A Modbus exception reply; `code` is the exception code of the standard (1 illegal function, 2 address, ...)."""
 
-    def __init__(self, message: str, code: int) -> None:
-        super().__init__(message)
+    def __init__(self, what: str, code: int, *, where: object = "", value: object = None, cure: str = "") -> None:
+        super().__init__(what, where=where, value=value, cure=cure)
         self.code = code
 
 
@@ -107,8 +129,8 @@ class SafetyError(SmadriveError):
 class TripError(SafetyError):
     """The supervisor or the device tripped; `number` is the fault's number, the message its cause and remedy."""
 
-    def __init__(self, message: str, number: int) -> None:
-        super().__init__(message)
+    def __init__(self, what: str, number: int, *, cure: str = "") -> None:
+        super().__init__(what, cure=cure)
         self.number = number
 
 

@@ -15,7 +15,7 @@ from smadrive.clock import VirtualClock
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.framing import mbap, rtu
 from smadrive.modbus.transports.in_process import InProcessTransport
 
@@ -103,7 +103,7 @@ class BusMachine(RuleBasedStateMachine):
     @initialize()
     def begin(self):
         self.device = Device(self.numbered)
-        self.master = Master(
+        self.client = ModbusClient(
             InProcessTransport(self.device, VirtualClock(), None if self.numbered else 115200),
         )
         self.sequence = 0
@@ -131,7 +131,7 @@ class BusMachine(RuleBasedStateMachine):
 
     @rule(pause_s=SECONDS)
     def wait(self, pause_s):
-        self.master.clock.sleep_until(self.master.clock.now_s() + pause_s)
+        self.client.clock.sleep_until(self.client.clock.now_s() + pause_s)
 
     @rule(read=st.sampled_from((requests.read_holding, requests.read_input)), count=LENGTHS, proved=st.booleans())
     def read(self, read, count, proved):
@@ -150,12 +150,12 @@ class BusMachine(RuleBasedStateMachine):
         if payload is None:
             return
         if payload[:2] != self.sequence.to_bytes(2, "big"):
-            self.master.distrust()
+            self.client.distrust()
         else:
             assert payload == self.device.answered[request.pdu][2:]
 
     def _execute(self, request, *, proved=False):
-        copies_may_come = not (self.numbered or proved) and self.device.copies_until_s > self.master.clock.now_s()
+        copies_may_come = not (self.numbered or proved) and self.device.copies_until_s > self.client.clock.now_s()
         payload = self._payload(request, proved=proved)
         if payload is None or copies_may_come:
             return
@@ -167,7 +167,7 @@ class BusMachine(RuleBasedStateMachine):
         """What the client accepts; None for an error, which must be one of the bus."""
         self.device.answered.clear()
         try:
-            return self.master.execute(1, request, TIMING, proved=proved)
+            return self.client.execute(1, request, TIMING, proved=proved)
         except (DeadlineError, ProtocolError, ExceptionReply, TransportError):
             return None
 

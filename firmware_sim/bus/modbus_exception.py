@@ -9,7 +9,7 @@ DEVICE_FAILURE = 4
 NO_SUCH_UNIT = 11
 
 
-class Refusal(Exception):  # no error of the simulator: a legal answer
+class ModbusException(Exception):  # no error of the simulator: a legal answer
     """The request is answered by the exception `code`."""
 
     def __init__(self, code: int) -> None:

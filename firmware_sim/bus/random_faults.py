@@ -14,7 +14,7 @@ MIXED = 0.1  # of the others: two at once
 LAGGING = range(2, 30)  # so many replies in a row are each the one before
 
 
-class ChanceFaults:
+class RandomBusFaults:
     """Before each reply plans a fault with probability `share`; nothing takes longer than `slowest_s`.
 
     Plain RTU cannot tell `copies`, frames of no request behind the next request, and neither RTU nor TCP a `lag` of

@@ -34,7 +34,7 @@ class RegisterBehaviour(Behaviour, Protocol):
     """One that is told writes and shows quantities by role, and knows nothing of registers."""
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Refusal when a write of these roles cannot be carried out."""
+        """ModbusException when a write of these roles cannot be carried out."""
         ...
 
     def write(self, values: Mapping[str, float]) -> None:

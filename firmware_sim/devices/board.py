@@ -13,7 +13,7 @@ from collections.abc import Callable, Mapping
 from enum import IntEnum, IntFlag
 from math import inf
 
-from firmware_sim.bus.modbus_exception import DEVICE_FAILURE, ILLEGAL_VALUE, Refusal
+from firmware_sim.bus.modbus_exception import DEVICE_FAILURE, ILLEGAL_VALUE, ModbusException
 from firmware_sim.config import Board
 from firmware_sim.sensors.sensors import Sensors
 
@@ -90,13 +90,13 @@ class Firmware:
         self._set_current()
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Refusal when a write of these roles cannot be carried out: a limit above the board's, arming in a fault."""
+        """ModbusException when these roles cannot be written: a limit above the board's, arming in a fault."""
         too_hot = values.get("temperature_max", 0.0) > self._board.temperature_max_c
         too_much = values.get("current_max", 0.0) > self._supply_limit_a
         if too_hot or too_much:
-            raise Refusal(ILLEGAL_VALUE)
+            raise ModbusException(ILLEGAL_VALUE)
         if "arm" in values and self.state is not State.IDLE:
-            raise Refusal(DEVICE_FAILURE)
+            raise ModbusException(DEVICE_FAILURE)
 
     def write(self, values: Mapping[str, float]) -> None:
         """Carry out a write of these roles, all of one request together."""

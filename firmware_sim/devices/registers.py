@@ -10,7 +10,7 @@ from collections.abc import Mapping, Sequence
 from math import isnan
 from typing import NamedTuple
 
-from firmware_sim.bus.modbus_exception import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, Refusal
+from firmware_sim.bus.modbus_exception import DEVICE_FAILURE, ILLEGAL_ADDRESS, ILLEGAL_VALUE, ModbusException
 from smadrive.devices.profile.dependent_registers import context_of
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.profile.readings import ALONE, Context
@@ -115,19 +115,19 @@ class RegisterBank:
         return self._tables[table][first : first + count]
 
     def check_readable(self, table: str, first: int, count: int) -> None:
-        """Refusal when one of the words does not exist."""
+        """ModbusException when one of the words does not exist."""
         words = self._tables.get(table, [])[first : first + count]
         if len(words) < count or _NOWHERE in words:
-            raise Refusal(ILLEGAL_ADDRESS)
+            raise ModbusException(ILLEGAL_ADDRESS)
 
     def checked(self, table: str, first: int, words: Sequence[int]) -> list[Write]:
-        """The writes of whole registers that `words` make up; Refusal when one of them cannot be carried out."""
+        """The writes of whole registers that `words` make up; ModbusException when one of them is refused."""
         writes: list[Write] = []
         at = 0
         while at < len(words):
             cell = self._writable.get((table, first + at))
             if cell is None or len(words) < at + cell.size:
-                raise Refusal(ILLEGAL_ADDRESS)
+                raise ModbusException(ILLEGAL_ADDRESS)
             part = words[at : at + cell.size]
             context = self._context(cell)
             writes.append(Write(cell, part, cell.codec.decode(part, context).value, context))
@@ -136,7 +136,7 @@ class RegisterBank:
             try:
                 cell.codec.encode(value, cell.name, context)
             except ConfigError:
-                raise Refusal(ILLEGAL_VALUE) from None
+                raise ModbusException(ILLEGAL_VALUE) from None
             if self._has_locks:
                 self._check_unlocked(cell.name)
         return writes
@@ -158,7 +158,7 @@ class RegisterBank:
                 continue
             lock = self._cells[rule.write]
             if lock.words != lock.codec.saturated(rule.value):
-                raise Refusal(DEVICE_FAILURE)
+                raise ModbusException(DEVICE_FAILURE)
 
     def _show_in_company(self, cell: Cell, value: Quantity) -> None:
         """Show a quantity as its companions say, and in those that tell it whether it is valid."""

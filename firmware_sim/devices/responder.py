@@ -11,7 +11,7 @@ import struct
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from firmware_sim.bus.modbus_exception import ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, Refusal
+from firmware_sim.bus.modbus_exception import ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, ModbusException
 from firmware_sim.devices.behaviour import RegisterBehaviour
 from firmware_sim.devices.registers import RegisterBank
 from smadrive.devices.profile.function_codes import words_of
@@ -66,7 +66,7 @@ class Responder:
             return bytes((function,)) + self._functions.get(function, _unknown)(data)
         except struct.error:  # shorter or longer than its function demands
             code = ILLEGAL_VALUE
-        except Refusal as refusal:
+        except ModbusException as refusal:
             code = refusal.code
         self.counters.exceptions += 1
         return bytes((function | 0x80, code))
@@ -93,7 +93,7 @@ class Responder:
     def _write_coil(self, data: bytes) -> bytes:
         address, state = struct.unpack(">HH", data)
         if state not in _COIL_STATES:
-            raise Refusal(ILLEGAL_VALUE)
+            raise ModbusException(ILLEGAL_VALUE)
         self._write("coil", address, (_COIL_STATES[state],))
         return data
 
@@ -131,12 +131,12 @@ class Responder:
     @staticmethod
     def _loop_back(data: bytes) -> bytes:
         if data[:2] != b"\0\0":
-            raise Refusal(ILLEGAL_FUNCTION)
+            raise ModbusException(ILLEGAL_FUNCTION)
         return data
 
     def _write(self, table: str, first: int, words: Sequence[int]) -> None:
         if first + len(words) > 0x10000:
-            raise Refusal(ILLEGAL_ADDRESS)
+            raise ModbusException(ILLEGAL_ADDRESS)
         writes = self._bank.checked(table, first, words)
         values = self._bank.by_role(writes)
         self._firmware.check(values)
@@ -152,14 +152,14 @@ class Responder:
 
 
 def _unknown(_data: bytes) -> bytes:
-    raise Refusal(ILLEGAL_FUNCTION)
+    raise ModbusException(ILLEGAL_FUNCTION)
 
 
 def _check_quantity(count: int, most: int) -> None:
     if not 1 <= count <= most:
-        raise Refusal(ILLEGAL_VALUE)
+        raise ModbusException(ILLEGAL_VALUE)
 
 
 def _check_size(right: int, size: int, payload: bytes) -> None:
     if size != right or len(payload) != size:
-        raise Refusal(ILLEGAL_VALUE)
+        raise ModbusException(ILLEGAL_VALUE)

@@ -51,7 +51,7 @@ class Reading(NamedTuple):
 Spoil = Callable[[Reading, float], float]  # a reading, and the age of the fault in seconds
 
 
-class Ailment:
+class SensorFault:
     """What one sensor suffers from."""
 
     def __init__(self) -> None:
@@ -84,10 +84,10 @@ class SensorFaults:
 
     def __init__(self, seed: int) -> None:
         """`seed` is that of the spikes."""
-        self.thermocouple = Ailment()
-        self.displacement = Ailment()
-        self.current = Ailment()
-        self.voltage = Ailment()
+        self.thermocouple = SensorFault()
+        self.displacement = SensorFault()
+        self.current = SensorFault()
+        self.voltage = SensorFault()
         self._ailments = self.thermocouple, self.displacement, self.current, self.voltage
         self._random = Random(seed)
 

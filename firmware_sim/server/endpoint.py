@@ -20,7 +20,7 @@ from smadrive.errors import ConfigError
 _CHUNK = 512
 
 
-class Talk(Protocol):
+class EndpointConnection(Protocol):
     """One conversation: the port of the device that hears it, and the way back."""
 
     port: Port
@@ -33,11 +33,11 @@ class Talk(Protocol):
 class Heard(NamedTuple):
     """What a talk brought."""
 
-    talk: Talk
+    talk: EndpointConnection
     data: bytes
 
 
-class Door(Protocol):
+class Endpoint(Protocol):
     """A way in. `url` is what a driver connects to."""
 
     url: str
@@ -50,7 +50,7 @@ class Door(Protocol):
         """What to listen on."""
         ...
 
-    def talks(self) -> Sequence[Talk]:
+    def talks(self) -> Sequence[EndpointConnection]:
         """Those that are going on."""
         ...
 
@@ -97,7 +97,7 @@ class Terminal:
         """The near end."""
         return list(self._ends[:1])
 
-    def talks(self) -> Sequence[Talk]:
+    def talks(self) -> Sequence[EndpointConnection]:
         """Itself."""
         return (self,)
 

@@ -11,22 +11,22 @@ from firmware_sim.bus.line_speed import SlowLine
 from firmware_sim.bus.ports import Port
 from firmware_sim.config import Placed
 from firmware_sim.devices.device import Line, SimulatedDevice
-from firmware_sim.server.endpoint import Door, Terminal
-from firmware_sim.server.tcp_endpoint import TcpDoor
+from firmware_sim.server.endpoint import Endpoint, Terminal
+from firmware_sim.server.tcp_endpoint import TcpEndpoint
 from smadrive.errors import ConfigError
 from smadrive.modbus.transports.transport import SerialSettings
 
 Kind = Literal["pty", "tcp", "rtu_tcp"]
 
 
-class WayIn(NamedTuple):
+class ListenAddress(NamedTuple):
     """Where a client finds a device: a pseudo-terminal (perhaps under a path), or a TCP address."""
 
     kind: Kind
     address: str | None = None
 
     @classmethod
-    def of(cls, placed: Placed) -> WayIn:
+    def of(cls, placed: Placed) -> ListenAddress:
         """That of a device of a sim file."""
         if placed.pty is not None:
             return cls("pty", placed.pty)
@@ -39,7 +39,7 @@ class WayIn(NamedTuple):
 class Entrance(NamedTuple):
     """A door and the devices behind it."""
 
-    door: Door
+    door: Endpoint
     devices: tuple[SimulatedDevice, ...]
 
     def __str__(self) -> str:
@@ -48,7 +48,7 @@ class Entrance(NamedTuple):
 
 
 def open_entrances(
-    placed: Sequence[tuple[SimulatedDevice, WayIn]],
+    placed: Sequence[tuple[SimulatedDevice, ListenAddress]],
     stack: ExitStack,
     tell: Callable[[str], None],
     *,
@@ -58,7 +58,7 @@ def open_entrances(
 
     ConfigError when devices cannot share it, or it cannot be opened.
     """
-    behind: dict[WayIn, list[SimulatedDevice]] = {}
+    behind: dict[ListenAddress, list[SimulatedDevice]] = {}
     for device, way_in in placed:
         behind.setdefault(way_in, []).append(device)
     entrances = []
@@ -72,7 +72,7 @@ def open_entrances(
     return entrances
 
 
-def _check_units(way_in: WayIn, devices: Sequence[SimulatedDevice]) -> None:
+def _check_units(way_in: ListenAddress, devices: Sequence[SimulatedDevice]) -> None:
     for at, device in enumerate(devices):
         for other in devices[:at]:
             if other.unit_id == device.unit_id:
@@ -82,7 +82,7 @@ def _check_units(way_in: WayIn, devices: Sequence[SimulatedDevice]) -> None:
                 )
 
 
-def _check_speech(way_in: WayIn, devices: Sequence[SimulatedDevice]) -> None:
+def _check_speech(way_in: ListenAddress, devices: Sequence[SimulatedDevice]) -> None:
     for device in devices:
         if not device.profile.has_registers and (way_in.kind == "tcp" or len(devices) > 1):
             raise ConfigError(
@@ -92,27 +92,27 @@ def _check_speech(way_in: WayIn, devices: Sequence[SimulatedDevice]) -> None:
 
 
 def open_door(
-    way_in: WayIn,
+    way_in: ListenAddress,
     new_port: Callable[[bool], Port],
     settings: SerialSettings | None,
     tell: Callable[[str], None],
     *,
     line_speed: bool,
-) -> Door:
+) -> Endpoint:
     """The door to ports that `new_port(numbered)` makes, on a line set like `settings`, as slow as it or not."""
     if way_in.kind == "tcp":
         if line_speed:
             raise ConfigError(
                 "--line-speed: Modbus TCP has no serial line; serve a device that has one with --pty or --rtu-tcp"
             )
-        return TcpDoor(way_in.address or "0", "tcp", lambda: new_port(True), tell)
+        return TcpEndpoint(way_in.address or "0", "tcp", lambda: new_port(True), tell)
 
     def rtu_port() -> Port:
         port = new_port(False)
         return SlowLine(port, settings) if line_speed and settings is not None else port
 
     if way_in.kind == "rtu_tcp":
-        return TcpDoor(way_in.address or "0", "rtu+tcp", rtu_port, tell)
+        return TcpEndpoint(way_in.address or "0", "rtu+tcp", rtu_port, tell)
     return Terminal(None if way_in.address is None else Path(way_in.address), rtu_port())
 
 
@@ -120,7 +120,7 @@ def _ports_of(line: Line) -> Callable[[bool], Port]:
     return lambda numbered: line.new_port(numbered=numbered)
 
 
-def _settings(way_in: WayIn, devices: Sequence[SimulatedDevice]) -> SerialSettings | None:
+def _settings(way_in: ListenAddress, devices: Sequence[SimulatedDevice]) -> SerialSettings | None:
     """How the line is set; of devices that leave the factory with different settings, as the first one."""
     if way_in.kind == "tcp":
         return None

@@ -19,7 +19,7 @@ from functools import partial
 from typing import Protocol
 
 from firmware_sim.bus.faults import Ear
-from firmware_sim.server.endpoint import Door
+from firmware_sim.server.endpoint import Endpoint
 from firmware_sim.server.readiness import readable
 from smadrive.errors import ConfigError
 from smadrive.files.number_text import parse_number, shortened
@@ -55,13 +55,13 @@ class _Lines:
 class Server:
     """Moves bytes between doors and a rig until it is stopped."""
 
-    def __init__(self, rig: Simulated, doors: Sequence[Door]) -> None:
+    def __init__(self, rig: Simulated, doors: Sequence[Endpoint]) -> None:
         self._rig = rig
         self._doors = doors
         self._agenda: list[tuple[float, int, Callable[[], None]]] = []
         self._order = 0
 
-    def ear(self, door: Door) -> Ear:
+    def ear(self, door: Endpoint) -> Ear:
         """Where faults of the bus reach the clients of `door`."""
         return _DoorEar(door, self._do_at)
 
@@ -95,7 +95,7 @@ class Server:
                     sys.stdout.write(line + "\n")
                     sys.stdout.flush()
 
-    def _by_descriptor(self) -> dict[int, Door]:
+    def _by_descriptor(self) -> dict[int, Endpoint]:
         return {descriptor: door for door in self._doors for descriptor in door.descriptors()}
 
     def _pass_time(self, time_s: float) -> None:
@@ -103,7 +103,7 @@ class Server:
         while self._agenda and self._agenda[0][0] <= self._rig.time_s:
             heapq.heappop(self._agenda)[2]()
 
-    def _take_request(self, door: Door, descriptor: int) -> None:
+    def _take_request(self, door: Endpoint, descriptor: int) -> None:
         heard = door.hear(descriptor)
         if heard is None:
             return
@@ -121,7 +121,7 @@ class Server:
 class _DoorEar:
     """The clients of one door."""
 
-    def __init__(self, door: Door, do_at: Callable[[float, Callable[[], None]], None]) -> None:
+    def __init__(self, door: Endpoint, do_at: Callable[[float, Callable[[], None]], None]) -> None:
         self._door = door
         self._do_at = do_at
 

@@ -13,7 +13,7 @@ import socket
 from collections.abc import Callable, Sequence
 
 from firmware_sim.bus.ports import Port
-from firmware_sim.server.endpoint import Heard, Talk
+from firmware_sim.server.endpoint import EndpointConnection, Heard
 from smadrive.errors import ConfigError
 from smadrive.files.number_text import shortened
 
@@ -24,7 +24,7 @@ MOST_CLIENTS = 64
 _CHUNK = 2048
 
 
-class TcpDoor:
+class TcpEndpoint:
     """Listens on [HOST:]PORT (0: any free port), by default for programs on this machine alone."""
 
     def __init__(self, address: str, scheme: str, new_port: Callable[[], Port], tell: Callable[[str], None]) -> None:
@@ -56,7 +56,7 @@ class TcpDoor:
         """Those of the clients, then the listening socket: who leaves makes room for who comes."""
         return [] if self._listener.fileno() < 0 else [*self._clients, self._listener.fileno()]
 
-    def talks(self) -> Sequence[Talk]:
+    def talks(self) -> Sequence[EndpointConnection]:
         """The clients."""
         return list(self._clients.values())
 

@@ -26,7 +26,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_log import TickRecorder, record_excitation, record_tracking
 from smadrive.runs.run_metadata import excitation_record
-from smadrive.runs.run_metrics import TrackingFigures, tracking_figures
+from smadrive.runs.run_metrics import TrackingMetrics, tracking_metrics
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.wire.wire_file import save_wire
 from smadrive.wire.wire_model import travel_mm
@@ -50,7 +50,7 @@ class Arm:
 
     name: str
     log: Log
-    figures: TrackingFigures
+    figures: TrackingMetrics
 
 
 def main(
@@ -135,7 +135,7 @@ class _Session:
         ):
             loop = self.bench.track(*experiment, record)
         log = read_log(path)
-        return Arm(name, log, tracking_figures(log, loop))
+        return Arm(name, log, tracking_metrics(log, loop))
 
     def _temperature_c(self) -> float:
         return self.bench.heater.exchange(0.0).temperature_c

@@ -10,7 +10,7 @@ import typer
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.views.run_view import watched
-from smadrive.control.loop import LoopFigures
+from smadrive.control.loop import LoopMetrics
 from smadrive.errors import TripError
 from smadrive.files.atomic import LOG, check_output
 from smadrive.identification.excitation import check_may_excite
@@ -41,7 +41,7 @@ def main(
     _tell(log_file, figures, output, tripped=None)
 
 
-def _recorded(log_file: Path, bench: Rig, *, quiet: bool) -> LoopFigures:
+def _recorded(log_file: Path, bench: Rig, *, quiet: bool) -> LoopMetrics:
     """Excite the wire, logged to `log_file`, shown unless `quiet`. TripError."""
     found = bench.heater.exchange(0.0)
     limit_a = bench.config.limits.current_max_a
@@ -54,7 +54,7 @@ def _recorded(log_file: Path, bench: Rig, *, quiet: bool) -> LoopFigures:
         return bench.excite(excitation, record)
 
 
-def _tell(log_file: Path, figures: LoopFigures, output: Output, *, tripped: str | None) -> None:
+def _tell(log_file: Path, figures: LoopMetrics, output: Output, *, tripped: str | None) -> None:
     missed = "1 missed deadline" if figures.missed_deadlines == 1 else f"{figures.missed_deadlines} missed deadlines"
     ended = "the heater is off" if tripped is None else "then it tripped"
     output.say(f"{log_file}: {figures.ticks} samples, {missed}; {ended}")

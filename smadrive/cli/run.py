@@ -14,9 +14,9 @@ import typer
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.views.run_view import watched
-from smadrive.control.feasibility import Feasibility, rehearse
+from smadrive.control.feasibility import Feasibility, simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
-from smadrive.control.loop import LoopFigures
+from smadrive.control.loop import LoopMetrics
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import SHAPES, parse_reference
 from smadrive.errors import ConfigError, TripError
@@ -29,7 +29,7 @@ from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_log import record_tracking, reference_text
-from smadrive.runs.run_metrics import TrackingFigures, tracking_caveats, tracking_figures, tripped_loop
+from smadrive.runs.run_metrics import TrackingMetrics, tracking_caveats, tracking_metrics, tripped_loop
 from smadrive.safety.supervisor import check_thermocouple
 from smadrive.wire.wire_file import load_wire_file
 from smadrive.wire.wire_model import WireModel, WireState, travel_mm
@@ -98,7 +98,7 @@ def _rehearsed(bench: Rig, wanted: Reference, wire: WireModel) -> tuple[Referenc
     given = wanted.with_approach(start_mm, APPROACH_S)
     bench.check_balance(wire.balance)
     start = WireState(measured.temperature_c, wire.model.initial_state(measured.temperature_c, start_mm))
-    return given, rehearse(given, wire, HysteresisInverse(wire.model), tracking_settings(bench.config), start)
+    return given, simulate_run(given, wire, HysteresisInverse(wire.model), tracking_settings(bench.config), start)
 
 
 def _recorded(
@@ -110,7 +110,7 @@ def _recorded(
     caveats: tuple[str, ...],
     *,
     quiet: bool,
-) -> LoopFigures:
+) -> LoopMetrics:
     """Track the reference `nearest` to what was given, logged to `log_file`, shown unless `quiet`. TripError."""
     experiment = nearest, wire.model, wire.balance, HysteresisInverse(wire.model)
     with (
@@ -122,9 +122,9 @@ def _recorded(
         return bench.track(*experiment, record)
 
 
-def _tell(log: Log, loop: LoopFigures | None, output: Output, *, tripped: str | None) -> None:
+def _tell(log: Log, loop: LoopMetrics | None, output: Output, *, tripped: str | None) -> None:
     """The figures of the run, to its end or to the trip that cut it."""
-    figures = tracking_figures(log, loop or tripped_loop(log))
+    figures = tracking_metrics(log, loop or tripped_loop(log))
     doubts = tracking_caveats(log)
     output.table(HEADER, [table_row("tracking", figures)])
     _beware(doubts, output)
@@ -153,7 +153,7 @@ def read_reference(text: str) -> Reference:
     return parse_reference(text)
 
 
-def table_row(name: str, figures: TrackingFigures) -> tuple[str, ...]:
+def table_row(name: str, figures: TrackingMetrics) -> tuple[str, ...]:
     """One line of the table of figures."""
     return (
         name,

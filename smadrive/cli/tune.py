@@ -23,8 +23,8 @@ from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.link.mailbox import ParcelPair
-from smadrive.tuning.link.real_time import be_punctual
-from smadrive.tuning.processes import TuningPage, WorkshopProcess
+from smadrive.tuning.link.real_time import use_real_time_scheduling
+from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.wire_file import load_wire_file
@@ -56,7 +56,7 @@ def main(
     references = _references(reference or [], known.model)
     with (
         ParcelPair() as parcels,
-        WorkshopProcess(parcels) as workshop,
+        BuilderProcess(parcels) as workshop,
         ControlEnd() as channel,
         Rig(config) as bench,
     ):
@@ -71,7 +71,7 @@ def main(
             output.result({"url": page.url, "pid": page.server.pid})
             if browser and not as_json:
                 webbrowser.open(page.url)
-            be_punctual()
+            use_real_time_scheduling()
             with watched(view, output):
                 session.run()
 

@@ -46,11 +46,11 @@ REASONS: dict[Limit, str] = {
 }
 
 
-class RehearsedTick(NamedTuple):
+class SimulatedTick(NamedTuple):
     """One tick: time, wanted and reached displacement, wire temperature, power and its upper limit."""
 
     time_s: float
-    wanted_mm: float
+    setpoint_mm: float
     reached_mm: float
     temperature_c: float
     power_w: float
@@ -62,7 +62,7 @@ class Feasibility:
     """How near the wire comes to a reference.
 
     `nearest` is the reference that it can follow (the same one where it is feasible). At `at_s` it is `shortfall_mm`
-    away from what was wanted, because of `limit`, wanted and reached rate there are `wanted_mm_per_s` and
+    away from what was wanted, because of `limit`, wanted and reached rate there are `setpoint_mm_per_s` and
     `reached_mm_per_s`. `hottest_c` is the highest temperature that the run takes, `span_mm` how far the reference moves
     after its approach.
     """
@@ -73,7 +73,7 @@ class Feasibility:
     stroke_mm: float
     at_s: float
     limit: Limit
-    wanted_mm_per_s: float
+    setpoint_mm_per_s: float
     reached_mm_per_s: float
     hottest_c: float
     span_mm: float
@@ -92,7 +92,7 @@ class Feasibility:
     @property
     def slower(self) -> float:
         """By about how much the reference would have to be slowed down."""
-        return max(1.1, abs(self.wanted_mm_per_s) / max(abs(self.reached_mm_per_s), 1e-3 * self.stroke_mm))
+        return max(1.1, abs(self.setpoint_mm_per_s) / max(abs(self.reached_mm_per_s), 1e-3 * self.stroke_mm))
 
     def __str__(self) -> str:
         """In plain words."""
@@ -101,7 +101,7 @@ class Feasibility:
             return f"feasible: the wire is at most {percent:.1f} % of its stroke away, and {self.hottest_c:.0f} °C hot"
         return (
             f"at {self.at_s:.1f} s the wire is {self.shortfall_mm:.2g} mm ({percent:.0f} % of its stroke) away: wanted "
-            f"are {self.wanted_mm_per_s:+.2g} mm/s, the wire does {self.reached_mm_per_s:+.2g} mm/s; "
+            f"are {self.setpoint_mm_per_s:+.2g} mm/s, the wire does {self.reached_mm_per_s:+.2g} mm/s; "
             f"{REASONS[self.limit]}"
         )
 
@@ -120,7 +120,7 @@ class Feasibility:
             )
 
 
-def rehearse(
+def simulate_run(
     reference: Reference, wire: WireModel, inverse: DisplacementInverse, settings: TrackingSettings, start: WireState
 ) -> Feasibility:
     """Track `reference` on the model of the wire, from `start`."""
@@ -133,7 +133,7 @@ def rehearse(
 
 def _ticks(
     reference: Reference, wire: WireModel, inverse: DisplacementInverse, settings: TrackingSettings, state: WireState
-) -> Iterator[RehearsedTick]:
+) -> Iterator[SimulatedTick]:
     """The run, with the loop's delay: a command acts one period after the measurement that it answers."""
     controller = TrackingController(reference, wire, inverse, settings)
     dt_s = settings.period_s
@@ -142,9 +142,9 @@ def _ticks(
         ohm = wire.resistance_ohm(state.hysteresis)
         sample = Measurement(number * dt_s, reading_c, in_force_a, in_force_a * ohm, state.hysteresis.y)
         command = controller.update(sample.time_s, sample, dt_s)
-        yield RehearsedTick(
+        yield SimulatedTick(
             sample.time_s,
-            command.wanted_mm,
+            command.setpoint_mm,
             state.hysteresis.y,
             state.temperature_c,
             in_force_a**2 * ohm,
@@ -158,8 +158,8 @@ def _ticks(
 
 
 def _judge(reference: Reference, ticks: Array, stroke_mm: float) -> Feasibility:
-    time_s, wanted_mm, reached_mm, temperature_c, power_w, limit_w = ticks.T
-    missed_mm = np.abs(wanted_mm - reached_mm)
+    time_s, setpoint_mm, reached_mm, temperature_c, power_w, limit_w = ticks.T
+    missed_mm = np.abs(setpoint_mm - reached_mm)
     worst = int(np.argmax(missed_mm))
     feasible = bool(missed_mm[worst] <= TOLERANCE * stroke_mm)
     begins = int(np.max(np.flatnonzero(missed_mm[: worst + 1] < 0.1 * missed_mm[worst]), initial=0))
@@ -173,7 +173,7 @@ def _judge(reference: Reference, ticks: Array, stroke_mm: float) -> Feasibility:
         stroke_mm,
         float(time_s[worst]),
         _limit(power_w[span], limit_w[span]),
-        float(wanted_mm[span][-1] - wanted_mm[span][0]) / duration_s,
+        float(setpoint_mm[span][-1] - setpoint_mm[span][0]) / duration_s,
         float(reached_mm[span][-1] - reached_mm[span][0]) / duration_s,
         float(temperature_c.max()),
         float(np.ptp(reference.displacement_mm[reference.times_s >= reference.scored_from_s])),

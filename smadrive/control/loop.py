@@ -69,7 +69,7 @@ class Tick(NamedTuple):
 
 
 @dataclass(slots=True)
-class LoopFigures:
+class LoopMetrics:
     """What the loop counted."""
 
     ticks: int = 0
@@ -105,9 +105,9 @@ class ControlLoop:
         self._start_s = 0.0
         self._last_s = 0.0
         self._overran = False
-        self.figures = LoopFigures()
+        self.figures = LoopMetrics()
 
-    def run(self, watchdog_s: float) -> LoopFigures:
+    def run(self, watchdog_s: float) -> LoopMetrics:
         """Arm, tick until the controller's duration is over or a stop is requested, end in the safe state.
 
         TripError when tripped.
@@ -151,7 +151,7 @@ class ControlLoop:
         if measurement is None:
             self._stop_if(self._supervisor.check_fresh(self._clock.now_s()))
             return
-        self._stop_if(self._supervisor.update(measurement, self._command.wanted_mm))
+        self._stop_if(self._supervisor.update(measurement, self._command.setpoint_mm))
         time_s = measurement.time_s - self._start_s
         dt_s, self._last_s = time_s - self._last_s, time_s
         self._command = self._controller.update(time_s, measurement, dt_s)

@@ -9,7 +9,7 @@ from smadrive.devices.device import Device
 from smadrive.devices.heating.tclab import TCLabBoard
 from smadrive.devices.identity import UNKNOWN, Identity, Proof
 from smadrive.devices.profile.profile import Profile
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.transport import Transport
 
 
@@ -48,5 +48,5 @@ class AnyDevice(Protocol):
 def device_on(transport: Transport, profile: Profile, unit_id: int | None, identity: Identity = UNKNOWN) -> AnyDevice:
     """The device of this profile, alone on a connection; the one of this `identity`, where it has one."""
     if profile.has_registers:
-        return Device(profile, Master(transport), unit_id, identity=identity)
+        return Device(profile, ModbusClient(transport), unit_id, identity=identity)
     return TCLabBoard(profile, transport)

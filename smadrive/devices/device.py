@@ -34,7 +34,7 @@ from smadrive.errors import (
     TransportError,
 )
 from smadrive.modbus import requests
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.requests import Request
 
 
@@ -52,7 +52,7 @@ class _Write(NamedTuple):
 
 
 class Device:
-    """One device of type `profile` at `unit_id` (the profile's own if None) behind `master`.
+    """One device of type `profile` at `unit_id` (the profile's own if None) behind `client`.
 
     `read_retries` takes the place of the profile's: 0 for who reads again soon and cannot wait. `identity` is what
     somebody else has found this very device to be; without it, it is the one that is found first.
@@ -63,7 +63,7 @@ class Device:
     def __init__(
         self,
         profile: Profile,
-        master: Master,
+        client: ModbusClient,
         unit_id: int | None = None,
         read_retries: int | None = None,
         identity: Identity = UNKNOWN,
@@ -73,8 +73,8 @@ class Device:
         if unit_id is not None and not lowest <= unit_id <= highest:
             raise ConfigError(f"unit_id {unit_id} is outside {lowest} to {highest}")
         self.profile = profile
-        self.master = master
-        self.clock = master.clock
+        self.client = client
+        self.clock = client.clock
         self.unit_id = profile.unit_id if unit_id is None else unit_id
         self._family = profile
         self._telling = tuple({name: None for variant in profile.variants for name in variant.match})
@@ -94,7 +94,7 @@ class Device:
 
         Once known, it must be the same one. Before that, a silent one gets the time of a start (`boot_ms`).
         """
-        connection = self.master.connection
+        connection = self.client.connection
         proofs = self._family.identify
         names = tuple(dict.fromkeys(chain((proof.register_ for proof in proofs), self._telling)))
         names = names or self._family.measured[:1]  # where nothing proves its type, it answers at least
@@ -114,7 +114,7 @@ class Device:
 
         Plain Modbus RTU cannot tell a stale reply from a current one of equal length: a second copy of the reply before
         may be taken for this one. Where a safety decision rests on the readings, ask for `proved` ones: a request of
-        another length is answered first (see Master.execute), which costs one more transaction for each request.
+        another length is answered first (see ModbusClient.execute), which costs one more transaction for each request.
         """
         if self._telling or self.identity:
             self._prove_identity()
@@ -161,7 +161,7 @@ class Device:
         whatever is outstanding: a safe state can be written twice, and only a read-back confirms it.
         """
         steps = [partial(self._make_safe, step.register_, step.value) for step in self.profile.safe_state]
-        retry_all(steps, self.master.clock)
+        retry_all(steps, self.client.clock)
 
     def _make_safe(self, name: str, value: float) -> None:
         try:
@@ -170,7 +170,7 @@ class Device:
             self._write(write)
         except (TransportError, ProtocolError):
             if self._is_proved and name in self._safe_writes:
-                self.master.send_unconfirmed(self.unit_id, self._request_of(self._safe_writes[name]), self._timing)
+                self.client.send_unconfirmed(self.unit_id, self._request_of(self._safe_writes[name]), self._timing)
             raise
 
     def _write(self, write: _Write) -> None:
@@ -188,19 +188,19 @@ class Device:
     def _execute(self, request: Request, *, proved: bool = False) -> bytes:
         """One transaction, or one with a proof; a write goes out only where the identity was proved."""
         connection = self._proved_on if request.writes else None
-        return self.master.execute(self.unit_id, request, self._timing, connection, proved=proved)
+        return self.client.execute(self.unit_id, request, self._timing, connection, proved=proved)
 
     def _read(self, names: tuple[str, ...], *, proved: bool = False) -> dict[str, Reading]:
         spans = self._plans.read(names)
         return decode(spans, [self._span_words(span, proved=proved) for span in spans], names)
 
     def _read_patiently(self, names: tuple[str, ...]) -> dict[str, Reading]:
-        give_up_s = self.master.clock.now_s() + self.profile.timing.boot_ms / 1e3
+        give_up_s = self.client.clock.now_s() + self.profile.timing.boot_ms / 1e3
         while True:
             try:
                 return self._read(names, proved=True)
             except DeadlineError:
-                if self.master.clock.now_s() >= give_up_s:
+                if self.client.clock.now_s() >= give_up_s:
                     raise
 
     def _span_words(self, span: Span, *, proved: bool = False) -> tuple[int, ...]:
@@ -273,7 +273,7 @@ class Device:
 
     @property
     def _is_proved(self) -> bool:
-        return self._proved_on == self.master.connection
+        return self._proved_on == self.client.connection
 
     def _prove_identity(self) -> None:
         if not self._is_proved:

@@ -17,7 +17,7 @@ from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.state.lock import Role, lock_line
 from smadrive.errors import DeadlineError, DeviceError, ProtocolError, TransportError
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.connect import open_transport, port_of
 from smadrive.modbus.transports.transport import SerialSettings, Transport
 
@@ -60,12 +60,12 @@ def _scan(
             if not (found or url.startswith("tcp:")) and (proved := tuple(_proved(transport, others, line))):
                 yield Found(None, line, proved, ())
                 return
-            master = Master(transport)
+            client = ModbusClient(transport)
             for unit_id in unit_ids:
                 if unit_id in found:
                     continue
                 ask(_text(line), unit_id)
-                answer = _who_is(master, unit_id, sorted(units, key=lambda one: one.serial_settings() != line))
+                answer = _who_is(client, unit_id, sorted(units, key=lambda one: one.serial_settings() != line))
                 if answer is not None:
                     found.add(unit_id)
                     yield Found(unit_id, line, *answer)
@@ -92,7 +92,7 @@ def _proved(transport: Transport, profiles: Iterable[Profile], line: SerialSetti
 
 
 def _who_is(
-    master: Master, unit_id: int, profiles: Iterable[Profile]
+    client: ModbusClient, unit_id: int, profiles: Iterable[Profile]
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
     """The profiles that unit `unit_id` proves, and those it may be; None when nobody answers."""
     matching: dict[bool, list[str]] = {True: [], False: []}
@@ -101,7 +101,7 @@ def _who_is(
         quick = {"response_timeout_ms": TIMEOUT_MS, "retries": 0, "boot_ms": 0.0, "poll_interval_ms": 0.0}
         hurried = profile.model_copy(update={"timing": profile.timing.model_copy(update=quick)})
         try:
-            if _is_one(Device(hurried, master, unit_id)):
+            if _is_one(Device(hurried, client, unit_id)):
                 matching[profile.proves_type].append(profile.profile.id)
         except DeadlineError:
             silent += 1

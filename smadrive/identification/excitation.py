@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
-from smadrive.numerics.piecewise_linear import Polyline
+from smadrive.numerics.piecewise_linear import PiecewiseLinear
 from smadrive.wire.heat_balance import HeatBalance
 
 LONGEST_S = 86_400.0
@@ -79,8 +79,8 @@ class Excitation:
         return self._path_c.at(time_s)
 
     @cached_property
-    def _path_c(self) -> Polyline:
-        return Polyline(self.times_s.tolist(), self.turning_points_c)
+    def _path_c(self) -> PiecewiseLinear:
+        return PiecewiseLinear(self.times_s.tolist(), self.turning_points_c)
 
 
 def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a: float, found: Measurement) -> None:

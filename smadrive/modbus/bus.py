@@ -1,4 +1,4 @@
-"""What a master is told of a bus, and what it tells."""
+"""What a client is told of a bus, and what it tells."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class BusTiming:
 
 @dataclass(slots=True)
 class BusCounters:
-    """What happened on the bus since the master was made."""
+    """What happened on the bus since the client was made."""
 
     requests: int = 0
     replies: int = 0

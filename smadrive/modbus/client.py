@@ -32,7 +32,7 @@ REOPENS_WITHIN_S = 0.5
 TURNAROUND_S = 0.1  # after a broadcast, serial line V1.02 section 2.4.1
 
 
-class Master:
+class ModbusClient:
     """Sends requests to the devices of one bus, one at a time; threads wait for each other."""
 
     def __init__(self, transport: Transport, trace: Trace | None = None) -> None:

@@ -40,7 +40,7 @@ class Line(NamedTuple):
 
 
 class TraceFile:
-    """Writes what passes on the bus of `transport`: `Master(transport, trace=TraceFile(path, transport))`.
+    """Writes what passes on the bus of `transport`: `ModbusClient(transport, trace=TraceFile(path, transport))`.
 
     A context manager. Times are seconds since the trace began. A line is written after its frame has passed. A trace
     that cannot be written any more (a full disk) ends there; leaving it logs a warning that says when and why.

@@ -19,7 +19,7 @@ from smadrive.numerics.arrays import FloatArray
 _BLOCK = 1024  # rows
 
 
-class Blend(NamedTuple):
+class InterpolationMatrix(NamedTuple):
     """places, shares (samples, few) and rows (nodes, columns) of a matrix (samples, columns)."""
 
     places: NDArray[np.int32]

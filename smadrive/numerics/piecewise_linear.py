@@ -10,7 +10,7 @@ from bisect import bisect_right
 from collections.abc import Iterable
 
 
-class Polyline:
+class PiecewiseLinear:
     """Straight between the corners (`places`, which increase, and `values`); before and behind them the ends hold."""
 
     def __init__(self, places: Iterable[float], values: Iterable[float]) -> None:

@@ -1,4 +1,4 @@
-"""How the devices of a rig file are reached: one transport per address, one master on it, and a trace of what passes.
+"""How the devices of a rig file are reached: one transport per address, one client on it, and a trace of what passes.
 
 An address is the URL of a port, or sim://NAME: a simulated device in this process, in virtual time.
 """
@@ -16,10 +16,10 @@ from smadrive.devices.retry import PAUSES_S
 from smadrive.devices.state.key import key_at
 from smadrive.devices.state.lock import LineLock, Role, lines_of, lock_line
 from smadrive.errors import BusyError, ConfigError
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.trace import TraceFile
 from smadrive.modbus.transports.connect import is_remote, open_transport
-from smadrive.modbus.transports.transport import Lease, Transport
+from smadrive.modbus.transports.transport import PortAccess, Transport
 from smadrive.rig.config import DeviceConfig
 
 SIMULATED = "sim://"
@@ -33,13 +33,13 @@ PATIENCE = 1.5
 
 
 class Connections:
-    """One master per address, and one text line; a trace of each is named after the first device there.
+    """One client per address, and one text line; a trace of each is named after the first device there.
 
     `stack` closes what is opened. A `lease` that is set before that is asked at every use of a connection. The line of
     a serial port, or of a device that heats, is locked; `insists`: one that cannot be locked is used all the same.
     """
 
-    lease: Lease | None = None
+    lease: PortAccess | None = None
 
     def __init__(self, stack: ExitStack, trace_folder: Path | None, *, insists: bool = False) -> None:
         self._stack = stack
@@ -48,7 +48,7 @@ class Connections:
         self._locks: dict[str, LineLock] = {}
         self._connected: list[Transport] = []
         self._longest_wait_s = max(PAUSES_S)
-        self._masters: dict[str, Master] = {}
+        self._masters: dict[str, ModbusClient] = {}
         self._benches: dict[str, _SimulatedBench] = {}
 
     def device(
@@ -60,8 +60,8 @@ class Connections:
         if not profile.has_registers:
             transport = self._alone(device, profile, given)
             return TCLabBoard(profile, transport, self._trace(device, transport, speaks_text=True))
-        master = self._master(device, profile) if given is None else self._master_on(given, device)
-        return Device(profile, master, device.unit_id, read_retries)
+        client = self._client(device, profile) if given is None else self._master_on(given, device)
+        return Device(profile, client, device.unit_id, read_retries)
 
     def locks_of(self, device: DeviceConfig, profile: Profile) -> list[LineLock]:
         """The locks of the line of a device, one for each of its names."""
@@ -93,15 +93,15 @@ class Connections:
                 if not self._insists:
                     raise
 
-    def _master(self, device: DeviceConfig, profile: Profile) -> Master:
+    def _client(self, device: DeviceConfig, profile: Profile) -> ModbusClient:
         if device.url.startswith(SIMULATED):
             return self._master_on(self._simulated(device, profile), device)
         if device.url not in self._masters:
             self._masters[device.url] = self._master_on(self._connect(device, profile), device)
         return self._masters[device.url]
 
-    def _master_on(self, transport: Transport, device: DeviceConfig) -> Master:
-        return Master(self._opened(transport), self._trace(device, transport, speaks_text=False))
+    def _master_on(self, transport: Transport, device: DeviceConfig) -> ModbusClient:
+        return ModbusClient(self._opened(transport), self._trace(device, transport, speaks_text=False))
 
     def _alone(self, device: DeviceConfig, profile: Profile, given: Transport | None) -> Transport:
         """A connection that no other device shares."""

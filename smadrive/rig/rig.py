@@ -16,7 +16,7 @@ from typing import Self
 from smadrive.clock import Clock
 from smadrive.control.controllers.temperature import Controller
 from smadrive.control.feedforward.displacement import DisplacementInverse
-from smadrive.control.loop import ControlLoop, LoopFigures, StopRequested, Tick, never
+from smadrive.control.loop import ControlLoop, LoopMetrics, StopRequested, Tick, never
 from smadrive.control.references.reference import Reference
 from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.devices.identity import DeviceType, Proof
@@ -31,11 +31,11 @@ from smadrive.rig.config import RigConfig
 from smadrive.rig.controllers import excitation_controller, tracking_controller
 from smadrive.rig.limits_check import check_limits
 from smadrive.rig.wire_check import check_same_wire
-from smadrive.safety.displacement_band import PlausibleDisplacement
+from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
 from smadrive.safety.supervisor import SafetyLimits, Supervisor
-from smadrive.safety.temperature_band import UNCERTAINTIES, PlausibleTemperature
+from smadrive.safety.temperature_band import UNCERTAINTIES, TemperatureBand
 from smadrive.wire.data_sheet import load_data_sheet
 from smadrive.wire.heat_balance import HeatBalance
 
@@ -130,7 +130,7 @@ class Rig:
         plan = self.config.excitation
         return nested_reversals(plan.low_c, plan.high_c, plan.rate_c_per_s, min(start_c, plan.high_c))
 
-    def excite(self, excitation: Excitation, record: Record) -> LoopFigures:
+    def excite(self, excitation: Excitation, record: Record) -> LoopMetrics:
         """Run the identification experiment; every tick goes to `record`."""
         balance = self.nominal_balance
         controller = excitation_controller(self.config, excitation, balance)
@@ -143,7 +143,7 @@ class Rig:
         balance: HeatBalance,
         inverse: DisplacementInverse,
         record: Record,
-    ) -> LoopFigures:
+    ) -> LoopMetrics:
         """Follow a displacement reference with the given inverse; every tick goes to `record`."""
         controller = tracking_controller(self.config, reference, model, balance, inverse)
         return self.drive(controller, balance, record, model)
@@ -155,7 +155,7 @@ class Rig:
         record: Record,
         model: HysteresisModel | None = None,
         stop_requested: StopRequested = never,
-    ) -> LoopFigures:
+    ) -> LoopMetrics:
         """Arm, run a controller on the wire of this heat balance to its end, disarm; every tick goes to `record`.
 
         With the wire's `model` a displacement that it cannot have is a fault. `stop_requested` ends the run before the
@@ -204,12 +204,12 @@ class Rig:
             misplaced_for_s=MISPLACED_S + lag_s,
         )
         lag_s += self.heater.temperature_period_s
-        plausible = PlausibleTemperature(balance, UNCERTAINTIES[balance.source], lag_s)
-        return Supervisor(guarded, plausible, None if model is None else PlausibleDisplacement(model))
+        plausible = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s)
+        return Supervisor(guarded, plausible, None if model is None else DisplacementBand(model))
 
     def _run(
         self, controller: Controller, supervisor: Supervisor, record: Record, stop_requested: StopRequested = never
-    ) -> LoopFigures:
+    ) -> LoopMetrics:
         if (latched := self.latch.read()) is not None:
             raise SafetyError(f"refused to arm: the last run tripped ({latched}). {CLEAR}")
         self._check_rate()

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from smadrive.control.loop import LATE_FRACTION, LoopFigures
+from smadrive.control.loop import LATE_FRACTION, LoopMetrics
 from smadrive.errors import DataError
 from smadrive.runs.log.reader import Log
 from smadrive.runs.run_metadata import logged_reference, logged_rig, logged_wire
@@ -38,7 +38,7 @@ def is_virtual(log: Log) -> bool:
 
 
 @dataclass(frozen=True)
-class TrackingFigures:
+class TrackingMetrics:
     """How a run went: error = reference - displacement in % of the stroke, after the approach, where it was measured.
 
     NaN where nothing measured the displacement.
@@ -52,15 +52,15 @@ class TrackingFigures:
     log_file: str
 
 
-def tracking_figures(log: Log, loop: LoopFigures) -> TrackingFigures:
+def tracking_metrics(log: Log, loop: LoopMetrics) -> TrackingMetrics:
     """The figures of a recorded tracking run, whose loop counted `loop`. DataError when the log is of none."""
     rms, largest = _rms_and_max(error_percent(log))
-    return TrackingFigures(rms, largest, loop.ticks, loop.missed_deadlines, loop.trips, str(log.path))
+    return TrackingMetrics(rms, largest, loop.ticks, loop.missed_deadlines, loop.trips, str(log.path))
 
 
-def tripped_loop(log: Log) -> LoopFigures:
+def tripped_loop(log: Log) -> LoopMetrics:
     """What the loop of a run that a trip cut had counted before it; of lost exchanges the log does not tell."""
-    return LoopFigures(log.column("time_s").size, _missed_deadlines(log), trips=1)
+    return LoopMetrics(log.column("time_s").size, _missed_deadlines(log), trips=1)
 
 
 def tracking_caveats(log: Log) -> tuple[str, ...]:
@@ -91,7 +91,7 @@ def _doubtful_samples(log: Log) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True)
-class RunSummary:
+class RunMetrics:
     """What a log alone tells of its run, complete or cut; NaN where it is not known.
 
     `energy_j` is what the heater gave; `limited_percent` the share of the ticks in which something held it back.
@@ -110,7 +110,7 @@ class RunSummary:
     limited_percent: float
 
 
-def run_summary(log: Log) -> RunSummary:
+def run_summary(log: Log) -> RunMetrics:
     """The summary of `log`. DataError when nothing was recorded."""
     time_s = log.column("time_s")
     if time_s.size == 0:
@@ -118,7 +118,7 @@ def run_summary(log: Log) -> RunSummary:
     tracked = "reference" in log.about
     error = error_percent(log) if tracked else np.array([nan])
     power_w = log.signal("current_a") * log.signal("voltage_v")
-    return RunSummary(
+    return RunMetrics(
         log.text("kind"),
         time_s.size,
         float(time_s[-1]),

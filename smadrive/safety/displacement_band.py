@@ -14,7 +14,7 @@ from math import isfinite
 import numpy as np
 
 from smadrive.hysteresis import HysteresisModel
-from smadrive.numerics.piecewise_linear import Polyline
+from smadrive.numerics.piecewise_linear import PiecewiseLinear
 
 UNSURE_C = 10.0
 """By how much the wire's temperature may differ from the reading, K."""
@@ -26,7 +26,7 @@ POINTS = 400
 """Of each branch."""
 
 
-class PlausibleDisplacement:
+class DisplacementBand:
     """The band above for the wire of `model`."""
 
     def __init__(self, model: HysteresisModel) -> None:
@@ -38,9 +38,9 @@ class PlausibleDisplacement:
         shifted_c = around_c - UNSURE_C, around_c + UNSURE_C
         ends_mm = [np.interp(at_c, warming_c, branch_mm) for branch_mm in branches_mm for at_c in shifted_c]
         margin_mm = MARGIN * float(np.ptp(loop_mm))
-        self._branches = [Polyline(warming_c, branch_mm) for branch_mm in branches_mm]
-        self._low = Polyline(around_c, np.min(ends_mm, axis=0) - margin_mm)
-        self._high = Polyline(around_c, np.max(ends_mm, axis=0) + margin_mm)
+        self._branches = [PiecewiseLinear(warming_c, branch_mm) for branch_mm in branches_mm]
+        self._low = PiecewiseLinear(around_c, np.min(ends_mm, axis=0) - margin_mm)
+        self._high = PiecewiseLinear(around_c, np.max(ends_mm, axis=0) + margin_mm)
 
     def band_mm(self, temperature_c: float) -> tuple[float, float]:
         """The least and the greatest displacement at a reading of `temperature_c`."""

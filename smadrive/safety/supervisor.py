@@ -13,9 +13,9 @@ from math import inf, isfinite
 from smadrive.errors import SafetyError
 from smadrive.measurement import Measurement
 from smadrive.safety.debounce import Debounce
-from smadrive.safety.displacement_band import PlausibleDisplacement
+from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR, Fault, Trip
-from smadrive.safety.temperature_band import FROZEN_C, PlausibleTemperature
+from smadrive.safety.temperature_band import FROZEN_C, TemperatureBand
 
 LATE_TICKS = 20
 """So many missed deadlines in a row are a fault."""
@@ -52,8 +52,8 @@ class Supervisor:
     def __init__(
         self,
         limits: SafetyLimits,
-        plausible: PlausibleTemperature | None = None,
-        placed: PlausibleDisplacement | None = None,
+        plausible: TemperatureBand | None = None,
+        placed: DisplacementBand | None = None,
     ) -> None:
         self._limits = limits
         self._plausible = plausible
@@ -78,8 +78,8 @@ class Supervisor:
         self._placed_s: float | None = None
         self._late_ticks = 0
 
-    def update(self, measurement: Measurement, wanted_mm: float) -> Trip | None:
-        """Judge one measurement, at which `wanted_mm` was the reference (NaN: none); the latched trip, if any."""
+    def update(self, measurement: Measurement, setpoint_mm: float) -> Trip | None:
+        """Judge one measurement, at which `setpoint_mm` was the reference (NaN: none); the latched trip, if any."""
         self.check_fresh(measurement.time_s)
         before_s, self._fresh_s = self._fresh_s, measurement.time_s
         dt_s = 0.0 if before_s is None else measurement.time_s - before_s
@@ -88,7 +88,7 @@ class Supervisor:
         self._check_current(measurement)
         self._check_power(measurement)
         self._check_heat(measurement, dt_s)
-        self._check_displacement(measurement, wanted_mm)
+        self._check_displacement(measurement, setpoint_mm)
         self._check_placement(measurement)
         return self.trip
 
@@ -204,7 +204,7 @@ class Supervisor:
             detail = f"{reading_c:.1f} °C read, {band.low_c:.0f} to {band.high_c:.0f} °C are possible"
             self._raise(fault, measurement.time_s, detail)
 
-    def _check_displacement(self, measurement: Measurement, wanted_mm: float) -> None:
+    def _check_displacement(self, measurement: Measurement, setpoint_mm: float) -> None:
         limits, measured_mm = self._limits, measurement.displacement_mm
         if isfinite(measured_mm):
             self._displaced_s = measurement.time_s
@@ -213,10 +213,10 @@ class Supervisor:
         outside = measured_mm < limits.displacement_min_mm or measured_mm > limits.displacement_max_mm
         if self._strayed.update(outside):
             self._raise(Fault.OVER_DISPLACEMENT, measurement.time_s, f"{measured_mm:.3f} mm")
-        if self._following_s is None or not abs(wanted_mm - measured_mm) > limits.tracking_max_mm:
+        if self._following_s is None or not abs(setpoint_mm - measured_mm) > limits.tracking_max_mm:
             self._following_s = measurement.time_s
         elif measurement.time_s - self._following_s > limits.tracking_for_s:
-            detail = f"{wanted_mm:.3f} mm wanted, {measured_mm:.3f} mm measured for {limits.tracking_for_s:g} s"
+            detail = f"{setpoint_mm:.3f} mm wanted, {measured_mm:.3f} mm measured for {limits.tracking_for_s:g} s"
             self._raise(Fault.TRACKING_LOST, measurement.time_s, detail)
 
     def _check_placement(self, measurement: Measurement) -> None:

@@ -64,7 +64,7 @@ class Band(NamedTuple):
     """By how much the wire has at least moved under a reading that stands still."""
 
 
-class PlausibleTemperature:
+class TemperatureBand:
     """The checks above, for a wire whose balance is known within `uncertainty` and whose reading lags by `lag_s`."""
 
     def __init__(self, balance: HeatBalance, uncertainty: Uncertainty, lag_s: float) -> None:

@@ -14,7 +14,7 @@ from smadrive.tuning.builder.builder import Order, Outcome, Refused, packed_orde
 from smadrive.tuning.link.address import ADDRESS
 from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.link.mailbox import ParcelPair
-from smadrive.tuning.link.supervised_process import Beside
+from smadrive.tuning.link.supervised_process import SupervisedProcess
 
 BACKLOG = 512
 """Connections that wait while the front process is started anew."""
@@ -31,7 +31,7 @@ FROZEN_LOOKS = 10
 COMPLETE = "is the installation complete?"
 
 
-class PageProcess(Beside):
+class PageProcess(SupervisedProcess):
     """Builds the pages, for the front process alone, on the Unix socket at `path`."""
 
     def __init__(self, channel: ControlEnd, *, port: int, path: str, token: str, rig_file: Path, folder: Path) -> None:
@@ -48,7 +48,7 @@ class PageProcess(Beside):
         )
 
 
-class FrontProcess(Beside):
+class FrontProcess(SupervisedProcess):
     """Answers OFF on the page's port, and passes page loads on to the socket at `path`."""
 
     def __init__(self, channel: ControlEnd, listener: socket.socket, path: str) -> None:
@@ -86,7 +86,7 @@ class TuningPage:
     @property
     def troubles(self) -> list[str]:
         """What keeps the front process or the page process from being started anew."""
-        processes: list[Beside] = [self.front, self.server] if hasattr(self, "_on_exit") else []
+        processes: list[SupervisedProcess] = [self.front, self.server] if hasattr(self, "_on_exit") else []
         return [process.trouble for process in processes if process.trouble]
 
     @property
@@ -132,8 +132,8 @@ def _listen(port: int) -> socket.socket:
         raise ConfigError(f"port {port} of {ADDRESS}: {error.strerror}: choose another --port") from None
 
 
-class WorkshopProcess(Beside):
-    """A Workshop in a process of its own, at the other end of `parcels`."""
+class BuilderProcess(SupervisedProcess):
+    """A ModelBuilder in a process of its own, at the other end of `parcels`."""
 
     def __init__(self, parcels: ParcelPair) -> None:
         super().__init__("smadrive.tuning.builder.process", {"fds": parcels.fds}, parcels.fds, COMPLETE)
@@ -143,13 +143,13 @@ class WorkshopProcess(Beside):
         self._deaths_before = 0
 
     def begin(self, order: Order) -> None:
-        """See Workshop."""
+        """See ModelBuilder."""
         self._number += 1
         self._order, self._deaths_before = order, self.deaths
         self._parcels.send(self._number, packed_order(order))
 
     def outcome(self) -> Outcome | None:
-        """See Workshop; an order that died with its process is refused."""
+        """See ModelBuilder; an order that died with its process is refused."""
         if self._order is None:
             return None
         outcome: Outcome | None = None

@@ -24,7 +24,7 @@ from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.profile.profile import load_profile
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.connect import open_transport
 
 ROUNDS = 9
@@ -41,11 +41,11 @@ def smadrive_s(path, count):
     """Seconds of smadrive, each reply checked for unit, function, count, length and CRC, and its payload compared."""
     timing = BusTiming(1.0, silence=False)
     with open_transport(f"serial://{path}") as transport:
-        master = Master(transport)
-        master.execute(1, requests.read_holding(0, 1), timing)
+        client = ModbusClient(transport)
+        client.execute(1, requests.read_holding(0, 1), timing)
         began_s = time.perf_counter()
         for number in range(count):
-            payload = master.execute(1, requests.exchange(0, (number, 0, 0, 0), 0, READ), timing)
+            payload = client.execute(1, requests.exchange(0, (number, 0, 0, 0), 0, READ), timing)
             assert requests.registers_of(payload)[0] == number
         return time.perf_counter() - began_s
 
@@ -104,7 +104,7 @@ def report_tick(ticks=2000):
     command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as simulator:
         with open_transport(simulator.stdout.readline().strip(), profile.serial_settings()) as transport:
-            board = HeaterBoard(Device(profile, Master(transport)), MonotonicClock())
+            board = HeaterBoard(Device(profile, ModbusClient(transport)), MonotonicClock())
             board.connect()
             began_s = time.process_time()
             for _ in range(ticks):

@@ -23,7 +23,7 @@ from firmware_sim.physics.random_wire import KINDS, Kind, draw
 from smadrive.clock import VirtualClock
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.controllers.tracking import TrackingController
-from smadrive.control.feasibility import rehearse
+from smadrive.control.feasibility import simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse, StaticMap
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import chirp, sine, steps, trapezoid
@@ -99,7 +99,7 @@ def references(wire: WireModel, *, others: bool) -> dict[str, Reference]:
     start = WireState(22.0, wire.model.initial_state(22.0))
     for name, reference in asked.items():
         path = reference.with_approach(cold_mm, APPROACH_S)
-        found[name] = rehearse(path, wire, HysteresisInverse(wire.model), tracking_settings(RIG), start).nearest
+        found[name] = simulate_run(path, wire, HysteresisInverse(wire.model), tracking_settings(RIG), start).nearest
     return found
 
 
@@ -124,14 +124,14 @@ class DisplacementPid:
         self._integral_w = 0.0
 
     def update(self, time_s: float, measurement, dt_s: float) -> Command:
-        wanted_mm = self._reference.value_mm(time_s)
-        error_mm = wanted_mm - measurement.displacement_mm
+        setpoint_mm = self._reference.value_mm(time_s)
+        error_mm = setpoint_mm - measurement.displacement_mm
         limit_w = self._limit_a**2 * self._balance.resistance_cold_ohm
         unclamped_w = self._gain * error_mm + self._integral_w
         power_w = min(max(unclamped_w, 0.0), limit_w)
         if power_w == unclamped_w or (unclamped_w < 0.0) == (error_mm > 0.0):
             self._integral_w += self._gain * error_mm * dt_s / self.INTEGRAL_S
-        return Command(self._balance.current_a(power_w, 0.0), wanted_mm=wanted_mm, power_w=power_w)
+        return Command(self._balance.current_a(power_w, 0.0), setpoint_mm=setpoint_mm, power_w=power_w)
 
 
 def controller(name: str, wire: Wire, reference: Reference, *, sensor: bool):
@@ -160,8 +160,8 @@ def track(name: str, wire: Wire, reference: Reference, seed: int, *, sensor: boo
         print(f"    {name}, {'with' if sensor else 'without'} sensor: {error}")
         return np.inf, np.inf
     time_s, reached_mm = np.array(rows).T
-    wanted_mm = np.array([reference.value_mm(t) for t in time_s])
-    percent = 100.0 * (wanted_mm - reached_mm)[time_s >= reference.scored_from_s] / wire.sim.wire.stroke_mm
+    setpoint_mm = np.array([reference.value_mm(t) for t in time_s])
+    percent = 100.0 * (setpoint_mm - reached_mm)[time_s >= reference.scored_from_s] / wire.sim.wire.stroke_mm
     return float(np.sqrt(np.mean(percent**2))), float(np.max(np.abs(percent)))
 
 

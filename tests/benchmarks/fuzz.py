@@ -31,7 +31,7 @@ from smadrive.clock import VirtualClock
 from smadrive.errors import SmadriveError, TransportError
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import NEVER_SILENT_S, PROBES, Master
+from smadrive.modbus.client import NEVER_SILENT_S, PROBES, ModbusClient
 from smadrive.modbus.transports.connect import open_transport
 from smadrive.modbus.transports.in_process import InProcessTransport
 from smadrive.modbus.transports.transport import SerialSettings
@@ -84,11 +84,11 @@ class Figures:
 
 
 class Fuzzer:
-    """Makes random exchanges through `master` and judges what comes back."""
+    """Makes random exchanges through `client` and judges what comes back."""
 
-    def __init__(self, master, seed, timing=TIMING, *, plain_is_sure=True):
+    def __init__(self, client, seed, timing=TIMING, *, plain_is_sure=True):
         self.figures = Figures()
-        self._master = master
+        self._client = client
         self._timing = timing
         self._plain_is_sure = plain_is_sure
         self._random = random.Random(seed)
@@ -100,7 +100,7 @@ class Fuzzer:
         """That many; the figures."""
         act = self._read
         for _ in range(exchanges):
-            began_s = self._master.clock.now_s()
+            began_s = self._client.clock.now_s()
             if self._random.random() < 0.3:  # else the same again, as a control loop does: late replies then fit
                 act = self._random.choice((self._read, self._write, self._exchange, self._echo, self._prove))
             try:
@@ -108,8 +108,8 @@ class Fuzzer:
             except SmadriveError as error:
                 self.figures.errors[type(error).__name__] += 1
                 if type(error) is TransportError:  # the port is gone: no use in asking a thousand times
-                    self._master.clock.sleep_until(self._master.clock.now_s() + self._timing.response_timeout_s)
-            took_s = self._master.clock.now_s() - began_s
+                    self._client.clock.sleep_until(self._client.clock.now_s() + self._timing.response_timeout_s)
+            took_s = self._client.clock.now_s() - began_s
             self.figures.slowest_s = max(self.figures.slowest_s, took_s)
             self.figures.hangs += took_s > longest_s(self._timing)
         return self.figures
@@ -152,7 +152,7 @@ class Fuzzer:
         sequence = self._nonce & 0xFFFF
         words = self._execute(requests.exchange(32, (sequence, 0, 0), 16, 11))
         if words[0] != sequence:
-            self._master.distrust()
+            self._client.distrust()
             self.figures.caught += 1
             return
         self._judge(words[:1], {(sequence,)}, sure=True)
@@ -162,7 +162,7 @@ class Fuzzer:
         return pattern(self._nonce)
 
     def _execute(self, request, *, proved=False):
-        return requests.registers_of(self._master.execute(1, request, self._timing, proved=proved))
+        return requests.registers_of(self._client.execute(1, request, self._timing, proved=proved))
 
     def _judge(self, words, possible, *, sure=False):
         if words in possible:
@@ -176,7 +176,7 @@ class Fuzzer:
     def _until_answered(self, request):
         while True:
             try:
-                return self._master.execute(1, request, self._timing)
+                return self._client.execute(1, request, self._timing)
             except SmadriveError:
                 continue
 
@@ -191,7 +191,7 @@ def over(way_in, exchanges, beyond="", seed=1):
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as simulator:
             try:
                 with open_transport(simulator.stdout.readline().strip(), SerialSettings()) as transport:
-                    return told(way_in, beyond, Master(transport), exchanges, seed, TIMING)
+                    return told(way_in, beyond, ModbusClient(transport), exchanges, seed, TIMING)
             finally:
                 simulator.kill()
 
@@ -206,14 +206,14 @@ def in_process(way_in, exchanges, beyond="", seed=1):
     clock.follow(device.bench.advance_to)
     transport = InProcessTransport(device.line, clock, None if numbered else 115200)
     device.faults.connect(transport, numbered=numbered)
-    return told(f"in process, {way_in}", beyond, Master(transport), exchanges, seed, VIRTUAL_TIMING)
+    return told(f"in process, {way_in}", beyond, ModbusClient(transport), exchanges, seed, VIRTUAL_TIMING)
 
 
-def told(name, beyond, master, exchanges, seed, timing):
+def told(name, beyond, client, exchanges, seed, timing):
     """Run, print and return the figures."""
-    figures = Fuzzer(master, seed, timing, plain_is_sure=beyond != BEYOND).run(exchanges)
+    figures = Fuzzer(client, seed, timing, plain_is_sure=beyond != BEYOND).run(exchanges)
     kind = " ".join(beyond.split()) or "what plain Modbus can tell"
-    print(f"{name} ({kind}): {figures}\n    {master.counters}", *figures.wrong[:5], sep="\n    ", flush=True)
+    print(f"{name} ({kind}): {figures}\n    {client.counters}", *figures.wrong[:5], sep="\n    ", flush=True)
     return figures
 
 

@@ -86,7 +86,7 @@ def main() -> None:
                 nonlocal begun_s
                 recorder.tick(tick)
                 if tick.time_s >= APPROACH_S:
-                    error_mm = tick.command.wanted_mm - bench.plant.displacement_mm
+                    error_mm = tick.command.setpoint_mm - bench.plant.displacement_mm
                     errors_percent.append(100.0 * error_mm / (hot_mm - cold_mm))
                 if len(errors_percent) == int(HOUR_S * config.rate_hz):
                     rms, most = np.sqrt(np.mean(np.square(errors_percent))), np.max(np.abs(errors_percent))

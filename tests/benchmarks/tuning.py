@@ -40,9 +40,9 @@ from smadrive.rig.rig import Rig
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.tuning.link.channel import COLUMNS, ControlEnd, PageEnd
 from smadrive.tuning.link.mailbox import ParcelPair
-from smadrive.tuning.link.real_time import be_punctual
+from smadrive.tuning.link.real_time import use_real_time_scheduling
 from smadrive.tuning.page.plots import POINTS
-from smadrive.tuning.processes import TuningPage, WorkshopProcess
+from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
@@ -69,7 +69,7 @@ def control(script, rate_hz):
     with ExitStack() as stack:
         simulator = stack.enter_context(ServedSimulator("flexinol-lt-0.15mm", real_time=True, tcp=True))
         config = load_rig("simulated").at(simulator.url).model_copy(update={"rate_hz": rate_hz})
-        workshop = stack.enter_context(WorkshopProcess(stack.enter_context(ParcelPair())))
+        workshop = stack.enter_context(BuilderProcess(stack.enter_context(ParcelPair())))
         channel = stack.enter_context(ControlEnd())
         rig = stack.enter_context(Rig(config))
         tuning = Tuning.of(TSFuzzyDuhem.from_duhem(WIRE, TriangularSets(CENTRES)), config.feedback, "as loaded")
@@ -118,7 +118,7 @@ def control(script, rate_hz):
         attendant = threading.Thread(target=attend)
         attendant.start()
         stand_in_for_hardware(simulator._process.pid)
-        be_punctual()
+        use_real_time_scheduling()
         granted = os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_FIFO
         print(f"the loop at {rate_hz:g} Hz, {'in real time' if granted else 'as any process'}", flush=True)
         with suppress(Ended):

@@ -19,7 +19,7 @@ from smadrive.rig.rig import Rig
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.tuning.link.channel import ControlEnd, PageEnd
 from smadrive.tuning.link.mailbox import ParcelPair
-from smadrive.tuning.processes import TuningPage, WorkshopProcess
+from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
@@ -60,7 +60,7 @@ class Session:
         rig = Rig(load_rig("simulated").at(simulator.url), PacedClock(simulator.clock))
         self.rig = self._stack.enter_context(rig)
         self.channel = channel = self._stack.enter_context(ControlEnd())
-        workshop = self._stack.enter_context(WorkshopProcess(self._stack.enter_context(ParcelPair())))
+        workshop = self._stack.enter_context(BuilderProcess(self._stack.enter_context(ParcelPair())))
         tuning = Tuning.of(rules(), self.rig.config.feedback, "as loaded")
         references = {"sine": sine(low_mm=2.0, high_mm=9.0, period_s=30.0, cycles=1)}
         self.session = TuningSession(self.rig, tuning, BALANCE, references, channel, workshop, self._record)

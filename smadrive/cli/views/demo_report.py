@@ -22,9 +22,9 @@ from smadrive.runs.plots import (
     panels,
 )
 from smadrive.runs.report import Grid, Notes, Plot, write_report
-from smadrive.runs.run_metrics import TrackingFigures
+from smadrive.runs.run_metrics import TrackingMetrics
 
-ArmView = tuple[str, Log, TrackingFigures]
+ArmView = tuple[str, Log, TrackingMetrics]
 
 ARM_COLOURS = (MEASURED, ESTIMATED)
 
@@ -116,7 +116,7 @@ def _temperature_plot(arms: Sequence[ArmView]) -> Plot:
     time_s = log.column("time_s")
     line(upper, time_s, log.signal("temperature_c"), color=FAINT, lw=1.6, label="thermocouple")
     line(upper, time_s, log.signal("estimated_c"), color=ESTIMATED, label="wire, estimated")
-    line(upper, time_s, log.signal("wanted_c"), color=WANTED, ls="--", lw=0.8, label="wanted")
+    line(upper, time_s, log.signal("setpoint_c"), color=WANTED, ls="--", lw=0.8, label="wanted")
     upper.set_ylabel("temperature / °C")
     legend(upper)
     line(lower, time_s, 1e3 * log.signal("current_a"), color=MEASURED, lw=0.9)

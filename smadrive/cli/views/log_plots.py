@@ -73,7 +73,7 @@ def _heat(log: Log) -> Plot:
     figure, (upper, lower) = panels((2.6, 1.9))
     line(upper, time_s, log.signal("temperature_c"), color=FAINT, lw=1.6, label="thermocouple")
     line(upper, time_s, log.signal("estimated_c"), color=ESTIMATED, lw=1.1, label="wire, estimated")
-    line(upper, time_s, log.signal("wanted_c"), color=WANTED, ls="--", lw=0.8, label="wanted")
+    line(upper, time_s, log.signal("setpoint_c"), color=WANTED, ls="--", lw=0.8, label="wanted")
     upper.axhline(limits.temperature_max_c, color=LIMIT, ls=":", lw=1.2, label="trip limit")
     upper.set_ylabel("temperature / °C")
     legend(upper)

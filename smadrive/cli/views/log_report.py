@@ -13,12 +13,12 @@ from smadrive.errors import UNCONFIRMED
 from smadrive.runs.log.reader import Log
 from smadrive.runs.report import Grid, Listing, Part, State, Tiles, write_report
 from smadrive.runs.run_metadata import logged_rig
-from smadrive.runs.run_metrics import RunSummary, is_virtual, run_summary, tracking_caveats
+from smadrive.runs.run_metrics import RunMetrics, is_virtual, run_summary, tracking_caveats
 
 TITLES = {"excitation": "identification experiment", "tracking": "tracking run"}
 
 
-def write_log_report(path: Path, log: Log) -> RunSummary:
+def write_log_report(path: Path, log: Log) -> RunMetrics:
     """Write the page of `log` to `path`. DataError when the log tells too little, or the page cannot be written."""
     config, summary = logged_rig(log), run_summary(log)
     devices = ", ".join(f"{name}: {identity}" for name, identity in log.parsed("devices", _items))
@@ -35,7 +35,7 @@ def write_log_report(path: Path, log: Log) -> RunSummary:
     return summary
 
 
-def _state(log: Log, summary: RunSummary) -> State:
+def _state(log: Log, summary: RunMetrics) -> State:
     if not log.end_time:
         return State(
             "odd",
@@ -60,7 +60,7 @@ def _caveats(log: Log) -> Iterator[State]:
             yield State("odd", f"Beware: {caveat}.")
 
 
-def _tiles(summary: RunSummary, limit_a: float, *, is_virtual: bool) -> Iterator[tuple[str, str]]:
+def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator[tuple[str, str]]:
     if isfinite(summary.rms_percent):
         yield f"{summary.rms_percent:.2f} %", "RMS error, of the stroke"
         yield f"{summary.max_percent:.2f} %", "largest error"

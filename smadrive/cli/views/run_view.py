@@ -67,12 +67,12 @@ class RunView:
         temperature = measured.temperature_fault or number(measured.temperature_c, 1, "°C")
         for row in (
             (
-                ("reference", number(command.wanted_mm, 3, "mm")),
+                ("reference", number(command.setpoint_mm, 3, "mm")),
                 ("displacement", number(measured.displacement_mm, 3, "mm")),
-                ("error", number(command.wanted_mm - measured.displacement_mm, 3, "mm")),
+                ("error", number(command.setpoint_mm - measured.displacement_mm, 3, "mm")),
             ),
             (
-                ("wanted", number(command.wanted_c, 1, "°C")),
+                ("wanted", number(command.setpoint_c, 1, "°C")),
                 ("temperature", temperature),
                 ("late", f"{1e3 * tick.late_s:.1f} ms"),
             ),

@@ -30,8 +30,8 @@ class Command(NamedTuple):
     """The heater current asked for, and why: setpoints, estimates and power (NaN where a controller has none)."""
 
     current_a: float
-    wanted_c: float = nan
-    wanted_mm: float = nan
+    setpoint_c: float = nan
+    setpoint_mm: float = nan
     estimated_c: float = nan
     estimated_mm: float = nan
     power_w: float = nan
@@ -84,18 +84,20 @@ class TemperatureController:
         reading_c = self._reading_c(measurement)
         self._wait(time_s, reading_c, dt_s)
         on_path_s = time_s - self._waited_s
-        wanted_c = self._path_c(on_path_s + dt_s)
-        rate_c_per_s = (wanted_c - self._path_c(on_path_s)) / dt_s
-        feedforward_w = self._balance.power_w(wanted_c, rate_c_per_s, 0.0)
+        setpoint_c = self._path_c(on_path_s + dt_s)
+        rate_c_per_s = (setpoint_c - self._path_c(on_path_s)) / dt_s
+        feedforward_w = self._balance.power_w(setpoint_c, rate_c_per_s, 0.0)
         limit_w = self._current_limit_a**2 * self._balance.resistance_cold_ohm
-        limit_w = min(limit_w, self._envelope_w(wanted_c, abs(rate_c_per_s)))
-        power_w = self._feedback.update(wanted_c - reading_c, feedforward_w, limit_w, dt_s)
-        return Command(self._balance.current_a(power_w, 0.0), wanted_c=wanted_c, estimated_c=reading_c, power_w=power_w)
+        limit_w = min(limit_w, self._envelope_w(setpoint_c, abs(rate_c_per_s)))
+        power_w = self._feedback.update(setpoint_c - reading_c, feedforward_w, limit_w, dt_s)
+        return Command(
+            self._balance.current_a(power_w, 0.0), setpoint_c=setpoint_c, estimated_c=reading_c, power_w=power_w
+        )
 
-    def _envelope_w(self, wanted_c: float, rate_c_per_s: float) -> float:
+    def _envelope_w(self, setpoint_c: float, rate_c_per_s: float) -> float:
         balance = self._balance
         transforming = balance.latent_heat_j / TRANSFORMATION_C * rate_c_per_s
-        return ENVELOPE * (balance.power_w(wanted_c + LAGS_C, rate_c_per_s, 0.0) + transforming)
+        return ENVELOPE * (balance.power_w(setpoint_c + LAGS_C, rate_c_per_s, 0.0) + transforming)
 
     def _wait(self, time_s: float, reading_c: float, dt_s: float) -> None:
         """Hold the path while the wire is far from it."""

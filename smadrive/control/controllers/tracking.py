@@ -20,7 +20,7 @@ from smadrive.control.controllers.temperature import Command
 from smadrive.control.controllers.trim import DisplacementTrim
 from smadrive.control.estimation.observer import WireEstimate, WireObserver
 from smadrive.control.feedforward.displacement import DisplacementFeedforward, DisplacementInverse
-from smadrive.control.feedforward.reversal_preview import Turn, TurnPreview
+from smadrive.control.feedforward.reversal_preview import ReversalPreview, Turn
 from smadrive.control.references.reference import Reference
 from smadrive.measurement import Measurement
 from smadrive.wire.wire_model import WireModel
@@ -76,7 +76,7 @@ class TrackingController:
         noise_mm = DISPLACEMENT_NOISE * abs(wire.travel_mm)
         self._observer = WireObserver(wire, settings.period_s, settings.noise_c, noise_mm)
         self._feedforward = DisplacementFeedforward(inverse, wire)
-        self._preview = TurnPreview(wire) if inverse.hysteretic else None
+        self._preview = ReversalPreview(wire) if inverse.hysteretic else None
         self._feedback = TemperatureFeedback(
             PIGains.for_balance(wire.balance, settings.closed_loop_s, settings.integral_s)
         )
@@ -102,10 +102,10 @@ class TrackingController:
         estimate = self._observed(measurement, dt_s)
         ahead = self._observer.predict(estimate, before.power_w, dt_s)
         limit_w = self._limit_a**2 * self._wire.resistance_ohm(ahead.hysteresis)
-        wanted_mm, rate_mm_per_s = self._wanted(time_s + dt_s, dt_s)
+        setpoint_mm, rate_mm_per_s = self._wanted(time_s + dt_s, dt_s)
         direction, turn = self._course(before, ahead, time_s + dt_s, rate_mm_per_s, limit_w)
         if turn is None:
-            target = self._feedforward.update(ahead, wanted_mm + before.trim_mm, rate_mm_per_s, direction)
+            target = self._feedforward.update(ahead, setpoint_mm + before.trim_mm, rate_mm_per_s, direction)
         else:
             target = self._feedforward.hold(ahead, turn.meets_c)
         error_c = target.temperature_c - ahead.temperature_c
@@ -113,7 +113,9 @@ class TrackingController:
         trim_mm = 0.0
         if turn is None and isfinite(measurement.displacement_mm):
             free = 0.0 < power_w < limit_w
-            trim_mm = self._trim.update(before.trim_mm, wanted_mm - ahead.hysteresis.y, error_c if free else inf, dt_s)
+            trim_mm = self._trim.update(
+                before.trim_mm, setpoint_mm - ahead.hysteresis.y, error_c if free else inf, dt_s
+            )
         self._state = TrackingState(estimate, power_w, trim_mm, direction, turn)
         return Command(
             self._wire.balance.current_a(power_w, self._wire.phase(ahead.hysteresis)),
@@ -144,8 +146,8 @@ class TrackingController:
 
     def _wanted(self, time_s: float, dt_s: float) -> tuple[float, float]:
         """Reference and its rate over the period that begins at `time_s`."""
-        wanted_mm = self._reference.value_mm(time_s)
-        return wanted_mm, (self._reference.value_mm(time_s + dt_s) - wanted_mm) / dt_s
+        setpoint_mm = self._reference.value_mm(time_s)
+        return setpoint_mm, (self._reference.value_mm(time_s + dt_s) - setpoint_mm) / dt_s
 
     def _course(
         self, before: TrackingState, ahead: WireEstimate, time_s: float, rate_mm_per_s: float, limit_w: float

@@ -57,8 +57,8 @@ class DisplacementInverse(Protocol):
 
     hysteretic: bool
 
-    def target(self, state: HysteresisState, wanted_mm: float, direction: int, rate_mm_per_s: float = 0.0) -> Target:
-        """Where the wire stands at `wanted_mm`, coming from `state` in `direction` (+1: the phase rises).
+    def target(self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0) -> Target:
+        """Where the wire stands at `setpoint_mm`, coming from `state` in `direction` (+1: the phase rises).
 
         `rate_mm_per_s` is how fast the wanted displacement moves on.
         """
@@ -76,16 +76,16 @@ class HysteresisInverse:
         self._cold_mm, hot_mm = travel_mm(model)
         self._travel_mm = hot_mm - self._cold_mm
 
-    def target(self, state: HysteresisState, wanted_mm: float, direction: int, rate_mm_per_s: float = 0.0) -> Target:
+    def target(self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0) -> Target:
         """See DisplacementInverse; what is out of reach gives the end of the model's range, held."""
         soon = max(rate_mm_per_s / self._travel_mm, 0.0) * FOOT_S
-        if (wanted_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
+        if (setpoint_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
             return Target(self._model.input_range[0] - COLDER_C, 0.0)
-        lead = direction * (state.y - wanted_mm) / self._travel_mm
+        lead = direction * (state.y - setpoint_mm) / self._travel_mm
         made_up = max(direction * rate_mm_per_s / self._travel_mm * TURN_S, 0.0)
         if 0.0 <= lead <= REVERSAL_TOLERANCE + made_up:
             return self._wait(state, lead, direction)
-        inversion = self._inverse.update(state, wanted_mm)
+        inversion = self._inverse.update(state, setpoint_mm)
         reached = self._model.step(state, inversion.v)
         slope = self._model.slope(reached, 1 if inversion.v >= state.v else -1)
         return Target(inversion.v, 1.0 / slope if inversion.reachable and slope else 0.0)
@@ -122,17 +122,17 @@ class StaticMap:
     def target(
         self,
         state: HysteresisState,  # noqa: ARG002
-        wanted_mm: float,
+        setpoint_mm: float,
         direction: int,  # noqa: ARG002
         rate_mm_per_s: float = 0.0,  # noqa: ARG002
     ) -> Target:
         """The map's temperature, whatever the wire's history."""
-        at = int(np.searchsorted(self._displacement_mm, wanted_mm))
+        at = int(np.searchsorted(self._displacement_mm, setpoint_mm))
         if not 0 < at < MAP_LEVELS:
             return Target(float(self._temperature_c[min(at, MAP_LEVELS - 1)]), 0.0)
         (y0, y1), (t0, t1) = self._displacement_mm[at - 1 : at + 1], self._temperature_c[at - 1 : at + 1]
         k_per_mm = float((t1 - t0) / (y1 - y0))
-        return Target(float(t0) + k_per_mm * (wanted_mm - float(y0)), k_per_mm)
+        return Target(float(t0) + k_per_mm * (setpoint_mm - float(y0)), k_per_mm)
 
 
 class Feedforward(NamedTuple):
@@ -150,12 +150,12 @@ class DisplacementFeedforward:
         self._travel_mm = wire.travel_mm
         self._balance = wire.balance
 
-    def update(self, estimate: WireEstimate, wanted_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
-        """The feedforward for a wire that is to be at `wanted_mm`, moving on at `rate_mm_per_s`.
+    def update(self, estimate: WireEstimate, setpoint_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
+        """The feedforward for a wire that is to be at `setpoint_mm`, moving on at `rate_mm_per_s`.
 
         `direction` is that in which the phase is to go (+1: it rises).
         """
-        target = self._inverse.target(estimate.hysteresis, wanted_mm, direction, rate_mm_per_s)
+        target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s)
         rate_c_per_s = target.k_per_mm * rate_mm_per_s
         power_w = self._balance.power_w(target.temperature_c, rate_c_per_s, rate_mm_per_s / self._travel_mm)
         return Feedforward(target.temperature_c, power_w - estimate.disturbance_w)

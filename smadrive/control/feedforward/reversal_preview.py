@@ -44,7 +44,7 @@ class Turn:
         return time_s >= self.meets_s or beyond > BEYOND
 
 
-class TurnPreview:
+class ReversalPreview:
     """The decision above, for one wire."""
 
     def __init__(self, wire: WireModel) -> None:

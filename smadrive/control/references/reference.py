@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from smadrive.errors import ConfigError, DataError
-from smadrive.numerics.piecewise_linear import Polyline
+from smadrive.numerics.piecewise_linear import PiecewiseLinear
 
 Array = NDArray[np.float64]
 
@@ -93,8 +93,8 @@ class Reference:
         return self._table.at(time_s - self._begun_s(time_s))
 
     @cached_property
-    def _table(self) -> Polyline:
-        return Polyline(self.times_s.tolist(), self.displacement_mm.tolist())
+    def _table(self) -> PiecewiseLinear:
+        return PiecewiseLinear(self.times_s.tolist(), self.displacement_mm.tolist())
 
     @cached_property
     def _turns(self) -> tuple[list[float], list[float]]:

@@ -8,7 +8,7 @@ process beside itself and writes it a byte at every use of a port, through a pip
 
 Every byte is echoed, so that the driver knows that the guardian lives too. While it watches, no byte for `timeout_s`,
 or the end of the pipe, means that the driver is gone: the guardian opens the port itself and writes the safe state
-until the device has confirmed it; takeover.py has the states of that. Two masters on one line would take each other's
+until the device has confirmed it; takeover.py has the states of that. Two clients on one line would take each other's
 replies for their own: a driver that only stood still finds `t` (taken over) in the other pipe when it wakes, before it
 uses a port. It lets its connections go and says `g`, then `r`, and waits; the guardian looks once more, in case one
 last command slipped through. Every `r` is answered by `f` (free): the ports are the driver's, and the guardian is ready

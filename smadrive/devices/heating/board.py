@@ -121,7 +121,7 @@ class HeaterBoard:
 
     def _check_echo(self, echo: Reading) -> None:
         if echo.raw != self._sequence:
-            self.device.master.distrust()
+            self.device.client.distrust()
             raise ProtocolError(
                 f"unit {self.device.unit_id}: the reply echoes sequence {echo.raw}, {self._sequence} was sent: a stale "
                 "reply, discarded"

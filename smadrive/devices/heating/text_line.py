@@ -39,7 +39,7 @@ class Exchange(NamedTuple):
 
 
 class TextLine:
-    """The one master of a line.
+    """The one client of a line.
 
     `greeting` asks the board who it is; `token(n)` has it say something back that is another for every n, and does
     nothing else that matters.

@@ -145,7 +145,7 @@ class Profile(Section):
         return self.as_variant(known[choice])
 
     def bus_timing(self) -> BusTiming:
-        """The timing as a master wants it."""
+        """The timing as a client wants it."""
         timing = self.timing
         return BusTiming(
             response_timeout_s=timing.response_timeout_ms / 1e3,

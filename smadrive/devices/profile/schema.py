@@ -40,7 +40,7 @@ class Tcp(Section):
 
 
 class Timing(Section):
-    """What the device needs of a master, in milliseconds; the simulated device insists on it."""
+    """What the device needs of a client, in milliseconds; the simulated device insists on it."""
 
     response_timeout_ms: float = Field(gt=0, le=60_000)
     min_gap_ms: float = Field(default=0.0, ge=0, le=60_000)

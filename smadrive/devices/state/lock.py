@@ -1,4 +1,4 @@
-"""Exclusive access to a line: two masters on one line would take each other's replies for their own.
+"""Exclusive access to a line: two clients on one line would take each other's replies for their own.
 
 A line is a serial port under its present name, or one unit behind a network address; one behind a host with several
 names is locked under each. Its lock is an flock on a file in

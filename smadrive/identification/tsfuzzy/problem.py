@@ -19,10 +19,10 @@ from smadrive.identification.quality.leave_one_out import leave_one_out_ratio
 from smadrive.identification.record import Record
 from smadrive.identification.tsfuzzy.monotone import least_slope_derivatives, least_slopes
 from smadrive.identification.tsfuzzy.prior import Prior
-from smadrive.identification.tsfuzzy.record_reversal import Turning, find_turning
+from smadrive.identification.tsfuzzy.record_reversal import Turning, find_record_reversals
 from smadrive.identification.tsfuzzy.sensitivity import RuleRates, RuleTables, Runs
 from smadrive.numerics.arrays import FloatArray
-from smadrive.numerics.interpolation_matrix import Blend
+from smadrive.numerics.interpolation_matrix import InterpolationMatrix
 from smadrive.numerics.levenberg_marquardt import Minimum, minimise
 
 LEAST_GAP = 0.01  # of the input span, between centres
@@ -69,7 +69,14 @@ class RuleProblem:
         gaps = _gap_logits(centres, lower, upper) if fit_centres else np.empty(0)
         start = np.concatenate([prior.at(centres)[0].ravel(), gaps, tail])
         return cls(
-            record, Runs(record.v), prior, start, prior.reach(centres), centres, fit_centres, find_turning(record)
+            record,
+            Runs(record.v),
+            prior,
+            start,
+            prior.reach(centres),
+            centres,
+            fit_centres,
+            find_record_reversals(record),
         )
 
     def place(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -137,7 +144,7 @@ class RuleProblem:
         if self.monotony:
             yield self._wrong_slope_derivatives(x)
 
-    def _error_derivatives(self, x: FloatArray) -> Blend:
+    def _error_derivatives(self, x: FloatArray) -> InterpolationMatrix:
         record, sets, scale = self.record, len(self.centres), x[-2] - x[-3]
         lower, upper = record.input_range
         _, moves, tables, w = self._trial(x)
@@ -150,7 +157,7 @@ class RuleProblem:
         rows[known, -3] = rows[known + 1, -2] = 1.0
         ends = np.broadcast_to(np.array([known, known + 1], dtype=np.int32), (len(w), 2))
         shares = np.column_stack([dw.shares, 1 - w, w]) * np.sqrt(record.count)[:, None]
-        return Blend(np.hstack([dw.places, ends]), shares, rows)
+        return InterpolationMatrix(np.hstack([dw.places, ends]), shares, rows)
 
     def _stray_derivatives(self, x: FloatArray) -> FloatArray:
         _, moves, tables, _ = self._trial(x)

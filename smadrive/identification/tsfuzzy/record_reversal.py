@@ -44,7 +44,7 @@ NOWHERE = Turning()
 """Of a wire with monotone branches."""
 
 
-def find_turning(record: Record) -> Turning:
+def find_record_reversals(record: Record) -> Turning:
     """The stretches of `record`; none where it is as near to monotone curves as its noise lets it be."""
     rises = bool(np.corrcoef(record.v, record.mean_y)[0, 1] > 0)
     material = float(np.hypot(MATERIAL, record.noise))

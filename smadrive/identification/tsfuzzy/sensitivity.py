@@ -22,7 +22,7 @@ from smadrive.hysteresis.branch import Branch, BranchEngine
 from smadrive.hysteresis.fuzzy import hat_weights
 from smadrive.hysteresis.tabulate import WEIGHTS, cell_maps, integrate_rate, march, quadrature_points, uniform_grid
 from smadrive.numerics.arrays import FloatArray
-from smadrive.numerics.interpolation_matrix import Blend
+from smadrive.numerics.interpolation_matrix import InterpolationMatrix
 
 BINS = 240  # table cells of a trial model
 
@@ -102,7 +102,7 @@ class RuleTables:
         """State w at every sample."""
         return self.engine.trajectory(runs.v, w_start)
 
-    def jacobian(self, runs: Runs, w: FloatArray) -> Blend:
+    def jacobian(self, runs: Runs, w: FloatArray) -> InterpolationMatrix:
         """∂w at every sample, whose states are w, by (RuleRates in order, w at the start): (samples, 5 · sets + 1).
 
         With the excess e = w - P at the start of a run and its decay D since, ∂w = ∂P + D e ∂Λ + D (∂e - e ∂Λ at the
@@ -124,7 +124,7 @@ class RuleTables:
         places = np.column_stack([moves.places, (len(tables) + 1 + runs.run).astype(np.int32)])
         shares = np.column_stack([moves.shares, decay])
         first_places = np.full((1, 5), len(tables), dtype=np.int32)
-        return Blend(np.vstack([first_places, places]), np.vstack([np.eye(1, 5), shares]), rows)
+        return InterpolationMatrix(np.vstack([first_places, places]), np.vstack([np.eye(1, 5), shares]), rows)
 
     def _sensitivity(self, branch: Branch, weight: FloatArray, *, rising: bool) -> Sensitivity:
         rates, mu, width = self.rates, self.at_points, np.diff(self.nodes)
@@ -151,7 +151,9 @@ class RuleTables:
         slopes = np.concatenate([[0.0], np.diff(rate) / np.diff(self.rates.centres), [0.0]])
         return np.asarray(slopes[np.searchsorted(self.rates.centres, v)])
 
-    def _blend(self, v: FloatArray, rising: NDArray[np.bool_], excess: FloatArray, rows: FloatArray) -> Blend:
+    def _blend(
+        self, v: FloatArray, rising: NDArray[np.bool_], excess: FloatArray, rows: FloatArray
+    ) -> InterpolationMatrix:
         """∂P + excess ∂Λ at inputs v, from rows: ∂P at the nodes, cooling then heating, and ∂Λ likewise."""
         nodes = len(self.nodes)
         cell = np.clip(np.searchsorted(self.nodes, v, side="right") - 1, 0, nodes - 2)
@@ -159,4 +161,4 @@ class RuleTables:
         target = cell + nodes * rising
         places = np.column_stack([target, target + 1, target + 2 * nodes, target + 2 * nodes + 1])
         shares = np.column_stack([1 - share, share, excess * (1 - share), excess * share])
-        return Blend(places.astype(np.int32), shares, rows)
+        return InterpolationMatrix(places.astype(np.int32), shares, rows)

@@ -20,7 +20,7 @@ from smadrive.modbus.framing.framing import RtuFraming, TcpFraming
 from smadrive.modbus.transports.descriptor import DescriptorTransport
 from smadrive.modbus.transports.serial_port import SerialTransport
 from smadrive.modbus.transports.tcp_socket import SocketTransport
-from smadrive.modbus.transports.transport import Lease, Parity, SerialSettings, Transport
+from smadrive.modbus.transports.transport import Parity, PortAccess, SerialSettings, Transport
 
 MODBUS_TCP_PORT = 502
 MOST_CHARACTERS = 1000
@@ -45,7 +45,7 @@ MOST_LATENCY_MS = 5000
 
 
 def open_transport(
-    url: str, defaults: SerialSettings | None = None, *, exclusive: bool = True, lease: Lease | None = None
+    url: str, defaults: SerialSettings | None = None, *, exclusive: bool = True, lease: PortAccess | None = None
 ) -> Transport:
     """The connection of a URL.
 

@@ -16,7 +16,7 @@ from typing import ClassVar, NoReturn, Protocol, Self
 from smadrive.clock import MonotonicClock
 from smadrive.errors import TransportError
 from smadrive.modbus.framing.framing import Framing
-from smadrive.modbus.transports.transport import Lease
+from smadrive.modbus.transports.transport import PortAccess
 
 _CHUNK = 512
 _GONE = -1
@@ -44,7 +44,7 @@ class DescriptorTransport(ABC):
     suspicion: ClassVar[str]
     reconnects: ClassVar[bool]
     empty_reads_at_end: ClassVar[int] = 1
-    lease: Lease | None = None
+    lease: PortAccess | None = None
 
     def __init__(
         self, name: str, framing: Framing, baudrate: int | None, timeout_s: float, latency_s: float = 0.0

@@ -1,6 +1,6 @@
 """Bytes to a bus and back, whatever carries them.
 
-A transport brings its clock, so that a deadline means the same to the transport that waits and to the master that
+A transport brings its clock, so that a deadline means the same to the transport that waits and to the client that
 set it: real time on a serial port, virtual time in process.
 """
 
@@ -14,12 +14,12 @@ from smadrive.clock import Clock
 from smadrive.modbus.framing.framing import Framing
 
 Parity = Literal["N", "E", "O"]
-Lease = Callable[[], None]
+PortAccess = Callable[[], None]
 """Asked before and after every use of a connection: raises when it is another's now."""
 
 
 class Transport(Protocol):
-    """What a master needs of a connection. Every method raises TransportError when the connection is lost."""
+    """What a client needs of a connection. Every method raises TransportError when the connection is lost."""
 
     @property
     def clock(self) -> Clock:
@@ -33,7 +33,7 @@ class Transport(Protocol):
 
     @property
     def baudrate(self) -> int | None:
-        """Bits per second, from which a master derives the standard's pauses; None where bytes take no time."""
+        """Bits per second, from which a client derives the standard's pauses; None where bytes take no time."""
         ...
 
     @property

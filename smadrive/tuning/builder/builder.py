@@ -58,7 +58,7 @@ class Refused(NamedTuple):
 Outcome = Prepared | Refused
 
 
-class Workshop(Protocol):
+class ModelBuilder(Protocol):
     """Works on one order at a time."""
 
     def begin(self, order: Order) -> None:

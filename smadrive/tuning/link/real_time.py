@@ -10,7 +10,7 @@ PRIORITY = 1
 NICENESS = -10
 
 
-def be_punctual() -> None:
+def use_real_time_scheduling() -> None:
     """To be called by the loop's thread, once, after everything has been loaded and started.
 
     In real time where the system grants it: such a thread runs as soon as it wants to, before whatever else is running;

@@ -34,7 +34,7 @@ RESTART_S = 0.5
 """Pause before a new start: a process that dies at once must not keep the machine busy."""
 
 
-class Beside:
+class SupervisedProcess:
     """`python -m MODULE`, a context manager. It is told `told` and answers with one line once it is ready.
 
     ConfigError with `cure` when it does not come up. `niceness` is how far it stands back for others; below

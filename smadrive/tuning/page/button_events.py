@@ -23,7 +23,7 @@ switchedOff.then(() => { presses.latest = press; });
 """
 
 
-class Presses(DataModel):  # type: ignore[misc]  # bokeh has no type for it
+class ButtonEvents(DataModel):  # type: ignore[misc]  # bokeh has no type for it
     """In the browser as here: how many OFFs the page knows of, and the latest press (button, OFFs known, number)."""
 
     offs = Int(default=0)

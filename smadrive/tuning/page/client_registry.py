@@ -21,7 +21,7 @@ Answered = Callable[[str | None], None]
 """Told when a request was answered: None, or why it was refused."""
 
 
-class Desk:
+class ClientRegistry:
     """The page's end of the channel, shared by its clients, who are known by the id of their session."""
 
     def __init__(self, channel: PageEnd, token: str) -> None:

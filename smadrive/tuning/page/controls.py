@@ -26,7 +26,7 @@ from bokeh.models import (
     TextInput,
 )
 
-from smadrive.tuning.page.button_events import Presses
+from smadrive.tuning.page.button_events import ButtonEvents
 
 HANDS_OFF_S = 1.0
 
@@ -119,7 +119,7 @@ class Controls:
             "integral_s": Knob("integral_s", "feedback: integral / s", 0.1, self._feedback),
             "feedforward_share": Knob("feedforward_share", "feedforward share", 0.01, self._feedback),
         }
-        self.presses = Presses(name="presses")
+        self.presses = ButtonEvents(name="presses")
         self.buttons = {
             "arm": self._driving("arm", "Arm", "primary", lambda offs: act("arm", offs=offs)),
             "disarm": self._button("disarm", "Disarm", "default", partial(act, "off")),

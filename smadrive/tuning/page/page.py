@@ -16,7 +16,7 @@ from bokeh.models import Div
 
 from smadrive.errors import SmadriveError
 from smadrive.hysteresis.model_file import parse_model
-from smadrive.tuning.page.client_registry import WATCHES, Desk
+from smadrive.tuning.page.client_registry import WATCHES, ClientRegistry
 from smadrive.tuning.page.controls import LAWS, Controls
 from smadrive.tuning.page.fit import FittedWire, Fitter
 from smadrive.tuning.page.panel import Timing, banner_html, chips_html, events_html, scores_html
@@ -39,7 +39,7 @@ _SPREAD = {"mu_heating": 15.0, "mu_cooling": 15.0}
 class Page:
     """A document with its figures, widgets and texts."""
 
-    def __init__(self, doc: Document, desk: Desk, fitter: Fitter, folder: Path, rig_file: Path) -> None:
+    def __init__(self, doc: Document, desk: ClientRegistry, fitter: Fitter, folder: Path, rig_file: Path) -> None:
         self._doc, self._desk, self._fitter = doc, desk, fitter
         self._folder, self._rig_file = folder, rig_file
         context = doc.session_context

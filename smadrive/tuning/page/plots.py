@@ -23,8 +23,8 @@ DRAWN = (
     "temperature_c",
     "displacement_mm",
     "current_a",
-    "wanted_c",
-    "wanted_mm",
+    "setpoint_c",
+    "setpoint_mm",
     "estimated_c",
     "estimated_mm",
     "commanded_a",
@@ -92,7 +92,7 @@ class Plots:
         stroke_mm = abs(self._travel_mm[1] - self._travel_mm[0])
         measured_mm = columns["displacement_mm"]
         reached_mm = np.where(np.isfinite(measured_mm), measured_mm, columns["estimated_mm"])
-        columns["error_percent"] = 100.0 * (columns["wanted_mm"] - reached_mm) / stroke_mm
+        columns["error_percent"] = 100.0 * (columns["setpoint_mm"] - reached_mm) / stroke_mm
         self.time.stream(columns, rollover=POINTS)
         now_s = float(rows[-1, _COLUMN["time_s"]])
         self._x.update(start=now_s - WINDOW_S, end=now_s)
@@ -142,12 +142,12 @@ class Plots:
 
     def _displacement(self) -> figure:
         plot = self._over_time("displacement", "displacement / mm", self._mm)
-        _lines(plot, self.time, wanted_mm=WANTED, displacement_mm=MEASURED, estimated_mm=ESTIMATED)
+        _lines(plot, self.time, setpoint_mm=WANTED, displacement_mm=MEASURED, estimated_mm=ESTIMATED)
         return plot
 
     def _temperature(self, temperature_max_c: float) -> figure:
         plot = self._over_time("temperature", "temperature / °C", Range1d(15.0, 1.06 * temperature_max_c))
-        _lines(plot, self.time, wanted_c=WANTED, temperature_c=MEASURED, estimated_c=ESTIMATED)
+        _lines(plot, self.time, setpoint_c=WANTED, temperature_c=MEASURED, estimated_c=ESTIMATED)
         _limit(plot, temperature_max_c)
         return plot
 

@@ -22,7 +22,7 @@ from tornado.ioloop import PeriodicCallback
 from smadrive.tuning.link.address import page_hosts
 from smadrive.tuning.link.channel import PageEnd
 from smadrive.tuning.link.child import is_input_closed, report_ready, run
-from smadrive.tuning.page.client_registry import Desk
+from smadrive.tuning.page.client_registry import ClientRegistry
 from smadrive.tuning.page.fit import Fitter
 from smadrive.tuning.page.page import Page
 
@@ -34,7 +34,7 @@ UNUSED_MS = 1000
 def serve(parameters: dict[str, Any]) -> None:
     """Serve until standard input ends."""
     channel = PageEnd(parameters["memory_fd"], socket.socket(fileno=parameters["socket_fd"]))
-    desk, fitter = Desk(channel, parameters["token"]), Fitter()
+    desk, fitter = ClientRegistry(channel, parameters["token"]), Fitter()
     folder, rig_file = Path(parameters["folder"]), Path(parameters["rig_file"])
 
     def document(doc: Document) -> None:

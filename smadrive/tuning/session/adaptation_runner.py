@@ -26,7 +26,7 @@ from smadrive.wire.wire_model import WireModel
 PUBLISH_S = 2.0
 
 
-class Adapting:
+class AdaptationRunner:
     """The switch and what hangs on it."""
 
     def __init__(self, tuning: Tuning, balance: HeatBalance, period_s: float, noise_c: float) -> None:

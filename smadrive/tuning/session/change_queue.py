@@ -14,11 +14,11 @@ from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.identification.adaptation import Adaptation
 from smadrive.rig.config import RigConfig
-from smadrive.tuning.builder.builder import Order, Outcome, Prepared, Refused, Workshop
+from smadrive.tuning.builder.builder import ModelBuilder, Order, Outcome, Prepared, Refused
 from smadrive.tuning.history import History
 from smadrive.tuning.link.messages import AnyRequest, Compare, Hold, Keep, Recall, SetFeedback, SetShape, Step, Track
 from smadrive.tuning.session.comparison import Comparison
-from smadrive.tuning.session.swappable_controller import LiveController
+from smadrive.tuning.session.swappable_controller import SwappableController
 from smadrive.tuning.tuning import CHANGES, Adapted, Change, Tuning
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import travel_mm
@@ -41,16 +41,18 @@ class Job:
     """
 
     request: AnyRequest | None
-    wanted: Callable[[LiveController | None], Wanted]
-    install: Callable[[Prepared, LiveController | None], None]
+    wanted: Callable[[SwappableController | None], Wanted]
+    install: Callable[[Prepared, SwappableController | None], None]
     told: str
     outlives_the_loop: bool = False
 
 
-class Workbench:
+class ChangeQueue:
     """What is in force, what was, what is compared, and what is being built."""
 
-    def __init__(self, path: Path, config: RigConfig, balance: HeatBalance, first: Tuning, workshop: Workshop) -> None:
+    def __init__(
+        self, path: Path, config: RigConfig, balance: HeatBalance, first: Tuning, workshop: ModelBuilder
+    ) -> None:
         self.history = History(first)
         self.comparison = Comparison()
         self.in_force = first
@@ -66,7 +68,7 @@ class Workbench:
         self._cycle = 0
         self._now_s = 0.0
 
-    def add(self, request: AnyRequest, live: LiveController | None) -> None:
+    def add(self, request: AnyRequest, live: SwappableController | None) -> None:
         """Take a request on. ConfigError when it cannot be done now."""
         if isinstance(request, Compare):
             self._compare(request, live)
@@ -83,7 +85,7 @@ class Workbench:
         if self.comparison.is_on:
             raise ConfigError("A and B are being compared: stop the comparison first")
 
-    def turn(self, live: LiveController | None, now_s: float) -> Iterator[str]:
+    def turn(self, live: SwappableController | None, now_s: float) -> Iterator[str]:
         """Once a tick: put in force what is ready, begin what waits; what there is to tell."""
         self._now_s = now_s
         outcome = self._workshop.outcome() if self._is_building else None
@@ -135,7 +137,7 @@ class Workbench:
         self.comparison.stop()
         self.in_force = self.history.now
 
-    def _begin(self, job: Job, live: LiveController | None) -> Iterator[str]:
+    def _begin(self, job: Job, live: SwappableController | None) -> Iterator[str]:
         """Give it to the workshop, unless it cannot be done any more."""
         try:
             tuning, change, reference = job.wanted(live)
@@ -145,7 +147,7 @@ class Workbench:
         self._workshop.begin(Order(tuning, change, reference, self._config, self._balance))
         self._job, self._is_building = job, True
 
-    def _finish(self, job: Job, outcome: Outcome, live: LiveController | None) -> Iterator[str]:
+    def _finish(self, job: Job, outcome: Outcome, live: SwappableController | None) -> Iterator[str]:
         if isinstance(outcome, Refused):
             yield from self._refuse(job, outcome.reason)
             return
@@ -172,7 +174,7 @@ class Workbench:
             raise ConfigError("too many changes wait already: try again")
         self._waiting.append(job)
 
-    def _job_of(self, request: AnyRequest, live: LiveController | None) -> Job:
+    def _job_of(self, request: AnyRequest, live: SwappableController | None) -> Job:
         match request:
             case Track(reference=name):
                 return self._follow(request, name, live, f"following {name}")
@@ -197,12 +199,12 @@ class Workbench:
             case _:
                 raise ConfigError(f"'{request.act}' is not done here")
 
-    def _follow(self, request: AnyRequest, name: str | None, live: LiveController | None, told: str) -> Job:
+    def _follow(self, request: AnyRequest, name: str | None, live: SwappableController | None, told: str) -> Job:
         if live is None:
             raise ConfigError("arm first: the heater is off")
 
-        def wanted(_: LiveController | None) -> Wanted:
-            return self.in_force, None, self._path(name, self.in_force, live.wanted_mm)
+        def wanted(_: SwappableController | None) -> Wanted:
+            return self.in_force, None, self._path(name, self.in_force, live.setpoint_mm)
 
         return Job(request, wanted, self._put, told)
 
@@ -212,23 +214,23 @@ class Workbench:
             raise ConfigError(f"there is nothing to {'undo' if step < 0 else 'redo'}")
         return tuning
 
-    def _put(self, prepared: Prepared, live: LiveController | None) -> None:
+    def _put(self, prepared: Prepared, live: SwappableController | None) -> None:
         self.in_force = prepared.tuning
         if live is not None and prepared.controller is not None and prepared.reference is not None:
             live.exchange(prepared.controller, prepared.reference)
 
-    def _put_as_change(self, prepared: Prepared, live: LiveController | None) -> None:
+    def _put_as_change(self, prepared: Prepared, live: SwappableController | None) -> None:
         self._put(prepared, live)
         self.history.push(prepared.tuning, self._now_s)
 
-    def _go(self, step: int) -> Callable[[Prepared, LiveController | None], None]:
-        def install(prepared: Prepared, live: LiveController | None) -> None:
+    def _go(self, step: int) -> Callable[[Prepared, SwappableController | None], None]:
+        def install(prepared: Prepared, live: SwappableController | None) -> None:
             self._put(prepared, live)
             self.history.move(step)
 
         return install
 
-    def _compare(self, request: Compare, live: LiveController | None) -> None:
+    def _compare(self, request: Compare, live: SwappableController | None) -> None:
         if not request.on:
             self.comparison.stop()
             before = self.history.now
@@ -241,7 +243,7 @@ class Workbench:
         self._answers.append((request, None))
         self._prepare_next(live)
 
-    def _take_turns(self, live: LiveController) -> None:
+    def _take_turns(self, live: SwappableController) -> None:
         """At the end of a cycle: score it, and let the other slot drive the next one, if it is ready by now."""
         cycle = live.reference.cycle(live.reference_s)
         if cycle == self._cycle:
@@ -255,15 +257,15 @@ class Workbench:
         self._next = None
         self._prepare_next(live)
 
-    def _prepare_next(self, live: LiveController) -> None:
+    def _prepare_next(self, live: SwappableController) -> None:
         tuning, reference = self.comparison.slot(self.comparison.next_turn), live.reference
         self._queue(Job(None, lambda _: (tuning, None, reference), self._keep_ready, ""))
 
-    def _keep_ready(self, prepared: Prepared, live: LiveController | None) -> None:  # noqa: ARG002
+    def _keep_ready(self, prepared: Prepared, live: SwappableController | None) -> None:  # noqa: ARG002
         self._next = prepared
 
 
-def _running(live: LiveController | None) -> Reference | None:
+def _running(live: SwappableController | None) -> Reference | None:
     """What is followed now; to be asked when a job begins, since the one before it may have changed that."""
     return None if live is None else live.reference
 

@@ -13,7 +13,7 @@ from smadrive.control.references.reference import Reference, check_length
 from smadrive.control.references.shapes import parse_reference
 from smadrive.errors import ConfigError, DataError
 from smadrive.measurement import Measurement
-from smadrive.safety.displacement_band import PlausibleDisplacement
+from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.wire_model import travel_mm
 
@@ -23,7 +23,7 @@ APPROACH_S = 10.0
 """How long the wire takes to come to the beginning of a reference, and back to it where its ends differ."""
 
 
-class Offered:
+class ReferenceCatalogue:
     """The references of a session by their names. ConfigError for one that is too long for the page."""
 
     def __init__(self, references: Mapping[str, Reference]) -> None:
@@ -55,7 +55,7 @@ class Offered:
         model, temperature_c, displacement_mm = tuning.model, measured.temperature_c, measured.displacement_mm
         if not isfinite(displacement_mm):
             displacement_mm = model.initial_state(temperature_c).y
-        return _staying(PlausibleDisplacement(model).nearest_mm(temperature_c, displacement_mm))
+        return _staying(DisplacementBand(model).nearest_mm(temperature_c, displacement_mm))
 
 
 def _staying(at_mm: float) -> Reference:

@@ -17,7 +17,7 @@ from smadrive.errors import ConfigError, SmadriveError
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import ends_safe, shutdown_of
 from smadrive.safety.supervisor import check_thermocouple
-from smadrive.tuning.builder.builder import Workshop, tuned_controller
+from smadrive.tuning.builder.builder import ModelBuilder, tuned_controller
 from smadrive.tuning.link.channel import MESSAGES_PER_TICK, ControlEnd, row_of
 from smadrive.tuning.link.messages import (
     Adapt,
@@ -33,20 +33,20 @@ from smadrive.tuning.link.messages import (
     numbered,
     parse_request,
 )
-from smadrive.tuning.session.adaptation_runner import Adapting
+from smadrive.tuning.session.adaptation_runner import AdaptationRunner
 from smadrive.tuning.session.arming import Arming
-from smadrive.tuning.session.change_queue import Workbench
+from smadrive.tuning.session.change_queue import ChangeQueue
 from smadrive.tuning.session.idle import Idle
 from smadrive.tuning.session.off_path import OffPath, front_silent
-from smadrive.tuning.session.reference_catalogue import Offered
+from smadrive.tuning.session.reference_catalogue import ReferenceCatalogue
 from smadrive.tuning.session.status import STATUS_S, Status
-from smadrive.tuning.session.swappable_controller import LiveController
+from smadrive.tuning.session.swappable_controller import SwappableController
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
 
 
 class TuningSession:
-    """One rig, one wire, one page. `references` are offered by name (see Offered); every tick goes to `record`."""
+    """One rig, one wire, one page. `references` have names (see ReferenceCatalogue); every tick goes to `record`."""
 
     def __init__(
         self,
@@ -55,17 +55,17 @@ class TuningSession:
         balance: HeatBalance,
         references: Mapping[str, Reference],
         channel: ControlEnd,
-        workshop: Workshop,
+        workshop: ModelBuilder,
         record: Callable[[Tick], None],
     ) -> None:
         self._rig = rig
         self._balance = balance
-        self._offered = Offered(references)
+        self._offered = ReferenceCatalogue(references)
         self._channel = channel
         self._record = record
-        self.bench = Workbench(self._offered.path, rig.config, balance, tuning, workshop)
-        self._live: LiveController | None = None
-        self._adapting = Adapting(tuning, balance, rig.period_s, rig.config.feedback.noise_c)
+        self.bench = ChangeQueue(self._offered.path, rig.config, balance, tuning, workshop)
+        self._live: SwappableController | None = None
+        self._adapting = AdaptationRunner(tuning, balance, rig.period_s, rig.config.feedback.noise_c)
         self._status = Status(rig, self._offered.names, balance, self.bench)
         self._began_s = rig.clock.now_s()
         self._idle = Idle(rig.heater, self._status)
@@ -133,7 +133,7 @@ class TuningSession:
                 check_thermocouple(measured)
                 hold = self._offered.hold(self.bench.in_force, measured)
                 controller = tuned_controller(self.bench.in_force, hold, self._rig.config, self._balance)
-                self._live = LiveController(controller, hold, self._serve)
+                self._live = SwappableController(controller, hold, self._serve)
                 if self.bench.in_force.feedback.adapt and not self._adapting.is_on:
                     self._adapting.switch(True, self.bench.in_force)
                 self._rig.drive(self._live, self._balance, self._take, self.bench.in_force.model, self._stop_requested)
@@ -159,7 +159,7 @@ class TuningSession:
         self._channel.append(row_of(tick, self._began_s))
         self._status.measured = measurement
         is_measured = isfinite(measurement.displacement_mm)
-        self.bench.score(command.wanted_mm - (measurement.displacement_mm if is_measured else command.estimated_mm))
+        self.bench.score(command.setpoint_mm - (measurement.displacement_mm if is_measured else command.estimated_mm))
         self._adapt(tick)
         self._record(tick)
 

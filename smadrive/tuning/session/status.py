@@ -8,8 +8,8 @@ from typing import Any
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shutdown_of
-from smadrive.tuning.session.change_queue import Workbench
-from smadrive.tuning.session.swappable_controller import LiveController
+from smadrive.tuning.session.change_queue import ChangeQueue
+from smadrive.tuning.session.swappable_controller import SwappableController
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_file import wire_text
@@ -32,7 +32,7 @@ class Status:
     session lasts, then "off" if the devices have confirmed the safe state, otherwise "unconfirmed".
     """
 
-    def __init__(self, rig: Rig, references: list[str], balance: HeatBalance, bench: Workbench) -> None:
+    def __init__(self, rig: Rig, references: list[str], balance: HeatBalance, bench: ChangeQueue) -> None:
         self.fault: str | None = None
         self.fault_type: str | None = None
         self.lost: str | None = None
@@ -73,7 +73,7 @@ class Status:
         self.fault_type = type(error).__name__
         self.tell(time_s, self.fault)
 
-    def document(self, live: LiveController | None, *, adapts: bool) -> dict[str, Any]:
+    def document(self, live: SwappableController | None, *, adapts: bool) -> dict[str, Any]:
         """Everything as plain values."""
         bench, measured = self._bench, self.measured
         comparison = bench.comparison
@@ -118,7 +118,7 @@ class Status:
         return self._told[1]
 
 
-def _mode(live: LiveController | None, *, is_safe: bool) -> str:
+def _mode(live: SwappableController | None, *, is_safe: bool) -> str:
     if live is not None:
         return "tracking" if live.reference.endless else "holding"
     return "off" if is_safe else "off, unconfirmed"

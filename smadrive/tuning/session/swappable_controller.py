@@ -11,7 +11,7 @@ from smadrive.control.references.reference import Reference
 from smadrive.measurement import Measurement
 
 
-class LiveController:
+class SwappableController:
     """Runs a tracking controller without end; `at_tick` is called before every update and may exchange it."""
 
     duration_s = inf
@@ -29,7 +29,7 @@ class LiveController:
         return self.time_s - self._began_s
 
     @property
-    def wanted_mm(self) -> float:
+    def setpoint_mm(self) -> float:
         """Where the reference is now."""
         return self.reference.value_mm(self.reference_s)
 

@@ -85,8 +85,8 @@ def test_another_model_differs_where_it_should(tracked):
     again = replay(tracked, (far, Rig(load_rig("in-process")).nominal_balance))
     assert not again.exact
     assert again.differences["reference_mm"].first_s == inf
-    assert again.differences["wanted_c"].max > 4.0
-    assert again.differences["wanted_c"].rms > 1.0
+    assert again.differences["setpoint_c"].max > 4.0
+    assert again.differences["setpoint_c"].rms > 1.0
 
 
 def test_another_model_predicts_worse_where_the_displacement_does_not_put_it_right(tracked):

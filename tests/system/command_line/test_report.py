@@ -17,7 +17,7 @@ from smadrive.cli.views.log_plots import log_plots
 from smadrive.cli.views.log_report import write_log_report
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward.displacement import HysteresisInverse
-from smadrive.control.loop import LoopFigures
+from smadrive.control.loop import LoopMetrics
 from smadrive.control.references.shapes import sine
 from smadrive.devices.heater import AT_LIMIT
 from smadrive.errors import DeadlineError, TripError
@@ -27,7 +27,7 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_excitation, record_tracking
-from smadrive.runs.run_metrics import tracking_figures
+from smadrive.runs.run_metrics import tracking_metrics
 
 WIRE = DuhemModel.gaussian(
     mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 130)
@@ -111,7 +111,7 @@ def test_a_complete_run_is_shown_with_everything_it_was_run_with(logs):
 
 def test_the_demo_shows_the_error_that_its_table_scores(logs):
     log = read_log(logs / "complete.h5")
-    figures = tracking_figures(log, LoopFigures())
+    figures = tracking_metrics(log, LoopMetrics())
     plot = _error_plot([("inverse", log, figures), ("plain map", log, figures)])
     for panel in plot.figure.axes:
         shown, (approach,) = panel.lines[0].get_ydata(), panel.patches

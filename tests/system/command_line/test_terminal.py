@@ -28,7 +28,7 @@ WIRE = DuhemModel.gaussian(
 
 def on_a_terminal(*arguments, cwd):
     """Output on stderr of a command whose stderr is a terminal."""
-    master, slave = pty.openpty()
+    client, slave = pty.openpty()
     command = [sys.executable, "-m", "smadrive", *arguments]
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
     with subprocess.Popen(command, cwd=cwd, env=environment, stdout=subprocess.PIPE, stderr=slave) as process:
@@ -36,11 +36,11 @@ def on_a_terminal(*arguments, cwd):
         seen = b""
         while True:
             try:
-                seen += os.read(master, 65536)
+                seen += os.read(client, 65536)
             except OSError:  # the other end is closed
                 break
         process.communicate()
-    os.close(master)
+    os.close(client)
     assert process.returncode == 0
     return seen.decode()
 
@@ -93,7 +93,7 @@ def recorder(tmp_path):
 
 def tick(**measured):
     values = {"time_s": 0.0, "temperature_c": 84.06, "current_a": 0.2, "voltage_v": 3.1, "displacement_mm": 4.2}
-    return Tick(34.2, 0.0012, Measurement(**{**values, **measured}), Command(0.2, wanted_c=84.3, wanted_mm=4.21))
+    return Tick(34.2, 0.0012, Measurement(**{**values, **measured}), Command(0.2, setpoint_c=84.3, setpoint_mm=4.21))
 
 
 def test_values_limits_faults_and_events_are_all_in_the_picture(recorder):

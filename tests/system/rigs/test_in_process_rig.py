@@ -15,7 +15,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.runs.run_metadata import excitation_record, nominal_balance
-from smadrive.runs.run_metrics import tracking_figures
+from smadrive.runs.run_metrics import tracking_metrics
 from smadrive.safety.faults import Fault
 from smadrive.wire.wire_model import travel_mm
 
@@ -73,7 +73,7 @@ def test_the_inverse_tracks_ten_times_better_than_the_plain_map(excited, tmp_pat
         experiment = reference, model, balance, inverse
         with Rig(load_rig("in-process")) as rig, record_tracking(path, rig, *experiment) as recorder:
             loop = rig.track(*experiment, recorder.tick)
-        figures = tracking_figures(read_log(path), loop)
+        figures = tracking_metrics(read_log(path), loop)
         assert figures.missed_deadlines == figures.trips == 0
         errors.append(figures.rms_percent)
     assert errors[0] <= 2.0

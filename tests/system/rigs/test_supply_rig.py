@@ -17,7 +17,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.runs.run_metadata import excitation_record, nominal_balance
-from smadrive.runs.run_metrics import tracking_figures
+from smadrive.runs.run_metrics import tracking_metrics
 from smadrive.safety.faults import Fault
 from smadrive.wire.wire_model import travel_mm
 
@@ -126,7 +126,7 @@ def test_a_supply_is_told_only_what_changes_and_read_back_every_time(bench):
     with bench.rig as rig:
         rig.heater.arm(1.0)
         bench.heat(rig, 0.25, 2)
-        counters = rig.devices["supply"].master.counters
+        counters = rig.devices["supply"].client.counters
         before = counters.requests
         bench.heat(rig, 0.25, 4)
         assert counters.requests == before + 4
@@ -162,7 +162,7 @@ def test_its_wire_is_identified_and_tracked_from_cold(tmp_path):
     with Rig(bench_supply) as rig, record_tracking(run, rig, *experiment) as recorder:
         loop = rig.track(*experiment, recorder.tick)
     tracked = read_log(run)
-    assert tracking_figures(tracked, loop).rms_percent < 0.5
+    assert tracking_metrics(tracked, loop).rms_percent < 0.5
     ahead_mm = tracked.column("displacement_mm") - tracked.column("reference_mm")
     assert ahead_mm[tracked.column("time_s") < 10.0].max() < 0.5
 

@@ -24,7 +24,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.runs.run_metadata import excitation_record, nominal_balance
-from smadrive.runs.run_metrics import tracking_figures
+from smadrive.runs.run_metrics import tracking_metrics
 from smadrive.safety.faults import Fault
 from smadrive.wire.wire_model import travel_mm
 
@@ -55,7 +55,7 @@ def test_it_is_excited_identified_and_tracks(tmp_path):
     experiment = reference, model, wire.thermal.balance, HysteresisInverse(model)
     with Rig(rig_of(BOARD, LASER)) as rig, record_tracking(tracked, rig, *experiment) as recorder:
         loop = rig.track(*experiment, recorder.tick)
-    figures = tracking_figures(read_log(tracked), loop)
+    figures = tracking_metrics(read_log(tracked), loop)
     assert figures.trips == 0
     assert figures.rms_percent <= 3.0
 

@@ -13,7 +13,7 @@ from smadrive.errors import DeadlineError
 from smadrive.files.shipped import configs_dir
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.connect import open_transport
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
@@ -46,25 +46,25 @@ def board(request):
 def test_a_dead_connection_costs_one_deadline(board):
     gateway, url = board
     with open_transport(url) as transport:
-        master = Master(transport)
-        master.execute(1, requests.read_holding(0, 2), TIMING)
+        client = ModbusClient(transport)
+        client.execute(1, requests.read_holding(0, 2), TIMING)
         gateway.strand()
         with pytest.raises(DeadlineError):
-            master.execute(1, requests.read_holding(0, 2), TIMING)
-        assert requests.registers_of(master.execute(1, requests.read_holding(0, 2), TIMING)) == (0x534D, 1)
-        assert master.counters.reopenings == 1
+            client.execute(1, requests.read_holding(0, 2), TIMING)
+        assert requests.registers_of(client.execute(1, requests.read_holding(0, 2), TIMING)) == (0x534D, 1)
+        assert client.counters.reopenings == 1
 
 
 def test_a_connection_that_the_gateway_closed_while_idle_is_opened_before_the_next_request(board):
     gateway, url = board
     with open_transport(url) as transport:
-        master = Master(transport)
-        master.execute(1, requests.read_holding(0, 2), TIMING)
+        client = ModbusClient(transport)
+        client.execute(1, requests.read_holding(0, 2), TIMING)
         gateway.hang_up()
         assert select.select([transport._connection], [], [], 10.0)[0]
-        master.execute(1, requests.read_holding(0, 2), TIMING)
-        assert master.counters.timeouts == 0
-        assert master.counters.reopenings == 1
+        client.execute(1, requests.read_holding(0, 2), TIMING)
+        assert client.counters.timeouts == 0
+        assert client.counters.reopenings == 1
 
 
 class Steady:
@@ -104,7 +104,7 @@ def supply_rig(request, tmp_path):
 
 def output_of(url):
     with open_transport(url) as transport:
-        supply = Device(load_profile("riden-rd60xx"), Master(transport))
+        supply = Device(load_profile("riden-rd60xx"), ModbusClient(transport))
         name = supply.profile.role("heater_enable")
         return supply.read((name,))[name].raw
 
@@ -114,7 +114,7 @@ def test_a_run_goes_on_through_a_new_connection_within_stale_after(supply_rig):
     controller = Steady(gateway.strand, at_tick=8)
     with rig:
         figures = rig.drive(controller, rig.nominal_balance, lambda _tick: None)
-        assert rig.devices["supply"].master.counters.reopenings == 1
+        assert rig.devices["supply"].client.counters.reopenings == 1
     assert figures.trips == 0
     assert controller.ticks > 8
     assert output_of(url) == 0

@@ -1,4 +1,4 @@
-"""Other people's Modbus: their masters read and write our simulator, our driver drives their server."""
+"""Other people's Modbus: their clients read and write our simulator, our driver drives their server."""
 
 import re
 import shutil
@@ -14,7 +14,7 @@ from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import Profile, load_profile
 from smadrive.errors import ExceptionReply, IdentityError
 from smadrive.modbus import requests
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.connect import open_transport
 
 pytestmark = pytest.mark.timeout(60)
@@ -39,7 +39,7 @@ def written_by_nobody(request):
     if "simulator" not in request.fixturenames:
         return
     with board(*request.getfixturevalue("simulator")) as transport:
-        Master(transport).execute(1, requests.write_registers(FIRST, (500, 1000, 5000)), BOARD.bus_timing())
+        ModbusClient(transport).execute(1, requests.write_registers(FIRST, (500, 1000, 5000)), BOARD.bus_timing())
 
 
 def board(kind, where):
@@ -49,7 +49,7 @@ def board(kind, where):
 def seen_by_the_driver(kind, where):
     with board(kind, where) as transport:
         return requests.registers_of(
-            Master(transport).execute(1, requests.read_holding(FIRST, len(WORDS)), BOARD.bus_timing())
+            ModbusClient(transport).execute(1, requests.read_holding(FIRST, len(WORDS)), BOARD.bus_timing())
         )
 
 
@@ -198,7 +198,7 @@ def foreign_profile(kind, tmp_path):
 def test_the_driver_drives_a_libmodbus_server_by_a_profile(kind, tmp_path):
     profile: Profile = foreign_profile(kind, tmp_path)
     with libmodbus.server(kind, 7, CONTENT) as where, board(kind, where) as transport:
-        device = Device(profile, Master(transport))
+        device = Device(profile, ModbusClient(transport))
         device.check_identity()
         device.write("i_set", 12.3456)
         device.write("output", 165)
@@ -206,21 +206,21 @@ def test_the_driver_drives_a_libmodbus_server_by_a_profile(kind, tmp_path):
         assert readings["i_set"].value == pytest.approx(12.3456)
         assert readings["output"].words == ("on",)
         assert readings["i_out"].value == 1.5
-        master = device.master
+        client = device.client
         timing = profile.bus_timing()
-        assert requests.registers_of(master.execute(7, requests.read_holding(0x20, 2), timing)) == (0xE240, 0x0001)
+        assert requests.registers_of(client.execute(7, requests.read_holding(0x20, 2), timing)) == (0xE240, 0x0001)
         device.enter_safe_state()
         assert device.read(("i_set",))["i_set"].value == 0.0
         with pytest.raises(ExceptionReply, match="illegal data address"):
-            master.execute(7, requests.read_holding(2000, 1), timing)
+            client.execute(7, requests.read_holding(2000, 1), timing)
 
 
 @needs_libmodbus
 def test_a_libmodbus_server_that_is_another_device_is_not_written_to(tmp_path):
     profile = foreign_profile("rtu", tmp_path)
     with libmodbus.server("rtu", 7, ((900, 4712),)) as where, board("rtu", where) as transport:
-        device = Device(profile, Master(transport))
+        device = Device(profile, ModbusClient(transport))
         with pytest.raises(IdentityError, match="model is 4712, expected 4711"):
             device.write("i_set", 1.0)
-        words = device.master.execute(7, requests.read_holding(0x20, 2), profile.bus_timing())
+        words = device.client.execute(7, requests.read_holding(0x20, 2), profile.bus_timing())
         assert words == bytes(4)

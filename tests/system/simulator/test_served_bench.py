@@ -16,7 +16,7 @@ from smadrive.errors import DeadlineError
 from smadrive.files.shipped import configs_dir
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.connect import open_transport
 
 DEVICES = """
@@ -68,12 +68,12 @@ def test_every_door_is_told_and_all_devices_see_the_same_wire(tmp_path):
             open_transport(urls[1], lines[1]) as line,
             open_transport(urls[2]) as module_port,
         ):
-            board = HeaterBoard(Device(load_profile("sma-reference"), Master(board_port)), MonotonicClock())
-            shared = Master(line)
+            board = HeaterBoard(Device(load_profile("sma-reference"), ModbusClient(board_port)), MonotonicClock())
+            shared = ModbusClient(line)
             thermometers = [
                 Device(load_profile("delta-dtb"), shared, 3),
                 Device(load_profile("autonics-tk"), shared, 4),
-                Device(load_profile("adam-6018"), Master(module_port)),
+                Device(load_profile("adam-6018"), ModbusClient(module_port)),
             ]
 
             def temperatures():

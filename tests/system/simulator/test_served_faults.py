@@ -14,7 +14,7 @@ from smadrive.files.shipped import configs_dir
 from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.connect import open_transport
 
 READ = requests.read_holding(0, 2)
@@ -56,10 +56,10 @@ def scripted(request, tmp_path):
 def test_a_scripted_bus_fails_on_time_and_the_driver_gets_over_it(scripted):
     advance_to, url = scripted
     with open_transport(url, load_profile("sma-reference").serial_settings()) as transport:
-        master = Master(transport)
+        client = ModbusClient(transport)
 
         def read():
-            return requests.registers_of(master.execute(1, READ, TIMING))
+            return requests.registers_of(client.execute(1, READ, TIMING))
 
         assert read() == RIGHT
         advance_to(1.0)
@@ -69,20 +69,20 @@ def test_a_scripted_bus_fails_on_time_and_the_driver_gets_over_it(scripted):
         advance_to(2.0)
         with pytest.raises(ExceptionReply):
             read()
-        reopenings = master.counters.reopenings
+        reopenings = client.counters.reopenings
         advance_to(3.0)
         for _ in range(2):
             with pytest.raises(TransportError):
                 read()
         advance_to(4.1)
         assert read() == RIGHT
-        assert master.counters.reopenings == reopenings + 1
+        assert client.counters.reopenings == reopenings + 1
         advance_to(5.0)
         advance_to(6.0)
-        with_noise_before = master.counters.discarded_bytes
+        with_noise_before = client.counters.discarded_bytes
         try:
             assert read() == RIGHT
-            assert url.startswith("tcp://") or master.counters.discarded_bytes > with_noise_before
+            assert url.startswith("tcp://") or client.counters.discarded_bytes > with_noise_before
         except ProtocolError:
             assert not url.startswith("tcp://")
         assert read() == RIGHT

@@ -14,7 +14,7 @@ from smadrive.files.kinds import RIG
 from smadrive.files.shipped import config_file
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.trace import TraceFile
 from smadrive.modbus.transports.connect import open_transport
 
@@ -25,13 +25,13 @@ NAMES = ("serial_number", "temperature", "sample_counter", "watchdog_s", "uptime
 def read(url, trace_path=None):
     with open_transport(url, PROFILE.serial_settings()) as transport:
         if trace_path is None:
-            return readings(Master(transport))
+            return readings(ModbusClient(transport))
         with TraceFile(trace_path, transport) as trace:
-            return readings(Master(transport, trace))
+            return readings(ModbusClient(transport, trace))
 
 
-def readings(master):
-    device = Device(PROFILE, master)
+def readings(client):
+    device = Device(PROFILE, client)
     device.check_identity()
     return [device.read(NAMES) for _ in range(3)]
 
@@ -45,7 +45,7 @@ def test_a_record_is_served_as_the_device_that_it_was(way_in, tmp_path):
     with served("--replay", str(path), way_in, where, sim=None) as (process, url):
         assert read(url) == recorded
         with open_transport(url, PROFILE.serial_settings()) as transport, pytest.raises(DeadlineError):
-            Master(transport).execute(1, requests.read_holding(32, 1), BusTiming(0.1, read_retries=0))
+            ModbusClient(transport).execute(1, requests.read_holding(32, 1), BusTiming(0.1, read_retries=0))
         assert "not in the recording: unit 1, read 1 holding registers from 32" in process.stderr.readline()
 
 

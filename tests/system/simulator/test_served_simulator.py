@@ -1,4 +1,4 @@
-"""firmware-sim as a process on a pseudo-terminal: the driver, a third-party master, and clients that die."""
+"""firmware-sim as a process on a pseudo-terminal: the driver, a third-party client, and clients that die."""
 
 import contextlib
 import re
@@ -17,7 +17,7 @@ from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits
 from smadrive.devices.profile.profile import load_profile
 from smadrive.modbus import requests
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.framing import rtu
 from smadrive.modbus.transports.connect import open_transport
 
@@ -28,7 +28,7 @@ LIMITS = HeaterLimits(current_max_a=0.6, temperature_max_c=130.0)
 @contextlib.contextmanager
 def connected(url):
     with open_transport(url, PROFILE.serial_settings()) as transport:
-        yield Device(PROFILE, Master(transport))
+        yield Device(PROFILE, ModbusClient(transport))
 
 
 def finish(process, signum):
@@ -93,12 +93,12 @@ from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heater import Heater
 from smadrive.devices.heating.heat_source import HeaterLimits
 from smadrive.devices.profile.profile import load_profile
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus import requests
 from smadrive.modbus.framing import rtu
 from smadrive.modbus.transports.connect import open_transport
 
-device = Device(load_profile("sma-reference"), Master(open_transport(sys.argv[1])))
+device = Device(load_profile("sma-reference"), ModbusClient(open_transport(sys.argv[1])))
 clock = MonotonicClock()
 board = Heater(HeaterBoard(device, clock), HeaterLimits(current_max_a=0.6, temperature_max_c=130.0), clock)
 board.connect()

@@ -20,7 +20,7 @@ from smadrive.devices.heater import Heater
 from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits
 from smadrive.devices.profile.profile import load_profile
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.framing import mbap
 from smadrive.modbus.transports.connect import open_transport
 
@@ -116,7 +116,7 @@ def test_clients_do_not_disturb_each_other(wire, thermometer):
     profile = load_profile("adam-6018")
     for _ in range(3):
         with open_transport(thermometer) as transport:
-            device = Device(profile, Master(transport))
+            device = Device(profile, ModbusClient(transport))
             device.write("do_3", 1)
             assert device.read(("do_3", "tc_0"))["tc_0"].value == pytest.approx(22.0, abs=1.0)
             device.write("do_3", 0)
@@ -145,7 +145,7 @@ def test_the_driver_heats_through_either_protocol(option):
     with served(option, "127.0.0.1:0") as (process, url):
         with open_transport(url, profile.serial_settings()) as transport:
             board = Heater(
-                HeaterBoard(Device(profile, Master(transport)), MonotonicClock()),
+                HeaterBoard(Device(profile, ModbusClient(transport)), MonotonicClock()),
                 HeaterLimits(0.6, 130.0),
                 MonotonicClock(),
             )

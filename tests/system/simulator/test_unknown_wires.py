@@ -81,10 +81,10 @@ def test_it_is_tracked_within_the_targets(drawn, sensor):
             model,
             balance,
             HysteresisInverse(model),
-            lambda tick: rows.append((tick.time_s, tick.command.wanted_mm, bench.plant.displacement_mm)),
+            lambda tick: rows.append((tick.time_s, tick.command.setpoint_mm, bench.plant.displacement_mm)),
         )
-    time_s, wanted_mm, reached_mm = np.array(rows).T
-    percent = 100 * (wanted_mm - reached_mm)[time_s >= 10.0] / drawn.sim.wire.stroke_mm
+    time_s, setpoint_mm, reached_mm = np.array(rows).T
+    percent = 100 * (setpoint_mm - reached_mm)[time_s >= 10.0] / drawn.sim.wire.stroke_mm
     rms, largest = float(np.sqrt(np.mean(percent**2))), float(np.max(np.abs(percent)))
     if drawn.sim.transformation.kind == "preisach":
         assert rms <= (0.5 if sensor else 4.0)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from smadrive.control.controllers.tracking import TrackingSettings
-from smadrive.control.feasibility import rehearse
+from smadrive.control.feasibility import simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import parse_reference
 from smadrive.errors import ConfigError
@@ -23,7 +23,7 @@ def rehearsed(spec, current_limit_a=0.6):
     reference = parse_reference(spec).with_approach(0.0, 10.0)
     settings = TrackingSettings(0.05, current_limit_a, closed_loop_s=0.25, integral_s=2.0, noise_c=0.1)
     start = WireState(22.0, LOOP.initial_state(22.0))
-    return reference, rehearse(reference, WIRE, HysteresisInverse(LOOP), settings, start)
+    return reference, simulate_run(reference, WIRE, HysteresisInverse(LOOP), settings, start)
 
 
 def test_what_the_wire_can_do_passes_unchanged():
@@ -39,7 +39,7 @@ def test_a_fall_faster_than_cooling_is_refused_with_the_rates_and_the_cure():
     _, found = rehearsed("trapezoid:low_mm=2.4,high_mm=9.6,rise_s=1.5,dwell_s=8,cycles=1")
     assert not found.feasible
     assert found.limit == "cooling"
-    assert found.wanted_mm_per_s < found.reached_mm_per_s < 0.0
+    assert found.setpoint_mm_per_s < found.reached_mm_per_s < 0.0
     with pytest.raises(
         ConfigError, match=r"wanted are -.* mm/s.*no current.*slow it down about [\d.]+ times.*--smooth"
     ):
@@ -76,7 +76,7 @@ def test_steps_become_the_ramps_that_the_wire_can_do():
     rates = np.diff(smooth.displacement_mm) / np.diff(smooth.times_s)
     assert -12.0 < rates.min() < -1.0
     start = WireState(22.0, LOOP.initial_state(22.0))
-    again = rehearse(smooth, WIRE, HysteresisInverse(LOOP), SETTINGS, start)
+    again = simulate_run(smooth, WIRE, HysteresisInverse(LOOP), SETTINGS, start)
     assert again.shortfall_mm < 0.1 * found.shortfall_mm
 
 

@@ -57,9 +57,9 @@ def test_a_wire_far_ahead_is_driven_back_along_the_other_branch():
 @pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
 def test_a_wire_that_the_reference_will_soon_catch_up_with_is_not_driven_back(model):
     state = model.initial_state(90.0)
-    wanted_mm = state.y - 0.025 * model.scale
-    waits = HysteresisInverse(model).target(state, wanted_mm, 1, rate_mm_per_s=0.03 * model.scale)
-    turns = HysteresisInverse(model).target(state, wanted_mm, 1, rate_mm_per_s=0.003 * model.scale)
+    setpoint_mm = state.y - 0.025 * model.scale
+    waits = HysteresisInverse(model).target(state, setpoint_mm, 1, rate_mm_per_s=0.03 * model.scale)
+    turns = HysteresisInverse(model).target(state, setpoint_mm, 1, rate_mm_per_s=0.003 * model.scale)
     assert 89.0 < waits.temperature_c < 90.0
     assert turns.temperature_c < 85.0
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from smadrive.control.estimation.observer import WireEstimate
-from smadrive.control.feedforward.reversal_preview import TurnPreview
+from smadrive.control.feedforward.reversal_preview import ReversalPreview
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import DuhemModel
 from smadrive.wire.heat_balance import HeatBalance
@@ -38,7 +38,7 @@ def at(reference, time_s, model=LOOP):
 
 def leaves_s(reference, model=LOOP):
     """When the wire leaves the heating branch."""
-    preview = TurnPreview(WireModel(model, BALANCE))
+    preview = ReversalPreview(WireModel(model, BALANCE))
     for time_s in np.arange(8.0, PEAK_S + 0.01, 0.02).tolist():
         if turn := preview.update(at(reference, time_s, model), reference, time_s, 1, LIMIT_W):
             return time_s, turn
@@ -79,7 +79,7 @@ def test_a_displacement_that_falls_on_heating_turns_at_the_same_time():
 
 def test_far_from_a_turn_nothing_turns():
     reference = peak()
-    preview = TurnPreview(WireModel(LOOP, BALANCE))
+    preview = ReversalPreview(WireModel(LOOP, BALANCE))
     assert preview.update(at(reference, 5.0), reference, 5.0, 1, LIMIT_W) is None
 
 

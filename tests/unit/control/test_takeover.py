@@ -77,6 +77,6 @@ def test_a_share_of_the_feedforward_leaves_the_rest_to_the_feedback():
     whole, half, quarter = (
         controller(wire(), share).update(0.0, reading(0.0, 84.0), PERIOD_S) for share in (1.0, 0.5, 0.25)
     )
-    assert half.wanted_c == whole.wanted_c
+    assert half.setpoint_c == whole.setpoint_c
     assert whole.power_w - half.power_w > 0.1
     assert whole.power_w - half.power_w == pytest.approx(2.0 * (half.power_w - quarter.power_w))

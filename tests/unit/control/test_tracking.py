@@ -63,7 +63,7 @@ class Bench:
         rows = []
         while self.time_s < until_s:
             command = controller.update(self.time_s, self.measurement(), DT_S)
-            rows.append((self.time_s, command.wanted_mm, self.state.hysteresis.y, command.power_w))
+            rows.append((self.time_s, command.setpoint_mm, self.state.hysteresis.y, command.power_w))
             self.advance(command.current_a)
         return np.array(rows)
 

@@ -10,7 +10,7 @@ from smadrive.devices.heater import Heater
 from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits
 from smadrive.devices.profile.profile import load_profile
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 
 TICK_S = 0.05
 
@@ -29,7 +29,7 @@ def rig(clock):
 
 @pytest.fixture
 def device(rig, clock):
-    return Device(load_profile("sma-reference"), Master(rig.transport(clock)))
+    return Device(load_profile("sma-reference"), ModbusClient(rig.transport(clock)))
 
 
 @pytest.fixture

@@ -13,7 +13,7 @@ from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ExceptionReply, ProtocolError, SmadriveError, TransportError
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 
 NAMES = [
     *("drop", "delay", "duplicate", "corrupt", "truncate", "junk_before", "junk_after", "wrong_unit"),
@@ -34,7 +34,7 @@ def test_whatever_the_bus_does_no_wrong_value_is_taken_and_the_heater_ends_off(p
     rig = simulated_device(load_sim("flexinol-lt-0.15mm"))
     clock.follow(rig.bench.advance_to)
     board = Heater(
-        HeaterBoard(Device(load_profile("sma-reference"), Master(rig.transport(clock))), clock),
+        HeaterBoard(Device(load_profile("sma-reference"), ModbusClient(rig.transport(clock))), clock),
         HeaterLimits(0.6, 130.0),
         clock,
     )

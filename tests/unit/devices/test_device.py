@@ -9,7 +9,7 @@ from firmware_sim.config import load_sim
 from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError, DeadlineError, ExceptionReply, IdentityError, ReadBackError
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 
 
 def test_reading_merges_neighbours(device):
@@ -17,17 +17,17 @@ def test_reading_merges_neighbours(device):
     assert readings["watchdog_s"].value == 0.5
     assert readings["state"].words == ("idle",)
     assert readings["cold_junction"].value == pytest.approx(25.0)
-    assert device.master.counters.requests == 2
+    assert device.client.counters.requests == 2
 
 
 def test_reading_respects_what_the_device_can(rig, clock):
     profile = load_profile("sma-reference")
     short = profile.model_copy(update={"timing": profile.timing.model_copy(update={"max_read_registers": 4})})
-    device = Device(short, Master(rig.transport(clock)))
+    device = Device(short, ModbusClient(rig.transport(clock)))
     assert (
         device.read(("device_id", "map_version", "firmware_version", "serial_number"))["serial_number"].value > 1 << 31
     )
-    assert device.master.counters.requests == 2
+    assert device.client.counters.requests == 2
 
 
 def test_an_unknown_register_names_the_nearest(device):
@@ -45,7 +45,7 @@ def test_a_sentinel_is_no_number(device, rig):
 def test_nothing_is_written_to_another_device(rig, clock):
     profile = load_profile("sma-reference")
     other = profile.identify[0].model_copy(update={"ranges": [(1, 9)]})
-    device = Device(profile.model_copy(update={"identify": (other,)}), Master(rig.transport(clock)))
+    device = Device(profile.model_copy(update={"identify": (other,)}), ModbusClient(rig.transport(clock)))
     sequence = rig.firmware.sequence
     for write in (
         lambda: device.write("sequence", 7),
@@ -74,13 +74,13 @@ def test_a_write_that_does_not_arrive_is_an_error(device):
 def test_a_write_outside_the_limits_is_not_sent(device, name, value):
     with pytest.raises(ConfigError, match=name):
         device.write(name, value)
-    assert device.master.counters.requests == 0
+    assert device.client.counters.requests == 0
 
 
 @pytest.mark.parametrize("unit_id", [0, 248, -1])
 def test_a_unit_id_that_is_no_single_device_is_refused(device, unit_id):
     with pytest.raises(ConfigError, match="outside 1 to 247"):
-        Device(device.profile, device.master, unit_id)
+        Device(device.profile, device.client, unit_id)
 
 
 def test_a_read_only_register_is_not_written(device):
@@ -95,13 +95,13 @@ def test_a_refused_write_names_register_and_value(device):
 
 def test_an_exchange_is_one_transaction_in_any_order_of_names(device, rig):
     device.check_identity()
-    before = device.master.counters.requests
+    before = device.client.counters.requests
     readings = device.exchange(
         {"heater_enable": 0, "sequence": 77, "heater_current": 0.0}, ("state", "sequence_echo", "faults")
     )
     assert readings["sequence_echo"].value == 77
     assert rig.firmware.sequence == 77
-    assert device.master.counters.requests == before + 1
+    assert device.client.counters.requests == before + 1
 
 
 def test_an_exchange_of_scattered_registers_is_refused(device):
@@ -120,7 +120,7 @@ def test_reads_survive_a_bad_bus_and_writes_are_not_repeated(device, rig):
     with pytest.raises(DeadlineError):
         device.exchange({"sequence": 5}, ("state",))
     assert rig.firmware.sequence == 5  # it was carried out once; nobody sent it twice
-    assert device.master.counters.retries > 0
+    assert device.client.counters.retries > 0
 
 
 @pytest.mark.parametrize("fault", ["drop", "corrupt", "truncate"])
@@ -156,7 +156,7 @@ def test_a_device_whose_type_nothing_proves_must_answer_at_least(clock, name):
     assert not profile.proves_type
     simulated = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=1, profile=profile)
     clock.follow(simulated.bench.advance_to)
-    device = Device(profile, Master(simulated.transport(clock)))
+    device = Device(profile, ModbusClient(simulated.transport(clock)))
     device.check_identity()
     assert not device.identity
     simulated.faults.drop(1000)

@@ -20,7 +20,7 @@ from smadrive.errors import (
     ProtocolError,
     SafetyError,
 )
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.framing import rtu
 from smadrive.modbus.transports.in_process import InProcessTransport
 
@@ -51,9 +51,9 @@ def test_a_measurement_is_the_rigs(heater, run, rig, clock):
 
 def test_a_tick_is_one_transaction(heater, run, device):
     heater.connect()
-    before = device.master.counters.requests
+    before = device.client.counters.requests
     run(0.0, 1.0)
-    assert device.master.counters.requests == before + 20
+    assert device.client.counters.requests == before + 20
 
 
 @pytest.mark.parametrize(("asked_a", "limits"), [(0.59, ()), (0.6 - 1e-15, ("current_max",)), (9.9, ("current_max",))])
@@ -230,8 +230,8 @@ def test_a_trace_that_fails_at_any_frame_keeps_no_safe_state_from_going_out():
             if len(seen) > failing:
                 raise OSError(errno.ENOSPC, "No space left on device")
 
-        master = Master(rig.transport(clock), trace)
-        heater = Heater(HeaterBoard(Device(load_profile("sma-reference"), master), clock), LIMITS, clock)
+        client = ModbusClient(rig.transport(clock), trace)
+        heater = Heater(HeaterBoard(Device(load_profile("sma-reference"), client), clock), LIMITS, clock)
         heater.connect()
         heater.arm(0.5)
         heater.exchange(0.3)
@@ -263,7 +263,7 @@ class Shifted:
 def test_a_reply_of_the_registers_beside_is_never_taken_for_the_echo(rig, clock, shift, draw):
     """State, faults and limits stand there: small numbers, which a sequence that starts small would meet."""
     transport = InProcessTransport(Shifted(rig.line, shift), clock)
-    board = HeaterBoard(Device(load_profile("sma-reference"), Master(transport)), clock)
+    board = HeaterBoard(Device(load_profile("sma-reference"), ModbusClient(transport)), clock)
     board.device.check_identity()
     for _ in range(300):
         with pytest.raises(ProtocolError):
@@ -272,7 +272,7 @@ def test_a_reply_of_the_registers_beside_is_never_taken_for_the_echo(rig, clock,
 
 def test_the_sequence_starts_at_random_and_stays_above_what_stands_beside_its_echo(rig, clock):
     def board():
-        return HeaterBoard(Device(load_profile("sma-reference"), Master(rig.transport(clock))), clock)
+        return HeaterBoard(Device(load_profile("sma-reference"), ModbusClient(rig.transport(clock))), clock)
 
     assert len({board()._sequence for _ in range(8)}) > 1
     wrapping = board()
@@ -305,6 +305,6 @@ def test_a_board_found_heating_is_turned_off_by_connecting(heater, rig):
 def test_a_profile_without_the_roles_is_refused(rig, clock):
     profile = load_profile("sma-reference")
     roles = profile.roles.model_copy(update={"sequence": None})
-    device = Device(profile.model_copy(update={"roles": roles}), Master(rig.transport(clock)))
+    device = Device(profile.model_copy(update={"roles": roles}), ModbusClient(rig.transport(clock)))
     with pytest.raises(ConfigError, match="role 'sequence'"):
         Heater(HeaterBoard(device, clock), HeaterLimits(0.5, 100.0), clock)

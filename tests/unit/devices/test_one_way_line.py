@@ -12,7 +12,7 @@ from smadrive.devices.heating.supply import BenchSupply
 from smadrive.devices.heating.tclab import TCLab, TCLabBoard
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import DeadlineError
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.in_process import InProcessTransport
 
 LOST_REQUESTS = range(4)
@@ -37,7 +37,7 @@ class OneWay:
 def source_on(profile, transport, clock):
     if not profile.has_registers:
         return TCLab(TCLabBoard(profile, transport), full_scale_a=0.6, full_scale_v=7.0)
-    device = Device(profile, Master(transport))
+    device = Device(profile, ModbusClient(transport))
     return HeaterBoard(device, clock) if profile.profile.role == "heater" else BenchSupply(device)
 
 

@@ -8,7 +8,7 @@ from smadrive.devices.device import Device
 from smadrive.devices.identity import UNKNOWN
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import DeadlineError, DeviceError, IdentityError
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.in_process import InProcessTransport
 
 READS = (1, 2, 3, 4)
@@ -49,7 +49,7 @@ def hub(request, clock):
 
 @pytest.fixture
 def device(hub, clock):
-    device = Device(load_profile(hub.profile.profile.id), Master(InProcessTransport(hub, clock)))
+    device = Device(load_profile(hub.profile.profile.id), ModbusClient(InProcessTransport(hub, clock)))
     device.check_identity()
     return device
 
@@ -67,7 +67,7 @@ def uses(device):
 def test_a_twin_behind_the_same_port_is_told_nothing(hub, device):
     for use in uses(device):
         hub.plug(serial_number=2)
-        device.master.transport.lose()
+        device.client.transport.lose()
         with pytest.raises(IdentityError, match="another one answers than before: serial_number is 2, was 1: did two"):
             use()
         assert hub.heard
@@ -77,7 +77,7 @@ def test_a_twin_behind_the_same_port_is_told_nothing(hub, device):
 def test_another_thing_behind_the_same_port_is_told_nothing(hub, device):
     for use in uses(device):
         hub.plug(serial_number=1, profile=load_profile("autonics-tk"))
-        device.master.transport.lose()
+        device.client.transport.lose()
         with pytest.raises((DeviceError, DeadlineError)):
             use()
         assert set(hub.heard) <= set(READS)
@@ -85,41 +85,41 @@ def test_another_thing_behind_the_same_port_is_told_nothing(hub, device):
 
 def test_the_same_one_is_asked_once_and_driven_on(device):
     def requests_of(use):
-        before = device.master.counters.requests
+        before = device.client.counters.requests
         use()
-        return device.master.counters.requests - before
+        return device.client.counters.requests - before
 
     proof = requests_of(device.check_identity)
     for use in uses(device):
         use()
         needed = requests_of(use)
-        device.master.transport.lose()
+        device.client.transport.lose()
         assert requests_of(use) == needed + proof
 
 
 def test_the_first_one_that_comes_back_is_driven_on(hub, device):
     first = hub.device
     hub.plug(serial_number=2)
-    device.master.transport.lose()
+    device.client.transport.lose()
     with pytest.raises(IdentityError):
         device.enter_safe_state()
     hub.device = first
-    device.master.transport.lose()
+    device.client.transport.lose()
     device.enter_safe_state()
 
 
 def test_who_knows_a_device_from_another_takes_no_twin(hub, device):
     found = dict(device.identity)
     assert found["serial_number"] == 1
-    Device(device.profile, device.master, identity=found).check_identity()
+    Device(device.profile, device.client, identity=found).check_identity()
     with pytest.raises(IdentityError, match="serial_number is 1, was 2"):
-        Device(device.profile, device.master, identity=found | {"serial_number": 2}).enter_safe_state()
+        Device(device.profile, device.client, identity=found | {"serial_number": 2}).enter_safe_state()
 
 
 def test_a_setting_is_no_part_of_who_a_device_is(clock):
     """A range switch tells two variants apart, and may be turned."""
     hub = Hub(clock, load_profile("riden-rd60xx:model_id=60125,current_range=0"))
-    device = Device(load_profile("riden-rd60xx"), Master(InProcessTransport(hub, clock)))
+    device = Device(load_profile("riden-rd60xx"), ModbusClient(InProcessTransport(hub, clock)))
     assert device.identity == UNKNOWN
     device.check_identity()
     assert set(device.identity) == {"model_id", "serial_number"}

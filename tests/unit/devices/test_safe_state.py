@@ -13,9 +13,9 @@ from smadrive.devices.heating.zero_current import wait_for_zero_current
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.retry import PAUSES_S, retry_all
 from smadrive.errors import DeadlineError, SafetyError, TakenOverError
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 
-FAILURES = [OSError(errno.ENOSPC, "full"), BrokenPipeError(), MemoryError(), ValueError(), SafetyError()]
+FAILURES = [OSError(errno.ENOSPC, "full"), BrokenPipeError(), MemoryError(), ValueError(), SafetyError("refused")]
 
 
 @pytest.fixture
@@ -51,7 +51,9 @@ def test_a_step_that_fails_by_whatever_exception_keeps_no_other_from_being_tried
     assert rig.firmware.current_a == 0.0
 
 
-@pytest.mark.parametrize("error", [TakenOverError(), KeyboardInterrupt()], ids=lambda error: type(error).__name__)
+@pytest.mark.parametrize(
+    "error", [TakenOverError("the guardian has the line"), KeyboardInterrupt()], ids=lambda error: type(error).__name__
+)
 def test_a_takeover_and_an_interruption_end_the_tries_at_once(clock, error):
     counted = []
     with pytest.raises(type(error)):
@@ -76,7 +78,7 @@ def test_a_sink_on_the_bus_that_fails_for_a_while_does_not_keep_the_heater_on(ri
             raise OSError(errno.ENOSPC, "full")
 
     armed = []
-    device = Device(load_profile("sma-reference"), Master(rig.transport(clock), trace))
+    device = Device(load_profile("sma-reference"), ModbusClient(rig.transport(clock), trace))
     heater = Heater(HeaterBoard(device, clock), HeaterLimits(0.6, 130.0), clock)
     heater.connect()
     heater.arm(0.5)

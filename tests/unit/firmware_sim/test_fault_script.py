@@ -7,7 +7,7 @@ from firmware_sim.fault_script import FaultScript, load_script
 from smadrive.errors import ConfigError, DeadlineError, ExceptionReply, SmadriveError
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 
 TIMING = BusTiming(0.1, read_retries=0)
 READ = requests.read_holding(0, 2)
@@ -40,12 +40,12 @@ def test_faults_happen_at_their_times_and_are_told(rig, script):
         name = "open_thermocouple"
         """)
     )
-    master = Master(rig.transport())
+    client = ModbusClient(rig.transport())
     outcomes = []
     for time_s in (0.9, 1.1, 2.9, 3.0, 3.1, 3.2):
-        master.clock.sleep_until(time_s)
+        client.clock.sleep_until(time_s)
         try:
-            outcomes.append(len(master.execute(1, READ, TIMING)))
+            outcomes.append(len(client.execute(1, READ, TIMING)))
         except SmadriveError as error:
             outcomes.append(type(error))
     assert outcomes == [4, DeadlineError, 4, ExceptionReply, 4, 4]
@@ -62,11 +62,11 @@ def test_faults_happen_at_their_times_and_are_told(rig, script):
 def outcomes_by_chance(config, seed):
     rig = simulated_device(config, seed)
     rig.bench.follow_script(FaultScript.model_validate({"random": {"share": 0.5, "slowest_s": 0.3}}))
-    master = Master(rig.transport())
+    client = ModbusClient(rig.transport())
     outcomes = []
     for _ in range(300):
         try:
-            outcomes.append(master.execute(1, READ, TIMING).hex())
+            outcomes.append(client.execute(1, READ, TIMING).hex())
         except SmadriveError as error:
             outcomes.append(type(error).__name__)
     return outcomes

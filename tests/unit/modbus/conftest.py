@@ -4,7 +4,7 @@ import pytest
 
 from smadrive.clock import VirtualClock
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.framing import rtu
 from smadrive.modbus.transports.in_process import InProcessTransport
 
@@ -43,12 +43,12 @@ TIMING = BusTiming(response_timeout_s=0.1, read_retries=0)
 
 @pytest.fixture
 def bus():
-    """Make a master that talks to a peer on virtual time, on a bus that has been silent for a while."""
+    """Make a client that talks to a peer on virtual time, on a bus that has been silent for a while."""
 
     def make(peer, baudrate=115200, trace=None):
-        master = Master(InProcessTransport(peer, VirtualClock(), baudrate), trace)
-        master.clock.sleep_until(QUIET_S)
-        return master
+        client = ModbusClient(InProcessTransport(peer, VirtualClock(), baudrate), trace)
+        client.clock.sleep_until(QUIET_S)
+        return client
 
     return make
 

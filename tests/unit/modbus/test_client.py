@@ -1,4 +1,4 @@
-"""The master takes no wrong reply for a right one: not a damaged, not a foreign, above all not a late one."""
+"""The client takes no wrong reply for a right one: not a damaged, not a foreign, above all not a late one."""
 
 import errno
 from concurrent.futures import ThreadPoolExecutor
@@ -11,7 +11,7 @@ from smadrive.clock import VirtualClock
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.framing import rtu
 from smadrive.modbus.transports.in_process import InProcessTransport
 
@@ -20,9 +20,9 @@ RIGHT = rtu.seal(1, bytes.fromhex("03 08 000A 000B 000C 000D"))
 
 
 def test_a_right_reply_in_pieces_is_put_together(bus, script, timing):
-    master = bus(script([(0.01, RIGHT[:1]), (0.02, RIGHT[1:6]), (0.03, RIGHT[6:])]))
-    assert requests.registers_of(master.execute(1, READ, timing)) == (10, 11, 12, 13)
-    assert master.counters.replies == 1
+    client = bus(script([(0.01, RIGHT[:1]), (0.02, RIGHT[1:6]), (0.03, RIGHT[6:])]))
+    assert requests.registers_of(client.execute(1, READ, timing)) == (10, 11, 12, 13)
+    assert client.counters.replies == 1
 
 
 @pytest.mark.parametrize(
@@ -42,21 +42,21 @@ def test_a_right_reply_in_pieces_is_put_together(bus, script, timing):
     ids=["unit", "function", "count", "junk", "crc", "payload", "tail", "twice", "exception crc", "foreign exception"],
 )
 def test_a_wrong_reply_is_refused_at_once(bus, script, timing, wrong, counted):
-    master = bus(script([(0.0, wrong)]))
-    before_s = master.clock.now_s()
+    client = bus(script([(0.0, wrong)]))
+    before_s = client.clock.now_s()
     with pytest.raises(ProtocolError):
-        master.execute(1, READ, timing)
-    assert master.clock.now_s() - before_s < timing.response_timeout_s
-    assert getattr(master.counters, counted) == 1
+        client.execute(1, READ, timing)
+    assert client.clock.now_s() - before_s < timing.response_timeout_s
+    assert getattr(client.counters, counted) == 1
 
 
 def test_silence_is_a_missed_deadline(bus, script, timing):
-    master = bus(script())
-    before_s = master.clock.now_s()
+    client = bus(script())
+    before_s = client.clock.now_s()
     with pytest.raises(DeadlineError):
-        master.execute(1, READ, timing)
+        client.execute(1, READ, timing)
     on_wire_s = (8 + 13) * 11 / 115200
-    assert master.clock.now_s() - before_s == pytest.approx(on_wire_s + timing.response_timeout_s)
+    assert client.clock.now_s() - before_s == pytest.approx(on_wire_s + timing.response_timeout_s)
 
 
 def test_half_a_reply_is_a_missed_deadline(bus, script, timing):
@@ -65,11 +65,11 @@ def test_half_a_reply_is_a_missed_deadline(bus, script, timing):
 
 
 def test_a_refusal_carries_code_and_meaning(bus, script, timing):
-    master = bus(script([(0.0, rtu.seal(1, b"\x83\x02"))]))
+    client = bus(script([(0.0, rtu.seal(1, b"\x83\x02"))]))
     with pytest.raises(ExceptionReply, match="exception 2, illegal data address") as refusal:
-        master.execute(1, READ, timing)
+        client.execute(1, READ, timing)
     assert refusal.value.code == 2
-    assert master.counters.exceptions == 1
+    assert client.counters.exceptions == 1
 
 
 def refused(function, code):
@@ -92,19 +92,19 @@ def test_a_late_exception_is_not_the_refusal_of_another_request_and_leaves_no_la
             self.busy_until_s = max(time_s, self.busy_until_s) + 0.3
             return [(self.busy_until_s, refused(3, 6))]
 
-    master = bus(Refuses())
+    client = bus(Refuses())
     with pytest.raises(DeadlineError):
-        master.execute(1, requests.read_holding(99, 3), timing)
+        client.execute(1, requests.read_holding(99, 3), timing)
     read = []
     for first in range(100, 140):
         try:
-            payload = master.execute(1, requests.read_holding(first, 2), timing)
+            payload = client.execute(1, requests.read_holding(first, 2), timing)
         except (DeadlineError, ProtocolError):
             continue
         read.append((first, *requests.registers_of(payload)))
     assert read == [(first, first, first + 1) for first, *_ in read]
     assert len(read) >= 38
-    assert master.counters.exceptions == 0
+    assert client.counters.exceptions == 0
 
 
 @pytest.mark.parametrize("code", [5, 6, 10, 11])
@@ -114,18 +114,18 @@ def test_the_real_reply_behind_an_exception_answers_no_other_request(bus, slow_r
             ((due_s, reply),) = super().receive(data, time_s)
             return [(time_s, refused(3, code)), (due_s + 0.01, reply)] if data[3] == 99 else [(due_s, reply)]
 
-    master = bus(AnswersAfterAll())
+    client = bus(AnswersAfterAll())
     with pytest.raises(ExceptionReply) as refusal:
-        master.execute(1, requests.read_holding(99, 4), timing)
+        client.execute(1, requests.read_holding(99, 4), timing)
     assert refusal.value.code == code
     for first in range(20, 40):
         try:
-            payload = master.execute(1, requests.read_holding(first, 4), timing)
+            payload = client.execute(1, requests.read_holding(first, 4), timing)
         except ProtocolError:
             continue
         assert requests.registers_of(payload) == tuple(range(first, first + 4))
     assert first == 39
-    assert master.counters.replies > 18
+    assert client.counters.replies > 18
 
 
 def test_a_second_copy_of_an_exception_leaves_no_lag_behind(bus, slow_registers, timing):
@@ -137,13 +137,13 @@ def test_a_second_copy_of_an_exception_leaves_no_lag_behind(bus, slow_registers,
                 return super().receive(data, time_s)
             return [(time_s, refused(3, 2)), (time_s + 0.01, refused(3, 2))]
 
-    master = bus(RefusesTwice([0.02] * 100))
+    client = bus(RefusesTwice([0.02] * 100))
     with pytest.raises(ExceptionReply):
-        master.execute(1, requests.read_holding(99, 4), timing)
+        client.execute(1, requests.read_holding(99, 4), timing)
     right = 0
     for first in range(20, 40):
         try:
-            payload = master.execute(1, requests.read_holding(first, 4), timing)
+            payload = client.execute(1, requests.read_holding(first, 4), timing)
         except (ProtocolError, ExceptionReply):
             continue
         assert requests.registers_of(payload) == tuple(range(first, first + 4))
@@ -164,12 +164,12 @@ def test_a_second_copy_of_a_reply_is_not_taken_for_a_proved_one(bus, timing):
             return [(time_s, reply), (time_s + 0.02, reply)] if self.reads == 2 else [(time_s + 0.03, reply)]
 
     far = Doubles()
-    master = bus(far)
+    client = bus(far)
     for proved in (False, False, True):
         last = None
         while last is None:
             try:
-                last = requests.registers_of(master.execute(1, READ, timing, proved=proved))
+                last = requests.registers_of(client.execute(1, READ, timing, proved=proved))
             except ProtocolError:
                 continue
     assert last == (far.reads,) * 4
@@ -186,10 +186,10 @@ def test_a_trace_that_fails_keeps_no_frame_from_passing(bus, script, timing):
         raise OSError(errno.ENOSPC, "No space left on device")
 
     far = script([(0.0, RIGHT)], [(0.0, RIGHT)])
-    master = bus(far, trace=trace)
+    client = bus(far, trace=trace)
     for _ in range(2):
-        assert master.execute(1, READ, timing) == RIGHT[3:-2]
-    assert isinstance(master.trace.failure, OSError)
+        assert client.execute(1, READ, timing) == RIGHT[3:-2]
+    assert isinstance(client.trace.failure, OSError)
     assert len(far.heard) == 2
 
 
@@ -199,34 +199,34 @@ def test_a_trace_that_fails_keeps_no_frame_from_passing(bus, script, timing):
 )
 @settings(max_examples=300, deadline=None)
 def test_a_late_reply_never_answers_another_request(slow_registers_class, delays_s, asked):
-    master = Master(InProcessTransport(slow_registers_class(delays_s), VirtualClock()))
+    client = ModbusClient(InProcessTransport(slow_registers_class(delays_s), VirtualClock()))
     for first, count in asked:
         try:
-            payload = master.execute(1, requests.read_holding(first, count), BusTiming(0.1, read_retries=1))
+            payload = client.execute(1, requests.read_holding(first, count), BusTiming(0.1, read_retries=1))
         except (DeadlineError, ProtocolError):
             continue
         assert requests.registers_of(payload) == tuple(range(first, first + count))
 
 
 def test_a_reply_150_ms_late_is_discarded_and_the_next_read_is_right(bus, slow_registers, timing):
-    master = bus(slow_registers([0.25]))
+    client = bus(slow_registers([0.25]))
     with pytest.raises(DeadlineError):
-        master.execute(1, requests.read_holding(10, 4), timing)
+        client.execute(1, requests.read_holding(10, 4), timing)
     for first in (500, 700):
-        payload = master.execute(1, requests.read_holding(first, 4), timing)
+        payload = client.execute(1, requests.read_holding(first, 4), timing)
         assert requests.registers_of(payload) == tuple(range(first, first + 4))
-    assert master.counters.quarantines >= 1
-    assert master.counters.probes == 2  # the first one met the late reply
+    assert client.counters.quarantines >= 1
+    assert client.counters.probes == 2  # the first one met the late reply
 
 
 def test_a_device_that_hung_for_seconds_answers_nothing_wrong(bus, slow_registers, timing):
-    master = bus(slow_registers([0.001, 3.0]))
-    master.execute(1, requests.read_holding(0, 2), timing)
+    client = bus(slow_registers([0.001, 3.0]))
+    client.execute(1, requests.read_holding(0, 2), timing)
     outcomes = []
     for first in range(100, 150):
         try:
             outcomes.append(
-                requests.registers_of(master.execute(1, requests.read_holding(first, 1), timing))[0] == first
+                requests.registers_of(client.execute(1, requests.read_holding(first, 1), timing))[0] == first
             )
         except (DeadlineError, ProtocolError):
             outcomes.append(None)
@@ -248,22 +248,22 @@ def test_a_device_that_is_silent_on_what_it_does_not_know_is_probed_with_what_it
             return [] if self.lost == 0 or data not in answers else [(time_s, rtu.seal(1, answers[data]))]
 
     far = Shy()
-    master = bus(far)
+    client = bus(far)
     for one in far.known:
-        master.execute(1, one, timing)
+        client.execute(1, one, timing)
     far.lost = 1
     with pytest.raises(DeadlineError):
-        master.execute(1, far.known[0], timing)
-    assert master.execute(1, far.known[0], timing) == b"\0\0"
+        client.execute(1, far.known[0], timing)
+    assert client.execute(1, far.known[0], timing) == b"\0\0"
 
 
 def test_a_write_after_a_lost_read_needs_no_probe(bus, script, timing):
     write = requests.write_register(5, 1)
     far = script([], [(0.0, rtu.seal(1, write.pdu))])
-    master = bus(far)
+    client = bus(far)
     with pytest.raises(DeadlineError):
-        master.execute(1, READ, timing)
-    master.execute(1, write, timing)
+        client.execute(1, READ, timing)
+    client.execute(1, write, timing)
     assert len(far.heard) == 2
     assert far.heard[1][0] - far.heard[0][0] >= 2 * timing.response_timeout_s
 
@@ -273,9 +273,9 @@ def test_reads_are_retried_and_writes_are_not(bus, script):
     far = script([], [], [(0.0, RIGHT)])
     far.answers.insert(1, [(0.0, rtu.seal(1, bytes.fromhex("03 02 000A")))])  # of the probe
     far.answers.insert(3, [(0.0, rtu.seal(1, bytes.fromhex("03 02 000A")))])
-    master = bus(far)
-    assert requests.registers_of(master.execute(1, READ, patient)) == (10, 11, 12, 13)
-    assert master.counters.retries == 2
+    client = bus(far)
+    assert requests.registers_of(client.execute(1, READ, patient)) == (10, 11, 12, 13)
+    assert client.counters.retries == 2
 
     far = script()
     with pytest.raises(DeadlineError):
@@ -285,11 +285,11 @@ def test_reads_are_retried_and_writes_are_not(bus, script):
 
 def test_bytes_nobody_asked_for_lead_to_quarantine(bus, script, timing):
     far = script([(0.0, RIGHT), (0.01, b"\x55\x55")], [(0.0, RIGHT)])
-    master = bus(far)
-    master.execute(1, READ, timing)
-    master.clock.sleep_until(master.clock.now_s() + 0.02)
-    master.execute(1, READ, timing)
-    assert master.counters.discarded_bytes == 2
+    client = bus(far)
+    client.execute(1, READ, timing)
+    client.clock.sleep_until(client.clock.now_s() + 0.02)
+    client.execute(1, READ, timing)
+    assert client.counters.discarded_bytes == 2
     assert far.heard[1][0] - far.heard[0][0] >= timing.response_timeout_s
 
 
@@ -298,45 +298,45 @@ def test_a_new_master_first_listens_for_what_another_one_asked(script, timing):
     far = script([(0.0, RIGHT)])
     transport = InProcessTransport(far, VirtualClock())
     transport.deliver(0.05, late)
-    master = Master(transport)
-    assert requests.registers_of(master.execute(1, READ, timing)) == (10, 11, 12, 13)
-    assert master.counters.discarded_bytes == len(late)
+    client = ModbusClient(transport)
+    assert requests.registers_of(client.execute(1, READ, timing)) == (10, 11, 12, 13)
+    assert client.counters.discarded_bytes == len(late)
     assert far.heard[0][0] == pytest.approx(0.05 + timing.response_timeout_s)
 
 
 def test_a_lost_connection_is_opened_again_by_the_next_request(bus, script, timing):
     far = script([(0.0, RIGHT)], [(0.3, RIGHT), (0.31, b"\x55")])
-    master = bus(far)
-    master.execute(1, READ, timing)
-    master.transport.lose(return_s=master.clock.now_s() + 1.0)
+    client = bus(far)
+    client.execute(1, READ, timing)
+    client.transport.lose(return_s=client.clock.now_s() + 1.0)
     with pytest.raises(TransportError, match="gone until"):
-        master.execute(1, READ, timing)
-    master.clock.sleep_until(master.clock.now_s() + 1.0)
-    reopened_s = master.clock.now_s()
+        client.execute(1, READ, timing)
+    client.clock.sleep_until(client.clock.now_s() + 1.0)
+    reopened_s = client.clock.now_s()
     with pytest.raises(DeadlineError):
-        master.execute(1, READ, timing)
+        client.execute(1, READ, timing)
     assert far.heard[1][0] == pytest.approx(reopened_s + timing.response_timeout_s)
-    assert master.counters.reopenings == 1
+    assert client.counters.reopenings == 1
 
 
 def test_a_request_that_is_bound_to_a_lost_connection_is_not_sent_on_the_next(bus, script, timing):
     far = script([(0.0, RIGHT)], [(0.0, RIGHT)])
-    master = bus(far)
-    known = master.connection
-    master.execute(1, READ, timing, known)
-    master.transport.lose()
+    client = bus(far)
+    known = client.connection
+    client.execute(1, READ, timing, known)
+    client.transport.lose()
     with pytest.raises(TransportError):
-        master.execute(1, READ, timing, known)
+        client.execute(1, READ, timing, known)
     assert len(far.heard) == 1
-    assert master.execute(1, READ, timing, master.connection)
+    assert client.execute(1, READ, timing, client.connection)
 
 
 def test_a_bus_that_is_never_silent_is_given_up(bus, script, timing):
-    master = bus(script([(0.01 * i, b"\x00") for i in range(1000)]))
+    client = bus(script([(0.01 * i, b"\x00") for i in range(1000)]))
     with pytest.raises(ProtocolError):
-        master.execute(1, READ, timing)
+        client.execute(1, READ, timing)
     with pytest.raises(TransportError, match="never silent"):
-        master.execute(1, READ, timing)
+        client.execute(1, READ, timing)
 
 
 def test_a_broadcast_waits_for_no_reply(bus, script, timing):
@@ -354,51 +354,51 @@ def test_the_trace_sees_every_byte(bus, script, timing):
 def test_a_distrusted_bus_is_quarantined(bus, script, timing):
     shorter = (0.0, rtu.seal(1, bytes.fromhex("03 02 000A")))
     far = script([(0.0, RIGHT)], [shorter], [(0.0, RIGHT)])
-    master = bus(far)
-    master.execute(1, READ, timing)
-    master.distrust()
-    master.execute(1, READ, timing)
+    client = bus(far)
+    client.execute(1, READ, timing)
+    client.distrust()
+    client.execute(1, READ, timing)
     assert far.heard[1][0] - far.heard[0][0] >= timing.response_timeout_s
     assert far.heard[1][1] == rtu.seal(1, requests.read_holding(10, 1).pdu)
 
 
 def test_the_reply_to_an_interrupted_request_answers_no_other(bus, slow_registers, timing):
-    master = bus(slow_registers([0.05]))
+    client = bus(slow_registers([0.05]))
 
     def interrupt(_time_s):
         raise KeyboardInterrupt
 
-    followers = master.clock._followers
-    master.execute(1, requests.read_holding(0, 1), timing)
+    followers = client.clock._followers
+    client.execute(1, requests.read_holding(0, 1), timing)
     followers.append(interrupt)
-    master.transport._peer.delays_s = [0.05]
-    master._free_at_s -= 1  # the pause is over: the interrupt comes while the master waits for the reply
+    client.transport._peer.delays_s = [0.05]
+    client._free_at_s -= 1  # the pause is over: the interrupt comes while the client waits for the reply
     with pytest.raises(KeyboardInterrupt):
-        master.execute(1, requests.read_holding(10, 2), timing)
+        client.execute(1, requests.read_holding(10, 2), timing)
     followers.clear()
-    assert requests.registers_of(master.execute(1, requests.read_holding(20, 2), timing)) == (20, 21)
+    assert requests.registers_of(client.execute(1, requests.read_holding(20, 2), timing)) == (20, 21)
 
 
 def test_threads_take_turns(bus, slow_registers, timing):
-    master = bus(slow_registers())
+    client = bus(slow_registers())
 
     def read(first):
-        return requests.registers_of(master.execute(1, requests.read_holding(first, 2), timing))
+        return requests.registers_of(client.execute(1, requests.read_holding(first, 2), timing))
 
     with ThreadPoolExecutor(8) as pool:
         assert list(pool.map(read, range(200))) == [(first, first + 1) for first in range(200)]
 
 
 def test_a_closed_transport_says_so(bus, script, timing):
-    master = bus(script())
-    master.transport.close()
+    client = bus(script())
+    client.transport.close()
     with pytest.raises(TransportError, match="closed"):
-        master.execute(1, READ, timing)
+        client.execute(1, READ, timing)
 
 
 def test_a_connection_may_delay_a_reply_by_its_latency(slow_registers_class, timing):
-    master = Master(InProcessTransport(slow_registers_class([0.25, 0.35]), VirtualClock(), latency_s=0.2))
+    client = ModbusClient(InProcessTransport(slow_registers_class([0.25, 0.35]), VirtualClock(), latency_s=0.2))
     request = requests.read_holding(7, 1)
-    assert requests.registers_of(master.execute(1, request, timing)) == (7,)
+    assert requests.registers_of(client.execute(1, request, timing)) == (7,)
     with pytest.raises(DeadlineError):
-        master.execute(1, request, timing)
+        client.execute(1, request, timing)

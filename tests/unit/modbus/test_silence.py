@@ -15,9 +15,9 @@ RIGHT = rtu.seal(1, bytes.fromhex("03 08 000A 000B 000C 000D"))
 )
 def test_the_pause_between_frames_is_that_of_the_standard(bus, script, baudrate, pause_s):
     far = script([(0.0, RIGHT)], [(0.0, RIGHT)], [(0.0, RIGHT)])
-    master = bus(far, baudrate)
+    client = bus(far, baudrate)
     for timing in (BusTiming(), BusTiming(), BusTiming(silence=False)):
-        master.execute(1, READ, timing)
+        client.execute(1, READ, timing)
     times_s = [time_s for time_s, _ in far.heard]
     assert times_s[1] - times_s[0] == pytest.approx(pause_s)
     assert times_s[2] == times_s[1]
@@ -25,7 +25,7 @@ def test_the_pause_between_frames_is_that_of_the_standard(bus, script, baudrate,
 
 def test_a_device_may_want_a_longer_pause(bus, script):
     far = script([(0.0, RIGHT)], [(0.0, RIGHT)])
-    master = bus(far)
+    client = bus(far)
     for _ in range(2):
-        master.execute(1, READ, BusTiming(min_gap_s=0.05))
+        client.execute(1, READ, BusTiming(min_gap_s=0.05))
     assert far.heard[1][0] - far.heard[0][0] == pytest.approx(0.05)

@@ -15,7 +15,7 @@ from smadrive.clock import VirtualClock
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.framing import mbap
 from smadrive.modbus.framing.framing import NEAR, REMEMBERED, TcpFraming
 from smadrive.modbus.transports.connect import open_transport
@@ -47,7 +47,7 @@ def numbered(pdu, unit_id=1, ahead=0):
 @pytest.fixture
 def tcp():
     def make(*answers):
-        return Master(InProcessTransport(Script(*answers), VirtualClock(), baudrate=None))
+        return ModbusClient(InProcessTransport(Script(*answers), VirtualClock(), baudrate=None))
 
     return make
 
@@ -62,8 +62,8 @@ def test_frames_agree_with_pymodbus(transaction, unit_id, pdu):
 def test_a_right_reply_in_pieces_is_put_together(tcp):
     whole = numbered(RIGHT)
     pieces = [(0.01, slice(0, 3)), (0.02, slice(3, 9)), (0.03, slice(9, None))]
-    master = tcp([(delay_s, lambda number, part=part: whole(number)[part]) for delay_s, part in pieces])
-    assert requests.registers_of(master.execute(1, READ, TIMING)) == (10, 11)
+    client = tcp([(delay_s, lambda number, part=part: whole(number)[part]) for delay_s, part in pieces])
+    assert requests.registers_of(client.execute(1, READ, TIMING)) == (10, 11)
 
 
 @pytest.mark.parametrize(
@@ -81,18 +81,18 @@ def test_a_right_reply_in_pieces_is_put_together(tcp):
     ids=["unit", "function", "short", "long", "head", "exception", "protocol", "length"],
 )
 def test_a_wrong_reply_is_refused_at_once(tcp, frame):
-    master = tcp([(0.0, frame)])
+    client = tcp([(0.0, frame)])
     with pytest.raises(ProtocolError):
-        master.execute(1, READ, TIMING)
-    assert master.clock.now_s() < TIMING.response_timeout_s
-    assert master.counters.wrong_replies == 1
+        client.execute(1, READ, TIMING)
+    assert client.clock.now_s() < TIMING.response_timeout_s
+    assert client.counters.wrong_replies == 1
 
 
 def test_a_reply_with_another_number_is_dropped_and_the_right_one_behind_it_taken(tcp):
     stale = numbered(bytes.fromhex("03 04 DEAD DEAD"), ahead=-1)
-    master = tcp([(0.0, lambda number: stale(number) + numbered(RIGHT)(number))])
-    assert requests.registers_of(master.execute(1, READ, TIMING)) == (10, 11)
-    assert master.transport.framing.dropped == 1
+    client = tcp([(0.0, lambda number: stale(number) + numbered(RIGHT)(number))])
+    assert requests.registers_of(client.execute(1, READ, TIMING)) == (10, 11)
+    assert client.transport.framing.dropped == 1
     with pytest.raises(DeadlineError):
         tcp([(0.0, stale)]).execute(1, READ, TIMING)
 
@@ -100,10 +100,10 @@ def test_a_reply_with_another_number_is_dropped_and_the_right_one_behind_it_take
 @pytest.mark.parametrize("delay_s", [0.0, 0.02], ids=["before the request", "before the reply"])
 def test_an_early_reply_with_the_next_number_is_not_taken(tcp, delay_s):
     early = numbered(bytes.fromhex("03 04 DEAD DEAD"), ahead=1)
-    master = tcp([(0.0, numbered(RIGHT)), (delay_s, early)], [(0.05, numbered(RIGHT))])
+    client = tcp([(0.0, numbered(RIGHT)), (delay_s, early)], [(0.05, numbered(RIGHT))])
     for _ in range(2):
-        assert requests.registers_of(master.execute(1, READ, TIMING)) == (10, 11)
-    assert master.transport.framing.dropped == 1
+        assert requests.registers_of(client.execute(1, READ, TIMING)) == (10, 11)
+    assert client.transport.framing.dropped == 1
 
 
 def test_bytes_that_arrived_before_the_request_are_discarded_whatever_their_number(tcp):
@@ -111,11 +111,11 @@ def test_bytes_that_arrived_before_the_request_are_discarded_whatever_their_numb
     framing.skip(b"".join(mbap.seal(number, 1, RIGHT) for number in range(100)))
     assert framing.dropped == 100
     assert not framing.out_of_step
-    master = tcp([(0.0, numbered(RIGHT)), (0.0, b"\x55")], [(0.0, numbered(RIGHT))])
+    client = tcp([(0.0, numbered(RIGHT)), (0.0, b"\x55")], [(0.0, numbered(RIGHT))])
     for _ in range(2):
-        assert requests.registers_of(master.execute(1, READ, TIMING)) == (10, 11)
-    assert master.counters.discarded_bytes == 1
-    assert master.counters.reopenings == 1  # half a frame: where the next one begins is not known
+        assert requests.registers_of(client.execute(1, READ, TIMING)) == (10, 11)
+    assert client.counters.discarded_bytes == 1
+    assert client.counters.reopenings == 1  # half a frame: where the next one begins is not known
 
 
 def test_numbers_are_random_and_never_near_the_last_or_one_that_is_unanswered():
@@ -136,11 +136,11 @@ def test_a_refusal_carries_its_code(tcp):
 @pytest.mark.parametrize("left", [lambda number: numbered(RIGHT)(number)[:8], bytes.fromhex("00 01 00 05 00 07 01")])
 def test_a_stream_out_of_step_is_opened_anew(tcp, left):
     """What follows half a frame could be cut into a frame that nobody sent."""
-    master = tcp([(0.0, left)], [(0.0, numbered(b"\x03\x02\0\0"))], [(0.0, numbered(RIGHT))])
+    client = tcp([(0.0, left)], [(0.0, numbered(b"\x03\x02\0\0"))], [(0.0, numbered(RIGHT))])
     with pytest.raises((DeadlineError, ProtocolError)):
-        master.execute(1, READ, TIMING)
-    assert requests.registers_of(master.execute(1, READ, TIMING)) == (10, 11)
-    assert master.counters.reopenings == 1
+        client.execute(1, READ, TIMING)
+    assert requests.registers_of(client.execute(1, READ, TIMING)) == (10, 11)
+    assert client.counters.reopenings == 1
 
 
 class Registers:
@@ -165,10 +165,10 @@ class Registers:
 )
 @settings(max_examples=200, deadline=None)
 def test_a_late_reply_never_answers_another_request(delays_s, asked):
-    master = Master(InProcessTransport(Registers(delays_s), VirtualClock(), baudrate=None))
+    client = ModbusClient(InProcessTransport(Registers(delays_s), VirtualClock(), baudrate=None))
     for first, count in asked:
         try:
-            payload = master.execute(1, requests.read_holding(first, count), BusTiming(0.1, read_retries=1))
+            payload = client.execute(1, requests.read_holding(first, count), BusTiming(0.1, read_retries=1))
         except (DeadlineError, ProtocolError):
             continue
         assert requests.registers_of(payload) == tuple(range(first, first + count))
@@ -204,7 +204,7 @@ def test_rtu_frames_pass_through_a_gateway(listener):
     thread.start()
     with open_transport(f"rtu+tcp://127.0.0.1:{listener.getsockname()[1]}?baudrate=9600") as transport:
         assert transport.baudrate == 9600
-        payload = Master(transport).execute(1, requests.read_holding(0, 2), BusTiming(2.0))
+        payload = ModbusClient(transport).execute(1, requests.read_holding(0, 2), BusTiming(2.0))
     thread.join()
     assert requests.registers_of(payload) == (500, 5000)
 

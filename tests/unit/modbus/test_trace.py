@@ -7,7 +7,7 @@ import pytest
 from smadrive.clock import VirtualClock
 from smadrive.errors import ConfigError, SmadriveError
 from smadrive.modbus import pdu_description, requests
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.framing import mbap, rtu
 from smadrive.modbus.trace import TraceFile, content_of, read_trace
 from smadrive.modbus.transports.in_process import InProcessTransport
@@ -27,11 +27,11 @@ def traced(path, far, baudrate, timing, runs):
     transport = InProcessTransport(far, VirtualClock(), baudrate)
     transport.clock.sleep_until(5.0)
     with TraceFile(path, transport) as trace:
-        master = Master(transport, trace)
+        client = ModbusClient(transport, trace)
         transport.clock.sleep_until(6.0)
         for request in runs:
             try:
-                master.execute(1, request, timing)
+                client.execute(1, request, timing)
             except SmadriveError:
                 continue
     return path.read_text(encoding="ascii").splitlines()
@@ -141,12 +141,12 @@ def test_a_full_disk_ends_the_trace_and_nothing_else(tmp_path, script, timing, c
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
     try:
         with TraceFile(tmp_path / "bus.trace", transport) as trace:
-            master = Master(transport, trace)
+            client = ModbusClient(transport, trace)
             for _ in range(50):
-                master.execute(1, READ, timing)
+                client.execute(1, READ, timing)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
-    assert master.counters.replies == 50
+    assert client.counters.replies == 50
     assert [record.levelname for record in caplog.records] == ["WARNING"]
     numbered, lines = read_trace(tmp_path / "bus.trace")
     assert not numbered

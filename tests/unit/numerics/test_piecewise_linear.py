@@ -5,17 +5,17 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from smadrive.numerics.piecewise_linear import Polyline
+from smadrive.numerics.piecewise_linear import PiecewiseLinear
 
 
 @pytest.mark.parametrize("corners", [2, 3, 50])
 def test_it_is_numpys_interpolation_to_the_last_bit(corners):
     random = np.random.default_rng(corners)
     times_s, values = np.cumsum(random.uniform(0.01, 3.0, corners)), random.normal(40.0, 20.0, corners)
-    line = Polyline(times_s, values)
+    line = PiecewiseLinear(times_s, values)
     asked_s = np.concatenate((random.uniform(times_s[0] - 1.0, times_s[-1] + 1.0, 2000), times_s))
     assert [line.at(time_s) for time_s in asked_s.tolist()] == np.interp(asked_s, times_s, values).tolist()
 
 
 def test_a_leg_that_takes_no_time_is_passed_over():
-    assert Polyline([0.0, 0.0, 2.0], [5.0, 5.0, 9.0]).at(1.0) == 7.0
+    assert PiecewiseLinear([0.0, 0.0, 2.0], [5.0, 5.0, 9.0]).at(1.0) == 7.0

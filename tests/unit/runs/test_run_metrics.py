@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from smadrive.control.loop import LoopFigures
+from smadrive.control.loop import LoopMetrics
 from smadrive.hysteresis import DuhemModel
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_metrics import tracking_caveats, tracking_figures
+from smadrive.runs.run_metrics import tracking_caveats, tracking_metrics
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_file import wire_text
 
@@ -36,7 +36,7 @@ def log_of(lost):
 @pytest.mark.parametrize(("lost", "told"), [([], ()), ([7], ()), (range(60), ("60 of 100 samples",))])
 def test_samples_that_were_lost_leave_the_error_of_the_others(lost, told):
     log = log_of(lost)
-    figures = tracking_figures(log, LoopFigures())
+    figures = tracking_metrics(log, LoopMetrics())
     assert figures.rms_percent == pytest.approx(1.0, rel=1e-3)
     assert figures.max_percent == pytest.approx(1.0, rel=1e-3)
     caveats = tracking_caveats(log)
@@ -46,7 +46,7 @@ def test_samples_that_were_lost_leave_the_error_of_the_others(lost, told):
 
 def test_without_any_the_error_is_unknown():
     log = log_of(range(100))
-    assert isnan(tracking_figures(log, LoopFigures()).rms_percent)
+    assert isnan(tracking_metrics(log, LoopMetrics()).rms_percent)
     assert "unknown: no displacement was measured" in tracking_caveats(log)[0]
 
 

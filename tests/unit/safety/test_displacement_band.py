@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smadrive.hysteresis import DuhemModel
-from smadrive.safety.displacement_band import MARGIN, UNSURE_C, PlausibleDisplacement
+from smadrive.safety.displacement_band import MARGIN, UNSURE_C, DisplacementBand
 
 
 def wire(scale):
@@ -20,7 +20,7 @@ def wire(scale):
 @given(turns=st.lists(st.floats(20, 140), min_size=2, max_size=8), scale=st.sampled_from([12.0, -3.0]))
 def test_wherever_a_wire_has_been_it_is_within_its_band(turns, scale):
     model = wire(scale)
-    placed = PlausibleDisplacement(model)
+    placed = DisplacementBand(model)
     v = np.concatenate([np.linspace(a, b, 30) for a, b in pairwise(turns)])
     aged = 1.0 + 0.9 * MARGIN
     for at_c, y in zip(v.tolist(), model.simulate(v).tolist(), strict=True):
@@ -31,7 +31,7 @@ def test_wherever_a_wire_has_been_it_is_within_its_band(turns, scale):
 
 @pytest.mark.parametrize("scale", [12.0, -3.0])
 def test_cold_and_hot_wires_have_a_narrow_band(scale):
-    placed = PlausibleDisplacement(wire(scale))
+    placed = DisplacementBand(wire(scale))
     for at_c, y in ((22.0, 1.0), (130.0, 1.0 + scale)):
         low, high = placed.band_mm(at_c)
         assert low < y < high
@@ -39,13 +39,13 @@ def test_cold_and_hot_wires_have_a_narrow_band(scale):
 
 
 def test_the_nearest_displacement_is_on_a_branch_or_between_them():
-    placed = PlausibleDisplacement(wire(12.0))
+    placed = DisplacementBand(wire(12.0))
     assert placed.nearest_mm(22.0, 1.5) == pytest.approx(1.0, abs=1e-3)
     assert placed.nearest_mm(130.0, 1.5) == pytest.approx(13.0, abs=1e-3)
     assert placed.nearest_mm(80.0, 5.0) == 5.0
 
 
 def test_beyond_the_models_range_the_ends_hold():
-    placed = PlausibleDisplacement(wire(12.0))
+    placed = DisplacementBand(wire(12.0))
     assert placed.band_mm(-50.0) == placed.band_mm(20.0 - UNSURE_C)
     assert placed.band_mm(500.0) == placed.band_mm(140.0 + UNSURE_C)

@@ -41,7 +41,7 @@ def test_any_error_carries_the_outcome_and_stays_the_error_that_is_raised(kind):
     assert notes(error) == []
 
 
-@pytest.mark.parametrize("failure", [DeadlineError(), OSError(), MemoryError(), ValueError(), SystemExit()])
+@pytest.mark.parametrize("failure", [DeadlineError("no reply"), OSError(), MemoryError(), ValueError(), SystemExit()])
 def test_a_failure_of_any_type_is_the_outcome_and_does_not_replace_the_error(failure):
     device, error = Device(99, failure), TripError("trip", 3)
     with pytest.raises(TripError), ends_safe(device.enter_safe_state):
@@ -60,7 +60,7 @@ def test_an_unrelated_note_is_kept_and_says_nothing_of_the_heater():
 
 
 def test_the_last_try_counts_when_blocks_are_nested():
-    device, error = Device(1, DeadlineError()), TripError("trip", 3)
+    device, error = Device(1, DeadlineError("no reply")), TripError("trip", 3)
     with pytest.raises(TripError), ends_safe(device.enter_safe_state), ends_safe(device.enter_safe_state):
         raise error
     assert device.tries == 2
@@ -80,7 +80,7 @@ def test_a_run_that_was_ended_is_known_to_the_outer_block():
 
 
 def test_without_another_error_the_failure_is_raised_and_carries_the_outcome():
-    with pytest.raises(DeadlineError) as caught, ends_safe(Device(99, DeadlineError()).enter_safe_state):
+    with pytest.raises(DeadlineError) as caught, ends_safe(Device(99, DeadlineError("no reply")).enter_safe_state):
         pass
     assert not shutdown_of(caught.value).confirmed
 

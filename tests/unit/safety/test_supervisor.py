@@ -8,10 +8,10 @@ import pytest
 from smadrive.errors import SafetyError
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
-from smadrive.safety.displacement_band import PlausibleDisplacement
+from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import Fault
 from smadrive.safety.supervisor import SafetyLimits, Supervisor
-from smadrive.safety.temperature_band import IDENTIFIED, PlausibleTemperature
+from smadrive.safety.temperature_band import IDENTIFIED, TemperatureBand
 from smadrive.wire.heat_balance import HeatBalance
 
 LIMITS = SafetyLimits(temperature_max_c=120.0, stale_after_s=0.3, current_tolerance_a=0.05, misplaced_for_s=3.5)
@@ -21,11 +21,11 @@ def sample(n=0, temperature_c=60.0, current_a=0.2, commanded_a=0.2, armed=True, 
     return Measurement(0.05 * n, temperature_c, current_a, 3.3, commanded_a=commanded_a, armed=armed, **rest)
 
 
-def trips_after(samples, limits=LIMITS, wanted_mm=nan, placed=None):
+def trips_after(samples, limits=LIMITS, setpoint_mm=nan, placed=None):
     """How many samples it took to trip, and on what; None when it never did."""
     supervisor = Supervisor(limits, placed=placed)
     for n, one in enumerate(samples, start=1):
-        if trip := supervisor.update(one, wanted_mm):
+        if trip := supervisor.update(one, setpoint_mm):
             return n, trip.fault
     return None
 
@@ -65,7 +65,7 @@ def test_a_sample_of_unknown_power_counts_as_the_one_before():
     balance = HeatBalance(0.0298, 0.014, 0.83, 22.0, 16.5, -0.12, 0.15)
     tripped = []
     for lacking in (False, True):
-        supervisor = Supervisor(LIMITS, PlausibleTemperature(balance, IDENTIFIED, 0.5))
+        supervisor = Supervisor(LIMITS, TemperatureBand(balance, IDENTIFIED, 0.5))
         for n in range(400):
             one = sample(n, temperature_c=22.0, current_a=0.5, commanded_a=0.5)._replace(voltage_v=8.0)
             if lacking and n % 3 == 2:
@@ -82,9 +82,9 @@ def test_a_sample_of_unknown_power_counts_as_the_one_before():
 def test_a_displacement_that_has_a_limit_and_is_lost_trips(limit):
     limits = replace(LIMITS, tracking_for_s=2.0, **limit)
     seen, lost = [sample(n, displacement_mm=5.0) for n in range(10)], [sample(n) for n in range(10, 100)]
-    assert trips_after(seen + lost, limits, wanted_mm=5.0) == (51, Fault.DISPLACEMENT_UNKNOWN)
-    assert trips_after(seen + lost[:30] + [sample(40, displacement_mm=5.0)], limits, wanted_mm=5.0) is None
-    assert trips_after(lost, limits, wanted_mm=5.0) is None  # a rig without such a sensor
+    assert trips_after(seen + lost, limits, setpoint_mm=5.0) == (51, Fault.DISPLACEMENT_UNKNOWN)
+    assert trips_after(seen + lost[:30] + [sample(40, displacement_mm=5.0)], limits, setpoint_mm=5.0) is None
+    assert trips_after(lost, limits, setpoint_mm=5.0) is None  # a rig without such a sensor
     assert trips_after(seen + lost) is None
 
 
@@ -194,8 +194,8 @@ def test_a_wire_that_does_not_follow_for_too_long_has_lost_its_reference():
     limits = SafetyLimits(120.0, tracking_max_mm=1.0, tracking_for_s=2.0)
     strayed = [sample(n, displacement_mm=3.5) for n in range(100)]
     back = [sample(n, displacement_mm=3.5 if n % 30 else 4.5) for n in range(100)]
-    assert trips_after(strayed, limits, wanted_mm=5.0) == (42, Fault.TRACKING_LOST)
-    assert trips_after(back, limits, wanted_mm=5.0) is None
+    assert trips_after(strayed, limits, setpoint_mm=5.0) == (42, Fault.TRACKING_LOST)
+    assert trips_after(back, limits, setpoint_mm=5.0) is None
     assert trips_after(strayed, limits) is None
 
 
@@ -217,7 +217,7 @@ def placed():
     model = DuhemModel.gaussian(
         mu_heating=90.0, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(20.0, 140.0)
     )
-    return PlausibleDisplacement(model)
+    return DisplacementBand(model)
 
 
 @pytest.mark.parametrize(("temperature_c", "displacement_mm"), [(115.0, 0.0), (30.0, 12.0), (80.0, 999.0)])

@@ -11,7 +11,7 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
 from smadrive.safety.faults import Fault
 from smadrive.safety.supervisor import SafetyLimits, Supervisor
-from smadrive.safety.temperature_band import IDENTIFIED, NOMINAL, PlausibleTemperature
+from smadrive.safety.temperature_band import IDENTIFIED, NOMINAL, TemperatureBand
 from smadrive.wire.data_sheet import load_data_sheet
 
 NOMINAL_BALANCE = load_data_sheet("flexinol-lt-0.15mm").heat_balance()
@@ -43,7 +43,7 @@ class Wire:
 
 def supervised(balance, uncertainty=NOMINAL, maximum_c=135.0):
     lag_s = 3 * balance.thermocouple_lag_s
-    return Supervisor(SafetyLimits(maximum_c), PlausibleTemperature(balance, uncertainty, lag_s))
+    return Supervisor(SafetyLimits(maximum_c), TemperatureBand(balance, uncertainty, lag_s))
 
 
 def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c):

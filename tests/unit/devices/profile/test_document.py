@@ -15,7 +15,7 @@ from smadrive.devices.profile.profile import Profile, load_profile
 from smadrive.devices.profile.register import Register
 from smadrive.errors import ConfigError
 from smadrive.files.shipped import configs_dir
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 
 DOCUMENT = (configs_dir().parent / "docs" / "device-profiles.md").read_text(encoding="utf-8")
 EXAMPLE = re.search(r"```toml\n(.*?)```", DOCUMENT, re.DOTALL)[1]
@@ -63,7 +63,7 @@ def test_the_example_is_a_supply_that_can_be_driven_and_simulated(tmp_path, cloc
     path.write_text(EXAMPLE, encoding="utf-8")
     simulated = SimulatedBench(load_sim("flexinol-lt-0.15mm")).attach(load_profile(path))
     clock.follow(simulated.bench.advance_to)
-    supply = BenchSupply(Device(load_profile(path), Master(simulated.transport(clock))))
+    supply = BenchSupply(Device(load_profile(path), ModbusClient(simulated.transport(clock))))
     supply.connect()
     with pytest.raises(ConfigError, match="voltage_max_v = 9 would limit nothing"):
         supply.configure(HeaterLimits(0.4, 120.0, voltage_max_v=9.0), watchdog_s=1.0)

@@ -1,4 +1,4 @@
-"""The lock of a line: one master, shared with its guardian, released by the kernel."""
+"""The lock of a line: one client, shared with its guardian, released by the kernel."""
 
 import os
 import signal

@@ -1,4 +1,4 @@
-"""Every fault of the bus, as the master meets it: a typed error at once or at the deadline, and right values after."""
+"""Every fault of the bus, as the client meets it: a typed error at once or at the deadline, and right values after."""
 
 import pytest
 
@@ -9,7 +9,7 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, TransportError
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 
 TIMING = BusTiming(response_timeout_s=0.1, read_retries=0)
 READ = {"sma-reference": requests.read_holding(0, 5), "adam-6018": requests.read_coils(16, 8)}
@@ -23,14 +23,14 @@ def profile(request):
 
 @pytest.fixture
 def bus(config, profile):
-    """A device, the master that talks to it, and one good reply behind them."""
+    """A device, the client that talks to it, and one good reply behind them."""
     clock = VirtualClock()
     device = simulated_device(config, 1, profile)
     clock.follow(device.bench.advance_to)
-    master = Master(device.transport(clock))
+    client = ModbusClient(device.transport(clock))
     clock.sleep_until(2.0)
-    master.execute(1, READ[profile.profile.id], TIMING)
-    return device, master
+    client.execute(1, READ[profile.profile.id], TIMING)
+    return device, client
 
 
 @pytest.fixture
@@ -51,45 +51,45 @@ SPOILT = {
 
 @pytest.mark.parametrize("name", SPOILT)
 def test_a_spoilt_reply_is_a_typed_error_within_the_deadline_and_the_next_is_right(bus, read, name):
-    device, master = bus
+    device, client = bus
     right = read()
     getattr(device.faults, name)()
-    before_s = master.clock.now_s()
+    before_s = client.clock.now_s()
     with pytest.raises(SPOILT[name]):
         read()
-    assert master.clock.now_s() - before_s < TIMING.response_timeout_s + 0.01
+    assert client.clock.now_s() - before_s < TIMING.response_timeout_s + 0.01
     assert read() == right
 
 
 @pytest.mark.parametrize("code", [1, 2, 3, 4, 5, 6, 0x0B])
 def test_a_refused_request_is_not_carried_out(bus, profile, code):
-    device, master = bus
+    device, client = bus
     asked = device.responder.counters.requests
     device.faults.refuse(code)
     with pytest.raises(ExceptionReply) as refusal:
-        master.execute(1, WRITE[profile.profile.id], TIMING)
+        client.execute(1, WRITE[profile.profile.id], TIMING)
     assert refusal.value.code == code
     assert device.responder.counters.requests == asked
 
 
 def test_a_write_whose_reply_is_lost_is_carried_out(bus, profile):
-    device, master = bus
+    device, client = bus
     asked = device.responder.counters.requests
     device.faults.drop()
     with pytest.raises(DeadlineError):
-        master.execute(1, WRITE[profile.profile.id], TIMING)
+        client.execute(1, WRITE[profile.profile.id], TIMING)
     assert device.responder.counters.requests == asked + 1
 
 
 def test_a_split_reply_is_right_and_a_slow_split_one_is_late(bus, read):
-    device, master = bus
+    device, client = bus
     right = read()
     device.faults.split(pause_s=0.01, pieces=5)
     assert read() == right
     device.faults.split(pause_s=0.06, pieces=5)
     with pytest.raises(DeadlineError):
         read()
-    master.clock.sleep_until(master.clock.now_s() + 0.3)
+    client.clock.sleep_until(client.clock.now_s() + 0.3)
     assert read() == right
 
 
@@ -106,27 +106,27 @@ def test_what_comes_late_answers_nothing_else(bus, read, name, parameters):
 
 
 def test_junk_behind_a_reply_never_passes_for_one(bus, read):
-    device, master = bus
+    device, client = bus
     right = read()
     device.faults.junk_after()
     try:
         assert read() == right  # a TCP frame ends where its length says
     except ProtocolError:
-        assert not master.transport.framing.numbered
+        assert not client.transport.framing.numbered
     try:
         assert read() == right
     except ProtocolError:
-        assert master.transport.framing.numbered  # the junk stands before this reply
+        assert client.transport.framing.numbered  # the junk stands before this reply
     assert read() == right
 
 
 def test_noise_is_told_from_replies(bus, read):
-    device, master = bus
+    device, client = bus
     right = read()
     device.faults.noise(for_s=3.0, gap_s=0.02)
     outcomes = set()
-    while master.clock.now_s() < 8.0:
-        master.clock.sleep_until(master.clock.now_s() + 0.1)
+    while client.clock.now_s() < 8.0:
+        client.clock.sleep_until(client.clock.now_s() + 0.1)
         try:
             outcomes.add(read())
         except (ProtocolError, TransportError) as error:
@@ -137,15 +137,15 @@ def test_noise_is_told_from_replies(bus, read):
 
 
 def test_a_port_that_vanishes_comes_back(bus, read):
-    device, master = bus
+    device, client = bus
     right = read()
     device.faults.vanish(for_s=2.0)
     for _ in range(3):
         with pytest.raises(TransportError, match="gone until"):
             read()
-    master.clock.sleep_until(master.clock.now_s() + 2.0)
+    client.clock.sleep_until(client.clock.now_s() + 2.0)
     assert read() == right
-    assert master.counters.reopenings == 1
+    assert client.counters.reopenings == 1
 
 
 def test_a_rebooting_device_is_deaf_for_its_boot_time(config):
@@ -153,23 +153,23 @@ def test_a_rebooting_device_is_deaf_for_its_boot_time(config):
     boot_s = device.profile.timing.boot_ms / 1e3
     assert boot_s > 0
     timing = BusTiming(0.1, min_gap_s=0.05, read_retries=0)
-    master = Master(device.transport())
-    master.clock.sleep_until(boot_s)
+    client = ModbusClient(device.transport())
+    client.clock.sleep_until(boot_s)
     read = requests.read_holding(0, 2)
-    right = master.execute(1, read, timing)
+    right = client.execute(1, read, timing)
     device.power_cycle()
     with pytest.raises(DeadlineError):
-        master.execute(1, read, timing)
-    master.clock.sleep_until(device.bench.time_s + boot_s)
-    assert master.execute(1, read, timing) == right
+        client.execute(1, read, timing)
+    client.clock.sleep_until(device.bench.time_s + boot_s)
+    assert client.execute(1, read, timing) == right
 
 
 def test_a_stale_reply_is_the_one_before(bus, profile, read):
-    device, master = bus
+    device, client = bus
     right = read()
     device.faults.stale()
     with pytest.raises(ProtocolError):
-        master.execute(1, WRITE[profile.profile.id], TIMING)
+        client.execute(1, WRITE[profile.profile.id], TIMING)
     assert len(read()) == len(right)
 
 
@@ -185,10 +185,10 @@ def test_a_fault_holds_for_a_while_or_for_some_replies_and_the_first_planned_goe
 
 def test_a_broadcast_is_carried_out_and_consumes_no_fault(config):
     device = simulated_device(config, 1)
-    master = Master(device.transport())
-    master.clock.sleep_until(2.0)
+    client = ModbusClient(device.transport())
+    client.clock.sleep_until(2.0)
     device.faults.drop()
-    master.broadcast(requests.write_register(48, 700), TIMING)
+    client.broadcast(requests.write_register(48, 700), TIMING)
     with pytest.raises(DeadlineError):
-        master.execute(1, requests.read_holding(48, 1), TIMING)
-    assert requests.registers_of(master.execute(1, requests.read_holding(48, 1), TIMING)) == (700,)
+        client.execute(1, requests.read_holding(48, 1), TIMING)
+    assert requests.registers_of(client.execute(1, requests.read_holding(48, 1), TIMING)) == (700,)

@@ -6,7 +6,7 @@ from firmware_sim.bench import simulated_device
 from firmware_sim.bus.line_speed import SlowLine
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.framing import rtu
 from smadrive.modbus.transports.in_process import InProcessTransport
 from smadrive.modbus.transports.transport import SerialSettings
@@ -23,10 +23,10 @@ from smadrive.modbus.transports.transport import SerialSettings
 )
 def test_an_exchange_takes_the_time_of_its_characters(rig, settings, exchange_s):
     rig.line.port = SlowLine(rig.line.port, settings)
-    master = Master(InProcessTransport(rig.line, rig.transport().clock, settings.baudrate))
+    client = ModbusClient(InProcessTransport(rig.line, rig.transport().clock, settings.baudrate))
     ends_s = []
     for _ in range(3):
-        master.execute(1, requests.read_holding(16, 8), BusTiming(0.02, read_retries=0))
+        client.execute(1, requests.read_holding(16, 8), BusTiming(0.02, read_retries=0))
         ends_s.append(rig.bench.time_s)
     assert ends_s[2] - ends_s[1] == pytest.approx(exchange_s)
 

@@ -7,7 +7,7 @@ from firmware_sim.bench import simulated_device
 from firmware_sim.fault_script import FaultScript
 from smadrive.clock import VirtualClock
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.outstanding import Outstanding
 from smadrive.modbus.transports.in_process import InProcessTransport
 
@@ -23,8 +23,8 @@ def fuzzed(config, seed, numbered, exchanges, *, plain_is_sure=True, **beyond):
     clock.follow(device.bench.advance_to)
     transport = InProcessTransport(device.line, clock, None if numbered else 115200)
     device.faults.connect(transport, numbered=numbered)
-    master = Master(transport)
-    return Fuzzer(master, seed, TIMING, plain_is_sure=plain_is_sure).run(exchanges), master.counters
+    client = ModbusClient(transport)
+    return Fuzzer(client, seed, TIMING, plain_is_sure=plain_is_sure).run(exchanges), client.counters
 
 
 @pytest.mark.parametrize("numbered", [False, True], ids=["rtu", "tcp"])

@@ -11,7 +11,7 @@ from smadrive.errors import ConfigError, DeadlineError, ExceptionReply, Identity
 from smadrive.files.shipped import configs_dir
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 
 SHIPPED = [load_profile(path) for path in sorted((configs_dir() / "devices").glob("*.toml"))]
 PROFILES = [profile for profile in SHIPPED if profile.has_registers]
@@ -32,7 +32,7 @@ def connect(config):
         clock = VirtualClock()
         rig = simulated_device(config, seed=1, profile=model)
         clock.follow(rig.bench.advance_to)
-        return rig, Device(family or load_profile(model.profile.id), Master(rig.transport(clock)))
+        return rig, Device(family or load_profile(model.profile.id), ModbusClient(rig.transport(clock)))
 
     return make
 
@@ -57,7 +57,7 @@ def test_a_supply_of_any_model_heats_the_wire_as_told(connect, model):
     device.write(role("heater_enable"), 1)
     assert rig.firmware.current_a == pytest.approx(0.3)
     rig.bench.advance_to(rig.bench.time_s + model.timing.settle_ms / 1e3 + 2.0)
-    device.master.clock.sleep_until(rig.bench.time_s)
+    device.client.clock.sleep_until(rig.bench.time_s)
     shown = device.read((role("measured_current"), role("measured_voltage")))
     current, voltage = shown[role("measured_current")], shown[role("measured_voltage")]
     assert current.value == pytest.approx(0.3, abs=0.011)
@@ -86,12 +86,12 @@ def test_a_thermometer_shows_the_wire_and_its_own_sentinel(connect, profile):
     device.check_identity()
     rig.bench.plant.temperature_c = 80.0
     rig.bench.sensors.advance(80.0, 10.0)
-    device.master.clock.sleep_until(rig.bench.time_s + 0.5)
+    device.client.clock.sleep_until(rig.bench.time_s + 0.5)
     name = profile.role("temperature")
     assert 60.0 < device.read((name,))[name].value < 81.0  # the wire cools on
     if profile.register(name).invalid:
         rig.bench.sensors.faults.open_thermocouple()
-        device.master.clock.sleep_until(rig.bench.time_s + 0.5)
+        device.client.clock.sleep_until(rig.bench.time_s + 0.5)
         assert "open" in device.read((name,))[name].invalid
 
 
@@ -99,12 +99,12 @@ def test_the_displacement_is_read_in_one_piece_and_invalid_without_signal(connec
     profile = load_profile("baumer-om20")
     rig, device = connect(profile)
     rig.bench.advance_to(0.1)
-    before = device.master.counters.requests
+    before = device.client.counters.requests
     reading = device.read(("distance",))["distance"]
     assert reading.value == pytest.approx(rig.bench.plant.displacement_mm, abs=0.1)
-    assert device.master.counters.requests == before + 1
+    assert device.client.counters.requests == before + 1
     blind = simulated_device(config.model_copy(update={"displacement": None}), profile=profile)
-    reading = Device(profile, Master(blind.transport())).read(("distance",))["distance"]
+    reading = Device(profile, ModbusClient(blind.transport())).read(("distance",))["distance"]
     assert reading.invalid == "quality: no signal"
 
 
@@ -119,9 +119,9 @@ def test_a_thermometer_converts_no_faster_than_it_can(connect):
 def test_the_lock_is_opened_before_the_first_write_and_after_a_power_cycle_of_it(connect):
     _, device = connect(load_profile("delta-dtb"))
     with pytest.raises(ExceptionReply, match="device failure"):
-        device.master.execute(1, requests.write_register(0x1001, 800), device.profile.bus_timing())
+        device.client.execute(1, requests.write_register(0x1001, 800), device.profile.bus_timing())
     device.write("sv", 80.0)
-    device.master.execute(1, requests.write_coil(0x0810, False), device.profile.bus_timing())
+    device.client.execute(1, requests.write_coil(0x0810, False), device.profile.bus_timing())
     device.write("sv", 60.0)
     assert device.read(("sv", "comm_write_enable"))["sv"].value == 60.0
 
@@ -169,7 +169,7 @@ def test_a_setpoint_follows_the_decimals_and_the_unit_that_the_device_holds(conn
 def test_a_memory_that_wears_is_written_only_when_it_changes(connect):
     _, device = connect(load_profile("autonics-tk"))
     device.write("sv", 50.0)
-    counters = device.master.counters
+    counters = device.client.counters
     before = counters.requests - counters.probes
     device.write("sv", 50.0)
     unchanged = counters.requests - counters.probes - before
@@ -201,7 +201,7 @@ def test_without_its_pause_the_device_hears_nothing(connect):
     device.check_identity()
     hasty = BusTiming(response_timeout_s=0.1, read_retries=0)
     with pytest.raises(DeadlineError):
-        device.master.execute(1, requests.read_holding(2, 1), hasty)
+        device.client.execute(1, requests.read_holding(2, 1), hasty)
 
 
 def test_bits_are_answered_by_the_book(config):
@@ -234,7 +234,7 @@ def test_bits_are_answered_by_the_book(config):
 def test_the_simulator_is_any_model_of_a_family_and_the_driver_finds_out_which(connect, name, current_max_a, scale):
     model = load_profile(name)
     _, device = connect(model)
-    family = Device(load_profile(name.partition(":")[0]), device.master)
+    family = Device(load_profile(name.partition(":")[0]), device.client)
     family.check_identity()
     for one in (device, family):
         one.check_identity()
@@ -247,7 +247,7 @@ def test_the_simulator_is_any_model_of_a_family_and_the_driver_finds_out_which(c
 def test_another_model_than_the_one_named_is_refused(connect):
     _, device = connect(load_profile("riden-rd60xx:model_id=60121"))
     with pytest.raises(IdentityError, match="model_id is 60121, expected 60122"):
-        Device(load_profile("riden-rd60xx:model_id=60122"), device.master).check_identity()
+        Device(load_profile("riden-rd60xx:model_id=60122"), device.client).check_identity()
 
 
 @pytest.mark.parametrize(

@@ -143,12 +143,12 @@ def test_the_same_seed_gives_the_same_rig(config, heat, rig):
 def test_a_board_has_a_serial_number_of_its_own_unless_its_file_gives_one(config):
     from firmware_sim.bench import simulated_device
     from smadrive.devices.device import Device
-    from smadrive.modbus.client import Master
+    from smadrive.modbus.client import ModbusClient
 
     def serial_number(number):
         board = config.board.model_copy(update={"serial_number": number})
         rig = simulated_device(config.model_copy(update={"board": board}), seed=1)
-        device = Device(rig.profile, Master(rig.transport()))
+        device = Device(rig.profile, ModbusClient(rig.transport()))
         return device.read(("serial_number",))["serial_number"].raw
 
     assert serial_number(None) != serial_number(None)

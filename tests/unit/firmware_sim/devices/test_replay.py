@@ -11,31 +11,31 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError, DeadlineError, ExceptionReply, ProtocolError, SmadriveError
 from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.trace import TraceFile
 
 TIMING = BusTiming(0.1, read_retries=0)
 
 
-def session(master, faults):
+def session(client, faults):
     """What a driver sees of a board and a thermometer on one line, good and bad."""
     seen = []
-    board, reader = Device(load_profile("sma-reference"), master), Device(load_profile("delta-dtb"), master, 3)
+    board, reader = Device(load_profile("sma-reference"), client), Device(load_profile("delta-dtb"), client, 3)
     board.check_identity()
     for number in range(20):
-        master.clock.sleep_until(master.clock.now_s() + 0.1)
+        client.clock.sleep_until(client.clock.now_s() + 0.1)
         faults(number)
         for act in (
             lambda number=number: board.exchange(
                 {"sequence": number, "heater_current": 0.0, "heater_enable": 0}, ("sequence_echo", "temperature")
             ),
             lambda: reader.read((reader.profile.role("temperature"),)),
-            lambda: master.execute(1, requests.read_holding(5, 1), TIMING),
+            lambda: client.execute(1, requests.read_holding(5, 1), TIMING),
         ):
             try:
-                seen.append((master.clock.now_s(), act()))
+                seen.append((client.clock.now_s(), act()))
             except SmadriveError as error:
-                seen.append((master.clock.now_s(), type(error)))
+                seen.append((client.clock.now_s(), type(error)))
     return seen
 
 
@@ -57,12 +57,12 @@ def test_a_replayed_session_is_the_recorded_one_to_the_last_bit_and_microsecond(
             board.faults.split(0.01, 3)
 
     with TraceFile(path, transport) as trace:
-        recorded = session(Master(transport, trace), faults)
+        recorded = session(ModbusClient(transport, trace), faults)
     assert {seen for _, seen in recorded if isinstance(seen, type)} == {DeadlineError, ProtocolError, ExceptionReply}
 
     told = []
     replay = Replay(path, told.append)
-    replayed = session(Master(replay.transport(VirtualClock())), lambda _number: None)
+    replayed = session(ModbusClient(replay.transport(VirtualClock())), lambda _number: None)
     assert [seen for _, seen in replayed] == [seen for _, seen in recorded]
     assert [time_s for time_s, _ in replayed] == pytest.approx([time_s for time_s, _ in recorded], abs=1e-4)
     assert told == []
@@ -80,11 +80,11 @@ def test_answers_come_in_their_order_the_last_one_stays_and_the_unknown_is_silen
     )
     told = []
     replay = Replay(path, told.append)
-    master = Master(replay.transport(VirtualClock()))
-    words = [master.execute(1, requests.read_holding(0, 1), TIMING)[1] for _ in range(4)]
+    client = ModbusClient(replay.transport(VirtualClock()))
+    words = [client.execute(1, requests.read_holding(0, 1), TIMING)[1] for _ in range(4)]
     assert words == [7, 8, 8, 8]
     with pytest.raises(DeadlineError):
-        master.execute(1, requests.read_holding(1, 1), TIMING)
+        client.execute(1, requests.read_holding(1, 1), TIMING)
     assert told == ["t=0.040 s not in the recording: unit 1, read 1 holding registers from 1"]
 
 
@@ -93,7 +93,7 @@ def test_trace_with_a_reply_at_an_impossible_time_is_refused(config, tmp_path, t
     transport = Line((SimulatedBench(config).attach(load_profile("sma-reference")),)).transport(VirtualClock())
     path = tmp_path / "bus.trace"
     with TraceFile(path, transport) as trace:
-        Master(transport, trace).execute(1, requests.read_holding(0, 1), TIMING)
+        ModbusClient(transport, trace).execute(1, requests.read_holding(0, 1), TIMING)
     head, sent, received = path.read_text().splitlines()[:3]
     Replay(path)
     mark = received.split()[1]

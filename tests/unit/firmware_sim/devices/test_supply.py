@@ -6,7 +6,7 @@ from firmware_sim.bench import simulated_device
 from smadrive.clock import VirtualClock
 from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import load_profile
-from smadrive.modbus.client import Master
+from smadrive.modbus.client import ModbusClient
 
 SUPPLIES = ("riden-rd60xx", "xy-sk-family", "hanmatek-hm30x")
 
@@ -18,7 +18,7 @@ def supply(request, config):
     simulated = simulated_device(config, profile=profile)
     clock = VirtualClock()
     clock.follow(simulated.bench.advance_to)
-    device = Device(profile, Master(simulated.transport(clock)))
+    device = Device(profile, ModbusClient(simulated.transport(clock)))
     device.check_identity()
     for name, value in (("ovp", 30.0), ("ocp", 1.0), ("v_set", 12.0), ("i_set", 0.3), ("output", 1)):
         device.write(name, value)
@@ -64,7 +64,7 @@ def test_what_is_latched_keeps_the_output_off_until_it_is_reset(supply):
         device.write("protection", 0)
     else:
         simulated.power_cycle()
-        device.master.clock.sleep_until(simulated.bench.time_s + 3.0)
+        device.client.clock.sleep_until(simulated.bench.time_s + 3.0)
         device.write("v_set", 12.0)
     assert (simulated.firmware.on, shown(device)) == (False, ())
     device.write("output", 1)

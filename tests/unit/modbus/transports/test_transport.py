@@ -174,7 +174,7 @@ def test_a_connection_that_is_another_s_now_sends_nothing_and_believes_nothing(t
     def lease():
         asked.append(len(asked))
         if len(asked) > 2:
-            raise TakenOverError
+            raise TakenOverError("the guardian has the line")
 
     near, path = terminal
     with open_transport(f"serial://{path}", lease=lease) as transport:

@@ -15,7 +15,7 @@ from smadrive.rig.config import load_rig
 from smadrive.tuning.builder.builder import Order, Refused, prepare
 from smadrive.tuning.link.mailbox import ParcelPair, other_end
 from smadrive.tuning.link.messages import SetFeedback, SetShape
-from smadrive.tuning.processes import WorkshopProcess
+from smadrive.tuning.processes import BuilderProcess
 from smadrive.tuning.tuning import ADAPTED, Adapted, Tuning
 from smadrive.wire.heat_balance import HeatBalance
 
@@ -39,7 +39,7 @@ def moved(mu_heating):
 
 @pytest.fixture(scope="module")
 def workshop():
-    with ParcelPair() as parcels, WorkshopProcess(parcels) as workshop:
+    with ParcelPair() as parcels, BuilderProcess(parcels) as workshop:
         yield workshop
 
 
@@ -62,7 +62,7 @@ def test_it_prepares_what_would_be_prepared_here(workshop):
 def test_no_file_of_the_present_folder_runs_in_its_place(tmp_path, monkeypatch):
     (tmp_path / "select.py").write_text("raise RuntimeError")
     monkeypatch.chdir(tmp_path)
-    with ParcelPair() as parcels, WorkshopProcess(parcels) as workshop:
+    with ParcelPair() as parcels, BuilderProcess(parcels) as workshop:
         assert outcome(workshop, order(moved(91.0), reference=None)).controller is None
 
 

@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from smadrive.tuning.link.mailbox import ParcelPair
-from smadrive.tuning.link.supervised_process import Beside
-from smadrive.tuning.processes import COMPLETE, WorkshopProcess
+from smadrive.tuning.link.supervised_process import SupervisedProcess
+from smadrive.tuning.processes import COMPLETE, BuilderProcess
 
 MODULES = ["smadrive.tuning.front.process", "smadrive.tuning.page.process", "smadrive.tuning.builder.process"]
 PATIENCE_S = 60.0
@@ -50,7 +50,7 @@ def children():
 
 
 def test_process_starts_again_after_its_restart_has_failed():
-    with ParcelPair() as parcels, WorkshopProcess(parcels) as workshop:
+    with ParcelPair() as parcels, BuilderProcess(parcels) as workshop:
         with no_descriptors():
             os.kill(workshop.pid, signal.SIGKILL)
             wait(lambda: workshop.trouble)
@@ -76,7 +76,7 @@ def test_interrupt_during_the_start_leaves_no_process(slow_module):
     handler = signal.signal(signal.SIGALRM, interrupt)
     signal.setitimer(signal.ITIMER_REAL, 0.5)
     try:
-        with pytest.raises(Interrupted), Beside(slow_module, {}, (), COMPLETE):
+        with pytest.raises(Interrupted), SupervisedProcess(slow_module, {}, (), COMPLETE):
             pass
     finally:
         signal.signal(signal.SIGALRM, handler)
@@ -89,7 +89,7 @@ def test_end_during_a_new_start_leaves_no_process(tmp_path, monkeypatch):
     script += "if not once.exists():\n    once.touch()\n    print('{}', flush=True)\n"
     (tmp_path / "ready_once.py").write_text(f"{script}while True:\n    time.sleep(1.0)\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
-    with Beside("ready_once", {}, (), COMPLETE) as process:
+    with SupervisedProcess("ready_once", {}, (), COMPLETE) as process:
         first = process.pid
         os.kill(first, signal.SIGKILL)
         wait(lambda: process.pid != first)

@@ -10,8 +10,8 @@ from bokeh.events import ButtonClick
 from bokeh.models import Button, ColumnDataSource, Slider, Spinner
 
 from smadrive.rig.config import rig_file
-from smadrive.tuning.page.button_events import Presses
-from smadrive.tuning.page.client_registry import WATCHES, Desk
+from smadrive.tuning.page.button_events import ButtonEvents
+from smadrive.tuning.page.client_registry import WATCHES, ClientRegistry
 from smadrive.tuning.page.fit import Fitter
 from smadrive.tuning.page.page import STATE_FRAMES, Page
 
@@ -37,7 +37,7 @@ class OpenPage:
     def __init__(self, bench, folder, token):
         bench.run(until_s=1.0)
         self.bench, self.fitter = bench, Fitter()
-        desk = Desk(bench.page, TOKEN)
+        desk = ClientRegistry(bench.page, TOKEN)
         desk.read()
         self._doc = Document()
         self._context = SimpleNamespace(id="client", request=SimpleNamespace(arguments={"token": [token.encode()]}))
@@ -47,7 +47,7 @@ class OpenPage:
 
     def acts(self):
         """Everything that a user can cause in the page process, by the names of widget and event."""
-        presses = next(model for model in self._doc.models if isinstance(model, Presses))
+        presses = next(model for model in self._doc.models if isinstance(model, ButtonEvents))
         for model in sorted(self._doc.models, key=lambda model: model.id):
             for event in model._event_callbacks:
                 yield (model.name, event), partial(model._trigger_event, {"button_click": ButtonClick}[event](model))

@@ -9,7 +9,7 @@ from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.hysteresis.fuzzy import TriangularSets
 from smadrive.measurement import Measurement
 from smadrive.rig.config import FeedbackConfig
-from smadrive.tuning.session.adaptation_runner import Adapting
+from smadrive.tuning.session.adaptation_runner import AdaptationRunner
 from smadrive.tuning.tuning import Tuning
 from tests.unit.tuning.conftest import BALANCE
 
@@ -91,7 +91,7 @@ def test_switched_on_while_a_healthy_wire_heats_up_it_leaves_the_rules(bench, at
 
 def test_two_ticks_of_one_instant_are_no_error(ruled_bench):
     tuning = Tuning.of(ruled_bench.model, FeedbackConfig(), "as identified")
-    adapting = Adapting(tuning, BALANCE, 0.05, 0.1)
+    adapting = AdaptationRunner(tuning, BALANCE, 0.05, 0.1)
     measured = Measurement(1.0, 22.0, 0.1, 1.65, displacement_mm=0.0)
     for _ in range(2):
         assert adapting.update(Tick(1.0, 0.0, measured, Command(0.1)), tuning, is_heating=True) is None

@@ -9,7 +9,7 @@ from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, DataError
-from smadrive.tuning.session.reference_catalogue import Offered
+from smadrive.tuning.session.reference_catalogue import ReferenceCatalogue
 from smadrive.wire.wire_file import parse_wire
 from tests.unit.tuning.conftest import REFERENCE
 
@@ -22,7 +22,7 @@ def currents(ticks):
 
 
 def error_mm(ticks):
-    return np.array([tick.command.wanted_mm - tick.measurement.displacement_mm for tick in ticks])
+    return np.array([tick.command.setpoint_mm - tick.measurement.displacement_mm for tick in ticks])
 
 
 def test_idle_it_measures_and_does_not_heat(bench):
@@ -39,7 +39,7 @@ def test_armed_it_holds_then_follows_a_reference_again_and_again(bench):
     assert bench.answers == {arm: None, start: None}
     assert bench.status["mode"] == "tracking"
     assert np.abs(error_mm(bench.between(60.0, 139.0))).max() < 0.03 * 12.0
-    assert np.ptp([tick.command.wanted_mm for tick in bench.between(100.0, 139.0)]) == pytest.approx(7.0, abs=0.1)
+    assert np.ptp([tick.command.setpoint_mm for tick in bench.between(100.0, 139.0)]) == pytest.approx(7.0, abs=0.1)
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -83,7 +83,7 @@ def test_a_warm_wire_is_held_where_it_is(bench):
     bench.at(20.3, "arm")
     bench.run(until_s=24.0)
     held = bench.between(21.0, 24.0)
-    assert held[0].command.wanted_mm > 1.0
+    assert held[0].command.setpoint_mm > 1.0
     assert np.abs(error_mm(held)).max() < 0.03 * 12.0
 
 
@@ -248,7 +248,7 @@ def test_what_may_not_be_is_refused_with_its_reason_and_nothing_changes(bench, a
 def test_a_reference_that_is_too_long_for_the_page_is_not_offered_either():
     day = Reference.from_samples([0.0, 86_400.0], [2.0, 9.0])
     with pytest.raises(ConfigError, match=r"'day.csv' on the tuning page: .*: shorten it.*`smadrive run` takes longer"):
-        Offered({"sine": REFERENCE, "day.csv": day})
+        ReferenceCatalogue({"sine": REFERENCE, "day.csv": day})
 
 
 def test_what_is_no_request_is_told_and_ignored(bench):

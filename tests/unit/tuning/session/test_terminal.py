@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from smadrive.cli.views.tune_view import Changes, TuneView
-from smadrive.tuning.page.client_registry import Desk
+from smadrive.tuning.page.client_registry import ClientRegistry
 from smadrive.tuning.processes import TuningPage
 
 TOKEN = secrets.token_urlsafe(8)
@@ -53,7 +53,7 @@ def test_it_tells_what_the_heater_does_and_that_nobody_watches(bench, view, acts
 
 def test_it_tells_how_many_pages_are_open_and_whether_one_controls(bench, view):
     run(bench, view, until_s=1.0)
-    desk = Desk(bench.page, TOKEN)
+    desk = ClientRegistry(bench.page, TOKEN)
     desk.enter("first")
     assert "; 1 page is open, none controls;" in view.state
     assert desk.claim("first")
@@ -64,7 +64,7 @@ def test_it_tells_how_many_pages_are_open_and_whether_one_controls(bench, view):
     desk.enter("third")
     assert desk.claim("third")
     assert "; 2 pages are open, one controls;" in view.state
-    Desk(bench.page, TOKEN)  # a page process that was started anew
+    ClientRegistry(bench.page, TOKEN)  # a page process that was started anew
     assert "no page is open" in view.state
 
 
