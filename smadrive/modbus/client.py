@@ -253,19 +253,40 @@ class ModbusClient:
         raise failure
 
     def _sync(self, unit_id: int, request: Request, timing: BusTiming) -> None:
-        """Get a request of another kind answered: no copy of an older reply can follow.
-
-        A device that answers nothing but `request` stays silent, and the quarantine after that must do.
-        """
+        """Get a request of another kind answered: no copy of an older reply can follow."""
         sync = self._protocol.sync_request(unit_id, request, self.clock.now_s())
+        try:
+            self._ask(unit_id, sync, timing)
+        except DeadlineError:
+            if not self._protocol.stays_silent(unit_id, sync):
+                raise
+            self._settle(unit_id, timing)
+            self._sync_by_known(unit_id, request, timing)
+
+    def _sync_by_known(self, unit_id: int, request: Request, timing: BusTiming) -> None:
+        """The same after silence: it may be a device that answers only what it knows, or one that does not answer now.
+
+        A read that it has answered before tells these apart. A device that has answered nothing but `request` can be
+        believed only when no copy of such an answer can follow any more.
+        """
+        now_s = self.clock.now_s()
+        known = self._protocol.known_sync_request(unit_id, request, now_s)
+        if known is not None:
+            self._ask(unit_id, known, timing)
+        elif self._protocol.copy_may_follow(unit_id, request, now_s):
+            raise DeadlineError(
+                "an older reply could be taken for the answer, and no other request is answered",
+                where=self._who(unit_id, request),
+                cure="try again in 10 s",
+            )
+
+    def _ask(self, unit_id: int, sync: Request, timing: BusTiming) -> None:
+        """Get `sync` answered, by its reply or by an exception that ends it."""
         self.counters.probes += 1
         try:
             self._transact(unit_id, sync, timing)
         except ExceptionReply as refusal:
             if refusal.code not in FINAL_CODES:  # the real answer may still come: nothing is proved
-                raise
-        except DeadlineError:
-            if not self._protocol.stays_silent(unit_id, sync):
                 raise
 
     def _who(self, unit_id: int, request: Request) -> str:

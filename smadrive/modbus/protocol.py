@@ -9,11 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from itertools import chain, islice
+from math import inf
 
 from smadrive.errors import ProtocolError
 from smadrive.modbus import requests
 from smadrive.modbus.framing.framing import Framing
-from smadrive.modbus.outstanding import Kind, Outstanding, exception_kind, reply_kind
+from smadrive.modbus.outstanding import LATEST_REPLY_S, Kind, Outstanding, exception_kind, reply_kind
 from smadrive.modbus.requests import Request
 from smadrive.modbus.verdict import CONSEQUENCES, FINAL_CODES, TRANSITIONS, VERDICTS, Event, Outcome, State, Verdict
 
@@ -33,6 +34,7 @@ class ClientProtocol:
         self._answered: dict[Kind, Request] = {}
         self._arrivals = 0
         self._arrived: dict[Kind, int] = {}
+        self._arrived_s: dict[Kind, float] = {}
         self._silent: set[Kind] = set()
         self._unit_id = 0
         self._request = requests.read_holding(0, 1)
@@ -124,9 +126,21 @@ class ClientProtocol:
         return min([*known, *tries], key=lambda one: self._last_arrival(unit_id, one), default=request)
 
     def stays_silent(self, unit_id: int, request: Request) -> bool:
-        """Note that nothing answered this sync; whether the device is one that answers only what it knows."""
+        """Note that nothing answered this sync; whether the device may be one that answers only what it knows."""
         self._silent.add(reply_kind(unit_id, request))
         return not any(request.pdu[:3] == one.pdu[:3] for kind, one in self._answered.items() if kind[0] == unit_id)
+
+    def known_sync_request(self, unit_id: int, request: Request, now_s: float) -> Request | None:
+        """The sync for a device that stays silent on what it does not know; None when it has answered nothing else.
+
+        A read of another kind than `request` that this unit has answered before, the one that arrived longest ago.
+        """
+        known = self._clean(unit_id, request, self._known(unit_id), now_s)
+        return min(known, key=lambda one: self._last_arrival(unit_id, one), default=None)
+
+    def copy_may_follow(self, unit_id: int, request: Request, now_s: float) -> bool:
+        """Whether a second copy of an earlier reply of this kind may still arrive."""
+        return now_s < self._arrived_s.get(reply_kind(unit_id, request), -inf) + LATEST_REPLY_S
 
     def _judged(self, reply: bytes, now_s: float) -> Outcome | None:
         if reply.startswith(self._head):
@@ -173,7 +187,7 @@ class ClientProtocol:
             self._outstanding.add(reply_kind(self._unit_id, self._request), now_s)
         if consequence.exception_remains:
             self._outstanding.add(exception_kind(self._unit_id, self._request), now_s)
-        self._note_arrival(outcome.verdict)
+        self._note_arrival(outcome.verdict, now_s)
         if outcome.verdict is Verdict.ANSWERED and not self._request.writes:
             self._answered[reply_kind(self._unit_id, self._request)] = self._request
         if self._framing.numbered:
@@ -181,11 +195,12 @@ class ClientProtocol:
         self._become(consequence.event)
         return outcome
 
-    def _note_arrival(self, verdict: Verdict) -> None:
+    def _note_arrival(self, verdict: Verdict, now_s: float) -> None:
         """Keep when a kind of frame last arrived."""
         self._arrivals += 1
         if verdict is Verdict.ANSWERED:
-            self._arrived[reply_kind(self._unit_id, self._request)] = self._arrivals
+            kind = reply_kind(self._unit_id, self._request)
+            self._arrived[kind], self._arrived_s[kind] = self._arrivals, now_s
         elif verdict in (Verdict.REFUSED, Verdict.DEFERRED):
             self._arrived[exception_kind(self._unit_id, self._request)] = self._arrivals
 
