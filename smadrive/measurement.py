@@ -1,4 +1,4 @@
-"""What one exchange with the rig told about the wire: the type that both columns share."""
+"""One sample of the wire: the type that the maths and the devices share."""
 
 from __future__ import annotations
 
@@ -34,3 +34,8 @@ class Measurement(NamedTuple):
     temperature_age_s: float = 0.0
     displacement_age_s: float = 0.0
     supply_fault: str | None = None
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """Every limit that holds the output back, the device's first."""
+        return self.device_limits + self.host_limits

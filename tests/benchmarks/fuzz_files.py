@@ -25,7 +25,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from oldlog import strip_checksums
+from oldlog import without_checksums
 
 import firmware_sim.cli
 from smadrive import cli
@@ -106,7 +106,7 @@ def sound_files(at: Path) -> None:
         if end.code or end.how:
             raise SystemExit(f"{' '.join(command)}: {end}")
     shutil.copy(at / "run.h5", at / "old.h5")
-    strip_checksums(at / "old.h5")
+    without_checksums(at / "old.h5")
     next(at.glob("*.trace")).rename(at / "bus.trace")
 
 

@@ -163,7 +163,7 @@ def test_its_wire_is_identified_and_tracked_from_cold(tmp_path):
         loop = rig.track(*experiment, recorder.tick)
     tracked = read_log(run)
     assert tracking_metrics(tracked, loop).rms_percent < 0.5
-    ahead_mm = tracked.column("displacement_mm") - tracked.column("reference_mm")
+    ahead_mm = tracked.column("displacement_mm") - tracked.column("setpoint_mm")
     assert ahead_mm[tracked.column("time_s") < 10.0].max() < 0.5
 
 

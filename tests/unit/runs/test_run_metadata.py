@@ -1,4 +1,4 @@
-"""What a log tells of the run behind it."""
+"""The metadata of a log."""
 
 import json
 from pathlib import Path
@@ -10,10 +10,10 @@ from smadrive.runs.log.reader import Log
 from smadrive.runs.run_metadata import excitation_caveats
 
 
-@pytest.mark.parametrize(("ended_s", "told"), [(200.0, ()), (197.0, ()), (76.0, ("ended after 76 of its 200 s",))])
-def test_an_experiment_that_was_cut_short_says_so(ended_s, told):
-    about = {"excitation": json.dumps({"turning_points_c": [20.0, 120.0, 20.0], "rate_c_per_s": 1.0})}
+@pytest.mark.parametrize(("ended_s", "expected"), [(200.0, ()), (197.0, ()), (76.0, ("ended after 76 of its 200 s",))])
+def test_cut_experiment_has_a_caveat(ended_s, expected):
+    metadata = {"excitation": json.dumps({"turning_points_c": [20.0, 120.0, 20.0], "rate_c_per_s": 1.0})}
     columns = {"time_s": np.linspace(0.0, ended_s, 100)}
-    caveats = excitation_caveats(Log(Path("e.h5"), columns, about, (), "", "", ""))
-    assert len(caveats) == len(told)
-    assert all(part in caveat for part, caveat in zip(told, caveats, strict=True))
+    caveats = excitation_caveats(Log(Path("e.h5"), columns, metadata, (), "", "", ""))
+    assert len(caveats) == len(expected)
+    assert all(part in caveat for part, caveat in zip(expected, caveats, strict=True))
