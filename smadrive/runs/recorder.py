@@ -17,7 +17,7 @@ import numpy as np
 
 from smadrive.errors import DataError
 from smadrive.runs.log.layout import MOST_OPEN_ROWS
-from smadrive.runs.log.reader import ENDED_BY, Event
+from smadrive.runs.log.reader import ENDED_BY, RunEvent
 from smadrive.runs.log.writer import GROWTH_ROWS, LogFile
 
 BUFFER_S = 1.0
@@ -38,7 +38,7 @@ class Recorder:
     ) -> None:
         self._buffer: list[tuple[float, ...]] = []
         self._now_s = self._flushed_s = 0.0
-        self.latest: deque[Event] = deque(maxlen=LATEST_EVENTS)
+        self.latest: deque[RunEvent] = deque(maxlen=LATEST_EVENTS)
         self._file = LogFile(path, columns, metadata or {}, rows)
 
     def __enter__(self) -> Self:
@@ -75,7 +75,7 @@ class Recorder:
         """Write an event into the file at once, with the time of the last row."""
         self.flush()
         self._file.add_event(self._now_s, message)
-        self.latest.append(Event(self._now_s, message))
+        self.latest.append(RunEvent(self._now_s, message))
 
     def flush(self) -> None:
         """Write every buffered row into the file."""

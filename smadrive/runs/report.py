@@ -44,7 +44,7 @@ pre { white-space: pre-wrap; font-size: .8rem; background: #f5f7fa; padding: 1re
 """
 
 
-class Part(Protocol):
+class PagePart(Protocol):
     """One part of a page."""
 
     def html(self) -> str:
@@ -138,7 +138,7 @@ class Notes:
         return "<footer>" + "".join(f"<p>{html.escape(line)}</p>" for line in self.lines) + "</footer>"
 
 
-def write_report(path: Path, title: str, lead: str, parts: Sequence[Part]) -> None:
+def write_report(path: Path, title: str, lead: str, parts: Sequence[PagePart]) -> None:
     """Write the page to `path`, complete or not at all. DataError when it cannot be written."""
     page = "\n".join(
         [

@@ -14,7 +14,7 @@ from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.identification.duhem import DuhemFit
 from smadrive.identification.wire import AnyFit
 from smadrive.runs.plots import COOLING, ESTIMATED, FAINT, HEATING, STYLE, legend, line
-from smadrive.runs.report import Banner, Grid, Listing, Part, Plot, Tiles, write_report
+from smadrive.runs.report import Banner, Grid, Listing, PagePart, Plot, Tiles, write_report
 
 Array = NDArray[np.float64]
 
@@ -23,7 +23,7 @@ def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: st
     """Write the page; `axes` names input and output with their units, `caveats` are those of fit and record."""
     measured = fit.predicted - fit.residual
     certificate = fit.certificate
-    parts: list[Part] = [
+    parts: list[PagePart] = [
         Banner(
             "good" if certificate.holds else "bad",
             "Certified: contracting, bounded, and no branch turns."
@@ -81,7 +81,7 @@ def _residuals(fit: AnyFit, input_name: str) -> Figure:
     return figure
 
 
-def _parameters(fit: AnyFit) -> list[Part]:
+def _parameters(fit: AnyFit) -> list[PagePart]:
     if isinstance(fit.model, TSFuzzyDuhem):
         header = ("centre", "a rising", "b rising", "a falling", "b falling")
         laws = zip(fit.model.sets.centres, *fit.model.heating_law, *fit.model.cooling_law, strict=True)

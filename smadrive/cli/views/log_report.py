@@ -11,7 +11,7 @@ from typing import Any
 from smadrive.cli.views.log_plots import log_plots
 from smadrive.errors import UNCONFIRMED
 from smadrive.runs.log.reader import Log
-from smadrive.runs.report import Banner, Grid, Listing, Part, Tiles, write_report
+from smadrive.runs.report import Banner, Grid, Listing, PagePart, Tiles, write_report
 from smadrive.runs.run_metadata import rig_config_of
 from smadrive.runs.run_metrics import RunMetrics, is_virtual, run_metrics, tracking_caveats
 
@@ -22,7 +22,7 @@ def write_log_report(path: Path, log: Log) -> RunMetrics:
     """Write the page of `log` to `path`. DataError when the log tells too little, or the page cannot be written."""
     config, summary = rig_config_of(log), run_metrics(log)
     devices = ", ".join(f"{name}: {identity}" for name, identity in log.parsed("devices", _items))
-    parts: list[Part] = [
+    parts: list[PagePart] = [
         _state(log, summary),
         *_caveats(log),
         Tiles(list(_tiles(summary, config.limits.current_max_a, is_virtual=is_virtual(log)))),
@@ -97,7 +97,7 @@ def _provenance(log: Log) -> Grid:
     return Grid(("", ""), rows, "Provenance", texts=True)
 
 
-def _background(log: Log) -> Iterator[Part]:
+def _background(log: Log) -> Iterator[PagePart]:
     """What one rarely needs, folded away."""
     yield Grid(("key", "value"), list(_flat(log.json("rig"))), "Rig file", texts=True, folded=True)
     if "wire" in log.metadata:

@@ -33,7 +33,7 @@ RESTORE = "restore the log from a copy, or record it again"
 CONVERT = "update smadrive, or copy the columns into a CSV with h5py (docs/records.md)"
 
 
-class Event(NamedTuple):
+class RunEvent(NamedTuple):
     """Something that happened at `time_s`."""
 
     time_s: float
@@ -51,7 +51,7 @@ class Log:
     path: Path
     columns: Mapping[str, Array]
     metadata: Mapping[str, str]
-    events: tuple[Event, ...]
+    events: tuple[RunEvent, ...]
     start_time: str
     end_time: str
     version: str
@@ -137,7 +137,7 @@ def _log(path: Path, content: Content) -> Log:
         row = int(backwards[0])
         what = f"time does not increase: {times_s[row]:g} s, then {times_s[row + 1]:g} s"
         raise DataError(what, where=f"{path}, sample {row + 2}", cure=RESTORE)
-    events = tuple(Event(time_s, text) for time_s, text in content.events)
+    events = tuple(RunEvent(time_s, text) for time_s, text in content.events)
     return Log(path, **{**content._asdict(), "events": events})
 
 
