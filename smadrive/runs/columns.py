@@ -1,7 +1,7 @@
-"""The columns of a log: the only place that says where in a tick a value is found, its unit and what it is called.
+"""The columns of a log: for each name the source in a tick, the unit and the label.
 
-Recorder, reader, replay, plots, reports and the tuning channel take names, units and labels from `COLUMNS`. A new
-column is one line here and one in docs/records.md. Units are written as in the file (`degC`).
+This is the only such table: recorder, replay, plots, reports and the tuning channel read it. To add a column, add a
+line here and one in docs/records.md. Units are written as in the file (`degC`).
 """
 
 from __future__ import annotations

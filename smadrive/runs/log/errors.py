@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class DamageError(Exception):
-    """The content is not what was written; `place` in the log: a sample, an event, ..., empty for the whole log."""
+    """The content differs from what was written; `place` is a sample, an event, ..., or empty for the whole log."""
 
     def __init__(self, what: str, place: str = "") -> None:
         super().__init__(what)

@@ -19,7 +19,7 @@ LAYOUT = 2
 ValueT = TypeVar("ValueT")
 
 COLUMNS_OF_1 = {"reference_mm": "setpoint_mm", "wanted_c": "setpoint_c"}
-"""Names in layout 1, and what they are called today."""
+"""Columns of layout 1: old name and name of today."""
 
 
 def layout_of(file: h5py.File) -> int:

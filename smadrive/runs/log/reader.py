@@ -1,7 +1,7 @@
 """Reads a log back into memory: its columns, its metadata and its events.
 
 A log is readable at every moment of its life (see writer.py): the log of a run that still goes on, or whose writer was
-killed, ends with its last complete row. Its checksums verify what was read.
+killed, ends with its last complete row. Its checksums verify the content.
 """
 
 from __future__ import annotations

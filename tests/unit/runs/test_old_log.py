@@ -81,8 +81,9 @@ def test_damage_is_found_in_an_old_log_with_checksums(tracked, tmp_path):
     to_layout_1(path)
     with h5py.File(path, "r+") as file:
         file["reference_mm"][3] += 1e-9
-    with pytest.raises(DataError, match="sample 4"):
+    with pytest.raises(DataError) as error:
         read_log(path)
+    assert error.value.where == f"{path}, sample 4"
 
 
 def test_log_of_a_later_layout_is_refused_with_the_way_to_convert_it(tracked, tmp_path):
