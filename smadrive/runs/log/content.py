@@ -39,7 +39,7 @@ class Content(NamedTuple):
     start_time: str
     end_time: str
     version: str
-    is_checked: bool
+    has_checksums: bool
 
 
 class _Checksums(NamedTuple):
@@ -91,7 +91,7 @@ def _checked(entry: h5py.Group, layout: int) -> Content:
     if sums.end and sums.end != end_sum(end_time, columns["time_s"].size, len(verified_events)):
         raise DamageError(DIFFERENT, "end of the log")
     end_time = end_time if sums.end else ""
-    return Content(columns, metadata, verified_events, start_time, end_time, version, is_checked=True)
+    return Content(columns, metadata, verified_events, start_time, end_time, version, has_checksums=True)
 
 
 def _unchecked(entry: h5py.Group) -> Content:
@@ -106,7 +106,7 @@ def _unchecked(entry: h5py.Group) -> Content:
         _unchecked_text(entry["start_time"]),
         _end_time(entry),
         UNCHECKED_VERSION,
-        is_checked=False,
+        has_checksums=False,
     )
 
 

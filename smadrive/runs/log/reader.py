@@ -44,7 +44,7 @@ class RunEvent(NamedTuple):
 class Log:
     """The content of a log file; `metadata` are texts, by name: rig, wire, reference, versions, ...
 
-    `end_time` is empty when the log was not ended: its writer was killed, or still writes. `is_checked`: checksums
+    `end_time` is empty when the log was not ended: its writer was killed, or still writes. `has_checksums`: checksums
     have verified the content.
     """
 
@@ -55,7 +55,7 @@ class Log:
     start_time: str
     end_time: str
     version: str
-    is_checked: bool = True
+    has_checksums: bool = True
 
     @property
     def ended_by(self) -> str:
@@ -66,7 +66,7 @@ class Log:
     @property
     def caveats(self) -> tuple[str, ...]:
         """Reasons to distrust the content."""
-        if self.is_checked:
+        if self.has_checksums:
             return ()
         return (f"{self.path.name} has no checksums (smadrive {self.version} wrote none): damage would not be seen",)
 
