@@ -1,4 +1,4 @@
-"""What one exchange with the rig told about the wire: the type that both columns share."""
+"""One sample of the wire: the type that the maths and the devices share."""
 
 from __future__ import annotations
 
@@ -9,9 +9,10 @@ from typing import NamedTuple
 class Measurement(NamedTuple):
     """One sample of the wire, in engineering units. A quantity that was not measured, or is invalid, is NaN.
 
-    `current_a` and `voltage_v` are those of the period that ends with this sample, in which `commanded_a` was in force:
-    the command written by the same exchange acts only afterwards. Temperature and displacement are the latest there
-    are; `temperature_age_s` and `displacement_age_s` tell by how much a slower device's reading is older than `time_s`.
+    `current_a` and `voltage_v` are those of the period that ends with this sample; the driver's command in that period
+    was `in_force_a`. The command written by the same exchange acts only afterwards. Temperature and displacement are
+    the latest there are; `temperature_age_s` and `displacement_age_s` tell by how much a slower device's reading is
+    older than `time_s`.
 
     `temperature_fault` names why the temperature is invalid (open thermocouple, ...), None when it is valid;
     `supply_fault` why the current or the voltage is.
@@ -29,7 +30,12 @@ class Measurement(NamedTuple):
     device_limits: tuple[str, ...] = ()
     host_limits: tuple[str, ...] = ()
     armed: bool = False
-    commanded_a: float = 0.0
+    in_force_a: float = 0.0
     temperature_age_s: float = 0.0
     displacement_age_s: float = 0.0
     supply_fault: str | None = None
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """Every limit that holds the output back, the device's first."""
+        return self.device_limits + self.host_limits

@@ -18,7 +18,7 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_excitation
-from smadrive.runs.run_metrics import tripped_loop
+from smadrive.runs.run_metrics import tripped_loop_metrics
 
 
 def main(
@@ -35,7 +35,7 @@ def main(
             figures = _recorded(log_file, bench, quiet=output.quiet)
     except TripError as trip:
         try:
-            _tell(log_file, tripped_loop(read_log(log_file)), output, tripped=str(trip))
+            _tell(log_file, tripped_loop_metrics(read_log(log_file)), output, tripped=str(trip))
         finally:
             raise trip  # whatever becomes of what is told, this is how it ended
     _tell(log_file, figures, output, tripped=None)

@@ -10,10 +10,10 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.output import AsJson, Output
-from smadrive.runs.log.layout import UNITS
+from smadrive.runs.columns import COLUMNS
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.replay import Replay, Wire, prediction_percent, replay
-from smadrive.runs.run_metadata import logged_wire, nominal_balance
+from smadrive.runs.run_metadata import nominal_balance, wire_of
 from smadrive.wire.wire_file import load_wire_file
 
 
@@ -55,13 +55,13 @@ def _wire(path: Path, log: Log) -> Wire:
 
 def _predictions(log: Log, again: Replay, wire: Wire | None) -> dict[str, float]:
     """How far the estimated displacement was from the measured one; nothing where no model ran."""
-    if "wire" not in log.about:
+    if "wire" not in log.metadata:
         return {}
-    recorded, _ = logged_wire(log)
+    recorded, _ = wire_of(log)
     replayed = recorded if wire is None else wire[0]
     return {
-        "recorded": prediction_percent(log, log.signal("estimated_mm"), recorded),
-        "replayed": prediction_percent(log, again.signals["estimated_mm"], replayed),
+        "recorded": prediction_percent(log, log.column_with_gaps("estimated_mm"), recorded),
+        "replayed": prediction_percent(log, again.columns["estimated_mm"], replayed),
     }
 
 
@@ -81,7 +81,7 @@ def _tell(output: Output, again: Replay, predictions: dict[str, float]) -> None:
 def _rows(again: Replay) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = []
     for name, difference in again.differences.items():
-        unit = UNITS[name.rpartition("_")[2]].replace("degC", "K")
+        unit = COLUMNS[name].difference_unit
         if isfinite(difference.first_s):
             rows.append(
                 (name, f"{difference.max:.3g} {unit}", f"{difference.rms:.3g} {unit}", f"{difference.first_s:.2f} s")

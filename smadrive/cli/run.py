@@ -29,7 +29,7 @@ from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_log import record_tracking, reference_text
-from smadrive.runs.run_metrics import TrackingMetrics, tracking_caveats, tracking_metrics, tripped_loop
+from smadrive.runs.run_metrics import TrackingMetrics, tracking_caveats, tracking_metrics, tripped_loop_metrics
 from smadrive.safety.supervisor import check_thermocouple
 from smadrive.wire.wire_file import load_wire_file
 from smadrive.wire.wire_model import WireModel, WireState, travel_mm
@@ -124,7 +124,7 @@ def _recorded(
 
 def _tell(log: Log, loop: LoopMetrics | None, output: Output, *, tripped: str | None) -> None:
     """The figures of the run, to its end or to the trip that cut it."""
-    figures = tracking_metrics(log, loop or tripped_loop(log))
+    figures = tracking_metrics(log, loop or tripped_loop_metrics(log))
     doubts = tracking_caveats(log)
     output.table(HEADER, [table_row("tracking", figures)])
     _beware(doubts, output)

@@ -150,7 +150,7 @@ def _ticks(
             in_force_a**2 * ohm,
             settings.current_limit_a**2 * ohm,
         )
-        in_force_a, sent_a = sent_a, command.current_a
+        in_force_a, sent_a = sent_a, command.commanded_a
         for _ in range(SUBSTEPS):
             before_c = state.temperature_c
             state = wire.step(state, in_force_a**2 * wire.resistance_ohm(state.hysteresis), dt_s / SUBSTEPS)

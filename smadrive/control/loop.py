@@ -160,7 +160,7 @@ class ControlLoop:
     def _exchange(self) -> Measurement | None:
         """One exchange; None when it was lost on the way. A device that is busy will answer; one that says no trips."""
         try:
-            return self._heater.exchange(self._command.current_a)
+            return self._heater.exchange(self._command.commanded_a)
         except (TransportError, ProtocolError):
             self.figures.lost_exchanges += 1
             return None

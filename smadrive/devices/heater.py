@@ -186,7 +186,7 @@ class Heater:
             device_limits=supplied.limits,
             host_limits=limits,
             armed=supplied.armed and self.source.armed,  # on again is not armed again: nothing would be sent
-            commanded_a=in_force_a,
+            in_force_a=in_force_a,
             temperature_age_s=now_s - temperature.time_s,
             displacement_age_s=now_s - displacement.time_s,
             supply_fault=supplied.problem,

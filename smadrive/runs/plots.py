@@ -1,4 +1,4 @@
-"""How every plot looks: one set of colours, one style, and lines that stay light however long the run was."""
+"""The look of every plot: one set of colours, one style, and lines with few points even for a long run."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-WANTED = "#1f2933"
+SETPOINT = "#1f2933"
 MEASURED = "#1d6fb8"
 ESTIMATED = "#e07b16"
 FAINT = "#a9b4c0"
@@ -36,7 +36,7 @@ STYLE: Any = {
 }
 
 POINTS = 3000
-"""A line is drawn with at most about this many points: more than a page has pixels."""
+"""A line has at most about this many points: more than a page has pixels."""
 
 
 def panels(heights: Sequence[float], width: float = 9.0) -> tuple[Figure, list[Axes]]:
@@ -48,7 +48,7 @@ def panels(heights: Sequence[float], width: float = 9.0) -> tuple[Figure, list[A
 
 
 def line(ax: Axes, time_s: Array, values: Array, **look: Any) -> None:
-    """A line over time; of a long one the extremes of every stretch, so that no spike is lost."""
+    """Draw a line over time; a long one is reduced to the extremes of short intervals, so that every spike stays."""
     if not np.isfinite(values).any():
         return
     shown = _extremes(values)
@@ -56,7 +56,7 @@ def line(ax: Axes, time_s: Array, values: Array, **look: Any) -> None:
 
 
 def legend(ax: Axes) -> None:
-    """The legend in a row above the panel, where it hides nothing."""
+    """Draw the legend in a row above the panel, where it hides no line."""
     ax.legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
@@ -69,7 +69,7 @@ def legend(ax: Axes) -> None:
 
 
 def _extremes(values: Array) -> NDArray[np.intp]:
-    """Indices of the least and the greatest value of each of `POINTS`/2 stretches, in order."""
+    """Indices of the least and the greatest value of each of `POINTS`/2 intervals, in order."""
     if values.size <= POINTS:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, POINTS // 2 + 1).astype(np.intp)

@@ -1,7 +1,8 @@
-"""The log of a run as its writer sees it: rows of numbers and events, buffered for at most a second.
+"""Records a run: rows of numbers and events, buffered for at most a second.
 
-A buffered row costs the control loop microseconds; once a second of the run, or every `MOST_OPEN_ROWS`, the buffer goes
-to the file (see logfile.py for what is there at every moment). So a killed process loses at most the last second.
+A buffered row costs the control loop microseconds. Once a second of the run, or every `MOST_OPEN_ROWS` rows, the buffer
+is written into the file (writer.py describes the file's state at every moment). So a killed process loses at most the
+last second.
 """
 
 from __future__ import annotations
@@ -16,41 +17,41 @@ import numpy as np
 
 from smadrive.errors import DataError
 from smadrive.runs.log.layout import MOST_OPEN_ROWS
-from smadrive.runs.log.reader import ENDED_BY, Event
+from smadrive.runs.log.reader import ENDED_BY, RunEvent
 from smadrive.runs.log.writer import GROWTH_ROWS, LogFile
 
 BUFFER_S = 1.0
 
 LATEST_EVENTS = 3
-"""Events that are kept for those who watch the run."""
+"""Number of events that `Recorder.latest` keeps."""
 
 
 class Recorder:
-    """Writes a log of `columns`, the first of which is `time_s`; `about` are texts that tell what was recorded.
+    """Writes a log of `columns`, the first of which is `time_s`; `metadata` are texts about the run.
 
-    `rows` is how many are to come, where that is known; `latest` are the last events. DataError when the file cannot be
-    made, or takes no more.
+    `rows` is the expected number of rows, where it is known; `latest` are the last events. DataError when the file
+    cannot be created, or when the disk is full.
     """
 
     def __init__(
-        self, path: Path, columns: Sequence[str], about: Mapping[str, str] | None = None, rows: int = GROWTH_ROWS
+        self, path: Path, columns: Sequence[str], metadata: Mapping[str, str] | None = None, rows: int = GROWTH_ROWS
     ) -> None:
         self._buffer: list[tuple[float, ...]] = []
         self._now_s = self._flushed_s = 0.0
-        self.latest: deque[Event] = deque(maxlen=LATEST_EVENTS)
-        self._file = LogFile(path, columns, about or {}, rows)
+        self.latest: deque[RunEvent] = deque(maxlen=LATEST_EVENTS)
+        self._file = LogFile(path, columns, metadata or {}, rows)
 
     def __enter__(self) -> Self:
-        """Use as a context: the log is complete and closed at the end, whatever ended it."""
+        """Use as a context: the log is complete and closed at its end, also after an error."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Write what is buffered, and the error that ended the run as its last event.
+        """Write the buffer, and the error that ended the run as its last event.
 
-        A run that failed before its first row has commanded nothing and leaves no log. What ended the run stays the
-        error that is told; a log that could not be completed is a note to it.
+        A run that failed before its first row has commanded nothing and leaves no log. The error that ended the run is
+        raised; a failure to complete the log becomes a note of that error.
         """
         try:
             if error is not None and not self._buffer and not self._file.rows:
@@ -64,20 +65,20 @@ class Recorder:
                 error.add_note(str(lost) if isinstance(lost, DataError) else f"the log is incomplete: {lost!r}")
 
     def row(self, values: tuple[float, ...]) -> None:
-        """Append one row, a value for each column. DataError when the disk takes no more."""
+        """Append one row, a value for each column. DataError when the disk is full."""
         self._buffer.append(values)
         self._now_s = values[0]
         if self._now_s - self._flushed_s >= BUFFER_S or len(self._buffer) >= MOST_OPEN_ROWS:
             self.flush()
 
     def event(self, message: str) -> None:
-        """Note an event at the time of the last row, in the file at once."""
+        """Write an event into the file at once, with the time of the last row."""
         self.flush()
         self._file.add_event(self._now_s, message)
-        self.latest.append(Event(self._now_s, message))
+        self.latest.append(RunEvent(self._now_s, message))
 
     def flush(self) -> None:
-        """Put every row so far into the file."""
+        """Write every buffered row into the file."""
         self._flushed_s = self._now_s
         if self._buffer:
             block = np.asarray(self._buffer, dtype=np.float64)

@@ -1,6 +1,6 @@
-"""One self-contained HTML page of a run: figures, plots, tables. No request leaves the page.
+"""Writes one self-contained HTML page: metrics, plots, tables. The page sends no request.
 
-A page is a sequence of parts, each of which knows its HTML. Plots are drawings, sharp at every size.
+A page is a sequence of parts, each of which renders its own HTML. Plots are vector drawings.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ STYLE = """
 body { max-width: 62rem; margin: 0 auto; padding: 2.5rem 1.25rem 4rem; }
 h1 { font-size: 1.75rem; line-height: 1.25; margin: 0 0 .4rem; } .lead { color: #52606d; margin: 0 0 1.5rem; }
 h2 { font-size: 1.15rem; margin: 2.6rem 0 .6rem; padding-bottom: .3rem; border-bottom: 1px solid #e4e7eb; }
-.state { border-left: 5px solid; border-radius: .3rem; padding: .6rem 1rem; margin: 1rem 0; }
+.banner { border-left: 5px solid; border-radius: .3rem; padding: .6rem 1rem; margin: 1rem 0; }
 .good { background: #e9f7ef; border-color: #1e8e4e; } .bad { background: #fdecec; border-color: #c8323c; }
-.odd { background: #fff6e5; border-color: #e0a116; }
+.warning { background: #fff6e5; border-color: #e0a116; }
 .tiles { display: grid; grid-template-columns: repeat(2, 1fr); gap: .75rem; margin: 1.25rem 0; }
 @media (min-width: 40rem) { .tiles { grid-template-columns: repeat(var(--columns), 1fr); } }
 .tile { background: #f5f7fa; border-radius: .5rem; padding: .7rem .9rem; }
@@ -44,42 +44,42 @@ pre { white-space: pre-wrap; font-size: .8rem; background: #f5f7fa; padding: 1re
 """
 
 
-class Part(Protocol):
-    """Something that a page consists of."""
+class PagePart(Protocol):
+    """One part of a page."""
 
     def html(self) -> str:
-        """Its HTML."""
+        """The HTML of the part."""
         ...
 
 
 @dataclass(frozen=True)
-class State:
-    """How it ended, in one coloured line."""
+class Banner:
+    """A coloured line: how the run ended, or a warning."""
 
-    mood: Literal["good", "odd", "bad"]
+    level: Literal["good", "warning", "bad"]
     text: str
 
     def html(self) -> str:
-        """See Part."""
-        return f"<p class='state {self.mood}'>{html.escape(self.text)}</p>"
+        """The HTML of the part."""
+        return f"<p class='banner {self.level}'>{html.escape(self.text)}</p>"
 
 
 @dataclass(frozen=True)
 class Tiles:
-    """The few figures that matter, large: pairs of value and what it is."""
+    """The main metrics in large type: pairs of a value and its name."""
 
-    figures: Sequence[tuple[str, str]]
+    metrics: Sequence[tuple[str, str]]
 
     def html(self) -> str:
-        """See Part."""
-        tiles = (f"<div class=tile><b>{html.escape(v)}</b><span>{html.escape(n)}</span></div>" for v, n in self.figures)
-        columns = -(-len(self.figures) // 2)
+        """The HTML of the part."""
+        tiles = (f"<div class=tile><b>{html.escape(v)}</b><span>{html.escape(n)}</span></div>" for v, n in self.metrics)
+        columns = -(-len(self.metrics) // 2)
         return f"<div class=tiles style='--columns: {columns}'>{''.join(tiles)}</div>"
 
 
 @dataclass(frozen=True)
 class Grid:
-    """A table; its columns after the first are numbers unless it is one of texts. It may be folded away."""
+    """A table; the columns after the first hold numbers, or texts with `texts`. `folded` hides it behind its title."""
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -88,7 +88,7 @@ class Grid:
     folded: bool = False
 
     def html(self) -> str:
-        """See Part."""
+        """The HTML of the part."""
         head = "".join(f"<th>{html.escape(cell)}</th>" for cell in self.header)
         body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in self.rows)
         kind = " class=text" if self.texts else ""
@@ -99,14 +99,14 @@ class Grid:
 
 @dataclass(frozen=True)
 class Plot:
-    """A figure with the sentence that tells what to see in it."""
+    """A figure and the sentence below it that explains it."""
 
     title: str
     figure: Figure
     caption: str
 
     def html(self) -> str:
-        """See Part."""
+        """The HTML of the part."""
         buffer = io.BytesIO()
         with mpl.rc_context(PLOT_STYLE):
             self.figure.savefig(buffer, format="svg", dpi=150, metadata={"Date": None})
@@ -117,13 +117,13 @@ class Plot:
 
 @dataclass(frozen=True)
 class Listing:
-    """A text as it stands, folded away."""
+    """A verbatim text, hidden behind its title."""
 
     title: str
     text: str
 
     def html(self) -> str:
-        """See Part."""
+        """The HTML of the part."""
         return _titled(self.title, f"<pre>{html.escape(self.text)}</pre>", folded=True)
 
 
@@ -134,11 +134,11 @@ class Notes:
     lines: Sequence[str]
 
     def html(self) -> str:
-        """See Part."""
+        """The HTML of the part."""
         return "<footer>" + "".join(f"<p>{html.escape(line)}</p>" for line in self.lines) + "</footer>"
 
 
-def write_report(path: Path, title: str, lead: str, parts: Sequence[Part]) -> None:
+def write_report(path: Path, title: str, lead: str, parts: Sequence[PagePart]) -> None:
     """Write the page to `path`, complete or not at all. DataError when it cannot be written."""
     page = "\n".join(
         [

@@ -1,6 +1,7 @@
-"""The log of one run of a rig: its ticks become rows, its faults and limits events, everything it was run with texts.
+"""The log of one run of a rig: a row for each tick, events for faults and limits, and the metadata of the run.
 
-What the controller was given and what it answered is all there, so that a replay can give it again.
+The log holds every measurement that the controller received and every command that it returned, so that a replay can
+repeat the run.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
 from math import isfinite
-from operator import attrgetter
 from pathlib import Path
 
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
@@ -19,67 +19,51 @@ from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation
+from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
+from smadrive.runs.columns import COLUMNS, row_getter
 from smadrive.runs.log.writer import GROWTH_ROWS
 from smadrive.runs.recorder import Recorder
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_file import wire_text
 
-COLUMNS = {
-    "time_s": "time_s",
-    "temperature_c": "measurement.temperature_c",
-    "displacement_mm": "measurement.displacement_mm",
-    "current_a": "measurement.current_a",
-    "voltage_v": "measurement.voltage_v",
-    "reference_mm": "command.setpoint_mm",
-    "setpoint_c": "command.setpoint_c",
-    "estimated_c": "command.estimated_c",
-    "estimated_mm": "command.estimated_mm",
-    "power_w": "command.power_w",
-    "commanded_a": "command.current_a",
-    "in_force_a": "measurement.commanded_a",
-    "temperature_age_s": "measurement.temperature_age_s",
-    "displacement_age_s": "measurement.displacement_age_s",
-    "late_s": "late_s",
-}
-"""The columns of a log, and where in a tick each is found."""
-
-LIMITED = "limited"
-"""One column more: 1 where something held the output back; what it was is told by an event when it first does."""
-
-_VALUES = attrgetter(*COLUMNS.values())
+_row = row_getter(COLUMNS)
 _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 
 
 class TickRecorder(Recorder):
-    """Takes the ticks of a loop: a row for each, and an event when a fault appears or a limit first holds it back."""
+    """Records the ticks of a loop: a row for each, and an event when a fault appears or a limit first acts."""
 
-    def __init__(self, path: Path, about: Mapping[str, str], rows: int) -> None:
-        super().__init__(path, (*COLUMNS, LIMITED), about, rows)
-        self._told: set[str] = set()
+    def __init__(self, path: Path, metadata: Mapping[str, str], rows: int) -> None:
+        super().__init__(path, tuple(COLUMNS), metadata, rows)
+        self._reported_limits: set[str] = set()
         self._faults: tuple[str, ...] = ()
 
     def tick(self, tick: Tick) -> None:
-        """Record one turn of the loop. DataError when the disk takes no more."""
-        measurement = tick.measurement
-        limits = measurement.device_limits + measurement.host_limits
-        self.row((*_VALUES(tick), float(bool(limits))))
+        """Record one turn of the loop. DataError when the disk is full."""
+        self.row(_row(tick))
+        self._report_faults(tick.measurement)
+        self._report_limits(tick.measurement)
+
+    def _report_faults(self, measurement: Measurement) -> None:
         faults = measurement.device_faults
         if measurement.temperature_fault is not None:
             faults = (*faults, f"thermocouple {measurement.temperature_fault}")
         if faults != self._faults:
             self._faults = faults
-            self.event(f"faults: {', '.join(faults) or 'none any more'}")
-        for limit in limits:
-            if limit not in self._told:
-                self._told.add(limit)
+            self.event(f"faults: {', '.join(faults) or 'cleared'}")
+
+    def _report_limits(self, measurement: Measurement) -> None:
+        for limit in measurement.limits:
+            if limit not in self._reported_limits:
+                self._reported_limits.add(limit)
                 self.event(f"limited by {limit} for the first time")
 
 
 def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:
-    """The log of an identification experiment; `notes` are texts that the rig does not know of, as a seed."""
-    about = {"kind": "excitation", "excitation": json.dumps(asdict(excitation))}
-    return _open(path, rig, {**about, **notes}, excitation.duration_s)
+    """The open log of an identification experiment; `notes` are metadata that the rig does not hold, as a seed."""
+    metadata = {"kind": "excitation", "excitation": json.dumps(asdict(excitation))}
+    return _open(path, rig, {**metadata, **notes}, excitation.duration_s)
 
 
 def record_tracking(
@@ -91,14 +75,14 @@ def record_tracking(
     inverse: DisplacementInverse,
     **notes: str,
 ) -> TickRecorder:
-    """The log of a tracking run; `notes` are texts that the rig does not know of, as a seed."""
-    about = {
+    """The open log of a tracking run; `notes` are metadata that the rig does not hold, as a seed."""
+    metadata = {
         "kind": "tracking",
         "reference": reference_text(reference),
         "wire": wire_text(model, balance),
         "inverse": "hysteresis" if isinstance(inverse, HysteresisInverse) else "plain map",
     }
-    return _open(path, rig, {**about, **notes}, reference.duration_s)
+    return _open(path, rig, {**metadata, **notes}, reference.duration_s)
 
 
 def reference_text(reference: Reference) -> str:
@@ -113,8 +97,8 @@ def reference_text(reference: Reference) -> str:
     )
 
 
-def _open(path: Path, rig: Rig, about: Mapping[str, str], duration_s: float) -> TickRecorder:
-    everywhere = {
+def _open(path: Path, rig: Rig, metadata: Mapping[str, str], duration_s: float) -> TickRecorder:
+    of_the_rig = {
         "rig": rig.config.model_dump_json(),
         "nominal_balance": json.dumps(asdict(rig.nominal_balance)),
         "devices": json.dumps({name: str(identity) for name, identity in rig.identities.items()}),
@@ -123,4 +107,4 @@ def _open(path: Path, rig: Rig, about: Mapping[str, str], duration_s: float) -> 
         "machine": platform.platform(),
     }
     rows = int(duration_s / rig.period_s) + 1 if isfinite(duration_s) else GROWTH_ROWS
-    return TickRecorder(path, {**everywhere, **about}, rows)
+    return TickRecorder(path, {**of_the_rig, **metadata}, rows)

@@ -1,4 +1,4 @@
-"""How a recorded run went: the tracking error, and what the loop, the heater and the wire did."""
+"""Metrics of a recorded run: its tracking error, and what the loop, the heater and the wire did."""
 
 from __future__ import annotations
 
@@ -13,23 +13,24 @@ from numpy.typing import NDArray
 from smadrive.control.loop import LATE_FRACTION, LoopMetrics
 from smadrive.errors import DataError
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_metadata import logged_reference, logged_rig, logged_wire
+from smadrive.runs.run_metadata import reference_of, rig_config_of, wire_of
 from smadrive.wire.wire_model import travel_mm
 
 Array = NDArray[np.float64]
 
 FEW_MISSING = 0.03
-"""A sensor loses a sample now and then; a larger share of them lets doubt the figures."""
+"""Share of missing samples that a working sensor may have; above it the metrics are in doubt."""
 
 
 def error_percent(log: Log) -> Array:
-    """Reference - displacement of every row, in % of the stroke; NaN during the approach and where nothing is measured.
+    """Setpoint - displacement of every row, in % of the stroke; NaN during the approach and where it is not measured.
 
-    DataError when the log is of no tracking run.
+    DataError when the log is not of a tracking run.
     """
-    cold_mm, hot_mm = travel_mm(logged_wire(log)[0])
-    error = 100.0 * (log.signal("reference_mm") - log.signal("displacement_mm")) / abs(hot_mm - cold_mm)
-    return np.where(log.column("time_s") >= logged_reference(log).scored_from_s, error, nan)
+    cold_mm, hot_mm = travel_mm(wire_of(log)[0])
+    error_mm = log.column_with_gaps("setpoint_mm") - log.column_with_gaps("displacement_mm")
+    is_scored = log.column("time_s") >= reference_of(log).scored_from_s
+    return np.where(is_scored, 100.0 * error_mm / abs(hot_mm - cold_mm), nan)
 
 
 def is_virtual(log: Log) -> bool:
@@ -39,9 +40,9 @@ def is_virtual(log: Log) -> bool:
 
 @dataclass(frozen=True)
 class TrackingMetrics:
-    """How a run went: error = reference - displacement in % of the stroke, after the approach, where it was measured.
+    """Metrics of a tracking run: error = setpoint - displacement in % of the stroke, after the approach.
 
-    NaN where nothing measured the displacement.
+    RMS and maximum are those of the measured samples; NaN when the displacement was never measured.
     """
 
     rms_percent: float
@@ -53,48 +54,47 @@ class TrackingMetrics:
 
 
 def tracking_metrics(log: Log, loop: LoopMetrics) -> TrackingMetrics:
-    """The figures of a recorded tracking run, whose loop counted `loop`. DataError when the log is of none."""
+    """Metrics of a recorded tracking run with the metrics of its loop. DataError when the log is of another run."""
     rms, largest = _rms_and_max(error_percent(log))
     return TrackingMetrics(rms, largest, loop.ticks, loop.missed_deadlines, loop.trips, str(log.path))
 
 
-def tripped_loop(log: Log) -> LoopMetrics:
-    """What the loop of a run that a trip cut had counted before it; of lost exchanges the log does not tell."""
+def tripped_loop_metrics(log: Log) -> LoopMetrics:
+    """Loop metrics of a run that a trip has ended, up to the trip; the log does not hold the lost exchanges."""
     return LoopMetrics(log.column("time_s").size, _missed_deadlines(log), trips=1)
 
 
 def tracking_caveats(log: Log) -> tuple[str, ...]:
-    """What lets doubt what the figures of a tracking run tell of it. DataError when the log is of none.
+    """Reasons to distrust the metrics of a tracking run. DataError when the log is of another run.
 
-    First what was known before the run, a reference that was smoothed for instance; then what its samples tell.
+    First the caveats from before the run, of a smoothed reference for instance; then those of its samples.
     """
-    told_before = log.parsed("caveats", _texts) if "caveats" in log.about else ()
-    return (*told_before, *_doubtful_samples(log))
+    from_before = log.parsed("caveats", _texts) if "caveats" in log.metadata else ()
+    return (*from_before, *_sample_caveats(log))
 
 
 def _texts(values: Iterable[Any]) -> tuple[str, ...]:
     return tuple(map(str, values))
 
 
-def _doubtful_samples(log: Log) -> tuple[str, ...]:
-    error = error_percent(log)[log.column("time_s") >= logged_reference(log).scored_from_s]
+def _sample_caveats(log: Log) -> tuple[str, ...]:
+    error = error_percent(log)[log.column("time_s") >= reference_of(log).scored_from_s]
     if error.size == 0:
         return ("the tracking error is unknown: the run ended in its approach, which is not scored",)
     missing = int(np.count_nonzero(np.isnan(error)))
     if missing == error.size:
-        return ("the tracking error is unknown: no displacement was measured (no displacement sensor that works)",)
+        return ("the tracking error is unknown: no displacement was measured (no working displacement sensor)",)
     if missing <= FEW_MISSING * error.size:
         return ()
-    percent = 100.0 * missing / error.size
-    lost = f"{missing} of {error.size} samples of the displacement are missing ({percent:.0f} %)"
-    return (f"{lost}: the error is that of the others",)
+    share = f"{missing} of {error.size} samples of the displacement are missing ({100.0 * missing / error.size:.0f} %)"
+    return (f"{share}: the error is that of the others",)
 
 
 @dataclass(frozen=True)
 class RunMetrics:
-    """What a log alone tells of its run, complete or cut; NaN where it is not known.
+    """Metrics that a log alone holds, of a complete run or a cut one; NaN where they are unknown.
 
-    `energy_j` is what the heater gave; `limited_percent` the share of the ticks in which something held it back.
+    `energy_j` is the heat that the heater gave; `limited_percent` the share of the ticks with the output held back.
     """
 
     kind: str
@@ -110,14 +110,13 @@ class RunMetrics:
     limited_percent: float
 
 
-def run_summary(log: Log) -> RunMetrics:
-    """The summary of `log`. DataError when nothing was recorded."""
+def run_metrics(log: Log) -> RunMetrics:
+    """Metrics of the run in `log`. DataError when the log has no row."""
     time_s = log.column("time_s")
     if time_s.size == 0:
-        raise DataError(f"{log.path}: no tick was recorded: there is nothing to report")
-    tracked = "reference" in log.about
-    error = error_percent(log) if tracked else np.array([nan])
-    power_w = log.signal("current_a") * log.signal("voltage_v")
+        raise DataError("no tick was recorded: there is nothing to report", where=log.path)
+    error = error_percent(log) if "reference" in log.metadata else np.array([nan])
+    power_w = log.column_with_gaps("current_a") * log.column_with_gaps("voltage_v")
     return RunMetrics(
         log.text("kind"),
         time_s.size,
@@ -125,23 +124,23 @@ def run_summary(log: Log) -> RunMetrics:
         *_rms_and_max(error),
         _missed_deadlines(log),
         float(log.column("late_s").max()),
-        _largest(log.signal("temperature_c")),
-        _largest(log.signal("current_a")),
+        _largest(log.column_with_gaps("temperature_c")),
+        _largest(log.column_with_gaps("current_a")),
         float(np.nansum(power_w[1:] * np.diff(time_s))),
         100.0 * float(np.mean(log.column("limited"))),
     )
 
 
 def _missed_deadlines(log: Log) -> int:
-    return int(np.count_nonzero(log.column("late_s") > LATE_FRACTION / logged_rig(log).rate_hz))
+    return int(np.count_nonzero(log.column("late_s") > LATE_FRACTION / rig_config_of(log).rate_hz))
 
 
 def _rms_and_max(values: Array) -> tuple[float, float]:
-    """Of the values that are known; NaN when none is."""
-    known = values[np.isfinite(values)]
-    return float(np.sqrt(np.mean(known**2))) if known.size else nan, _largest(np.abs(known))
+    """RMS and maximum of the magnitudes of the finite values; NaN when there are none."""
+    finite = values[np.isfinite(values)]
+    return float(np.sqrt(np.mean(finite**2))) if finite.size else nan, _largest(np.abs(finite))
 
 
 def _largest(values: Array) -> float:
-    known = values[np.isfinite(values)]
-    return float(known.max()) if known.size else nan
+    finite = values[np.isfinite(values)]
+    return float(finite.max()) if finite.size else nan

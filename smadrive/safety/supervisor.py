@@ -166,7 +166,7 @@ class Supervisor:
         tolerance_a, measured_a = self._limits.current_tolerance_a, measurement.current_a
         if not self._commands:
             self._commands.append((measurement.time_s - 1e-9, 0.0))  # before the first one nothing was commanded
-        self._commands.append((measurement.time_s, measurement.commanded_a))
+        self._commands.append((measurement.time_s, measurement.in_force_a))
         while self._commands[0][0] < measurement.time_s - self._limits.settle_s:
             self._commands.popleft()
         commanded_a = [command_a for _, command_a in self._commands]

@@ -25,7 +25,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import NamedTuple
 
-from oldlog import strip_checksums
+from oldlog import without_checksums
 
 import firmware_sim.cli
 from smadrive import cli
@@ -56,7 +56,7 @@ class Case(NamedTuple):
     name: str
     file: str
     command: Command
-    is_checked: bool = False
+    has_checksums: bool = False
 
 
 def identified(at: Path, data: str) -> list[str]:
@@ -70,11 +70,11 @@ def simulated(at: Path) -> list[str]:
 
 
 CASES = (
-    Case("report", "run.h5", lambda at: ["report", f"{at}/run.h5", "--json"], is_checked=True),
-    Case("replay", "run.h5", lambda at: ["replay", f"{at}/run.h5", "--json"], is_checked=True),
+    Case("report", "run.h5", lambda at: ["report", f"{at}/run.h5", "--json"], has_checksums=True),
+    Case("replay", "run.h5", lambda at: ["replay", f"{at}/run.h5", "--json"], has_checksums=True),
     Case("report, no checksums", "old.h5", lambda at: ["report", f"{at}/old.h5", "--json"]),
     Case("replay, no checksums", "old.h5", lambda at: ["replay", f"{at}/old.h5", "--json"]),
-    Case("identify log", "excitation.h5", lambda at: identified(at, "excitation.h5"), is_checked=True),
+    Case("identify log", "excitation.h5", lambda at: identified(at, "excitation.h5"), has_checksums=True),
     Case("identify table", "table.csv", lambda at: identified(at, "table.csv")),
     Case("simulate, table", "table.csv", simulated),
     Case("simulate, model", "model.json", simulated),
@@ -106,7 +106,7 @@ def sound_files(at: Path) -> None:
         if end.code or end.how:
             raise SystemExit(f"{' '.join(command)}: {end}")
     shutil.copy(at / "run.h5", at / "old.h5")
-    strip_checksums(at / "old.h5")
+    without_checksums(at / "old.h5")
     next(at.glob("*.trace")).rename(at / "bus.trace")
 
 
@@ -183,7 +183,7 @@ def trial(case: Case, sound: Path, at: Path, expected: object, seed: str) -> str
         return f"{FAILED}: {end.how}"
     if end.code:
         return f"refused, {end.code}"
-    if case.is_checked and end.result != expected:
+    if case.has_checksums and end.result != expected:
         return f"{FAILED}: other data than was recorded"
     return "as before" if end.result == expected else "another result"
 

@@ -1,7 +1,7 @@
 """Logs cut by kill -9: `python tests/benchmarks/log_kills.py [COUNT] [ROWS]` kills COUNT writers at random moments.
 
-Every log is then opened by plain h5py, and must hold every row but those of the last second. ROWS is how many the
-writer announces: fewer than it writes make it grow the file again and again.
+Every log is then opened by plain h5py, and must contain every row but those of the last second. ROWS is the number of
+rows that the writer announces; with a small number it grows the file again and again.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ with Recorder(Path(sys.argv[1]), columns, {"rig": "bench"}, rows=int(sys.argv[2]
 
 
 def killed_log(path: Path, rows: int, after_s: float) -> int:
-    """Start a writer, kill it `after_s` after its first row; how many rows it had handed over."""
+    """Start a writer, kill it `after_s` after its first row; returns the number of rows it had handed over."""
     with subprocess.Popen([sys.executable, "-c", WRITER, path, str(rows)], stdout=subprocess.PIPE) as writer:
         pipe = writer.stdout.fileno()
         last = os.read(pipe, 8)
@@ -51,7 +51,7 @@ def killed_log(path: Path, rows: int, after_s: float) -> int:
 
 
 def check(path: Path, handed_over: int) -> None:
-    """The log opens plainly, and lacks at most the rows of the last second."""
+    """Assert that h5py opens the log, and that it lacks at most the rows of the last second."""
     with h5py.File(path) as file:
         assert file["time_s"].shape == file["value14_c"].shape
     log = read_log(path)
@@ -63,7 +63,7 @@ def check(path: Path, handed_over: int) -> None:
 
 
 def main() -> None:
-    """Kill, open, count."""
+    """Kill writers, check their logs, print the number of good ones."""
     count, rows = (int(text) for text in (*sys.argv[1:], "100", "200000")[:2])
     failed = 0
     with tempfile.TemporaryDirectory() as folder:

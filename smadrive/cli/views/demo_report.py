@@ -16,7 +16,7 @@ from smadrive.runs.plots import (
     FAINT,
     HEATING,
     MEASURED,
-    WANTED,
+    SETPOINT,
     legend,
     line,
     panels,
@@ -88,9 +88,17 @@ def _loop_plot(wire: WireFit, excitation: Log) -> Plot:
 def _tracking_plot(arms: Sequence[ArmView]) -> Plot:
     figure, (ax,) = panels((3.6,))
     for (name, log, _), colour in zip(arms, ARM_COLOURS, strict=True):
-        line(ax, log.column("time_s"), log.signal("displacement_mm"), color=colour, label=name)
+        line(ax, log.column("time_s"), log.column_with_gaps("displacement_mm"), color=colour, label=name)
     _, first, _ = arms[0]
-    line(ax, first.column("time_s"), first.signal("reference_mm"), color=WANTED, ls="--", lw=1, label="reference")
+    line(
+        ax,
+        first.column("time_s"),
+        first.column_with_gaps("setpoint_mm"),
+        color=SETPOINT,
+        ls="--",
+        lw=1,
+        label="setpoint",
+    )
     ax.set(xlabel="time / s", ylabel="displacement / mm")
     legend(ax)
     return Plot(
@@ -114,12 +122,12 @@ def _temperature_plot(arms: Sequence[ArmView]) -> Plot:
     figure, (upper, lower) = panels((2.4, 1.8))
     _, log, _ = arms[0]
     time_s = log.column("time_s")
-    line(upper, time_s, log.signal("temperature_c"), color=FAINT, lw=1.6, label="thermocouple")
-    line(upper, time_s, log.signal("estimated_c"), color=ESTIMATED, label="wire, estimated")
-    line(upper, time_s, log.signal("setpoint_c"), color=WANTED, ls="--", lw=0.8, label="wanted")
+    line(upper, time_s, log.column_with_gaps("temperature_c"), color=FAINT, lw=1.6, label="thermocouple")
+    line(upper, time_s, log.column_with_gaps("estimated_c"), color=ESTIMATED, label="wire, estimated")
+    line(upper, time_s, log.column_with_gaps("setpoint_c"), color=SETPOINT, ls="--", lw=0.8, label="setpoint")
     upper.set_ylabel("temperature / °C")
     legend(upper)
-    line(lower, time_s, 1e3 * log.signal("current_a"), color=MEASURED, lw=0.9)
+    line(lower, time_s, 1e3 * log.column_with_gaps("current_a"), color=MEASURED, lw=0.9)
     lower.set(xlabel="time / s", ylabel="heater current / mA")
     return Plot(
         "What the driver did",

@@ -14,7 +14,7 @@ from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.identification.duhem import DuhemFit
 from smadrive.identification.wire import AnyFit
 from smadrive.runs.plots import COOLING, ESTIMATED, FAINT, HEATING, STYLE, legend, line
-from smadrive.runs.report import Grid, Listing, Part, Plot, State, Tiles, write_report
+from smadrive.runs.report import Banner, Grid, Listing, PagePart, Plot, Tiles, write_report
 
 Array = NDArray[np.float64]
 
@@ -23,14 +23,14 @@ def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: st
     """Write the page; `axes` names input and output with their units, `caveats` are those of fit and record."""
     measured = fit.predicted - fit.residual
     certificate = fit.certificate
-    parts: list[Part] = [
-        State(
+    parts: list[PagePart] = [
+        Banner(
             "good" if certificate.holds else "bad",
             "Certified: contracting, bounded, and no branch turns."
             if certificate.holds
             else f"Not certified, the model may not drive a feedforward: {', '.join(certificate.shortcomings)}.",
         ),
-        *(State("odd", f"Beware: {caveat}.") for caveat in caveats),
+        *(Banner("warning", f"Warning: {caveat}.") for caveat in caveats),
         Tiles(
             [
                 (f"{fit.rms_percent:.3f} %", "RMS error, of the output span"),
@@ -81,7 +81,7 @@ def _residuals(fit: AnyFit, input_name: str) -> Figure:
     return figure
 
 
-def _parameters(fit: AnyFit) -> list[Part]:
+def _parameters(fit: AnyFit) -> list[PagePart]:
     if isinstance(fit.model, TSFuzzyDuhem):
         header = ("centre", "a rising", "b rising", "a falling", "b falling")
         laws = zip(fit.model.sets.centres, *fit.model.heating_law, *fit.model.cooling_law, strict=True)

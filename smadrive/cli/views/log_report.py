@@ -11,18 +11,18 @@ from typing import Any
 from smadrive.cli.views.log_plots import log_plots
 from smadrive.errors import UNCONFIRMED
 from smadrive.runs.log.reader import Log
-from smadrive.runs.report import Grid, Listing, Part, State, Tiles, write_report
-from smadrive.runs.run_metadata import logged_rig
-from smadrive.runs.run_metrics import RunMetrics, is_virtual, run_summary, tracking_caveats
+from smadrive.runs.report import Banner, Grid, Listing, PagePart, Tiles, write_report
+from smadrive.runs.run_metadata import rig_config_of
+from smadrive.runs.run_metrics import RunMetrics, is_virtual, run_metrics, tracking_caveats
 
 TITLES = {"excitation": "identification experiment", "tracking": "tracking run"}
 
 
 def write_log_report(path: Path, log: Log) -> RunMetrics:
     """Write the page of `log` to `path`. DataError when the log tells too little, or the page cannot be written."""
-    config, summary = logged_rig(log), run_summary(log)
+    config, summary = rig_config_of(log), run_metrics(log)
     devices = ", ".join(f"{name}: {identity}" for name, identity in log.parsed("devices", _items))
-    parts: list[Part] = [
+    parts: list[PagePart] = [
         _state(log, summary),
         *_caveats(log),
         Tiles(list(_tiles(summary, config.limits.current_max_a, is_virtual=is_virtual(log)))),
@@ -35,29 +35,29 @@ def write_log_report(path: Path, log: Log) -> RunMetrics:
     return summary
 
 
-def _state(log: Log, summary: RunMetrics) -> State:
+def _state(log: Log, summary: RunMetrics) -> Banner:
     if not log.end_time:
-        return State(
-            "odd",
+        return Banner(
+            "warning",
             f"Nobody ended this log: its writer was killed, or still writes. It holds {summary.duration_s:.1f} s; "
             "at most the last second before the end is missing.",
         )
     if not log.ended_by:
-        return State("good", f"Complete: {summary.duration_s:.1f} s, ended at zero current.")
+        return Banner("good", f"Complete: {summary.duration_s:.1f} s, ended at zero current.")
     unconfirmed = [event.message for event in log.events if event.message.startswith(UNCONFIRMED)]
-    return State(
-        "odd" if log.ended_by.startswith("interruption") and not unconfirmed else "bad",
+    return Banner(
+        "warning" if log.ended_by.startswith("interruption") and not unconfirmed else "bad",
         " — ".join([f"Ended after {summary.duration_s:.1f} s by {log.ended_by}", *unconfirmed]),
     )
 
 
-def _caveats(log: Log) -> Iterator[State]:
+def _caveats(log: Log) -> Iterator[Banner]:
     """Reasons to distrust the content or the metrics, as `run` prints them on the terminal."""
     for caveat in log.caveats:
-        yield State("odd", f"Warning: {caveat}.")
-    if "reference" in log.about:
+        yield Banner("warning", f"Warning: {caveat}.")
+    if "reference" in log.metadata:
         for caveat in tracking_caveats(log):
-            yield State("odd", f"Beware: {caveat}.")
+            yield Banner("warning", f"Warning: {caveat}.")
 
 
 def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator[tuple[str, str]]:
@@ -89,20 +89,20 @@ def _provenance(log: Log) -> Grid:
         ("begun", _clock(log.start_time)),
         ("ended", _clock(log.end_time) or "not ended"),
         *((f"device {name}", identity) for name, identity in log.parsed("devices", _items)),
-        *((f"address of {device.name}", device.url) for device in logged_rig(log).devices),
+        *((f"address of {device.name}", device.url) for device in rig_config_of(log).devices),
         ("versions", versions),
         ("machine", log.text("machine")),
-        *((name, log.about[name]) for name in ("inverse", "seed", "title") if name in log.about),
+        *((name, log.metadata[name]) for name in ("inverse", "seed", "title") if name in log.metadata),
     ]
     return Grid(("", ""), rows, "Provenance", texts=True)
 
 
-def _background(log: Log) -> Iterator[Part]:
+def _background(log: Log) -> Iterator[PagePart]:
     """What one rarely needs, folded away."""
     yield Grid(("key", "value"), list(_flat(log.json("rig"))), "Rig file", texts=True, folded=True)
-    if "wire" in log.about:
+    if "wire" in log.metadata:
         yield Listing("Wire: the model that tracked", log.text("wire"))
-    if "excitation" in log.about:
+    if "excitation" in log.metadata:
         yield Grid(("key", "value"), list(_flat(log.json("excitation"))), "Excitation", texts=True, folded=True)
     yield Grid(("key", "value"), list(_flat(log.json("nominal_balance"))), "Nominal heat balance", True, True)
     yield Listing("Device profiles", json.dumps(log.json("profiles"), indent=1))

@@ -29,7 +29,7 @@ failing thermometer is noticed later, so the wire must overheat more slowly."""
 class Command(NamedTuple):
     """The heater current asked for, and why: setpoints, estimates and power (NaN where a controller has none)."""
 
-    current_a: float
+    commanded_a: float
     setpoint_c: float = nan
     setpoint_mm: float = nan
     estimated_c: float = nan

@@ -1,9 +1,9 @@
-"""CRC-32 checksums of a log: of every row, of every event, of the metadata, and of how the log ended.
+"""CRC-32 checksums of a log: of every row, of every event, of the metadata, and of the end of the log.
 
-HDF5's own Fletcher-32 filter works on whole chunks: a chunk of a live log would be unreadable from the moment a row is
-put into it to the moment its checksum follows. So a log has checksums of its own. Each is computed from the content,
-not from the bytes of the file, therefore damage to the structure of the file that changes what is read is found too.
-The value 0 is that of a place that was never written.
+HDF5's own Fletcher-32 filter works on whole chunks: a chunk of a live log would be unreadable between the writing of a
+row and the writing of its checksum. So a log has checksums of its own. They are computed from the content, not from the
+bytes of the file; so they also reveal damage to the file's structure that changes the content. The value 0 marks a
+place that was never written.
 """
 
 from __future__ import annotations
@@ -34,13 +34,13 @@ def event_sum(time_s: float, text: bytes, number: int) -> int:
     return crc32(text, crc32(np.array(time_s, VALUE).tobytes(), number)) or 1
 
 
-def metadata_sum(start_time: str, version: str, columns: Iterable[str], about: Mapping[str, str]) -> int:
-    """Checksum of what is known before the first row; `columns` are the names of all."""
-    return _text_sum([start_time, version, sorted(columns), sorted(about.items())])
+def metadata_sum(start_time: str, version: str, columns: Iterable[str], metadata: Mapping[str, str]) -> int:
+    """Checksum of everything that is fixed before the first row; `columns` are the names of all columns."""
+    return _text_sum([start_time, version, sorted(columns), sorted(metadata.items())])
 
 
 def end_sum(end_time: str, rows: int, events: int) -> int:
-    """Checksum of the end of a log: when it was, and how much there is."""
+    """Checksum of the end of a log: its time, and the numbers of rows and events."""
     return _text_sum([end_time, rows, events])
 
 

@@ -1,8 +1,7 @@
-"""The content of a log file, read and proved by its checksums.
+"""The content of a log file, read and verified by its checksums.
 
-A log may still be written while it is read. Its checksums are therefore read before the rows that they belong to: what
-has a checksum by then is complete. A writer that was killed leaves rows without one behind the last complete row, at
-most `MOST_OPEN_ROWS`.
+A log may still be written while it is read. So its checksums are read before the rows: a row whose checksum was already
+there is complete. A killed writer leaves at most `MOST_OPEN_ROWS` rows without a checksum behind the last complete one.
 """
 
 from __future__ import annotations
@@ -14,34 +13,33 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smadrive.runs.log.checksums import SUM, VALUE, Sums, end_sum, event_sum, first_bad, metadata_sum, row_sums
-from smadrive.runs.log.heap import heap_text
+from smadrive.runs.log.errors import DamageError
 from smadrive.runs.log.layout import EVENT_BYTES, MOST_OPEN_ROWS
+from smadrive.runs.log.old_layouts import layout_of, metadata_group, translated
 from smadrive.runs.log.self_contained import check_self_contained
+from smadrive.runs.log.text_heap import heap_text
 
 Columns = dict[str, NDArray[np.float64]]
 Events = list[tuple[float, str]]
 
 UNCHECKED = {"start_time", "end_time", "program_name", "about", "events", "data"}
-"""What is in the entry of a log without checksums, as version 0.1 wrote it: nothing else, or it is a damaged one."""
-
+"""The complete entry of a log without checksums, as the first 0.1 wrote it; with other members the log is damaged."""
 
 UNCHECKED_VERSION = "0.1.0"
 
-
-class DamageError(Exception):
-    """The content is not what was written."""
+DIFFERENT = "the content does not agree with its checksum"
 
 
 class Content(NamedTuple):
-    """What a log file holds; `end_time` is empty when the log was not ended."""
+    """The content of a log file under the names of today; `end_time` is empty when the log was not ended."""
 
     columns: Columns
-    about: dict[str, str]
+    metadata: dict[str, str]
     events: Events
     start_time: str
     end_time: str
     version: str
-    is_checked: bool
+    has_checksums: bool
 
 
 class _Checksums(NamedTuple):
@@ -51,36 +49,28 @@ class _Checksums(NamedTuple):
     end: int
 
 
+class _RawEvents(NamedTuple):
+    times_s: NDArray[np.float64]
+    messages: NDArray[Any]
+
+    def first(self, count: int) -> Events:
+        texts = [bytes(text).rstrip(b"\0").decode(errors="ignore") for text in self.messages[:count]]
+        return list(zip(self.times_s[:count].tolist(), texts, strict=True))
+
+
 def read_content(file: h5py.File, size: int) -> Content:
     """The content of an open file of `size` bytes.
 
-    ForeignContentError when it refers to other files, DamageError when a checksum does not agree; what else a damaged
-    file makes h5py raise passes through.
+    ForeignContentError when it refers to other files, NewerLayoutError when a later smadrive wrote it, DamageError when
+    a checksum differs; other errors that a damaged file causes in h5py pass through.
     """
     check_self_contained(file, size)
-    entry = file["entry"]
-    sums = _checksums(entry["checksums"]) if _is_checked(file, entry) else None
-    text = _unchecked_text if sums is None else _text
-    about = {name: text(dataset) for name, dataset in entry["about"].items()}
-    start_time, end_time = text(entry["start_time"]), entry["end_time"][()].decode("ascii")
-    version = UNCHECKED_VERSION if sums is None else _version(entry["program_name"])
-    columns = {name: _values(column, VALUE) for name, column in entry["data"].items()}
-    if "time_s" not in columns:
-        raise DamageError("no column 'time_s'")
-    times_s = _values(entry["events/time_s"], VALUE)
-    messages = _values(entry["events/message"], np.dtype(f"S{EVENT_BYTES}"))
-    if sums is None:
-        columns, events = _finite(columns), _events(times_s, messages, int(np.count_nonzero(np.isfinite(times_s))))
-        return Content(columns, about, events, start_time, end_time, version, is_checked=False)
-    if sums.metadata != metadata_sum(start_time, version, columns, about):
-        raise DamageError("the metadata do not agree with their checksum")
-    columns, events = _proved_rows(columns, sums.rows), _proved_events(times_s, messages, sums.events)
-    if sums.end and sums.end != end_sum(end_time, columns["time_s"].size, len(events)):
-        raise DamageError("the end of the log does not agree with its checksum")
-    return Content(columns, about, events, start_time, end_time if sums.end else "", version, is_checked=True)
+    layout, entry = layout_of(file), file["entry"]
+    content = _checked(entry, layout) if _has_checksums(file, entry) else _unchecked(entry)
+    return content._replace(columns=translated(content.columns, layout))
 
 
-def _is_checked(file: h5py.File, entry: h5py.Group) -> bool:
+def _has_checksums(file: h5py.File, entry: h5py.Group) -> bool:
     """Whether the log has checksums; DamageError when it lost them."""
     if "checksums" in entry:
         return True
@@ -89,81 +79,121 @@ def _is_checked(file: h5py.File, entry: h5py.Group) -> bool:
     return False
 
 
+def _checked(entry: h5py.Group, layout: int) -> Content:
+    """The part of the content that the checksums verify."""
+    sums = _checksums(entry["checksums"])
+    metadata = {name: _text(dataset) for name, dataset in entry[metadata_group(layout)].items()}
+    start_time, version = _text(entry["start_time"]), _version(entry["program_name"])
+    end_time, columns, events = _end_time(entry), _columns(entry), _raw_events(entry)
+    if sums.metadata != metadata_sum(start_time, version, columns, metadata):
+        raise DamageError(DIFFERENT, "metadata")
+    columns, verified_events = _verified_rows(columns, sums.rows), _verified_events(events, sums.events)
+    if sums.end and sums.end != end_sum(end_time, columns["time_s"].size, len(verified_events)):
+        raise DamageError(DIFFERENT, "end of the log")
+    end_time = end_time if sums.end else ""
+    return Content(columns, metadata, verified_events, start_time, end_time, version, has_checksums=True)
+
+
+def _unchecked(entry: h5py.Group) -> Content:
+    """The content of a log without checksums, up to the last row that has a time; the time was written last."""
+    metadata = {name: _unchecked_text(dataset) for name, dataset in entry["about"].items()}
+    columns, events = _columns(entry), _raw_events(entry)
+    columns = _first_rows(columns, int(np.count_nonzero(np.isfinite(columns["time_s"]))))
+    return Content(
+        columns,
+        metadata,
+        events.first(int(np.count_nonzero(np.isfinite(events.times_s)))),
+        _unchecked_text(entry["start_time"]),
+        _end_time(entry),
+        UNCHECKED_VERSION,
+        has_checksums=False,
+    )
+
+
 def _checksums(group: h5py.Group) -> _Checksums:
     return _Checksums(
         _values(group["rows"], SUM), _values(group["events"], SUM), int(group["metadata"][()]), int(group["end"][()])
     )
 
 
-def _proved_rows(columns: Columns, sums: Sums) -> Columns:
+def _columns(entry: h5py.Group) -> Columns:
+    columns = {name: _values(column, VALUE) for name, column in entry["data"].items()}
+    if "time_s" not in columns:
+        raise DamageError("the column is missing", "time_s")
+    return columns
+
+
+def _raw_events(entry: h5py.Group) -> _RawEvents:
+    messages = _values(entry["events/message"], np.dtype(f"S{EVENT_BYTES}"))
+    return _RawEvents(_values(entry["events/time_s"], VALUE), messages)
+
+
+def _verified_rows(columns: Columns, sums: Sums) -> Columns:
     """The rows that have a checksum."""
     rows = _written(sums, "rows")
-    if any(values.size < rows for values in columns.values()):
-        raise DamageError(f"not every column has {rows} rows")
-    block = np.column_stack([columns[name][:rows] for name in sorted(columns)])
-    bad = first_bad(sums[:rows], row_sums(block, 0))
-    if bad is not None:
-        raise DamageError(f"sample {bad + 1} does not agree with its checksum")
+    verified = _first_rows(columns, rows)
+    block = np.column_stack([verified[name] for name in sorted(verified)])
+    if (bad := first_bad(sums[:rows], row_sums(block, 0))) is not None:
+        raise DamageError(DIFFERENT, f"sample {bad + 1}")
     if np.count_nonzero(np.isfinite(columns["time_s"][rows:])) > MOST_OPEN_ROWS:
-        raise DamageError(f"the checksums after sample {rows} are missing")
-    return {name: values[:rows] for name, values in columns.items()}
+        raise DamageError("the checksums are missing from here on", f"sample {rows + 1}")
+    return verified
 
 
-def _proved_events(times_s: NDArray[np.float64], messages: NDArray[Any], sums: Sums) -> Events:
+def _verified_events(events: _RawEvents, sums: Sums) -> Events:
     """The events that have a checksum."""
     count = _written(sums, "events")
-    if min(times_s.size, messages.size) < count:
-        raise DamageError(f"not all of the {count} events are there")
-    padded = (bytes(text).ljust(EVENT_BYTES, b"\0") for text in messages[:count])
-    pairs = zip(times_s.tolist(), padded, strict=False)
+    if min(events.times_s.size, events.messages.size) < count:
+        raise DamageError(f"the log has fewer than {count} events")
+    padded = (bytes(text).ljust(EVENT_BYTES, b"\0") for text in events.messages[:count])
+    pairs = zip(events.times_s.tolist(), padded, strict=False)
     expected = np.array([event_sum(time_s, text, n) for n, (time_s, text) in enumerate(pairs)], SUM)
     if (bad := first_bad(sums[:count], expected)) is not None:
-        raise DamageError(f"event {bad + 1} does not agree with its checksum")
-    return _events(times_s, messages, count)
+        raise DamageError(DIFFERENT, f"event {bad + 1}")
+    return events.first(count)
 
 
 def _written(sums: Sums, what: str) -> int:
-    """How many have a checksum, without a gap."""
+    """How many have a checksum; DamageError when there is a gap."""
     count = int(np.count_nonzero(sums))
     if not sums[:count].all():
-        raise DamageError(f"checksums of {what} are missing")
+        raise DamageError("checksums are missing", what)
     return count
 
 
-def _events(times_s: NDArray[np.float64], messages: NDArray[Any], count: int) -> Events:
-    texts = [bytes(text).rstrip(b"\0").decode(errors="ignore") for text in messages[:count]]
-    return list(zip(times_s[:count].tolist(), texts, strict=True))
-
-
-def _finite(columns: Columns) -> Columns:
-    """The columns of a log without checksums up to the last row that has its time, which was written last."""
-    rows = int(np.count_nonzero(np.isfinite(columns["time_s"])))
+def _first_rows(columns: Columns, rows: int) -> Columns:
     if any(values.size < rows for values in columns.values()):
-        raise DamageError(f"not every column has {rows} rows")
+        raise DamageError(f"a column has fewer than {rows} rows")
     return {name: values[:rows] for name, values in columns.items()}
 
 
 def _values(dataset: h5py.Dataset, dtype: np.dtype[Any]) -> NDArray[Any]:
     """All values of a dataset along one axis."""
     if dataset.ndim != 1 or dataset.dtype != dtype:
-        raise DamageError(f"{dataset.name} is no column of {dtype}")
+        raise DamageError(f"{dataset.name} is not a column of {dtype}")
     values: NDArray[Any] = dataset[:]
     return values
 
 
+def _end_time(entry: h5py.Group) -> str:
+    return str(entry["end_time"][()].decode("ascii"))
+
+
 def _text(dataset: h5py.Dataset) -> str:
-    kind = dataset.id.get_type()
-    if dataset.shape != () or not isinstance(kind, h5py.h5t.TypeStringID) or kind.is_variable_str():
-        raise DamageError(f"{dataset.name} is no text of fixed length")
+    if dataset.shape != () or not _is_fixed_text(dataset.id.get_type()):
+        raise DamageError(f"{dataset.name} is not a text of fixed length")
     return bytes(dataset[()]).decode()
 
 
 def _version(program: h5py.Dataset) -> str:
     """The version of smadrive that wrote the log."""
-    kind = program.attrs.get_id("version").get_type()
-    if not isinstance(kind, h5py.h5t.TypeStringID) or kind.is_variable_str():
-        raise DamageError("the version is no text of fixed length")
+    if not _is_fixed_text(program.attrs.get_id("version").get_type()):
+        raise DamageError("the version is not a text of fixed length")
     return bytes(program.attrs["version"]).decode()
+
+
+def _is_fixed_text(kind: object) -> bool:
+    return isinstance(kind, h5py.h5t.TypeStringID) and not kind.is_variable_str()
 
 
 def _unchecked_text(dataset: h5py.Dataset) -> str:

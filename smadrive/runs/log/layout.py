@@ -1,12 +1,12 @@
 """The layout of a log: an HDF5 file with the names of NeXus, and with room for its rows from the start.
 
-Texts that smadrive reads back have a fixed length: those of variable length are in heaps, and HDF5 may search a damaged
-heap without end.
+The texts that smadrive reads back have a fixed length: texts of variable length lie in heaps, and HDF5 may loop for
+ever in a damaged heap.
 
-/                       NXroot; every column once more as a link, so that plain readers find it
+/                       NXroot; attribute `layout`; every column again as a link, so that plain readers find it
 /entry                  NXentry: start_time, end_time (empty: the writer was killed), program_name
-/entry/data             NXdata: the columns along `time_s`, float64, each with its `units`
-/entry/about            NXcollection: texts (config, model, provenance), JSON where they are structured
+/entry/data             NXdata: the columns along `time_s`, float64, each with its `units` and `long_name`
+/entry/metadata         NXcollection: texts (config, model, provenance), JSON where they are structured
 /entry/events           NXcollection: time_s, message
 /entry/checksums        NXcollection: rows, events (uint32 each, 0: not written), metadata, end (0: not ended)
 """
@@ -23,61 +23,63 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from smadrive.runs.columns import COLUMNS, Column
 from smadrive.runs.log.checksums import SUM, VALUE, metadata_sum
+from smadrive.runs.log.old_layouts import LAYOUT
 
 CHUNK_ROWS = 1024
-"""Rows of a column that lie together."""
+"""Rows of a column that are stored together."""
 
 EVENT_ROWS = 128
-"""Events that a log gets room for at a time."""
+"""The room for events grows by this number."""
 
 EVENT_BYTES = 400
-"""Events have a fixed length, or their place could not be known."""
-
-UNITS = {"s": "s", "c": "degC", "a": "A", "v": "V", "w": "W", "mm": "mm"}
-"""The unit of a column, told by the suffix of its name."""
+"""Every event has this length, so that its place in the file is known."""
 
 MOST_OPEN_ROWS = 1000
-"""Rows that are written at a time, at most: so many may lack their checksum when the writer is killed."""
+"""Largest number of rows in one write, therefore of rows without a checksum after the writer was killed."""
 
 CHECKSUMS = "CRC-32"
-"""Attribute `checksums` of a log that has them."""
+"""Value of the attribute `checksums` of a log that has them."""
 
 _NOW_BYTES = 32
 
 
-def create_log(path: Path, columns: Sequence[str], about: Mapping[str, str], rows: int) -> None:
-    """Make the file, with room for `rows` and all of it unwritten."""
+def create_log(path: Path, columns: Sequence[str], metadata: Mapping[str, str], rows: int) -> None:
+    """Create the file with room for `rows`, none of it written."""
     started, program_version = time_text(), version("smadrive")
+    room = -(-rows // CHUNK_ROWS) * CHUNK_ROWS
     with h5py.File(path, "w") as file:
-        file.attrs.update(NX_class="NXroot", default="entry", checksums=CHECKSUMS)
+        file.attrs.update(NX_class="NXroot", default="entry", checksums=CHECKSUMS, layout=LAYOUT)
         entry = _group(file, "entry", "NXentry")
         entry.attrs["default"] = "data"
         entry["start_time"] = _fixed(started)
         entry.create_dataset("end_time", data=np.array(b"", f"S{_NOW_BYTES}"))
         entry["program_name"] = _fixed("smadrive")
         entry["program_name"].attrs["version"] = _fixed(program_version)
-        texts = _group(entry, "about", "NXcollection")
-        for name, text in about.items():
+        texts = _group(entry, "metadata", "NXcollection")
+        for name, text in metadata.items():
             texts[name] = _fixed(text)
-        events = _group(entry, "events", "NXcollection")
-        _reserve(events, "time_s", VALUE, EVENT_ROWS, EVENT_ROWS, np.nan).attrs["units"] = "s"
-        _reserve(events, "message", h5py.string_dtype("utf-8", EVENT_BYTES), EVENT_ROWS, EVENT_ROWS, None)
-        units = {name: UNITS.get(name.rpartition("_")[2], "1") for name in columns}
-        room = -(-rows // CHUNK_ROWS) * CHUNK_ROWS
-        _create_columns(file, _group(entry, "data", "NXdata"), units, room)
-        metadata = metadata_sum(started, program_version, columns, about)
-        _create_checksums(_group(entry, "checksums", "NXcollection"), metadata, room)
+        _create_events(_group(entry, "events", "NXcollection"))
+        _create_columns(file, _group(entry, "data", "NXdata"), columns, room)
+        checksum = metadata_sum(started, program_version, columns, metadata)
+        _create_checksums(_group(entry, "checksums", "NXcollection"), checksum, room)
 
 
-def _create_columns(file: h5py.File, data: h5py.Group, units: Mapping[str, str], room: int) -> None:
-    data.attrs.update(axes="time_s", signal="displacement_mm" if "displacement_mm" in units else list(units)[-1])
-    for name, unit in units.items():
+def _create_events(events: h5py.Group) -> None:
+    _reserve(events, "time_s", VALUE, EVENT_ROWS, EVENT_ROWS, np.nan).attrs["units"] = "s"
+    _reserve(events, "message", h5py.string_dtype("utf-8", EVENT_BYTES), EVENT_ROWS, EVENT_ROWS, None)
+
+
+def _create_columns(file: h5py.File, data: h5py.Group, names: Sequence[str], room: int) -> None:
+    data.attrs.update(axes="time_s", signal="displacement_mm" if "displacement_mm" in names else names[-1])
+    for name in names:
+        facts = COLUMNS.get(name, Column("", "1", name))
         column = _reserve(data, name, VALUE, room, CHUNK_ROWS, np.nan)
-        column.attrs["units"] = unit
+        column.attrs.update(units=facts.unit, long_name=facts.label)
         file[name] = h5py.SoftLink(f"/entry/data/{name}")
     data["time_s"].make_scale("time_s")
-    for name in units:
+    for name in names:
         if name != "time_s":
             data[name].dims[0].attach_scale(data["time_s"])
 
@@ -113,5 +115,5 @@ def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
 
 
 def time_text() -> str:
-    """The present time as a log tells it."""
+    """The present time in the form that a log stores (UTC, ISO 8601)."""
     return datetime.now(UTC).isoformat(timespec="seconds")

@@ -1,7 +1,7 @@
-"""What a run's log says: the columns of a tick, what was run, and what happened, read back into memory.
+"""Reads a log back into memory: its columns, its metadata and its events.
 
-A log is readable at every moment of its life (see logfile.py): that of a run that still goes on or whose writer was
-killed ends with its last complete row. What was read is proved by the log's checksums.
+A log is readable at every moment of its life (see writer.py): the log of a run that still goes on, or whose writer was
+killed, ends with its last complete row. Its checksums verify the content.
 """
 
 from __future__ import annotations
@@ -20,18 +20,20 @@ from smadrive.errors import DataError, SmadriveError
 from smadrive.files.kinds import LOG, check_kind
 from smadrive.files.spelling import nearest
 from smadrive.runs.log.content import Content, read_content
-from smadrive.runs.log.self_contained import ForeignContentError
+from smadrive.runs.log.errors import DamageError, ForeignContentError, NewerLayoutError
+from smadrive.runs.log.old_layouts import LAYOUT
 
 Array = NDArray[np.float64]
 ValueT = TypeVar("ValueT")
 
 ENDED_BY = "ended by "
-"""How the event begins that tells what ended a run before its time."""
+"""First words of the event that names the cause of a run's early end."""
 
 RESTORE = "restore the log from a copy, or record it again"
+CONVERT = "update smadrive, or copy the columns into a CSV with h5py (docs/records.md)"
 
 
-class Event(NamedTuple):
+class RunEvent(NamedTuple):
     """Something that happened at `time_s`."""
 
     time_s: float
@@ -40,108 +42,112 @@ class Event(NamedTuple):
 
 @dataclass(frozen=True)
 class Log:
-    """The content of a log file. `about` are texts that tell what was recorded; `end_time` is empty when nobody ended
-    the log: its writer was killed, or still writes. `is_checked`: checksums prove the content.
+    """The content of a log file; `metadata` are texts, by name: rig, wire, reference, versions, ...
+
+    `end_time` is empty when the log was not ended: its writer was killed, or still writes. `has_checksums`: checksums
+    have verified the content.
     """
 
     path: Path
     columns: Mapping[str, Array]
-    about: Mapping[str, str]
-    events: tuple[Event, ...]
+    metadata: Mapping[str, str]
+    events: tuple[RunEvent, ...]
     start_time: str
     end_time: str
     version: str
-    is_checked: bool = True
+    has_checksums: bool = True
 
     @property
     def ended_by(self) -> str:
-        """What ended the run before its time; empty when nothing did."""
+        """The cause of the run's early end; empty when it ran to its end."""
         causes = [event.message for event in self.events if event.message.startswith(ENDED_BY)]
         return causes[-1].removeprefix(ENDED_BY) if causes else ""
 
     @property
     def caveats(self) -> tuple[str, ...]:
         """Reasons to distrust the content."""
-        if self.is_checked:
+        if self.has_checksums:
             return ()
         return (f"{self.path.name} has no checksums (smadrive {self.version} wrote none): damage would not be seen",)
 
-    def signal(self, name: str) -> Array:
-        """The named column, NaN where nothing was measured; DataError when there is none."""
+    def column_with_gaps(self, name: str) -> Array:
+        """The named column, NaN where nothing was measured; DataError when the log has no such column."""
         if name not in self.columns:
-            raise DataError(f"{self.path}: no column '{name}'" + nearest(name, self.columns))
+            raise DataError(f"no column '{name}'" + nearest(name, self.columns), where=self.path)
         return self.columns[name]
 
     def column(self, name: str) -> Array:
-        """The named column; DataError when there is none, or when it holds a value that is not finite."""
-        values = self.signal(name)
+        """The named column, every value finite; DataError when a value is not, or when the log has no such column."""
+        values = self.column_with_gaps(name)
         if not np.all(np.isfinite(values)):
             row = int(np.flatnonzero(~np.isfinite(values))[0])
-            raise DataError(f"{self.path}, sample {row + 1}, column '{name}': not a finite number: record it again")
+            where = f"{self.path}, sample {row + 1}, column '{name}'"
+            raise DataError("not a finite number", where=where, value=values[row], cure="record the log again")
         return values
 
     def text(self, name: str) -> str:
-        """What `about` tells of `name`; DataError when it tells nothing."""
-        if name not in self.about:
-            raise DataError(f"{self.path}: the log does not tell its {name}: record it with this version of smadrive")
-        return self.about[name]
+        """The text `name` of the metadata; DataError when there is none."""
+        if name not in self.metadata:
+            raise DataError(
+                f"the metadata lack '{name}'", where=self.path, cure="record the log with this version of smadrive"
+            )
+        return self.metadata[name]
 
     def json(self, name: str) -> Any:
-        """What `about` tells of `name`, as the JSON it is; DataError when it tells nothing, or is no JSON."""
+        """The JSON value `name` of the metadata; DataError when there is none, or when it is not JSON."""
         return self.parsed(name, lambda value: value)
 
     def parsed(self, name: str, make: Callable[[Any], ValueT]) -> ValueT:
-        """What `make` makes of the JSON that `about` tells of `name`; DataError when it cannot be made of it."""
+        """`make` applied to the JSON value `name` of the metadata; DataError when that is not possible."""
         text = self.text(name)
         try:
             return make(json.loads(text))
         except SmadriveError:
             raise
         except (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError) as error:
-            raise DataError(f"{self.path}: {name}: cannot be understood ({_said(error)}): {RESTORE}") from None
+            where = f"{self.path}: {name}"
+            raise DataError(f"not understood: {_first_line(error)}", where=where, cure=RESTORE) from None
 
 
 def read_log(path: Path) -> Log:
-    """The log at `path`; DataError when it is missing, no log, damaged, or refers to other files."""
+    """The log at `path`; DataError when it is missing, damaged, not a log, or refers to other files."""
     check_kind(path, LOG)
     if not path.exists():
-        raise DataError(f"{path}: no such file")
+        raise DataError("no such file", where=path)
     try:
         with h5py.File(path, "r", locking=False) as file:
             content = read_content(file, path.stat().st_size)
     except ForeignContentError as error:
-        raise DataError(f"{path}: not a log of smadrive alone: {error}. {LOG.cure.capitalize()}") from None
+        raise DataError(f"not a log of smadrive alone: {error}", where=path, cure=LOG.cure) from None
+    except NewerLayoutError as error:
+        what = "a later version of smadrive wrote this log"
+        raise DataError(what, where=path, value=str(error), limit=LAYOUT, cure=CONVERT) from None
+    except DamageError as error:
+        where = f"{path}, {error.place}" if error.place else path
+        raise DataError(f"damaged: {error}", where=where, cure=f"{RESTORE}, or {LOG.cure}") from None
     except Exception as error:  # noqa: BLE001 - a damaged file makes h5py raise errors of every kind
-        raise DataError(_unreadable(path, error)) from None
+        raise _unreadable(path, error) from None
     return _log(path, content)
 
 
 def _log(path: Path, content: Content) -> Log:
-    columns = content.columns
-    backwards = np.flatnonzero(~(np.diff(columns["time_s"]) > 0.0))
+    times_s = content.columns["time_s"]
+    backwards = np.flatnonzero(~(np.diff(times_s) > 0.0))
     if backwards.size:
         row = int(backwards[0])
-        before_s, after_s = columns["time_s"][row : row + 2]
-        raise DataError(f"{path}, sample {row + 2}: time goes from {before_s:g} s to {after_s:g} s: {RESTORE}")
-    events = tuple(Event(time_s, text) for time_s, text in content.events)
-    return Log(
-        path,
-        columns,
-        content.about,
-        events,
-        content.start_time,
-        content.end_time,
-        content.version,
-        content.is_checked,
-    )
+        what = f"time does not increase: {times_s[row]:g} s, then {times_s[row + 1]:g} s"
+        raise DataError(what, where=f"{path}, sample {row + 2}", cure=RESTORE)
+    events = tuple(RunEvent(time_s, text) for time_s, text in content.events)
+    return Log(path, **{**content._asdict(), "events": events})
 
 
-def _unreadable(path: Path, error: Exception) -> str:
+def _unreadable(path: Path, error: Exception) -> DataError:
     if not h5py.is_hdf5(path):
-        return f"{path}: not a readable log of smadrive: {LOG.cure}"
-    return f"{path}: not a readable log of smadrive, or damaged ({_said(error)}): {RESTORE}, or {LOG.cure}"
+        return DataError("not a readable log of smadrive", where=path, cure=LOG.cure)
+    what = f"not a readable log of smadrive, or damaged: {_first_line(error)}"
+    return DataError(what, where=path, cure=f"{RESTORE}, or {LOG.cure}")
 
 
-def _said(error: Exception) -> str:
-    """The first line of a message, or the error's type where it says nothing."""
+def _first_line(error: Exception) -> str:
+    """The first line of a message, or the error's type when the message is empty."""
     return (str(error).splitlines() or [type(error).__name__])[0]

@@ -1,27 +1,25 @@
-"""Whether an HDF5 file holds all of its content itself.
+"""Checks that an HDF5 file holds all of its content itself.
 
-HDF5 lets a link, a dataset or a filter lead out of the file: into another file, into raw bytes of any file, into a
-plugin that is loaded and run. A log from a stranger could show a report's reader what is on the reader's own disk. So
-everything that can be reached is checked before anything is read.
+In HDF5, a link, a dataset or a filter can refer to another file, to raw bytes of any file, or to a plugin that is
+loaded and run. Through them, a log from a stranger could copy the reader's own files into the reader's report. So
+every object of the file is checked before any value is read.
 """
 
 from __future__ import annotations
 
 import h5py
 
+from smadrive.runs.log.errors import ForeignContentError
+
 MOST_DEPTH = 8
-"""Groups within groups; a log has two."""
+"""Limit of groups within groups; a log has two levels."""
 
 MOST_OBJECTS = 10_000
-"""Links of the whole file; a log has some fifty."""
-
-
-class ForeignContentError(Exception):
-    """The file leads out of itself, or claims more than it holds."""
+"""Limit of links in the whole file; a log has about fifty."""
 
 
 def check_self_contained(file: h5py.File, size: int) -> None:
-    """ForeignContentError when the file, of `size` bytes, refers to content that is not its own."""
+    """Raise ForeignContentError when the file, of `size` bytes, refers to content outside of itself."""
     places = [(name, MOST_DEPTH, file, name) for name in file if not _is_alias(file, name)]
     count = 0
     while places:
@@ -37,7 +35,7 @@ def check_self_contained(file: h5py.File, size: int) -> None:
 
 
 def _is_alias(file: h5py.File, name: str) -> bool:
-    """Whether this is the link to a column that a log has at its root."""
+    """Whether this is one of the links to a column at the root of a log."""
     link = file.get(name, getlink=True)
     return isinstance(link, h5py.SoftLink) and link.path == f"/entry/data/{name}"
 
@@ -48,7 +46,7 @@ def _opened(group: h5py.Group, name: str, place: str) -> object:
     except TypeError:  # a user-defined link
         link = None
     if not isinstance(link, h5py.HardLink):
-        raise ForeignContentError(f"{place}: is a link to another place, which a log does not have")
+        raise ForeignContentError(f"{place}: is a link to another place; a log has none")
     return group[name]
 
 

@@ -1,14 +1,15 @@
-"""The file of a log: HDF5 with room for its rows from the start, into which rows are put by plain writes.
+"""Writes the file of a log: HDF5 with room for its rows from the start, into which rows are put by plain writes.
 
-HDF5 needs milliseconds for a row of many columns, leaves a file that nobody opens when it is killed while it changes
-the structure, and cannot even close a file on a full disk. So it has no part in the run: it makes the whole file first,
-every place filled with NaN, and closes it; the disk has no room: nothing has been heated yet. Then each row is written
-where HDF5 said that its values lie. At every moment the file is a complete HDF5 file that any reader opens; what was
-not written yet reads NaN. At the end the columns are cut to the rows there are; a killed writer's log just has a tail
-of NaN. Only a log that gets longer than was said opens HDF5 in between, to get room for the next `GROWTH_ROWS` rows.
+HDF5 needs milliseconds for a row of many columns, leaves an unreadable file when it is killed while it changes the
+structure, and cannot close a file on a full disk. So HDF5 takes no part in the run: it creates the whole file first,
+every place filled with NaN, and closes it. A disk without room is noticed before anything is heated. Then each row is
+written to the place that HDF5 has assigned to it. At every moment the file is a complete HDF5 file that any reader
+opens; places that are not written yet read NaN. At the end the columns are cut to the rows that were written; the log
+of a killed writer keeps a tail of NaN. HDF5 opens the file during the run only when the log becomes longer than
+announced, to make room for the next `GROWTH_ROWS` rows.
 
-The layout is in layout.py. A checksum (see checksums.py) is written after what it belongs to: a row is complete when
-its checksum is there.
+layout.py describes the layout. A checksum (checksums.py) is written after the values that it belongs to: a row is
+complete when its checksum is there.
 """
 
 from __future__ import annotations
@@ -28,17 +29,19 @@ from smadrive.runs.log.checksums import SUM, VALUE, alphabetical, end_sum, event
 from smadrive.runs.log.layout import CHUNK_ROWS, EVENT_BYTES, EVENT_ROWS, create_log, time_text
 
 GROWTH_ROWS = 8 * CHUNK_ROWS
-"""Rows that a log of unknown length gets room for at a time: seven minutes at 20 Hz."""
+"""The room of a log of unknown length grows by this number of rows: seven minutes at 20 Hz."""
 
 STRUCTURE_BYTES = 1 << 18
-"""More than HDF5 needs beside the rows and texts."""
+"""Upper bound of what HDF5 needs besides the rows and texts."""
+
+LEAVE = "leave the log and its folder alone until the run has ended, then run again"
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
-"""How every HDF5 file begins."""
+"""First bytes of every HDF5 file."""
 
 
 class Field:
-    """A dataset of one value a row, and where in the file its chunks lie."""
+    """A dataset with one value a row, and the places of its chunks in the file."""
 
     def __init__(self, dataset: h5py.Dataset) -> None:
         self.name: str = dataset.name
@@ -49,17 +52,17 @@ class Field:
 
     @property
     def rows(self) -> int:
-        """How many rows there is room for."""
+        """Number of rows that fit in."""
         return len(self._offsets) * self._chunk_rows
 
     def grow(self, file: h5py.File, rows: int) -> None:
-        """Room for `rows` more, a multiple of those of a chunk."""
+        """Make room for `rows` more, a multiple of the rows of a chunk."""
         dataset = file[self.name]
         dataset.resize(self.rows + rows, axis=0)
         self._find(dataset)
 
     def write(self, handle: int, row: int, values: bytes) -> None:
-        """Put `values` into their places from `row` on."""
+        """Write `values` to their places, from `row` on."""
         chunk_bytes = self._chunk_rows * self.value_bytes
         position = row * self.value_bytes
         while values:
@@ -73,19 +76,21 @@ class Field:
 
 
 class LogFile:
-    """A log being written. `rows`: how many are to come, if that is known.
+    """A log that is being written; `rows` is the expected number of rows.
 
-    DataError when something stands at `path` already, or the disk has no room.
+    DataError when `path` exists, or when the disk has no room.
     """
 
-    def __init__(self, path: Path, columns: Sequence[str], about: Mapping[str, str], rows: int = GROWTH_ROWS) -> None:
+    def __init__(
+        self, path: Path, columns: Sequence[str], metadata: Mapping[str, str], rows: int = GROWTH_ROWS
+    ) -> None:
         self._path = path
         self._rows = self._events = 0
-        with creating(path) as partial, self._told_plainly():
-            needed = 8 * (len(columns) + 1) * (rows + CHUNK_ROWS) + sum(map(len, about.values())) + STRUCTURE_BYTES
+        with creating(path) as partial, self._as_data_error():
+            needed = 8 * (len(columns) + 1) * (rows + CHUNK_ROWS) + sum(map(len, metadata.values())) + STRUCTURE_BYTES
             _claim(partial, needed)
-            create_log(partial, columns, about, rows)
-        with self._told_plainly():
+            create_log(partial, columns, metadata, rows)
+        with self._as_data_error():
             self._handle = os.open(path, os.O_RDWR)
             self._size = os.fstat(self._handle).st_size
             with h5py.File(path, "r", locking=False) as file:
@@ -97,16 +102,16 @@ class LogFile:
 
     @property
     def rows(self) -> int:
-        """How many were written."""
+        """Number of rows written."""
         return self._rows
 
     def append(self, block: NDArray[np.float64]) -> None:
-        """Write rows, one column of `block` for each of the log's.
+        """Write rows; `block` has one column for each column of the log.
 
-        Time comes after the other columns, and the checksum after the time: a row that has it is complete.
+        The time is written after the other columns and the checksum after the time: a row with a checksum is complete.
         """
         self._check_untouched()
-        with self._told_plainly():
+        with self._as_data_error():
             while self._rows + len(block) > self._row_sums.rows:
                 self._grow((*self._columns, self._row_sums), GROWTH_ROWS)
             for n in reversed(range(len(self._columns))):
@@ -115,11 +120,11 @@ class LogFile:
             self._rows += len(block)
 
     def add_event(self, time_s: float, message: str) -> None:
-        """Write one event; of a message the first `EVENT_BYTES` are kept."""
+        """Write one event; a message is cut to `EVENT_BYTES`."""
         self._check_untouched()
         text = message.encode()[:EVENT_BYTES].ljust(EVENT_BYTES, b"\0")
         checksum = np.array(event_sum(time_s, text, self._events), SUM)
-        with self._told_plainly():
+        with self._as_data_error():
             if self._events >= self._event_fields[-1].rows:
                 self._grow(self._event_fields, EVENT_ROWS)
             values = (text, np.array(time_s, VALUE).tobytes(), checksum.tobytes())
@@ -128,10 +133,10 @@ class LogFile:
             self._events += 1
 
     def finish(self) -> None:
-        """Cut the log to the rows there are, note the end, close."""
+        """Cut the log to the rows written, store the end time, close."""
         try:
             self._check_untouched()
-            with self._told_plainly(), h5py.File(self._path, "r+", locking=False) as file:
+            with self._as_data_error(), h5py.File(self._path, "r+", locking=False) as file:
                 for field in (*self._columns, self._row_sums):
                     file[field.name].resize(self._rows, axis=0)
                 for field in self._event_fields:
@@ -143,7 +148,7 @@ class LogFile:
             os.close(self._handle)
 
     def discard(self) -> None:
-        """Close and remove it: nothing was recorded. What another program put in its place stays."""
+        """Close and remove the log: nothing was recorded. A file that has taken its place stays."""
         try:
             if self._is_in_place():
                 self._path.unlink(missing_ok=True)
@@ -159,40 +164,38 @@ class LogFile:
         self._size = os.fstat(self._handle).st_size
 
     def _check_untouched(self) -> None:
-        """DataError when another program took, replaced or cut the file: writing on would work, and keep nothing."""
-        with self._told_plainly():
+        """DataError when another program moved, replaced or cut the file: further writes would succeed and be lost."""
+        with self._as_data_error():
             is_in_place = self._is_in_place()
             is_whole = os.fstat(self._handle).st_size >= self._size and os.pread(self._handle, 8, 0) == SIGNATURE
         if not is_in_place:
-            raise DataError(
-                f"{self._path}: the log is gone, removed, moved or replaced while it was written: leave it and its "
-                "folder in place until the run has ended, then run again"
-            )
+            raise DataError("the log was removed, moved or replaced while it was written", where=self._path, cure=LEAVE)
         if not is_whole:
             raise DataError(
-                f"{self._path}: the log was cut or written over by another program while it was written: let no other "
-                "write to it until the run has ended, then run again"
+                "another program cut the log or wrote over it while it was written", where=self._path, cure=LEAVE
             )
 
     def _is_in_place(self) -> bool:
-        """Whether the file under the name is still the one that is written."""
+        """Whether the path still leads to the file that is open."""
         try:
             return os.path.samestat(self._path.stat(), os.fstat(self._handle))
         except (FileNotFoundError, NotADirectoryError):
             return False
 
     @contextmanager
-    def _told_plainly(self) -> Iterator[None]:
+    def _as_data_error(self) -> Iterator[None]:
         try:
             yield
         except (OSError, RuntimeError) as error:  # h5py raises either
             number = getattr(error, "errno", None)  # h5py puts HDF5's own text where the system's should stand
             reason = os.strerror(number) if number else str(error).splitlines()[0]
-            raise DataError(f"{self._path}: the log takes no more ({reason}): check the folder and its space") from None
+            raise DataError(
+                f"the log cannot be written: {reason}", where=self._path, cure="check the folder and its space"
+            ) from None
 
 
 def _claim(path: Path, size: int) -> None:
-    """Let the file system say now whether it has room for `size` bytes."""
+    """Reserve `size` bytes for the file; OSError when the disk has no room."""
     handle = os.open(path, os.O_WRONLY)
     try:
         os.posix_fallocate(handle, 0, size)

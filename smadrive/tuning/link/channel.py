@@ -79,7 +79,7 @@ def row_of(tick: Tick, began_s: float) -> Row:
         command.estimated_c,
         command.estimated_mm,
         command.power_w,
-        command.current_a,
+        command.commanded_a,
     )
 
 

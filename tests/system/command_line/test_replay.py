@@ -55,7 +55,7 @@ def tracked(tmp_path_factory):
 def test_the_replay_of_a_tracking_run_is_the_record(tracked):
     again = replay(tracked)
     assert again.exact
-    for name, values in again.signals.items():
+    for name, values in again.columns.items():
         np.testing.assert_array_equal(values, tracked.columns[name])
         assert again.differences[name] == Difference(max=0.0, rms=0.0, first_s=inf)
 
@@ -84,7 +84,7 @@ def test_another_model_differs_where_it_should(tracked):
     far = wire(mu_heating=99.0)
     again = replay(tracked, (far, Rig(load_rig("in-process")).nominal_balance))
     assert not again.exact
-    assert again.differences["reference_mm"].first_s == inf
+    assert again.differences["setpoint_mm"].first_s == inf
     assert again.differences["setpoint_c"].max > 4.0
     assert again.differences["setpoint_c"].rms > 1.0
 
@@ -96,7 +96,7 @@ def test_another_model_predicts_worse_where_the_displacement_does_not_put_it_rig
     balance = Rig(load_rig("in-process")).nominal_balance
     misses = []
     for model in (wire(mu_heating=90.0), wire(mu_heating=99.0)):
-        estimated_mm = replay(blind, (model, balance)).signals["estimated_mm"]
+        estimated_mm = replay(blind, (model, balance)).columns["estimated_mm"]
         misses.append(prediction_percent(tracked, estimated_mm, model))
     assert misses[1] > 2.0 * misses[0]
 
@@ -104,14 +104,14 @@ def test_another_model_predicts_worse_where_the_displacement_does_not_put_it_rig
 def test_a_changed_rig_file_shows_at_the_first_tick_that_answers_otherwise(tracked):
     rig = tracked.json("rig")
     rig["feedback"]["closed_loop_s"] *= 2.0
-    again = replay(replace(tracked, about={**tracked.about, "rig": json.dumps(rig)}))
+    again = replay(replace(tracked, metadata={**tracked.metadata, "rig": json.dumps(rig)}))
     assert again.differences["estimated_mm"].first_s == inf
     assert 0.0 <= again.differences["power_w"].first_s < 1.0
 
 
-def test_a_plain_map_is_replayed_only_with_a_model_instead(tmp_path):
+def test_plain_map_is_replayed_only_with_a_model_instead(tmp_path):
     track(tmp_path / "map.h5", StaticMap([20.0, 80.0, 130.0], [0.0, 5.0, 11.0]))
     log = read_log(tmp_path / "map.h5")
-    with pytest.raises(DataError, match="plain map, which no log keeps"):
+    with pytest.raises(DataError, match="plain map"):
         replay(log)
     assert not replay(log, (wire(), Rig(load_rig("in-process")).nominal_balance)).exact

@@ -138,7 +138,7 @@ def test_an_error_that_is_unknown_is_told_and_not_drawn(logs, tmp_path):
     unmeasured = replace(
         complete,
         columns={**complete.columns, "displacement_mm": np.full_like(complete.column("time_s"), np.nan)},
-        about={**complete.about, "caveats": json.dumps(["its reference was smoothed"])},
+        metadata={**complete.metadata, "caveats": json.dumps(["its reference was smoothed"])},
     )
     tripped = replace(complete, columns={name: column[:40] for name, column in complete.columns.items()})
     for log, told in ((unmeasured, "no displacement was measured"), (tripped, "the run ended in its approach")):
@@ -149,12 +149,12 @@ def test_an_error_that_is_unknown_is_told_and_not_drawn(logs, tmp_path):
         assert told in tracking.caption
         write_log_report(tmp_path / "page.html", log)
         text = (tmp_path / "page.html").read_text()
-        assert f"Beware: the tracking error is unknown: {told}" in text.partition("<h2>")[0]
+        assert f"Warning: the tracking error is unknown: {told}" in text.partition("<h2>")[0]
 
 
 def test_the_head_doubts_nothing_where_nothing_is_in_doubt(logs):
     _, text = report(logs, "complete.h5")
-    assert "Beware" not in text
+    assert "Warning" not in text
 
 
 def test_a_command_at_the_limit_counts_as_held_back(logs):
@@ -202,6 +202,6 @@ def test_the_table_has_every_column_and_row(logs):
     figures, _ = report(logs, "complete.h5", "--csv", "table.csv")
     table = read_table(logs / figures["csv_file"])
     assert next(iter(table.cells)) == "time_s"
-    assert {"temperature_c", "displacement_mm", "current_a", "reference_mm", "late_s", "limited"} <= table.cells.keys()
+    assert {"temperature_c", "displacement_mm", "current_a", "setpoint_mm", "late_s", "limited"} <= table.cells.keys()
     assert table.column("time_s").size == figures["ticks"]
     assert np.all(np.diff(table.column("time_s")) > 0)

@@ -26,7 +26,7 @@ WALKS = (("first-wire", "records", "tuning"), ("bench-supply",))
 
 PROMISED = {
     "first-wire": ("first-heat.html", "wire.json", "run.h5", "run.html", "run.csv", "steps.h5"),
-    "records": ("run.html", "run.csv", "other.json"),
+    "records": ("run.html", "run.csv", "other.json", "run-columns.csv"),
     "tuning": ("tuned-rig.toml",),
     "bench-supply": ("bench.h5", "bench.json", "bench-run.html"),
 }

@@ -139,9 +139,9 @@ def test_what_is_measured_belongs_to_the_command_before(bench):
         rig.heater.arm(1.0)
         bench.heat(rig, 0.25, 2)
         (after,) = bench.heat(rig, 0.1, 1)
-        assert (after.commanded_a, after.current_a) == pytest.approx((0.25, 0.25), abs=0.002)
+        assert (after.in_force_a, after.current_a) == pytest.approx((0.25, 0.25), abs=0.002)
         (after,) = bench.heat(rig, 0.0, 1)
-        assert (after.commanded_a, after.current_a) == pytest.approx((0.1, 0.1), abs=0.002)
+        assert (after.in_force_a, after.current_a) == pytest.approx((0.1, 0.1), abs=0.002)
 
 
 def test_its_wire_is_identified_and_tracked_from_cold(tmp_path):
@@ -163,7 +163,7 @@ def test_its_wire_is_identified_and_tracked_from_cold(tmp_path):
         loop = rig.track(*experiment, recorder.tick)
     tracked = read_log(run)
     assert tracking_metrics(tracked, loop).rms_percent < 0.5
-    ahead_mm = tracked.column("displacement_mm") - tracked.column("reference_mm")
+    ahead_mm = tracked.column("displacement_mm") - tracked.column("setpoint_mm")
     assert ahead_mm[tracked.column("time_s") < 10.0].max() < 0.5
 
 

@@ -23,8 +23,8 @@ def excite(wire, current_limit_a=0.6):
     controller = TemperatureController(EXCITATION.temperature_c, EXCITATION.duration_s, NOMINAL, gains, current_limit_a)
     wire_c, time_s, temperatures = 22.0, 0.0, []
     while time_s <= controller.duration_s:
-        current_a = controller.update(time_s, Measurement(time_s, wire_c, 0.0, 0.0), DT_S).current_a
-        wire_c = wire.step(wire_c, min(current_a, current_limit_a) ** 2 * wire.resistance_cold_ohm, 0.0, DT_S)
+        commanded_a = controller.update(time_s, Measurement(time_s, wire_c, 0.0, 0.0), DT_S).commanded_a
+        wire_c = wire.step(wire_c, min(commanded_a, current_limit_a) ** 2 * wire.resistance_cold_ohm, 0.0, DT_S)
         temperatures.append(wire_c)
         time_s += DT_S
     return np.array(temperatures), time_s

@@ -64,7 +64,7 @@ class Bench:
         while self.time_s < until_s:
             command = controller.update(self.time_s, self.measurement(), DT_S)
             rows.append((self.time_s, command.setpoint_mm, self.state.hysteresis.y, command.power_w))
-            self.advance(command.current_a)
+            self.advance(command.commanded_a)
         return np.array(rows)
 
 
@@ -155,5 +155,5 @@ def test_a_lost_reading_is_bridged():
     bench.run(tracker, 25.0)
     for _ in range(10):
         command = tracker.update(bench.time_s, bench.measurement()._replace(temperature_c=nan), DT_S)
-        bench.advance(command.current_a)
+        bench.advance(command.commanded_a)
     assert abs(bench.state.hysteresis.y - REFERENCE.value_mm(bench.time_s)) < 0.01 * 12

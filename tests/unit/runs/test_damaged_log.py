@@ -1,4 +1,4 @@
-"""A damaged log is refused; a log is never read as other data than was written."""
+"""A damaged log is refused; the reader never returns other data than was written."""
 
 import random
 from contextlib import suppress
@@ -6,7 +6,7 @@ from contextlib import suppress
 import h5py
 import numpy as np
 import pytest
-from benchmarks.oldlog import strip_checksums
+from benchmarks.oldlog import without_checksums
 
 from smadrive.errors import DataError
 from smadrive.runs.log.layout import MOST_OPEN_ROWS
@@ -14,12 +14,12 @@ from smadrive.runs.log.reader import read_log
 from smadrive.runs.recorder import Recorder
 
 COLUMNS = ("time_s", "temperature_c", "displacement_mm")
-ABOUT = {"rig": '{"name": "bench"}', "kind": "excitation", "note": "température 20 °C"}
+METADATA = {"rig": '{"name": "bench"}', "kind": "excitation", "note": "température 20 °C"}
 ROWS = 300
 
 
 def write(path, rows=ROWS, events=("armed", "disarmed")):
-    recorder = Recorder(path, COLUMNS, ABOUT)
+    recorder = Recorder(path, COLUMNS, METADATA)
     for n in range(rows):
         recorder.row((0.05 * n, 20.0 + n, float("nan")))
     for event in events:
@@ -35,16 +35,24 @@ def sound(tmp_path_factory):
 
 
 @pytest.fixture(scope="module")
-def without_checksums(sound, tmp_path_factory):
+def unchecked(sound, tmp_path_factory):
     path = tmp_path_factory.mktemp("old") / "run.h5"
     path.write_bytes(sound.read_bytes())
-    strip_checksums(path)
+    without_checksums(path)
     return path
 
 
 def content(log):
     columns = {name: values.tobytes() for name, values in log.columns.items()}
-    return columns, log.about, log.events, log.start_time, log.end_time, log.version
+    return columns, log.metadata, log.events, log.start_time, log.end_time, log.version
+
+
+def place_of_damage(path):
+    """The place that the error of the reader names behind the file; empty for the whole log."""
+    with pytest.raises(DataError) as error:
+        read_log(path)
+    assert error.value.where.startswith(str(path))
+    return error.value.where.removeprefix(str(path)).removeprefix(", ")
 
 
 def overwrite(path, offset, data):
@@ -54,7 +62,7 @@ def overwrite(path, offset, data):
 
 
 def place_of(path, name, row):
-    """Where in the file a value lies, and how many bytes it has."""
+    """Offset of a value in the file, and its size in bytes."""
     with h5py.File(path) as file:
         dataset = file[name]
         chunk, within = divmod(row, dataset.chunks[0])
@@ -75,8 +83,7 @@ def test_flipped_bit_of_a_value_is_found(copy, column, bit):
     offset, size = place_of(copy, f"entry/data/{column}", 123)
     value = int.from_bytes(copy.read_bytes()[offset : offset + size], "little") ^ (1 << bit)
     overwrite(copy, offset, value.to_bytes(size, "little"))
-    with pytest.raises(DataError, match="sample 124"):
-        read_log(copy)
+    assert place_of_damage(copy) == "sample 124"
 
 
 def test_exchanged_rows_are_found(copy):
@@ -85,37 +92,32 @@ def test_exchanged_rows_are_found(copy):
         (first, size), (second, _) = place_of(copy, name, 10), place_of(copy, name, 11)
         overwrite(copy, first, data[second : second + size])
         overwrite(copy, second, data[first : first + size])
-    with pytest.raises(DataError, match="sample 11"):
-        read_log(copy)
+    assert place_of_damage(copy) == "sample 11"
 
 
 def test_changed_event_is_found(copy):
     offset, _ = place_of(copy, "entry/events/message", 0)
     overwrite(copy, offset, b"heated")
-    with pytest.raises(DataError, match="event 1"):
-        read_log(copy)
+    assert place_of_damage(copy) == "event 1"
 
 
 def test_changed_text_is_found(copy):
     overwrite(copy, copy.read_bytes().index(b'"bench"'), b'"fench"')
-    with pytest.raises(DataError, match="metadata"):
-        read_log(copy)
+    assert place_of_damage(copy) == "metadata"
 
 
 def test_lost_rows_of_an_ended_log_are_found(copy):
     with h5py.File(copy, "r+") as file:
         for name in (*(f"entry/data/{column}" for column in COLUMNS), "entry/checksums/rows"):
             file[name].resize(ROWS - 1, axis=0)
-    with pytest.raises(DataError, match="end of the log"):
-        read_log(copy)
+    assert place_of_damage(copy) == "end of the log"
 
 
 def test_lost_checksums_are_found(copy):
     with h5py.File(copy, "r+") as file:
         file.move("entry/checksums", "entry/checkxums")
         del file.attrs["checksums"]
-    with pytest.raises(DataError, match="checksums are missing"):
-        read_log(copy)
+    assert place_of_damage(copy) == ""
 
 
 @pytest.mark.parametrize(("rows", "is_lost"), [(0, True), (MOST_OPEN_ROWS, False)])
@@ -127,8 +129,7 @@ def test_overwritten_checksums_of_a_killed_run_are_found(tmp_path, rows, is_lost
     with h5py.File(path, "r+") as file:
         file["entry/checksums/rows"][lost:] = 0
     if is_lost:
-        with pytest.raises(DataError, match="checksums after sample"):
-            read_log(path)
+        assert place_of_damage(path) == f"sample {lost + 1}"
     else:
         assert read_log(path).column("time_s").size == lost
 
@@ -136,9 +137,9 @@ def test_overwritten_checksums_of_a_killed_run_are_found(tmp_path, rows, is_lost
 def test_damage_anywhere_is_an_error_or_harmless(sound, tmp_path):
     whole, expected, path = sound.read_bytes(), content(read_log(sound)), tmp_path / "run.h5"
     for seed in range(400):
-        chance, data = random.Random(seed), bytearray(whole)
-        for _ in range(chance.choice((1, 2, 4, 16))):
-            data[chance.randrange(chance.choice((2000, 20_000, len(data))))] = chance.randrange(256)
+        rng, data = random.Random(seed), bytearray(whole)
+        for _ in range(rng.choice((1, 2, 4, 16))):
+            data[rng.randrange(rng.choice((2000, 20_000, len(data))))] = rng.randrange(256)
         path.write_bytes(data)
         try:
             log = read_log(path)
@@ -157,35 +158,35 @@ def test_cut_file_is_refused(sound, tmp_path):
 
 @pytest.mark.parametrize("times_s", [(0.0, 0.1, 0.05), (0.0, 0.1, 0.1)])
 def test_time_that_does_not_increase_is_refused(tmp_path, times_s):
-    with Recorder(tmp_path / "run.h5", COLUMNS, ABOUT) as recorder:
+    with Recorder(tmp_path / "run.h5", COLUMNS, METADATA) as recorder:
         for time_s in times_s:
             recorder.row((time_s, 20.0, 0.0))
-    with pytest.raises(DataError, match="sample 3: time goes"):
-        read_log(tmp_path / "run.h5")
+    assert place_of_damage(tmp_path / "run.h5") == "sample 3"
 
 
-def test_log_without_checksums_is_read_with_a_warning(sound, without_checksums):
-    old, new = read_log(without_checksums), read_log(sound)
+def test_log_without_checksums_is_read_with_a_warning(sound, unchecked):
+    old, new = read_log(unchecked), read_log(sound)
     assert content(old) == content(new)
     assert new.caveats == ()
     assert len(old.caveats) == 1
 
 
-def test_damaged_log_without_checksums_raises_no_other_error(without_checksums, tmp_path):
-    whole, path = without_checksums.read_bytes(), tmp_path / "run.h5"
+def test_damaged_log_without_checksums_raises_only_data_errors(unchecked, tmp_path):
+    whole, path = unchecked.read_bytes(), tmp_path / "run.h5"
     for seed in range(300):
-        chance, data = random.Random(seed), bytearray(whole)
-        for _ in range(chance.choice((1, 4))):
-            data[chance.randrange(12_000)] = chance.randrange(256)
+        rng, data = random.Random(seed), bytearray(whole)
+        for _ in range(rng.choice((1, 4))):
+            data[rng.randrange(12_000)] = rng.randrange(256)
         path.write_bytes(data)
         with suppress(DataError):
             assert np.isfinite(read_log(path).columns["time_s"]).all()
 
 
 @pytest.mark.parametrize("text", ["{", "[1", "[" * 100_000, "9" * 5000, "null"])
-def test_text_that_cannot_be_understood_is_a_data_error(tmp_path, text):
+def test_invalid_json_in_the_metadata_is_a_data_error(tmp_path, text):
     with Recorder(tmp_path / "run.h5", COLUMNS, {"devices": text}) as recorder:
         recorder.row((0.0, 20.0, 0.0))
     log = read_log(tmp_path / "run.h5")
-    with pytest.raises(DataError, match="devices"):
+    with pytest.raises(DataError) as error:
         log.parsed("devices", lambda value: value["name"])
+    assert error.value.where == f"{log.path}: devices"

@@ -1,4 +1,4 @@
-"""A log that leads to other files is refused before any of them is read."""
+"""A log that refers to other files is refused before any of them is read."""
 
 import os
 
@@ -26,7 +26,7 @@ def log_file(tmp_path):
 
 @pytest.fixture
 def secret_file(tmp_path):
-    """Another log, whose content nobody asked for."""
+    """Another log, whose content must not be read."""
     path = tmp_path / "secret.h5"
     with Recorder(path, COLUMNS, {"rig": "secret"}) as recorder:
         for n in range(10):
@@ -40,8 +40,8 @@ def external_link_to_a_column(file, secret):
 
 
 def external_link_to_a_text(file, secret):
-    del file["entry/about/rig"]
-    file["entry/about/rig"] = h5py.ExternalLink(secret, "entry/about/rig")
+    del file["entry/metadata/rig"]
+    file["entry/metadata/rig"] = h5py.ExternalLink(secret, "entry/metadata/rig")
 
 
 def external_link_to_the_whole_entry(file, secret):
@@ -65,7 +65,7 @@ def virtual_dataset(file, secret):
     file.create_virtual_dataset(COLUMN, layout)
 
 
-def soft_link_out_of_the_group(file, secret):
+def soft_link_to_a_mounted_file(file, secret):
     file["mounted"] = h5py.ExternalLink(secret, "entry/data")
     del file[COLUMN]
     file[COLUMN] = h5py.SoftLink("/mounted/temperature_c")
@@ -92,7 +92,7 @@ def more_values_than_the_file_can_hold(file, secret):
 
 
 def groups_that_contain_themselves(file, secret):
-    file["entry/about/again"] = file["entry/about"]
+    file["entry/metadata/again"] = file["entry/metadata"]
 
 
 FOREIGN = [
@@ -102,7 +102,7 @@ FOREIGN = [
     external_link_beside_the_entry,
     external_raw_storage,
     virtual_dataset,
-    soft_link_out_of_the_group,
+    soft_link_to_a_mounted_file,
     soft_link_to_another_column,
     filter_of_a_plugin,
     more_values_than_the_file_can_hold,
@@ -111,16 +111,17 @@ FOREIGN = [
 
 
 @pytest.mark.parametrize("change", FOREIGN)
-def test_log_that_leads_out_of_itself_is_refused(log_file, secret_file, change):
+def test_log_that_refers_to_other_content_is_refused(log_file, secret_file, change):
     with h5py.File(log_file, "r+") as file:
         change(file, secret_file)
-    with pytest.raises(DataError, match="not a log of smadrive alone"):
+    with pytest.raises(DataError, match="not a log of smadrive alone") as error:
         read_log(log_file)
+    assert error.value.where == str(log_file)
 
 
 @pytest.mark.parametrize("change", FOREIGN)
-def test_file_that_a_log_leads_to_is_never_opened(log_file, tmp_path, change):
-    """Opening a pipe without a writer would wait for ever."""
+def test_file_that_a_log_refers_to_is_never_opened(log_file, tmp_path, change):
+    """Opening a pipe that nothing writes to would wait for ever."""
     os.mkfifo(tmp_path / "pipe")
     with h5py.File(log_file, "r+") as file:
         change(file, tmp_path / "pipe")

@@ -1,4 +1,4 @@
-"""The report is one file that asks nobody for anything."""
+"""The report is one file that loads nothing else."""
 
 import base64
 import html
@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from smadrive.errors import DataError
 from smadrive.runs.plots import POINTS, line, panels
-from smadrive.runs.report import Grid, Listing, Notes, Plot, State, Tiles, write_report
+from smadrive.runs.report import Banner, Grid, Listing, Notes, Plot, Tiles, write_report
 
 
 class References(HTMLParser):
@@ -32,7 +32,7 @@ def write(path):
         "a <title>",
         "lead & more",
         [
-            State("bad", "fault <1>"),
+            Banner("bad", "fault <1>"),
             Tiles([("1 %", "err<or")]),
             Grid(("run", "error"), [("one", "1 <%")], "Runs"),
             Plot("p", figure, "c"),
@@ -42,7 +42,7 @@ def write(path):
     )
 
 
-def test_everything_is_inside_and_text_is_escaped(tmp_path):
+def test_page_contains_its_drawings_and_escapes_its_texts(tmp_path):
     write(tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text()
     references = References()
@@ -58,7 +58,7 @@ def test_everything_is_inside_and_text_is_escaped(tmp_path):
     assert [file.name for file in tmp_path.iterdir()] == ["report.html"]
 
 
-def test_a_long_line_keeps_its_spikes_and_few_points():
+def test_long_line_keeps_its_spikes_with_few_points():
     values = np.zeros(100_000)
     values[[12_345, 54_321]] = 7.0, -3.0
     values[60_000:70_000] = np.nan
@@ -70,6 +70,6 @@ def test_a_long_line_keeps_its_spikes_and_few_points():
     assert np.nanmin(drawn.get_ydata()) == -3.0
 
 
-def test_a_place_that_cannot_be_written_is_named(tmp_path):
-    with pytest.raises(DataError, match=r"report\.html: cannot be written"):
+def test_path_that_cannot_be_written_is_named(tmp_path):
+    with pytest.raises(DataError, match=r"report\.html"):
         write(tmp_path / "no" / "report.html")

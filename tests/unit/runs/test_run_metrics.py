@@ -1,4 +1,4 @@
-"""The figures of a run come from what was measured, and tell what was not."""
+"""The metrics of a run are computed from the measured samples; missing ones cause a caveat."""
 
 import json
 from dataclasses import replace
@@ -23,34 +23,34 @@ APPROACH = 20
 
 
 def log_of(lost):
-    """100 rows after the approach, each 0.1 mm beside the reference; the `lost` ones were not measured."""
+    """100 rows after the approach, each with an error of 0.1 mm; the `lost` ones were not measured."""
     time_s = np.arange(APPROACH + 100.0)
     measured_mm = np.full(time_s.size, 4.9)
     measured_mm[APPROACH + np.array(lost, dtype=int)] = nan
     reference = {"times_s": [0, 120], "displacement_mm": [5, 5], "scored_from_s": APPROACH, "endless": False}
-    columns = {"time_s": time_s, "reference_mm": np.full(time_s.size, 5.0), "displacement_mm": measured_mm}
-    about = {"reference": json.dumps(reference), "wire": wire_text(WIRE, BALANCE)}
-    return Log(Path("run.h5"), columns, about, events=(), start_time="", end_time="", version="")
+    columns = {"time_s": time_s, "setpoint_mm": np.full(time_s.size, 5.0), "displacement_mm": measured_mm}
+    metadata = {"reference": json.dumps(reference), "wire": wire_text(WIRE, BALANCE)}
+    return Log(Path("run.h5"), columns, metadata, events=(), start_time="", end_time="", version="")
 
 
-@pytest.mark.parametrize(("lost", "told"), [([], ()), ([7], ()), (range(60), ("60 of 100 samples",))])
-def test_samples_that_were_lost_leave_the_error_of_the_others(lost, told):
+@pytest.mark.parametrize(("lost", "expected"), [([], ()), ([7], ()), (range(60), ("60 of 100 samples",))])
+def test_error_is_that_of_the_measured_samples(lost, expected):
     log = log_of(lost)
-    figures = tracking_metrics(log, LoopMetrics())
-    assert figures.rms_percent == pytest.approx(1.0, rel=1e-3)
-    assert figures.max_percent == pytest.approx(1.0, rel=1e-3)
+    metrics = tracking_metrics(log, LoopMetrics())
+    assert metrics.rms_percent == pytest.approx(1.0, rel=1e-3)
+    assert metrics.max_percent == pytest.approx(1.0, rel=1e-3)
     caveats = tracking_caveats(log)
-    assert len(caveats) == len(told)
-    assert all(part in caveat for part, caveat in zip(told, caveats, strict=True))
+    assert len(caveats) == len(expected)
+    assert all(part in caveat for part, caveat in zip(expected, caveats, strict=True))
 
 
-def test_without_any_the_error_is_unknown():
+def test_error_is_unknown_when_nothing_was_measured():
     log = log_of(range(100))
     assert isnan(tracking_metrics(log, LoopMetrics()).rms_percent)
     assert "unknown: no displacement was measured" in tracking_caveats(log)[0]
 
 
-def test_a_run_that_ended_in_its_approach_is_not_told_to_lack_a_sensor():
+def test_caveat_of_a_run_that_ended_in_its_approach_names_the_approach():
     log = log_of([])
     ended = replace(log, columns={name: column[:APPROACH] for name, column in log.columns.items()})
     assert tracking_caveats(ended) == (

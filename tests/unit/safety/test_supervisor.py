@@ -17,8 +17,8 @@ from smadrive.wire.heat_balance import HeatBalance
 LIMITS = SafetyLimits(temperature_max_c=120.0, stale_after_s=0.3, current_tolerance_a=0.05, misplaced_for_s=3.5)
 
 
-def sample(n=0, temperature_c=60.0, current_a=0.2, commanded_a=0.2, armed=True, **rest):
-    return Measurement(0.05 * n, temperature_c, current_a, 3.3, commanded_a=commanded_a, armed=armed, **rest)
+def sample(n=0, temperature_c=60.0, current_a=0.2, in_force_a=0.2, armed=True, **rest):
+    return Measurement(0.05 * n, temperature_c, current_a, 3.3, in_force_a=in_force_a, armed=armed, **rest)
 
 
 def trips_after(samples, limits=LIMITS, setpoint_mm=nan, placed=None):
@@ -50,7 +50,7 @@ def test_an_invalid_thermocouple_needs_three_of_five():
 
 def test_the_current_must_be_the_commanded_one():
     assert trips_after([sample(current_a=0.1)] * 10) == (4, Fault.CURRENT_MISMATCH)
-    assert trips_after([sample(current_a=0.1, commanded_a=0.0)] * 10) == (4, Fault.UNEXPECTED_HEATING)
+    assert trips_after([sample(current_a=0.1, in_force_a=0.0)] * 10) == (4, Fault.UNEXPECTED_HEATING)
 
 
 @pytest.mark.parametrize("unknown", [{"current_a": nan}, {"voltage_v": nan}, {"voltage_v": inf}])
@@ -67,7 +67,7 @@ def test_a_sample_of_unknown_power_counts_as_the_one_before():
     for lacking in (False, True):
         supervisor = Supervisor(LIMITS, TemperatureBand(balance, IDENTIFIED, 0.5))
         for n in range(400):
-            one = sample(n, temperature_c=22.0, current_a=0.5, commanded_a=0.5)._replace(voltage_v=8.0)
+            one = sample(n, temperature_c=22.0, current_a=0.5, in_force_a=0.5)._replace(voltage_v=8.0)
             if lacking and n % 3 == 2:
                 one = one._replace(voltage_v=nan)
             if trip := supervisor.update(one, nan):
@@ -90,7 +90,7 @@ def test_a_displacement_that_has_a_limit_and_is_lost_trips(limit):
 
 def test_a_current_that_is_unknown_does_not_arm():
     with pytest.raises(SafetyError):
-        Supervisor(LIMITS).check_may_arm(sample(current_a=nan, commanded_a=0.0))
+        Supervisor(LIMITS).check_may_arm(sample(current_a=nan, in_force_a=0.0))
 
 
 def test_a_device_that_limits_the_current_and_says_so_is_no_mismatch():
@@ -168,17 +168,17 @@ def test_a_wire_that_reads_colder_than_any_room_has_its_thermocouple_reversed():
 
 def test_a_source_that_settles_slowly_may_be_anywhere_between_its_last_commands():
     slow = SafetyLimits(120.0, settle_s=0.5)
-    ramp = [sample(n, current_a=0.02 * n, commanded_a=0.02 * (n + 8)) for n in range(100)]
+    ramp = [sample(n, current_a=0.02 * n, in_force_a=0.02 * (n + 8)) for n in range(100)]
     assert trips_after(ramp) == (4, Fault.CURRENT_MISMATCH)
     assert trips_after(ramp, slow) is None
-    stuck = [sample(n, current_a=0.5, commanded_a=0.5 if n < 10 else 0.1) for n in range(100)]
+    stuck = [sample(n, current_a=0.5, in_force_a=0.5 if n < 10 else 0.1) for n in range(100)]
     count, fault = trips_after(stuck, slow)
     assert fault is Fault.CURRENT_MISMATCH
     assert 20 <= count <= 25
 
 
 def test_a_voltage_limit_excuses_a_little_less_current_but_not_a_broken_wire():
-    at_limit = {"device_limits": ("voltage",), "commanded_a": 0.4}
+    at_limit = {"device_limits": ("voltage",), "in_force_a": 0.4}
     assert trips_after([sample(current_a=0.3, **at_limit)] * 10) is None
     assert trips_after([sample(current_a=0.0, **at_limit)] * 10) == (4, Fault.CURRENT_MISMATCH)
 
@@ -208,7 +208,7 @@ def test_a_loop_that_is_always_late_is_stopped():
 
 def test_arming_is_refused_while_current_flows():
     with pytest.raises(SafetyError, match=r"0.300 A flow although none was commanded"):
-        Supervisor(LIMITS).check_may_arm(sample(current_a=0.3, commanded_a=0.0))
+        Supervisor(LIMITS).check_may_arm(sample(current_a=0.3, in_force_a=0.0))
 
 
 @pytest.fixture
@@ -237,7 +237,7 @@ def test_a_displacement_that_is_wrong_for_a_while_or_not_measured_is_none(placed
 
 
 def test_a_sensor_without_its_zero_is_not_armed(placed):
-    rest = {"current_a": 0.0, "commanded_a": 0.0, "temperature_c": 22.0}
+    rest = {"current_a": 0.0, "in_force_a": 0.0, "temperature_c": 22.0}
     Supervisor(LIMITS, placed=placed).check_may_arm(sample(displacement_mm=0.5, **rest))
     with pytest.raises(SafetyError, match=r"refused to arm: 6\.000 mm measured, -1\.\d+ to 1\.\d+ mm possible"):
         Supervisor(LIMITS, placed=placed).check_may_arm(sample(displacement_mm=6.0, **rest))

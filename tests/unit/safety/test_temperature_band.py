@@ -51,7 +51,7 @@ def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c):
     supervisor.check_may_arm(Measurement(0.0, wire.reading_c, 0.0, 0.0))
     for n, power_w in enumerate(powers_w, start=1):
         reading_c = read(n, wire.heat(power_w))
-        sample = Measurement(n * TICK_S, reading_c, power_w, 1.0, commanded_a=power_w, armed=True)
+        sample = Measurement(n * TICK_S, reading_c, power_w, 1.0, in_force_a=power_w, armed=True)
         if trip := supervisor.update(sample, float("nan")):
             return trip
     return None

@@ -18,7 +18,7 @@ def test_silent_front_switches_the_heater_off(bench):
     bench.at(2.0, "track", reference="sine")
     set_front_silent(bench, 20.0)
     bench.run(until_s=30.0)
-    assert any(tick.command.current_a > 0.1 for tick in bench.between(18.0, 20.0 + SILENT_S - 2 * TICK_S))
+    assert any(tick.command.commanded_a > 0.1 for tick in bench.between(18.0, 20.0 + SILENT_S - 2 * TICK_S))
     after = bench.between(20.0 + SILENT_S + 4 * TICK_S, 30.0)
     assert not any(tick.measurement.armed or tick.measurement.current_a > NONE_A for tick in after)
     assert bench.status["mode"] == "off"

@@ -1,0 +1,85 @@
+"""The columns of a log: for each name the source in a tick, the unit and the label.
+
+This is the only such table: recorder, replay, plots, reports and the tuning channel read it. To add a column, add a
+line here and one in docs/records.md. Units are written as in the file (`degC`).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from operator import attrgetter
+from typing import NamedTuple
+
+from smadrive.control.loop import Tick
+
+Row = tuple[float, ...]
+
+_SYMBOLS = {"degC": "°C"}
+
+
+class Column(NamedTuple):
+    """Where in a tick the value is, its unit, its quantity and the role of the value: measured, setpoint, ...
+
+    A flag is recorded as 1 where the source is not empty, 0 otherwise.
+    """
+
+    source: str
+    unit: str
+    quantity: str
+    role: str = ""
+    is_flag: bool = False
+
+    @property
+    def label(self) -> str:
+        """Quantity and role: `temperature, measured`."""
+        return f"{self.quantity}, {self.role}" if self.role else self.quantity
+
+    @property
+    def axis_label(self) -> str:
+        """Quantity and unit: `temperature / °C`."""
+        return f"{self.quantity} / {_SYMBOLS.get(self.unit, self.unit)}"
+
+    @property
+    def difference_unit(self) -> str:
+        """Unit of a difference of two values: kelvins for temperatures."""
+        return self.unit.replace("degC", "K")
+
+
+COLUMNS = {
+    "time_s": Column("time_s", "s", "time"),
+    "temperature_c": Column("measurement.temperature_c", "degC", "temperature", "measured"),
+    "displacement_mm": Column("measurement.displacement_mm", "mm", "displacement", "measured"),
+    "current_a": Column("measurement.current_a", "A", "current", "measured"),
+    "voltage_v": Column("measurement.voltage_v", "V", "voltage", "measured"),
+    "setpoint_mm": Column("command.setpoint_mm", "mm", "displacement", "setpoint"),
+    "setpoint_c": Column("command.setpoint_c", "degC", "temperature", "setpoint"),
+    "estimated_c": Column("command.estimated_c", "degC", "temperature", "estimated"),
+    "estimated_mm": Column("command.estimated_mm", "mm", "displacement", "estimated"),
+    "power_w": Column("command.power_w", "W", "power", "commanded"),
+    "commanded_a": Column("command.commanded_a", "A", "current", "commanded"),
+    "in_force_a": Column("measurement.in_force_a", "A", "current", "in force"),
+    "temperature_age_s": Column("measurement.temperature_age_s", "s", "age of the temperature"),
+    "displacement_age_s": Column("measurement.displacement_age_s", "s", "age of the displacement"),
+    "late_s": Column("late_s", "s", "lateness of the tick"),
+    "temperature_fault": Column("measurement.temperature_fault", "1", "temperature invalid", is_flag=True),
+    "limited": Column("measurement.limits", "1", "output held back", is_flag=True),
+}
+
+
+def row_getter(names: Iterable[str]) -> Callable[[Tick], Row]:
+    """A function that returns the named values of a tick as a row; at least two names."""
+    columns = [COLUMNS[name] for name in names]
+    values = attrgetter(*(column.source for column in columns))
+    flags = [column.is_flag for column in columns]
+
+    def row(tick: Tick) -> Row:
+        pairs = zip(values(tick), flags, strict=True)
+        return tuple((1.0 if value else 0.0) if is_flag else value for value, is_flag in pairs)
+
+    return row
+
+
+def fields_of(part: str) -> dict[str, str]:
+    """The columns that are numbers of one part of a tick (`command`, `measurement`): column name to attribute name."""
+    sources = {name: column.source.split(".") for name, column in COLUMNS.items() if not column.is_flag}
+    return {name: source[1] for name, source in sources.items() if source[0] == part and len(source) == 2}
