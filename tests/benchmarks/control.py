@@ -19,7 +19,7 @@ import numpy as np
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import SimConfig, load_sim
-from firmware_sim.physics.random_wire import KINDS, Kind, draw
+from firmware_sim.physics.random_wire import KINDS, HysteresisKind, random_wire
 from smadrive.clock import VirtualClock
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.controllers.tracking import TrackingController
@@ -165,12 +165,12 @@ def track(name: str, wire: Wire, reference: Reference, seed: int, *, sensor: boo
     return float(np.sqrt(np.mean(percent**2))), float(np.max(np.abs(percent)))
 
 
-def study(plants: int, others: int, baselines: int, seed: int, kind: Kind | None):
+def study(plants: int, others: int, baselines: int, seed: int, kind: HysteresisKind | None):
     """All runs: {(wires, reference, controller, sensor): [(rms, max) per plant]}."""
     results = defaultdict(list)
     for number in range(seed, seed + plants):
         compared = number < seed + baselines
-        sim = draw(NOMINAL, number, kind)
+        sim = random_wire(NOMINAL, number, kind)
         wires = "Preisach" if sim.transformation.kind == "preisach" else "Duhem"
         wire = identified(sim, number, baselines=compared)
         for title, reference in references(wire.known[CONTROLLERS[0]], others=number < seed + others).items():

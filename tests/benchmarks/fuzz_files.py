@@ -79,10 +79,10 @@ CASES = (
     Case("simulate, table", "table.csv", simulated),
     Case("simulate, model", "model.json", simulated),
     Case("replay, model", "model.json", lambda at: ["replay", f"{at}/run.h5", "--model", f"{at}/model.json", "--json"]),
-    Case("trace", "bus.trace", lambda at: ["firmware-sim", "--replay", f"{at}/bus.trace", "--time", "driven"]),
+    Case("trace", "bus.trace", lambda at: ["firmware-sim", "--replay", f"{at}/bus.trace", "--time", "lockstep"]),
     Case("rig", "rig.toml", lambda at: ["probe", f"{at}/rig.toml", "--json"]),
     Case("wire", "wire.toml", lambda at: ["probe", f"{at}/rig.toml", "--json"]),
-    Case("simulated device", "sim.toml", lambda at: ["firmware-sim", f"{at}/sim.toml", "--time", "driven"]),
+    Case("simulated device", "sim.toml", lambda at: ["firmware-sim", f"{at}/sim.toml", "--time", "lockstep"]),
     Case("off", "rig.toml", lambda at: ["off", f"{at}/rig.toml", "--json"]),
 )
 

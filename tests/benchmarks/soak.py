@@ -18,7 +18,7 @@ import numpy as np
 
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
-from firmware_sim.physics.random_wire import draw
+from firmware_sim.physics.random_wire import random_wire
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.reference import Reference
@@ -59,7 +59,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     config = load_rig(arguments.rig)
-    bench = SimulatedBench(draw(load_sim("flexinol-lt-0.15mm"), arguments.seed), arguments.seed)
+    bench = SimulatedBench(random_wire(load_sim("flexinol-lt-0.15mm"), arguments.seed), arguments.seed)
     clock = VirtualClock()
     clock.follow(bench.advance_to)
     transports = {

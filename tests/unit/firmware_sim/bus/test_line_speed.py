@@ -1,4 +1,4 @@
-"""A line whose characters take time."""
+"""A line on which characters take time."""
 
 import pytest
 
@@ -21,7 +21,7 @@ from smadrive.modbus.transports.transport import SerialSettings
     ],
     ids=["9600 8N1", "19200 8E1", "115200 8N2"],
 )
-def test_an_exchange_takes_the_time_of_its_characters(rig, settings, exchange_s):
+def test_exchange_takes_the_time_of_its_characters(rig, settings, exchange_s):
     rig.line.port = SlowLine(rig.line.port, settings)
     client = ModbusClient(InProcessTransport(rig.line, rig.transport().clock, settings.baudrate))
     ends_s = []
@@ -31,7 +31,7 @@ def test_an_exchange_takes_the_time_of_its_characters(rig, settings, exchange_s)
     assert ends_s[2] - ends_s[1] == pytest.approx(exchange_s)
 
 
-def test_requests_on_each_others_heels_are_answered_one_behind_the_other(config):
+def test_replies_to_back_to_back_requests_follow_each_other(config):
     rig = simulated_device(config)
     line = SlowLine(rig.line.port, SerialSettings(9600))
     request = rtu.seal(1, requests.read_holding(0, 2).pdu)
