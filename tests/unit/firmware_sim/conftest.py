@@ -14,16 +14,16 @@ def config():
 
 
 @pytest.fixture
-def rig(config):
+def simulated(config):
     return simulated_device(config, seed=1)
 
 
 @pytest.fixture
-def ask(rig):
+def ask(simulated):
     """A function that sends a PDU (hexadecimal) to a unit, and returns the PDU of the reply; None without a reply."""
 
     def send(pdu, unit=1):
-        replies = rig.line.receive(rtu.seal(unit, bytes.fromhex(pdu)), rig.bench.time_s)
+        replies = simulated.line.receive(rtu.seal(unit, bytes.fromhex(pdu)), simulated.bench.time_s)
         if not replies:
             return None
         ((_, frame),) = replies
@@ -35,18 +35,18 @@ def ask(rig):
 
 
 @pytest.fixture
-def heat(rig):
+def heat(simulated):
     """A function that arms the board, then commands a current with a new sequence number every 50 ms."""
 
     def run(current_a, duration_s, watchdog_s=0.5):
-        firmware = rig.firmware
+        firmware = simulated.firmware
         if firmware.state == 0:
             firmware.write({"watchdog_s": watchdog_s})
             firmware.write({"arm": 0x4152})
-        end_s = rig.bench.time_s + duration_s
-        while rig.bench.time_s < end_s - 1e-9:
+        end_s = simulated.bench.time_s + duration_s
+        while simulated.bench.time_s < end_s - 1e-9:
             firmware.write({"sequence": firmware.sequence + 1, "heater_current": current_a, "heater_enable": 1})
-            rig.bench.advance_to(min(rig.bench.time_s + 0.05, end_s))
+            simulated.bench.advance_to(min(simulated.bench.time_s + 0.05, end_s))
 
     return run
 

@@ -16,17 +16,17 @@ from smadrive.files.shipped import config_file
 PAGE = (Path(__file__).parents[3] / "docs" / "simulator.md").read_text(encoding="utf-8")
 
 
-def test_document_lists_every_fault(rig):
+def test_document_lists_every_fault(simulated):
     listed = set(re.findall(r"`(\w+)`", PAGE))
-    assert set(rig.bench.known_faults()) <= listed
+    assert set(simulated.bench.known_faults()) <= listed
 
 
-def test_example_script_runs(rig, tmp_path):
+def test_example_script_runs(simulated, tmp_path):
     path = tmp_path / "faults.toml"
     path.write_text(re.search(r"```toml\n(\[\[faults.*?)```", PAGE, re.DOTALL)[1], encoding="utf-8")
-    rig.bench.follow_script(load_script(path))
-    rig.bench.advance_to(13.0)
-    assert any("fault: delay delay_s = 0.3, replies = 5" in event for event in rig.bench.events)
+    simulated.bench.follow_script(load_script(path))
+    simulated.bench.advance_to(13.0)
+    assert any("fault: delay delay_s = 0.3, replies = 5" in event for event in simulated.bench.events)
 
 
 def test_example_of_several_devices_loads():

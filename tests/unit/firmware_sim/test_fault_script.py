@@ -23,8 +23,8 @@ def script(tmp_path):
     return write
 
 
-def test_faults_begin_at_their_times_and_are_logged(rig, script):
-    rig.bench.follow_script(
+def test_faults_begin_at_their_times_and_are_logged(simulated, script):
+    simulated.bench.follow_script(
         script("""
         [[faults]]
         at_s = 3.0
@@ -40,7 +40,7 @@ def test_faults_begin_at_their_times_and_are_logged(rig, script):
         name = "open_thermocouple"
         """)
     )
-    client = ModbusClient(rig.transport())
+    client = ModbusClient(simulated.transport())
     outcomes = []
     for time_s in (0.9, 1.1, 2.9, 3.0, 3.1, 3.2):
         client.clock.sleep_until(time_s)
@@ -49,10 +49,10 @@ def test_faults_begin_at_their_times_and_are_logged(rig, script):
         except SmadriveError as error:
             outcomes.append(type(error))
     assert outcomes == [4, DeadlineError, 4, ExceptionReply, 4, 4]
-    healthy = rig.bench.sensors.faults.thermocouple.name
-    rig.bench.advance_to(4.1)
-    assert (healthy, rig.bench.sensors.faults.thermocouple.name) == ("none", "open")
-    assert [event for event in rig.bench.events if "fault:" in event] == [
+    healthy = simulated.bench.sensors.faults.thermocouple.name
+    simulated.bench.advance_to(4.1)
+    assert (healthy, simulated.bench.sensors.faults.thermocouple.name) == ("none", "open")
+    assert [event for event in simulated.bench.events if "fault:" in event] == [
         "t=1.000 s fault: drop for_s = 0.5",
         "t=3.000 s fault: refuse code = 6, replies = 1",
         "t=4.000 s fault: open_thermocouple",
@@ -60,9 +60,9 @@ def test_faults_begin_at_their_times_and_are_logged(rig, script):
 
 
 def random_outcomes(config, seed):
-    rig = simulated_device(config, seed)
-    rig.bench.follow_script(FaultScript.model_validate({"random": {"share": 0.5, "slowest_s": 0.3}}))
-    client = ModbusClient(rig.transport())
+    simulated = simulated_device(config, seed)
+    simulated.bench.follow_script(FaultScript.model_validate({"random": {"share": 0.5, "slowest_s": 0.3}}))
+    client = ModbusClient(simulated.transport())
     outcomes = []
     for _ in range(300):
         try:
@@ -94,6 +94,6 @@ def test_random_faults_depend_on_the_seed_alone(config):
         ("[randon]\nshare = 0.5", "randon: .*'random'"),
     ],
 )
-def test_error_names_entry_and_key(rig, script, text, key):
+def test_error_names_entry_and_key(simulated, script, text, key):
     with pytest.raises(ConfigError, match=key):
-        rig.bench.follow_script(script(text))
+        simulated.bench.follow_script(script(text))

@@ -30,9 +30,9 @@ def connect(config):
 
     def make(model, family=None):
         clock = VirtualClock()
-        rig = simulated_device(config, seed=1, profile=model)
-        clock.follow(rig.bench.advance_to)
-        return rig, Device(family or load_profile(model.profile.id), ModbusClient(rig.transport(clock)))
+        simulated = simulated_device(config, seed=1, profile=model)
+        clock.follow(simulated.bench.advance_to)
+        return simulated, Device(family or load_profile(model.profile.id), ModbusClient(simulated.transport(clock)))
 
     return make
 
@@ -47,61 +47,61 @@ def test_every_readable_register_can_be_read(connect, profile):
 
 @pytest.mark.parametrize("model", MODELS, ids=name_of)
 def test_supply_of_every_model_heats_the_wire_as_commanded(connect, model):
-    rig, device = connect(model)
+    simulated, device = connect(model)
     role = model.role
     if "ovp" in model.registers:
         device.write("ovp", 30.0)
     device.write(role("heater_voltage"), 12.0)
     device.write(role("heater_current"), 0.3)
-    assert rig.firmware.current_a == 0.0
+    assert simulated.firmware.current_a == 0.0
     device.write(role("heater_enable"), 1)
-    assert rig.firmware.current_a == pytest.approx(0.3)
-    rig.bench.advance_to(rig.bench.time_s + model.timing.settle_ms / 1e3 + 2.0)
-    device.client.clock.sleep_until(rig.bench.time_s)
+    assert simulated.firmware.current_a == pytest.approx(0.3)
+    simulated.bench.advance_to(simulated.bench.time_s + model.timing.settle_ms / 1e3 + 2.0)
+    device.client.clock.sleep_until(simulated.bench.time_s)
     readings = device.read((role("measured_current"), role("measured_voltage")))
     current, voltage = readings[role("measured_current")], readings[role("measured_voltage")]
     assert current.value == pytest.approx(0.3, abs=0.011)
-    assert voltage.value == pytest.approx(0.3 * rig.bench.plant.resistance_ohm, abs=0.05)
+    assert voltage.value == pytest.approx(0.3 * simulated.bench.plant.resistance_ohm, abs=0.05)
     if model.roles.regulation:
         assert device.read((role("regulation"),))[role("regulation")].words == ("cc",)
     device.enter_safe_state()
-    assert rig.firmware.current_a == 0.0
+    assert simulated.firmware.current_a == 0.0
 
 
 def test_current_is_lower_at_the_voltage_limit(connect):
-    rig, device = connect(load_profile("juntek-dpm86xx"))
+    simulated, device = connect(load_profile("juntek-dpm86xx"))
     for name, value in (("v_set", 1.0), ("i_set", 0.5), ("output", 1)):
         device.write(name, value)
-    rig.bench.advance_to(rig.bench.time_s + 0.1)
-    assert rig.bench.plant.current_a == pytest.approx(1.0 / rig.bench.plant.resistance_ohm, rel=0.01)
+    simulated.bench.advance_to(simulated.bench.time_s + 0.1)
+    assert simulated.bench.plant.current_a == pytest.approx(1.0 / simulated.bench.plant.resistance_ohm, rel=0.01)
     assert device.read(("regulation",))["regulation"].words == ("cv",)
     device.write("output", 0)
-    rig.bench.advance_to(rig.bench.time_s + 0.1)
+    simulated.bench.advance_to(simulated.bench.time_s + 0.1)
     assert device.read(("regulation",))["regulation"].words == ("off",)
 
 
 @pytest.mark.parametrize("profile", THERMOMETERS, ids=name_of)
 def test_thermometer_shows_the_wire_and_its_own_sentinel(connect, profile):
-    rig, device = connect(profile)
+    simulated, device = connect(profile)
     device.check_identity()
-    rig.bench.plant.temperature_c = 80.0
-    rig.bench.sensors.advance(80.0, 10.0)
-    device.client.clock.sleep_until(rig.bench.time_s + 0.5)
+    simulated.bench.plant.temperature_c = 80.0
+    simulated.bench.sensors.advance(80.0, 10.0)
+    device.client.clock.sleep_until(simulated.bench.time_s + 0.5)
     name = profile.role("temperature")
     assert 60.0 < device.read((name,))[name].value < 81.0  # the wire goes on cooling
     if profile.register(name).invalid:
-        rig.bench.sensors.faults.open_thermocouple()
-        device.client.clock.sleep_until(rig.bench.time_s + 0.5)
+        simulated.bench.sensors.faults.open_thermocouple()
+        device.client.clock.sleep_until(simulated.bench.time_s + 0.5)
         assert "open" in device.read((name,))[name].invalid
 
 
 def test_displacement_is_read_in_one_request_and_invalid_without_signal(connect, config):
     profile = load_profile("baumer-om20")
-    rig, device = connect(profile)
-    rig.bench.advance_to(0.1)
+    simulated, device = connect(profile)
+    simulated.bench.advance_to(0.1)
     before = device.client.counters.requests
     reading = device.read(("distance",))["distance"]
-    assert reading.value == pytest.approx(rig.bench.plant.displacement_mm, abs=0.1)
+    assert reading.value == pytest.approx(simulated.bench.plant.displacement_mm, abs=0.1)
     assert device.client.counters.requests == before + 1
     blind = simulated_device(config.model_copy(update={"displacement": None}), profile=profile)
     reading = Device(profile, ModbusClient(blind.transport())).read(("distance",))["distance"]
@@ -109,10 +109,10 @@ def test_displacement_is_read_in_one_request_and_invalid_without_signal(connect,
 
 
 def test_reading_is_constant_between_two_conversions(connect):
-    rig, device = connect(load_profile("delta-dtb"))
-    rig.bench.advance_to(0.45)
+    simulated, device = connect(load_profile("delta-dtb"))
+    simulated.bench.advance_to(0.45)
     first = device.read(("pv",))["pv"].raw
-    rig.bench.sensors.temperature_c = 90.0
+    simulated.bench.sensors.temperature_c = 90.0
     assert device.read(("pv",))["pv"].raw == first
 
 
@@ -136,10 +136,10 @@ def test_write_in_wrong_order_is_rejected(connect):
 def test_range_is_read_before_every_write(connect):
     family = load_profile("riden-rd60xx")
     low, high = (variant for variant in family.variants if "current_range" in variant.match)
-    rig, device = connect(family.as_variant(low))
+    simulated, device = connect(family.as_variant(low))
     device.write("i_set", 0.3)
     assert device.profile.register("i_set").scale == 0.0001
-    rig.responder._bank.preset("current_range", 1)  # at the panel
+    simulated.responder._bank.preset("current_range", 1)  # at the panel
     with pytest.raises(ConfigError, match=r"0 to 12\b"):
         device.write("i_set", 13.0)
     assert device.profile.register("i_set").scale == 0.001
@@ -148,15 +148,15 @@ def test_range_is_read_before_every_write(connect):
 
 def test_model_outside_the_family_is_rejected(connect):
     family = load_profile("riden-rd60xx")
-    rig, device = connect(family)
-    rig.responder._bank.preset("model_id", 60050)
+    simulated, device = connect(family)
+    simulated.responder._bank.preset("model_id", 60050)
     with pytest.raises(IdentityError, match=r"model_id.*60050"):
         device.write("output", 0)
 
 
 def test_setpoint_uses_the_decimals_and_unit_of_the_device(connect):
-    rig, device = connect(load_profile("autonics-tk"))
-    bank = rig.responder._bank
+    simulated, device = connect(load_profile("autonics-tk"))
+    bank = simulated.responder._bank
     bank.preset("decimal_point", 1)
     bank.preset("temp_unit", 1)
     device.write("sv", 100.0)
@@ -182,19 +182,19 @@ def test_nonvolatile_register_is_written_only_when_it_changes(connect):
 
 
 def test_driver_waits_for_a_starting_device(connect):
-    rig, device = connect(load_profile("xy-sk-family"))
-    assert rig.profile.timing.boot_ms == 2000
+    simulated, device = connect(load_profile("xy-sk-family"))
+    assert simulated.profile.timing.boot_ms == 2000
     device.check_identity()
-    assert 2.0 <= rig.bench.time_s < 3.5
+    assert 2.0 <= simulated.bench.time_s < 3.5
 
 
 def test_driver_polls_no_faster_than_the_device_allows(connect):
-    rig, device = connect(load_profile("riden-rd60xx"))
+    simulated, device = connect(load_profile("riden-rd60xx"))
     device.check_identity()
-    start_s = rig.bench.time_s
+    start_s = simulated.bench.time_s
     for _ in range(10):
         device.read(("v_out",))
-    assert rig.bench.time_s - start_s >= 0.999
+    assert simulated.bench.time_s - start_s >= 0.999
 
 
 def test_device_ignores_requests_within_its_minimum_gap(connect):
@@ -206,8 +206,8 @@ def test_device_ignores_requests_within_its_minimum_gap(connect):
 
 
 def test_requests_of_bits_get_the_replies_of_the_standard(config):
-    rig = simulated_device(load_sim("flexinol-lt-0.15mm"), profile=load_profile("adam-6018"))
-    answer = rig.responder.answer
+    simulated = simulated_device(load_sim("flexinol-lt-0.15mm"), profile=load_profile("adam-6018"))
+    answer = simulated.responder.answer
     for request, reply in [
         ("05 00 10 FF 00", "05 00 10 FF 00"),
         ("05 00 10 12 34", "85 03"),

@@ -1,4 +1,4 @@
-"""What a simulated device does whatever its firmware: losing power."""
+"""A simulated device that loses power, with any firmware."""
 
 
 def test_wire_cools_in_a_brown_out_and_device_restarts(bench, watch):

@@ -14,10 +14,10 @@ MAP = re.findall(r"^\| (\d+)(?:–\d+)? \| (\w+) \| (\w+) \|[^|]*\| (\w+) \|", D
 BITS = re.findall(r"^\| (\d) \| (\w+) \| ", DOCUMENT, re.MULTILINE)
 
 
-def test_board_answers_like_the_documented_dialogue(rig):
+def test_board_answers_like_the_documented_dialogue(simulated):
     assert len(DIALOGUE) == 13
     for request, reply in DIALOGUE:
-        ((_, answer),) = rig.line.receive(bytes.fromhex(request), 0.0)
+        ((_, answer),) = simulated.line.receive(bytes.fromhex(request), 0.0)
         assert answer.hex(" ").upper() == reply, request
 
 
