@@ -33,6 +33,7 @@ class Time(StrEnum):
 
     REAL = "real"
     LOCKSTEP = "lockstep"
+    DRIVEN = "driven"  # lockstep, as version 0.1 called it
 
 
 @main.command()
@@ -60,7 +61,7 @@ def serve(
         str | None, typer.Option(help=f"Register map: a shipped name or a path; default: {REFERENCE}.")
     ] = None,
     time: Annotated[
-        Time, typer.Option(help="real: the machine's clock; lockstep: times on standard input.")
+        Time, typer.Option(help="real: the machine's clock; lockstep (in 0.1: driven): standard input.")
     ] = Time.REAL,
     faults: Annotated[
         Path | None, typer.Option(help="A script of faults (docs/simulator.md).", metavar="FAULTS.toml")
@@ -74,12 +75,7 @@ def serve(
             log_line = _line_writer(file)
             address = _listen_address(pty, tcp, rtu_tcp)
             if replay is not None:
-                if sim or profile or faults or line_speed:
-                    raise ConfigError(
-                        "excludes SIM.toml, --profile, --faults and --line-speed",
-                        where="--replay",
-                        cure="leave them out",
-                    )
+                _check_alone(sim or profile or faults or line_speed)
                 _serve_replay(Replay(replay, log_line), address, stack, log_line, time)
             else:
                 bench = SimulatedBench(load_sim(_named(sim)), seed, log_line)
@@ -90,6 +86,13 @@ def serve(
     except SmadriveError as error:
         typer.echo(f"firmware-sim: {error}", err=True)
         raise typer.Exit(error.exit_code) from None
+
+
+def _check_alone(other: object) -> None:
+    if other:
+        raise ConfigError(
+            "excludes SIM.toml, --profile, --faults and --line-speed", where="--replay", cure="leave them out"
+        )
 
 
 def _listen_address(pty: Path | None, tcp: str | None, rtu_tcp: str | None) -> ListenAddress | None:

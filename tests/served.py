@@ -6,6 +6,8 @@ import sys
 
 COMMAND = [sys.executable, "-m", "firmware_sim.cli"]
 SIM = "flexinol-lt-0.15mm"
+PATIENT = "?latency_ms=2000"
+"""Appended to a URL: a busy machine may delay the replies of the process by this time."""
 
 
 @contextlib.contextmanager

@@ -8,7 +8,7 @@ import minimalmodbus
 import pytest
 from peers import libmodbus
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
-from served import served
+from served import PATIENT, served
 
 from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import Profile, load_profile
@@ -43,7 +43,7 @@ def other_words_before_each_test(request):
 
 
 def open_board(kind, where):
-    return open_transport(f"tcp://127.0.0.1:{where}" if kind == "tcp" else f"serial://{where}")
+    return open_transport((f"tcp://127.0.0.1:{where}" if kind == "tcp" else f"serial://{where}") + PATIENT)
 
 
 def read_by_the_driver(kind, where):

@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from served import SIM, advance, served
+from served import PATIENT, SIM, advance, served
 from typer.testing import CliRunner
 
 from firmware_sim.cli import main
@@ -60,7 +60,7 @@ def test_every_endpoint_is_printed_and_all_devices_measure_the_same_wire(tmp_pat
         assert printed[1] == f"serial://{tmp_path}/line wire room"
         assert printed[2].startswith("tcp://127.0.0.1:")
         assert printed[2].endswith(" module")
-        urls = [line.partition(" ")[0] for line in printed]
+        urls = [line.partition(" ")[0] + PATIENT for line in printed]
         advance(process, 10.0)
         lines = [load_profile(name).serial_settings() for name in ("sma-reference", "delta-dtb")]
         with (

@@ -8,7 +8,7 @@ import subprocess
 import sys
 
 import pytest
-from served import COMMAND, SIM, advance, served
+from served import COMMAND, PATIENT, SIM, advance, served
 
 from smadrive.clock import MonotonicClock
 from smadrive.devices.device import Device
@@ -27,7 +27,7 @@ LIMITS = HeaterLimits(current_max_a=0.6, temperature_max_c=130.0)
 
 @contextlib.contextmanager
 def connected(url):
-    with open_transport(url, PROFILE.serial_settings()) as transport:
+    with open_transport(url + PATIENT, PROFILE.serial_settings()) as transport:
         yield Device(PROFILE, ModbusClient(transport))
 
 
@@ -112,7 +112,8 @@ while True:
 
 def test_heater_goes_off_when_the_client_is_killed():
     with served() as (process, url):
-        with subprocess.Popen([sys.executable, "-c", CLIENT, url], stdout=subprocess.PIPE, text=True) as client:
+        command = [sys.executable, "-c", CLIENT, url + PATIENT]
+        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as client:
             assert client.stdout.readline() == "heating\n"
             client.kill()
         log = [process.stderr.readline(), process.stderr.readline()]
@@ -166,9 +167,10 @@ def test_reply_on_a_slow_line_arrives_after_the_time_of_its_characters(option, t
             assert len(transport.read(transport.clock.now_s() + 5.0)) == 9
 
 
-def test_events_are_written_to_the_log_file(tmp_path):
+@pytest.mark.parametrize("time", ["lockstep", "driven"], ids=["lockstep", "its name in version 0.1"])
+def test_events_are_written_to_the_log_file(tmp_path, time):
     log = tmp_path / "events.log"
-    with served("--log", str(log), "--time", "lockstep") as (process, _):
+    with served("--log", str(log), "--time", time) as (process, _):
         process.stdin.close()
         assert process.wait(10) == 0
         assert process.stderr.read() == ""

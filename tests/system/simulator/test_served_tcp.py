@@ -10,7 +10,7 @@ import socket
 import subprocess
 
 import pytest
-from served import COMMAND, SIM, served
+from served import COMMAND, PATIENT, SIM, served
 
 from firmware_sim.server.readiness import readable
 from firmware_sim.server.tcp_endpoint import MAX_CLIENTS
@@ -115,7 +115,7 @@ def test_clients_do_not_disturb_each_other(wire, thermometer):
     wire.sendall(half[:6])
     profile = load_profile("adam-6018")
     for _ in range(3):
-        with open_transport(thermometer) as transport:
+        with open_transport(thermometer + PATIENT) as transport:
             device = Device(profile, ModbusClient(transport))
             device.write("do_3", 1)
             assert device.read(("do_3", "tc_0"))["tc_0"].value == pytest.approx(22.0, abs=1.0)
@@ -143,7 +143,7 @@ def test_third_party_client_reads_the_temperature(thermometer):
 def test_driver_heats_through_either_protocol(option):
     profile = load_profile("sma-reference")
     with served(option, "127.0.0.1:0") as (process, url):
-        with open_transport(url, profile.serial_settings()) as transport:
+        with open_transport(url + PATIENT, profile.serial_settings()) as transport:
             board = Heater(
                 HeaterBoard(Device(profile, ModbusClient(transport)), MonotonicClock()),
                 HeaterLimits(0.6, 130.0),
