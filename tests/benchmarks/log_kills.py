@@ -1,7 +1,7 @@
 """Logs cut by kill -9: `python tests/benchmarks/log_kills.py [COUNT] [ROWS]` kills COUNT writers at random moments.
 
-Every log is then opened by plain h5py, and must have all rows except those of the last second. ROWS is the number of
-rows that the writer announces: when it writes more, it must extend the file repeatedly.
+Every log is then opened by plain h5py, and must hold every row but those of the last second. ROWS is how many the
+writer announces: fewer than it writes make it grow the file again and again.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ with Recorder(Path(sys.argv[1]), columns, {"rig": "bench"}, rows=int(sys.argv[2]
 
 
 def killed_log(path: Path, rows: int, after_s: float) -> int:
-    """Start a writer, kill it `after_s` after its first row; the number of rows that it had handed over."""
+    """Start a writer, kill it `after_s` after its first row; how many rows it had handed over."""
     with subprocess.Popen([sys.executable, "-c", WRITER, path, str(rows)], stdout=subprocess.PIPE) as writer:
         pipe = writer.stdout.fileno()
         last = os.read(pipe, 8)
@@ -51,7 +51,7 @@ def killed_log(path: Path, rows: int, after_s: float) -> int:
 
 
 def check(path: Path, handed_over: int) -> None:
-    """Check that the log opens in h5py, and lacks at most the rows of the last second."""
+    """The log opens plainly, and lacks at most the rows of the last second."""
     with h5py.File(path) as file:
         assert file["time_s"].shape == file["value14_c"].shape
     log = read_log(path)

@@ -1,6 +1,6 @@
-"""The rate at which a log takes rows, against peers measured in the same run: python tests/benchmarks/log_rate.py
+"""How fast a log takes rows, against peers measured in the same run: python tests/benchmarks/log_rate.py
 
-The peers are a CSV file, and HDF5's single-writer mode. Like the log they leave at most one second, 20 rows, unwritten.
+The peers keep what the log keeps, at most a second of 20 rows unwritten: a CSV file, and HDF5's own single-writer mode.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ ROWS_PER_S = 20
 
 
 def rows(count):
-    """The rows of a loop at 20 Hz."""
+    """What a loop at 20 Hz hands over."""
     for n in range(count):
         yield (0.05 * n,) * len(COLUMNS)
 
@@ -71,7 +71,7 @@ def rate(write: Callable[[Path, int], None], count: int) -> float:
 
 
 def slowest_row_ms(count: int) -> float:
-    """The longest time that one row took, in a log of announced length."""
+    """The longest that one row kept its loop waiting, in a log of known length."""
     worst_s = 0.0
     with tempfile.TemporaryDirectory() as folder, Recorder(Path(folder) / "l.h5", COLUMNS, rows=count) as recorder:
         for row in rows(count):

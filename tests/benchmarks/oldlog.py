@@ -1,10 +1,10 @@
-"""The log format of version 0.1: without checksums, with texts of variable length."""
+"""A log as version 0.1 wrote it: without checksums, with texts of variable length."""
 
 import h5py
 
 
 def strip_checksums(path):
-    """Convert the log at `path` to that format."""
+    """Make the log at `path` such a log."""
     with h5py.File(path, "r+") as file:
         del file["entry/checksums"], file.attrs["checksums"], file["entry/program_name"].attrs["version"]
         texts = [f"entry/about/{name}" for name in file["entry/about"]]
