@@ -1,4 +1,4 @@
-"""A simulated bench: one wire with its sensors, and the devices on it, in one time.
+"""A simulated bench: one wire with its sensors, and the devices on it, all on one clock.
 
     bench = SimulatedBench(load_sim("flexinol-lt-0.15mm"), seed=1)
     supply = bench.attach(load_profile("riden-rd60xx"), name="supply")      # one device heats
@@ -6,10 +6,10 @@
     supply.transport(clock), reader.transport(clock)                        # each on a line of its own
     Line((supply, reader)).transport(clock)                                 # or several on one line
 
-The bench lives on the time it is told: `advance_to` moves everything on in ticks of 10 ms. The same config, seed and
-calls give the same bench, to the last bit, at any speed. Only the serial number of a device is drawn anew every time,
-unless the config gives it, so that no simulated device passes for another one or for a real one. What goes wrong is a
-method: of a device's `faults` (its bus), of `sensors.faults` and of `plant.faults`.
+The caller moves time: `advance_to` runs the bench in ticks of 10 ms. The same config, seed and calls give the same
+bench, to the last bit, at any speed. Only the serial number of a device is random at every start, unless the config
+gives it: a simulated device must not pass for another one or for a real one. Faults are methods: of a device's
+`faults` (its bus), of `sensors.faults` and of `plant.faults`.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from random import SystemRandom
 
 from firmware_sim.bus.random_faults import RandomBusFaults
 from firmware_sim.config import SimConfig
-from firmware_sim.devices.behaviour import Inside, RegisterBehaviour
-from firmware_sim.devices.board import Firmware
+from firmware_sim.devices.board import BoardFirmware
 from firmware_sim.devices.device import SimulatedDevice
-from firmware_sim.devices.instrument import Instrument
+from firmware_sim.devices.firmware import DeviceParts, RegisterFirmware
+from firmware_sim.devices.instrument import InstrumentFirmware
 from firmware_sim.devices.registers import RegisterBank
 from firmware_sim.devices.responder import Responder
-from firmware_sim.devices.supply import Supply
+from firmware_sim.devices.supply import SupplyFirmware
 from firmware_sim.devices.tclab import PULSE_FACTORY, PULSE_MAX, TCLabFirmware
-from firmware_sim.fault_script import FaultScript, Timeline, bound
+from firmware_sim.fault_script import FaultScript, Timeline, scheduled
 from firmware_sim.physics.plant import Plant
 from firmware_sim.sensors.sensors import Sensors
 from smadrive.devices.profile.profile import Profile, load_profile
@@ -37,7 +37,7 @@ from smadrive.errors import ConfigError
 TICK_S = 0.01
 FIRMWARE_VERSION = 100
 SERIAL_NUMBERS = range(1 << 31, (1 << 32) - 1)
-"""Of simulated devices: vendors count from the low end, and the highest number means that there is none."""
+"""Serial numbers of simulated devices. Vendors count from the low end; the highest number means "no number"."""
 
 
 class SimulatedBench:
@@ -56,15 +56,16 @@ class SimulatedBench:
         self._timeline = Timeline()
 
     def attach(self, profile: Profile, unit_id: int | None = None, name: str = "") -> SimulatedDevice:
-        """A device with the map of `profile`; `name` stands before its events and its faults.
+        """A new device with the register map of `profile`. Its events and its faults begin with `name`.
 
-        ConfigError when it is a second one that heats.
+        ConfigError for a second device that heats.
         """
         heats = profile.profile.role in ("heater", "supply")
         if heats and self._heating is not None:
             raise ConfigError(
-                f"'{profile.profile.id}' and '{self._heating.profile.profile.id}' would both heat the simulated wire: "
-                "attach one of them"
+                f"'{profile.profile.id}' and '{self._heating.profile.profile.id}' would both heat the simulated wire",
+                where=f"device '{name}'" if name else "",
+                cure="attach one of them",
             )
         device = SimulatedDevice(self, profile, unit_id, name, seed=self.seed + len(self.devices))
         self.devices.append(device)
@@ -72,62 +73,62 @@ class SimulatedBench:
             self._heating = device
         return device
 
-    def inside(self, profile: Profile, tell: Callable[[str], None]) -> Inside:
-        """What makes a device of this profile go, and who answers for it."""
+    def build_parts(self, profile: Profile, log_event: Callable[[str], None]) -> DeviceParts:
+        """The firmware of a device of this profile, and the responder that answers its requests."""
         board = self.config.board
         if not profile.has_registers:
-            tclab = TCLabFirmware(self.sensors, self._tclab_supply_v(), lambda: self.plant.resistance_ohm, tell)
-            return Inside(tclab, tclab)
-        firmware = self._register_firmware(profile, tell)
+            tclab = TCLabFirmware(self.sensors, self._tclab_supply_v(), lambda: self.plant.resistance_ohm, log_event)
+            return DeviceParts(tclab, tclab)
+        firmware = self._register_firmware(profile, log_event)
         bank = RegisterBank(profile)
-        bank.preset("serial_number", _drawn_serial_number() if board.serial_number is None else board.serial_number)
+        bank.preset("serial_number", _random_serial_number() if board.serial_number is None else board.serial_number)
         bank.preset("firmware_version", FIRMWARE_VERSION)
-        return Inside(firmware, Responder(bank, firmware, profile.timing))
+        return DeviceParts(firmware, Responder(bank, firmware, profile.timing))
 
     def _tclab_supply_v(self) -> float:
-        """What drives the board's limit through the cold wire at the pulse width that the board has at first."""
+        """The voltage that drives the board's current limit through the cold wire at the default pulse width."""
         limit_v = self.config.board.supply_limit_a * self.config.wire.resistance_cold_ohm
         return limit_v / sqrt(PULSE_FACTORY["P1"] / PULSE_MAX)
 
-    def _register_firmware(self, profile: Profile, tell: Callable[[str], None]) -> RegisterBehaviour:
+    def _register_firmware(self, profile: Profile, log_event: Callable[[str], None]) -> RegisterFirmware:
         match profile.profile.role:
             case "heater":
-                return Firmware(self.config.board, self.sensors, tell)
+                return BoardFirmware(self.config.board, self.sensors, log_event)
             case "supply":
-                return Supply(self.sensors, profile, tell)
+                return SupplyFirmware(self.sensors, profile, log_event)
             case _:
-                return Instrument(self.sensors, profile.timing.update_ms / 1e3)
+                return InstrumentFirmware(self.sensors, profile.timing.update_ms / 1e3)
 
     def advance_to(self, time_s: float) -> None:
-        """Let the time reach `time_s`; nothing happens if it is past."""
+        """Run the bench until `time_s`; does nothing for a time in the past."""
         while (remaining_s := time_s - self.time_s) > 1e-9:
             self._tick(min(TICK_S, remaining_s))
 
     def follow_script(self, script: FaultScript) -> None:
-        """From now on let the faults of `script` happen; ConfigError when it names one that there is not."""
-        self._timeline = Timeline(bound(script, self.known_faults()), self.tell)
-        self._timeline.pass_time(self.time_s)
+        """Apply the faults of `script` from now on; ConfigError for a fault that this bench does not have."""
+        self._timeline = Timeline(scheduled(script, self.known_faults()), self.log_event)
+        self._timeline.advance_to(self.time_s)
         if script.random is not None:
             for device in self.devices:
                 RandomBusFaults(device.faults, device.power_cycle, seed=self.seed, **script.random.model_dump())
 
     def known_faults(self) -> dict[str, Callable[..., None]]:
-        """Everything that a script can do; the faults of a named device begin with its name and a point."""
-        known = self.sensors.faults.by_name() | self.plant.faults.by_name() | self.plant.ageing.by_name()
+        """Every fault that a script can name. Those of a named device have its name and a point as their prefix."""
+        faults = self.sensors.faults.by_name() | self.plant.faults.by_name() | self.plant.ageing.by_name()
         for device in self.devices:
             prefix = f"{device.name}." if device.name else ""
-            known |= {prefix + name: fault for name, fault in device.faults.by_name().items()}
-            known |= {prefix + "reboot": device.power_cycle, prefix + "brown_out": device.brown_out}
-        return known
+            faults |= {prefix + name: fault for name, fault in device.faults.by_name().items()}
+            faults |= {prefix + "reboot": device.power_cycle, prefix + "brown_out": device.brown_out}
+        return faults
 
     def switch_off(self) -> None:
-        """The simulation ends, and with it the heating."""
+        """End the simulation: every device restarts with its output off."""
         for device in self.devices:
             device.firmware.restart()
-        self.tell("heater off, end")
+        self.log_event("heater off, end")
 
-    def tell(self, text: str) -> None:
-        """An event, now."""
+    def log_event(self, text: str) -> None:
+        """Record an event at the present time."""
         line = f"t={self.time_s:.3f} s {text}"
         self.events.append(line)
         if self._log is not None:
@@ -144,15 +145,15 @@ class SimulatedBench:
         self.time_s += dt_s
         for device in self.devices:
             device.firmware.tick(dt_s)
-        self._timeline.pass_time(self.time_s)
+        self._timeline.advance_to(self.time_s)
 
 
-def _drawn_serial_number() -> int:
+def _random_serial_number() -> int:
     return SystemRandom().choice(SERIAL_NUMBERS)
 
 
 def simulated_device(
     config: SimConfig, seed: int = 0, profile: Profile | None = None, log: Callable[[str], None] | None = None
 ) -> SimulatedDevice:
-    """The only device of a bench of its own; the reference board by default."""
+    """The only device of a new bench; without `profile` the reference board."""
     return SimulatedBench(config, seed, log).attach(profile or load_profile("sma-reference"))

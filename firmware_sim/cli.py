@@ -17,7 +17,8 @@ from firmware_sim.config import load_sim
 from firmware_sim.devices.device import SimulatedDevice
 from firmware_sim.devices.replay import Replay
 from firmware_sim.fault_script import load_script
-from firmware_sim.server.listen_address import Entrance, Kind, ListenAddress, open_door, open_entrances
+from firmware_sim.server.listen_address import AddressKind, ListenAddress, open_endpoint
+from firmware_sim.server.served_line import ServedLine, open_lines
 from firmware_sim.server.server import Server, stop_on_signal
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError, SmadriveError
@@ -28,10 +29,11 @@ main = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 class Time(StrEnum):
-    """Whose time the rig lives on."""
+    """The source of the simulation's time: the machine's clock, or standard input."""
 
     REAL = "real"
-    DRIVEN = "driven"
+    LOCKSTEP = "lockstep"
+    DRIVEN = "driven"  # lockstep, as version 0.1 called it
 
 
 @main.command()
@@ -43,63 +45,75 @@ def serve(
     replay: Annotated[
         Path | None, typer.Option(help="Serve a recorded bus instead of a SIM.toml.", metavar="TRACE")
     ] = None,
-    pty: Annotated[Path | None, typer.Option(help="Also reachable under this path (a symbolic link).")] = None,
+    pty: Annotated[Path | None, typer.Option(help="Path of a symbolic link to the pseudo-terminal.")] = None,
     tcp: Annotated[
-        str | None, typer.Option(help="Serve Modbus TCP there instead; PORT alone: this machine.", metavar="HOST:PORT")
+        str | None,
+        typer.Option(help="Serve Modbus TCP at this address; PORT alone: this machine only.", metavar="HOST:PORT"),
     ] = None,
     rtu_tcp: Annotated[
-        str | None, typer.Option(help="Serve RTU frames on TCP, as a gateway does.", metavar="HOST:PORT")
+        str | None,
+        typer.Option(help="Serve RTU frames on TCP at this address, as a gateway does.", metavar="HOST:PORT"),
     ] = None,
     line_speed: Annotated[
-        bool, typer.Option("--line-speed", help="Characters take the time of the baud rate.")
+        bool, typer.Option("--line-speed", help="Let characters take the time of the baud rate.")
     ] = False,
     profile: Annotated[
-        str | None, typer.Option(help=f"The register map: a shipped name or a path; without one, {REFERENCE}.")
+        str | None, typer.Option(help=f"Register map: a shipped name or a path; default: {REFERENCE}.")
     ] = None,
-    time: Annotated[Time, typer.Option(help="real: the machine's; driven: told on standard input.")] = Time.REAL,
+    time: Annotated[
+        Time, typer.Option(help="real: the machine's clock; lockstep (in 0.1: driven): standard input.")
+    ] = Time.REAL,
     faults: Annotated[
-        Path | None, typer.Option(help="What goes wrong and when (docs/simulator.md).", metavar="FAULTS.toml")
+        Path | None, typer.Option(help="A script of faults (docs/simulator.md).", metavar="FAULTS.toml")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Of the sensors' noise and of random faults.")] = 0,
-    log: Annotated[Path | None, typer.Option(help="Write the event lines there instead of standard error.")] = None,
+    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the sensor noise and of random faults.")] = 0,
+    log: Annotated[Path | None, typer.Option(help="Write event lines to this file instead of standard error.")] = None,
 ) -> None:
-    """Serve simulated devices on serial or TCP ports, and print their URLs, one a line."""
+    """Serve simulated devices on serial or TCP ports, and print their URLs, one per line."""
     try:
-        with _event_log(log) as events, ExitStack() as stack:
-            tell = _line_writer(events)
-            way_in = _way_in(pty, tcp, rtu_tcp)
+        with _event_log(log) as file, ExitStack() as stack:
+            log_line = _line_writer(file)
+            address = _listen_address(pty, tcp, rtu_tcp)
             if replay is not None:
-                if sim or profile or faults or line_speed:
-                    raise ConfigError("--replay takes the place of SIM.toml, --profile, --faults and --line-speed")
-                _serve_replay(Replay(replay, tell), way_in, stack, tell, time)
+                _check_alone(sim or profile or faults or line_speed)
+                _serve_replay(Replay(replay, log_line), address, stack, log_line, time)
             else:
-                bench = SimulatedBench(load_sim(_named(sim)), seed, tell)
-                placed = _placed(bench, way_in, profile)
+                bench = SimulatedBench(load_sim(_named(sim)), seed, log_line)
+                devices = _attached(bench, address, profile)
                 if faults is not None:
                     bench.follow_script(load_script(faults))
-                _serve_bench(bench, open_entrances(placed, stack, tell, line_speed=line_speed), time)
+                _serve_bench(bench, open_lines(devices, stack, log_line, line_speed=line_speed), time)
     except SmadriveError as error:
         typer.echo(f"firmware-sim: {error}", err=True)
         raise typer.Exit(error.exit_code) from None
 
 
-def _way_in(pty: Path | None, tcp: str | None, rtu_tcp: str | None) -> ListenAddress | None:
-    options: tuple[tuple[Kind, Path | str | None], ...] = (("pty", pty), ("tcp", tcp), ("rtu_tcp", rtu_tcp))
+def _check_alone(other: object) -> None:
+    if other:
+        raise ConfigError(
+            "excludes SIM.toml, --profile, --faults and --line-speed", where="--replay", cure="leave them out"
+        )
+
+
+def _listen_address(pty: Path | None, tcp: str | None, rtu_tcp: str | None) -> ListenAddress | None:
+    options: tuple[tuple[AddressKind, Path | str | None], ...] = (("pty", pty), ("tcp", tcp), ("rtu_tcp", rtu_tcp))
     given = [ListenAddress(kind, str(address)) for kind, address in options if address is not None]
     if len(given) > 1:
-        raise ConfigError("--pty, --tcp and --rtu-tcp exclude each other: start one simulator for each")
+        raise ConfigError("exclude each other", where="--pty, --tcp and --rtu-tcp", cure="start one simulator for each")
     return given[0] if given else None
 
 
-def _placed(
-    bench: SimulatedBench, way_in: ListenAddress | None, profile: str | None
+def _attached(
+    bench: SimulatedBench, address: ListenAddress | None, profile: str | None
 ) -> list[tuple[SimulatedDevice, ListenAddress]]:
-    """Every device of the sim file with its way in; without any there, the one that the options tell."""
+    """Every device of the sim file with its listen address; for a file without devices, the one of the options."""
     devices = bench.config.devices
     if not devices:
-        return [(bench.attach(load_profile(profile or REFERENCE)), way_in or ListenAddress("pty"))]
-    if way_in is not None or profile is not None:
-        raise ConfigError("the sim file names its [[devices]]: leave --profile, --pty, --tcp and --rtu-tcp out")
+        return [(bench.attach(load_profile(profile or REFERENCE)), address or ListenAddress("pty"))]
+    if address is not None or profile is not None:
+        raise ConfigError(
+            "the sim file has [[devices]] of its own", cure="leave --profile, --pty, --tcp and --rtu-tcp out"
+        )
     return [
         (bench.attach(load_profile(device.profile), device.unit_id, device.name), ListenAddress.of(device))
         for device in devices
@@ -108,28 +122,29 @@ def _placed(
 
 def _named(sim: str | None) -> str:
     if sim is None:
-        raise ConfigError("names no SIM.toml: give a path, the name of a shipped one, or --replay TRACE")
+        raise ConfigError("no SIM.toml is given", cure="give a path, the name of a shipped one, or --replay TRACE")
     return sim
 
 
-def _serve_bench(bench: SimulatedBench, entrances: Sequence[Entrance], time: Time) -> None:
-    server = Server(bench, [entrance.door for entrance in entrances])
-    for entrance in entrances:
-        for device in entrance.devices:
-            device.faults.connect(server.ear(entrance.door), numbered=entrance.door.url.startswith("tcp:"))
+def _serve_bench(bench: SimulatedBench, lines: Sequence[ServedLine], time: Time) -> None:
+    server = Server(bench, [line.endpoint for line in lines])
+    for line in lines:
+        clients, numbered = server.faulty_connection(line.endpoint), line.endpoint.url.startswith("tcp:")
+        for device in line.devices:
+            device.faults.connect(clients, numbered=numbered)
     try:
-        _run(server, [str(entrance) for entrance in entrances], time)
+        _run(server, [str(line) for line in lines], time)
     finally:
         bench.switch_off()
 
 
 def _serve_replay(
-    replay: Replay, way_in: ListenAddress | None, stack: ExitStack, tell: Callable[[str], None], time: Time
+    replay: Replay, address: ListenAddress | None, stack: ExitStack, log: Callable[[str], None], time: Time
 ) -> None:
-    way_in = way_in or ListenAddress("tcp" if replay.numbered else "pty")
-    door = open_door(way_in, lambda numbered: replay.new_port(numbered=numbered), None, tell, line_speed=False)
-    stack.callback(door.close)
-    _run(Server(replay, (door,)), [door.url], time)
+    address = address or ListenAddress("tcp" if replay.numbered else "pty")
+    endpoint = open_endpoint(address, lambda numbered: replay.new_port(numbered=numbered), None, log, line_speed=False)
+    stack.callback(endpoint.close)
+    _run(Server(replay, (endpoint,)), [endpoint.url], time)
 
 
 def _run(server: Server, addresses: Sequence[str], time: Time) -> None:
@@ -140,13 +155,13 @@ def _run(server: Server, addresses: Sequence[str], time: Time) -> None:
         if time is Time.REAL:
             server.run_real()
         else:
-            server.run_driven()
+            server.run_lockstep()
 
 
-def _line_writer(events: TextIO) -> Callable[[str], None]:
+def _line_writer(file: TextIO) -> Callable[[str], None]:
     def log(line: str) -> None:
-        events.write(line + "\n")
-        events.flush()
+        file.write(line + "\n")
+        file.flush()
 
     return log
 

@@ -1,4 +1,4 @@
-"""SIM.toml: a simulated rig, that is a wire, its sensors and the board that heats it."""
+"""SIM.toml: a simulated bench: a wire, its sensors, and the devices on it."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from smadrive.files.config import Section, load_config
 from smadrive.files.kinds import SIM
 from smadrive.files.shipped import config_file
 
-MOST_SIGMA_C = 100.0
-"""A Preisach plane has a cell for every quarter of a kelvin: it grows with the square of the widths."""
+MAX_SIGMA_C = 100.0
+"""A Preisach plane has a cell for every quarter of a kelvin: its size grows with the square of the widths."""
 
 
 class Wire(Section):
-    """The lumped wire. Mass and heat capacity stand apart because the latent heat is per mass."""
+    """The lumped wire. The mass is needed besides the heat capacity because the latent heat is per mass."""
 
     heat_capacity_j_per_k: float = Field(gt=0)
     loss_w_per_k: float = Field(gt=0)
@@ -33,21 +33,21 @@ class Branches(Section):
 
     mu_heating_c: float
     mu_cooling_c: float
-    sigma_heating_c: float = Field(gt=0, le=MOST_SIGMA_C)
-    sigma_cooling_c: float = Field(gt=0, le=MOST_SIGMA_C)
+    sigma_heating_c: float = Field(gt=0, le=MAX_SIGMA_C)
+    sigma_cooling_c: float = Field(gt=0, le=MAX_SIGMA_C)
 
 
 class Component(Branches):
-    """Another transformation in the same wire, such as that of the R-phase: its part of the whole, and its branches."""
+    """A second transformation in the same wire, such as an R-phase: its share of the whole, and its branches."""
 
     share: float = Field(gt=0, lt=1)
 
 
 class Transformation(Branches):
-    """How the phase follows the temperature: by a Duhem model of one or two Gaussians a branch, or by a Preisach plane.
+    """How the phase follows the temperature: a Duhem model of one or two Gaussians per branch, or a Preisach plane.
 
-    `correlation` is that of the temperatures at which a grain turns to austenite and back, in a Preisach plane: 1 means
-    that all grains have the same width of hysteresis.
+    `correlation`, of a Preisach plane: the correlation of the temperatures at which a grain turns to austenite and
+    back. 1 means that all grains have the same width of hysteresis.
     """
 
     kind: Literal["duhem", "two-component", "preisach"] = "duhem"
@@ -58,7 +58,7 @@ class Transformation(Branches):
     @model_validator(mode="after")
     def _consistent(self) -> Transformation:
         if self.range_c[0] >= self.range_c[1]:
-            raise ValueError(f"range_c {self.range_c} must rise")
+            raise ValueError(f"range_c {self.range_c} must rise: write the lower end first")
         for key, kind in (("second", "two-component"), ("correlation", "preisach")):
             if (getattr(self, key) is not None) != (self.kind == kind):
                 raise ValueError(f"kind '{kind}' and {key} belong together: give both, or neither")
@@ -66,10 +66,11 @@ class Transformation(Branches):
 
 
 class Bias(Section):
-    """What pulls the wire out again: a dead weight, or a spring that the wire stretches when it contracts.
+    """The load that stretches the wire again: a dead weight, or a spring that the wire stretches when it contracts.
 
-    Stress = (preload + stiffness · displacement) / cross section; it raises the temperatures of `[transformation]`,
-    which are then those of the unloaded wire, by one kelvin for every so many megapascal (Clausius-Clapeyron).
+    Stress = (preload + stiffness · displacement) / cross section. It raises the temperatures of `[transformation]`,
+    which are then those of the unloaded wire, by 1 K per `heating_mpa_per_k` and `cooling_mpa_per_k` of stress
+    (Clausius-Clapeyron).
     """
 
     preload_n: float = Field(ge=0)
@@ -91,7 +92,7 @@ class Thermocouple(Section):
 
 
 class Displacement(Section):
-    """The displacement sensor; leave the table out where none is fitted."""
+    """The displacement sensor. Without this table the bench has none."""
 
     noise_mm: float = Field(ge=0)
 
@@ -104,7 +105,7 @@ class Sense(Section):
 
 
 class Board(Section):
-    """Power-up defaults and hardware limits of the board; without a `serial_number` every one has another."""
+    """Power-up defaults and hardware limits of the board. Without `serial_number` each start has a random one."""
 
     watchdog_s: float = Field(ge=0.05, le=10)
     temperature_max_c: float
@@ -112,8 +113,8 @@ class Board(Section):
     serial_number: int | None = Field(default=None, ge=0, le=0xFFFFFFFF)
 
 
-class Placed(Section):
-    """A device on the bench, and its way in. Devices that name the same way in share a line."""
+class DeviceEntry(Section):
+    """A device on the bench, and its listen address. Devices with the same listen address share a line."""
 
     name: str = Field(min_length=1)
     profile: str
@@ -123,14 +124,14 @@ class Placed(Section):
     rtu_tcp: str | None = None
 
     @model_validator(mode="after")
-    def _one_way_in(self) -> Placed:
+    def _one_listen_address(self) -> DeviceEntry:
         if sum(address is not None for address in (self.pty, self.tcp, self.rtu_tcp)) != 1:
-            raise ValueError(f"device '{self.name}' needs one way in: pty = PATH, tcp = ADDRESS or rtu_tcp = ADDRESS")
+            raise ValueError(f"device '{self.name}' needs one of pty = PATH, tcp = ADDRESS and rtu_tcp = ADDRESS")
         return self
 
 
 class SimConfig(Section):
-    """A whole simulated rig; without `devices`, whoever serves it says which one stands there."""
+    """The content of a SIM.toml. Without `devices` the program that serves it chooses the one device."""
 
     wire: Wire
     transformation: Transformation
@@ -139,7 +140,7 @@ class SimConfig(Section):
     board: Board
     displacement: Displacement | None = None
     bias: Bias | None = None
-    devices: tuple[Placed, ...] = ()
+    devices: tuple[DeviceEntry, ...] = ()
 
     @model_validator(mode="after")
     def _names_differ(self) -> SimConfig:
@@ -151,5 +152,5 @@ class SimConfig(Section):
 
 
 def load_sim(name_or_path: str | Path) -> SimConfig:
-    """The simulated rig at a path (`*.toml`), or the shipped one of that name; ConfigError names file, key and cure."""
+    """The bench at a path (`*.toml`), or the shipped one of that name; ConfigError names file, key and cure."""
     return load_config(config_file(name_or_path, SIM), SimConfig)

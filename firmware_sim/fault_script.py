@@ -1,18 +1,18 @@
-"""FAULTS.toml: what goes wrong with a simulated rig, and when.
+"""FAULTS.toml: the faults of a simulated bench, each at its time.
 
-    [[faults]]              # at a time of the rig: the method of that name is called with the other keys
+    [[faults]]              # at a time of the bench, the method `name` is called with the other keys
     at_s = 12.0
     name = "delay"
     delay_s = 0.3
     replies = 5             # or for_s = 2.0
 
-    [random]                # drawn by the simulator's seed, beside the timeline
-    share = 0.1             # of the replies
+    [random]                # random faults, seeded by the simulator's seed, besides the timeline
+    share = 0.1             # fraction of the replies
     slowest_s = 0.5         # the longest delay, pause and absence
-    copies = true           # also frames of no request behind the next request: plain RTU cannot tell them
-    lag = true              # also replies that are each the one before: neither RTU nor TCP can tell
+    copies = true           # also unsolicited frames behind the next request: plain RTU cannot detect them
+    lag = true              # also replies that each repeat the one before: neither RTU nor TCP can detect them
 
-Names and keys are those of the methods, so that a script can do whatever a test can.
+Names and keys are those of the methods: a script can do everything that a test can do.
 """
 
 from __future__ import annotations
@@ -31,12 +31,12 @@ from smadrive.files.config import Section, load_config, validate
 from smadrive.files.kinds import FAULTS, check_kind
 from smadrive.files.spelling import nearest
 
-Fault = Callable[..., None]
+FaultMethod = Callable[..., None]
 _ROUNDING_S = 1e-9
 
 
 class RandomConfig(Section):
-    """Faults of the bus by chance."""
+    """Random faults of the bus."""
 
     share: float = Field(gt=0, le=1)
     slowest_s: float = Field(default=0.5, gt=0)
@@ -44,8 +44,8 @@ class RandomConfig(Section):
     lag: bool = False
 
 
-class Entry(Section):
-    """One fault; the keys beside these are its parameters."""
+class FaultEntry(Section):
+    """One fault. All other keys are its parameters."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -54,14 +54,14 @@ class Entry(Section):
 
 
 class FaultScript(Section):
-    """A whole FAULTS.toml."""
+    """The content of a FAULTS.toml."""
 
-    faults: tuple[Entry, ...] = ()
+    faults: tuple[FaultEntry, ...] = ()
     random: RandomConfig | None = None
 
 
-class Event(NamedTuple):
-    """A fault bound to its parameters."""
+class ScheduledFault(NamedTuple):
+    """A fault with its parameters, and the time at which it begins."""
 
     at_s: float
     text: str
@@ -69,46 +69,48 @@ class Event(NamedTuple):
 
 
 class Timeline:
-    """Events in the order of their times."""
+    """Scheduled faults in the order of their times."""
 
-    def __init__(self, events: Sequence[Event] = (), tell: Callable[[str], None] = lambda _text: None) -> None:
-        """`tell` gets a line per event that happens."""
-        self._coming = deque(sorted(events, key=lambda event: event.at_s))
-        self._tell = tell
+    def __init__(
+        self, faults: Sequence[ScheduledFault] = (), log_event: Callable[[str], None] = lambda _text: None
+    ) -> None:
+        """`log_event` gets a line per fault that begins."""
+        self._coming = deque(sorted(faults, key=lambda fault: fault.at_s))
+        self._log_event = log_event
 
-    def pass_time(self, time_s: float) -> None:
-        """Let everything happen that is due."""
+    def advance_to(self, time_s: float) -> None:
+        """Begin every fault that is due at `time_s`."""
         while self._coming and self._coming[0].at_s <= time_s + _ROUNDING_S:
-            event = self._coming.popleft()
-            self._tell(f"fault: {event.text}")
-            event.begin()
+            fault = self._coming.popleft()
+            self._log_event(f"fault: {fault.text}")
+            fault.begin()
 
 
 def load_script(path: Path) -> FaultScript:
-    """The file at `path`; ConfigError names file, key and cure."""
+    """The script at `path`; ConfigError names file, key and cure."""
     check_kind(path, FAULTS)
     return load_config(path, FaultScript)
 
 
-def bound(script: FaultScript, known: Mapping[str, Fault]) -> list[Event]:
-    """The script's faults as calls of the `known` ones; ConfigError names the nearest of a name or key unknown."""
-    return [_event(number, entry, known) for number, entry in enumerate(script.faults, 1)]
+def scheduled(script: FaultScript, methods: Mapping[str, FaultMethod]) -> list[ScheduledFault]:
+    """The faults of the script as calls of `methods`; ConfigError for an unknown name or key, with the nearest one."""
+    return [_scheduled(f"[[faults]] {number}", entry, methods) for number, entry in enumerate(script.faults, 1)]
 
 
-def _event(number: int, entry: Entry, known: Mapping[str, Fault]) -> Event:
-    if entry.name not in known:
-        raise ConfigError(f"[[faults]] {number}: no fault is called '{entry.name}'{nearest(entry.name, known)}")
-    fault, given = known[entry.name], entry.model_extra or {}
-    validate(given, _parameters(entry.name, fault), where=f"[[faults]] {number} ({entry.name})")
-    told = ", ".join(f"{key} = {value}" for key, value in given.items())
-    return Event(entry.at_s, f"{entry.name} {told}".rstrip(), partial(fault, **given))
+def _scheduled(where: str, entry: FaultEntry, methods: Mapping[str, FaultMethod]) -> ScheduledFault:
+    if entry.name not in methods:
+        raise ConfigError(f"no fault is called '{entry.name}'{nearest(entry.name, methods)}", where=where)
+    method, parameters = methods[entry.name], entry.model_extra or {}
+    validate(parameters, _parameter_table(entry.name, method), where=f"{where} ({entry.name})")
+    text = ", ".join(f"{key} = {value}" for key, value in parameters.items())
+    return ScheduledFault(entry.at_s, f"{entry.name} {text}".rstrip(), partial(method, **parameters))
 
 
-def _parameters(name: str, fault: Fault) -> type[Section]:
-    """What `fault` takes, as a table of a config file."""
-    hints = get_type_hints(fault, include_extras=True)
+def _parameter_table(name: str, method: FaultMethod) -> type[Section]:
+    """The parameters of `method` as a table of a config file."""
+    hints = get_type_hints(method, include_extras=True)
     fields: dict[str, Any] = {
         key: (hints[key], ... if parameter.default is parameter.empty else parameter.default)
-        for key, parameter in inspect.signature(fault).parameters.items()
+        for key, parameter in inspect.signature(method).parameters.items()
     }
     return create_model(name, __base__=Section, **fields)

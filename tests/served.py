@@ -1,4 +1,4 @@
-"""firmware-sim as a process, for the tests that need the real thing on a real port."""
+"""firmware-sim as a process, for the tests that need a real port."""
 
 import contextlib
 import subprocess
@@ -6,11 +6,13 @@ import sys
 
 COMMAND = [sys.executable, "-m", "firmware_sim.cli"]
 SIM = "flexinol-lt-0.15mm"
+PATIENT = "?latency_ms=2000"
+"""Appended to a URL: a busy machine may delay the replies of the process by this time."""
 
 
 @contextlib.contextmanager
 def served(*options, sim=SIM, cwd=None):
-    """The process, its first URL read."""
+    """The process, and the first URL that it printed."""
     with subprocess.Popen(
         [*COMMAND, *([] if sim is None else [sim]), *options],
         stdin=subprocess.PIPE,
@@ -26,7 +28,7 @@ def served(*options, sim=SIM, cwd=None):
 
 
 def advance(process, time_s):
-    """Let the time of a simulator in driven time reach `time_s`."""
+    """Move a simulator in lockstep time to `time_s`."""
     process.stdin.write(f"{time_s}\n")
     process.stdin.flush()
     assert float(process.stdout.readline()) == time_s

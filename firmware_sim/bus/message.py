@@ -1,6 +1,6 @@
-"""A request or a reply, whole: what it says, in what frame it travels, and how it can go wrong.
+"""A complete request or reply: its PDU, its frame, and its corrupted variants for the faults of the bus.
 
-Modbus and text travel differently; what goes wrong on a bus goes wrong with both.
+Modbus and text lines have different frames, and the same faults.
 """
 
 from __future__ import annotations
@@ -14,58 +14,58 @@ _EXCHANGE = 23
 
 
 class Message(Protocol):
-    """What BusFaults needs of a request and of its reply."""
+    """A request or a reply, as BusFaults needs it."""
 
     @property
     def pdu(self) -> bytes:
-        """What it says."""
+        """The content: function and data, or the text of a line."""
         ...
 
     @property
     def frame(self) -> bytes:
-        """What travels."""
+        """The bytes on the line."""
         ...
 
     @property
     def broadcast(self) -> bool:
-        """Whether it is for all, and nobody answers."""
+        """Whether it is for all devices, and gets no reply."""
         ...
 
-    def answered(self, pdu: bytes) -> Self:
-        """The reply to this request that says `pdu`."""
+    def reply(self, pdu: bytes) -> Self:
+        """The reply to this request with the content `pdu`."""
         ...
 
-    def refused(self, code: int) -> bytes:
-        """What a reply says that refuses this request."""
+    def exception_pdu(self, code: int) -> bytes:
+        """The content of an exception reply to this request."""
         ...
 
-    def damaged(self, chance: float) -> bytes:
-        """The frame with a bit flipped; `chance`, from 0 to 1, may say which."""
-        ...
-
-    @property
-    def from_another_unit(self) -> Self:
-        """The same, said by another device."""
+    def corrupted(self, random: float) -> bytes:
+        """The frame with one bit flipped; `random`, from 0 to 1, may choose the bit."""
         ...
 
     @property
-    def of_another_function(self) -> Self:
-        """A reply to another request."""
+    def wrong_unit(self) -> Self:
+        """The same reply from another device."""
         ...
 
     @property
-    def of_less(self) -> Self:
-        """A reply that says less than was asked for."""
+    def wrong_function(self) -> Self:
+        """A reply to a request with another function."""
         ...
 
     @property
-    def of_next(self) -> Self:
-        """The reply that the next request would get, if frames are numbered by counting."""
+    def short_count(self) -> Self:
+        """A reply with less data than requested."""
+        ...
+
+    @property
+    def next_transaction(self) -> Self:
+        """The same reply with the number of the next request, where frames are numbered."""
         ...
 
 
 class ModbusMessage(NamedTuple):
-    """`number` is the transaction of a Modbus TCP frame; RTU frames have none."""
+    """A Modbus message. `number` is the transaction number of a Modbus TCP frame; None: an RTU frame."""
 
     unit_id: int
     pdu: bytes
@@ -73,43 +73,43 @@ class ModbusMessage(NamedTuple):
 
     @property
     def frame(self) -> bytes:
-        """What travels."""
+        """The bytes on the line."""
         if self.number is None:
             return rtu.seal(self.unit_id, self.pdu)
         return mbap.seal(self.number, self.unit_id, self.pdu)
 
     @property
     def broadcast(self) -> bool:
-        """To unit 0 of a serial line."""
+        """Whether it goes to unit 0 of a serial line."""
         return self.unit_id == rtu.BROADCAST and self.number is None
 
-    def answered(self, pdu: bytes) -> Self:
-        """The reply to this request that says `pdu`."""
+    def reply(self, pdu: bytes) -> Self:
+        """The reply to this request with the content `pdu`."""
         return type(self)(self.unit_id, pdu, self.number)
 
-    def refused(self, code: int) -> bytes:
-        """The exception."""
+    def exception_pdu(self, code: int) -> bytes:
+        """The function code with its high bit set, and the exception code."""
         return bytes((self.pdu[0] | 0x80, code))
 
-    def damaged(self, _chance: float) -> bytes:
-        """The frame with a bit flipped that proves it wrong: of the CRC, or of the protocol's number."""
+    def corrupted(self, _random: float) -> bytes:
+        """The frame with a flipped bit that a client can detect: in the CRC, or in the protocol identifier."""
         flipped = bytearray(self.frame)
         flipped[-1 if self.number is None else 3] ^= 1
         return bytes(flipped)
 
     @property
-    def from_another_unit(self) -> Self:
-        """The same, said by the next unit."""
+    def wrong_unit(self) -> Self:
+        """The same reply from the next unit."""
         return self._replace(unit_id=self.unit_id % 247 + 1)
 
     @property
-    def of_another_function(self) -> Self:
+    def wrong_function(self) -> Self:
         """The same words under another function code (04 for 03, 16 for 23)."""
         return self._replace(pdu=bytes((self.pdu[0] ^ 7,)) + self.pdu[1:])
 
     @property
-    def of_less(self) -> Self:
-        """A reply of one register less (bits: one byte); to a write, one without the end of its echo."""
+    def short_count(self) -> Self:
+        """The reply with one register less (bits: one byte); that to a write without its last byte."""
         function = self.pdu[0]
         if function not in _READS and function != _EXCHANGE:
             return self._replace(pdu=self.pdu[:-1])
@@ -117,8 +117,8 @@ class ModbusMessage(NamedTuple):
         return self._replace(pdu=bytes((function, self.pdu[1] - less)) + self.pdu[2:-less])
 
     @property
-    def of_next(self) -> Self:
-        """The same under the next transaction number."""
+    def next_transaction(self) -> Self:
+        """The same reply under the next transaction number."""
         return self if self.number is None else self._replace(number=(self.number + 1) & 0xFFFF)
 
 
@@ -129,45 +129,45 @@ class TextMessage(NamedTuple):
 
     @property
     def frame(self) -> bytes:
-        """What travels."""
+        """The bytes on the line."""
         return self.pdu + b"\r\n"
 
     @property
     def broadcast(self) -> bool:
-        """Every line is for the one board that is there."""
+        """False: a line of text has one receiver."""
         return False
 
-    def answered(self, pdu: bytes) -> Self:
-        """The reply to this request that says `pdu`."""
+    def reply(self, pdu: bytes) -> Self:
+        """The reply to this request with the content `pdu`."""
         return self._replace(pdu=pdu)
 
-    def refused(self, _code: int) -> bytes:
-        """The command in capitals: what the board says to one that it does not know."""
+    def exception_pdu(self, _code: int) -> bytes:
+        """The command in capitals: the board's reply to an unknown one."""
         return self.pdu.upper()
 
-    def damaged(self, chance: float) -> bytes:
-        """The frame with any bit flipped: perhaps another digit, and nothing that proves it wrong."""
+    def corrupted(self, random: float) -> bytes:
+        """The frame with any bit flipped. The result may be another digit, which a client cannot detect."""
         flipped = bytearray(self.frame)
-        at, bit = divmod(int(chance * 8 * len(flipped)), 8)
+        at, bit = divmod(int(random * 8 * len(flipped)), 8)
         flipped[at] ^= 1 << bit
         return bytes(flipped)
 
     @property
-    def from_another_unit(self) -> Self:
-        """What another kind of board says."""
+    def wrong_unit(self) -> Self:
+        """A reply of another kind of board."""
         return self._replace(pdu=b"ok")
 
     @property
-    def of_another_function(self) -> Self:
-        """A number, but the reply to another command."""
+    def wrong_function(self) -> Self:
+        """A number, which is the reply to another command."""
         return self._replace(pdu=b"0.000")
 
     @property
-    def of_less(self) -> Self:
+    def short_count(self) -> Self:
         """The reply without its last character."""
         return self._replace(pdu=self.pdu[:-1])
 
     @property
-    def of_next(self) -> Self:
-        """The same: lines have no numbers."""
+    def next_transaction(self) -> Self:
+        """The same reply: lines of text have no numbers."""
         return self

@@ -1,4 +1,4 @@
-"""Why a request is refused: the exception codes of the standard."""
+"""The exception codes of the Modbus standard, and the exception that carries one."""
 
 from __future__ import annotations
 
@@ -9,8 +9,8 @@ DEVICE_FAILURE = 4
 NO_SUCH_UNIT = 11
 
 
-class ModbusException(Exception):  # no error of the simulator: a legal answer
-    """The request is answered by the exception `code`."""
+class ModbusException(Exception):  # no error of the simulator: a legal reply
+    """The request gets a reply with the exception `code`."""
 
     def __init__(self, code: int) -> None:
         super().__init__(f"exception {code}")

@@ -1,9 +1,9 @@
-"""How requests reach devices: as RTU frames on a line, as Modbus TCP frames in a connection, or as lines of text.
+"""The ports of devices: RTU frames on a line, Modbus TCP frames in a connection, or lines of text.
 
-RTU is silent for units that are not there, on a bad CRC, and after a broadcast (which all carry out). Over TCP a
-connection that leads to one device reaches it as unit 0 and 255 too, and for other units there is what a gateway
-answers, exception 11. Frames whose protocol is not 0 are dropped; a length that no frame can have means that the
-stream is no Modbus, and all is dropped. Text ends with CR or LF, or where a board's buffer does.
+RTU sends no reply for absent units, on a wrong CRC, and after a broadcast, which all devices carry out. A TCP
+connection to a single device reaches it as unit 0 and 255 too; other units get exception 11, as from a gateway. Frames
+with another protocol identifier than 0 are dropped. An impossible length means that the stream is not Modbus: all
+pending bytes are dropped. A line of text ends with CR or LF, or when the board's buffer is full.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ class Unit(Protocol):
 
     @property
     def unit_id(self) -> int:
-        """What it answers to."""
+        """Its address on the bus."""
         ...
 
     def answer(self, request: ModbusMessage, time_s: float) -> list[Delivery]:
-        """Carry out `request`; what arrives as its answer, and when (nothing, if it was a broadcast)."""
+        """Carry out `request`; the deliveries of its reply, none for a broadcast."""
         ...
 
 
 class Port(Protocol):
-    """One end of a conversation with the devices of a bus."""
+    """The devices' end of one connection: bytes in, deliveries out."""
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """What is answered to the bytes that arrive at `time_s`, and when it arrives."""
+        """The deliveries that answer the bytes that arrive at `time_s`."""
         ...
 
 
@@ -52,7 +52,7 @@ class RtuPort:
         self._units = units
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """What is answered to the bytes that arrive at `time_s`, and when it arrives."""
+        """The deliveries that answer the bytes that arrive at `time_s`."""
         deliveries = []
         for frame in self.stream.feed(data, time_s):
             deliveries += self._answer(ModbusMessage(frame[0], frame[1:-2]), time_s)
@@ -74,7 +74,7 @@ class TcpPort:
         self._pending = b""
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """What is answered to the bytes that arrive at `time_s`, and when it arrives."""
+        """The deliveries that answer the bytes that arrive at `time_s`."""
         self._pending += data
         deliveries = []
         while (size := mbap.frame_size(self._pending)) is not None:
@@ -97,19 +97,19 @@ class TcpPort:
             if alone or request.unit_id == unit.unit_id:
                 deliveries = unit.answer(request, time_s)
         if deliveries is None:
-            return [(time_s, request.answered(request.refused(NO_SUCH_UNIT)).frame)]
+            return [(time_s, request.reply(request.exception_pdu(NO_SUCH_UNIT)).frame)]
         return deliveries
 
 
 class TextPort:
-    """Lines of text, to one board; `answer` carries one out."""
+    """Lines of text to one board; `answer` carries out a line."""
 
     def __init__(self, answer: Callable[[TextMessage, float], list[Delivery]]) -> None:
         self._answer = answer
         self._pending = b""
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """What is answered to the bytes that arrive at `time_s`, and when it arrives."""
+        """The deliveries that answer the bytes that arrive at `time_s`."""
         *lines, self._pending = _TEXT_END.split(self._pending + data)
         if len(self._pending) >= _TEXT_BUFFER:
             lines.append(self._pending)

@@ -1,4 +1,4 @@
-"""Faults of the bus by chance: what a fuzzer wants, the same for the same seed."""
+"""Random faults of the bus for fuzzing, the same for the same seed."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from firmware_sim.bus.faults import BusFaults
 
 CODES = (1, 2, 3, 4, 5, 6, 0x0B)
 PIECES = range(2, 6)
-RARE = 0.02  # of the faults: those that cost more than a reply
-MIXED = 0.1  # of the others: two at once
-LAGGING = range(2, 30)  # so many replies in a row are each the one before
+RARE = 0.02  # fraction of the faults that affect more than one reply
+MIXED = 0.1  # fraction of the others that are two faults at once
+LAGGING = range(2, 30)  # number of successive replies that each repeat the one before
 
 
 class RandomBusFaults:
-    """Before each reply plans a fault with probability `share`; nothing takes longer than `slowest_s`.
+    """Plans a fault before each reply with probability `share`; no delay is longer than `slowest_s`.
 
-    Plain RTU cannot tell `copies`, frames of no request behind the next request, and neither RTU nor TCP a `lag` of
-    one reply.
+    `copies` adds unsolicited frames behind the next request, which plain RTU cannot detect. `lag` adds series of
+    replies that each repeat the one before, which neither RTU nor Modbus TCP can detect.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class RandomBusFaults:
         self._carrying: tuple[Callable[[], None], ...] = (
             faults.drop,
             lambda: faults.delay(self._some_s()),
-            faults.duplicate,  # at once: on RTU a copy behind the next request of its kind is the reply to that
+            faults.duplicate,  # at once: on RTU a copy behind the next request of its kind passes for its reply
             faults.truncate,
             faults.junk_before,
             faults.junk_after,
@@ -63,9 +63,9 @@ class RandomBusFaults:
             self._carrying += (lambda: faults.duplicate(self._some_s()),)
         if lag:
             self._rare += (lambda: faults.stale(self._random.choice(LAGGING)),)
-        faults.before_reply = self._draw
+        faults.before_reply = self._plan
 
-    def _draw(self) -> None:
+    def _plan(self) -> None:
         if self._random.random() >= self._share:
             return
         if self._random.random() < RARE:

@@ -1,8 +1,8 @@
 """Request frames in a stream of bytes.
 
 RTU marks the end of a frame by silence, which an operating system does not preserve. So frames are found by their
-length, which follows from the function, and proved by their CRC. What proves wrong costs one byte and the search goes
-on behind it; an unfinished frame waits for its rest, but not beyond a pause.
+length, which follows from the function, and confirmed by their CRC. After a wrong CRC the search continues one byte
+later. An incomplete frame waits for its rest, but not beyond a pause.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ FRAME_PAUSE_S = 0.05  # far more than 1.5 characters: an operating system delive
 
 
 class RequestStream:
-    """Cuts what `feed` gets into frames with a right CRC."""
+    """Cuts the bytes that `feed` gets into frames with a correct CRC."""
 
     def __init__(self) -> None:
         self.bad_bytes = 0
@@ -21,7 +21,7 @@ class RequestStream:
         self._fed_s = 0.0
 
     def feed(self, data: bytes, time_s: float) -> list[bytes]:
-        """The frames that `data`, arriving at `time_s`, completes."""
+        """The frames that are complete after `data` arrived at `time_s`."""
         if time_s - self._fed_s > FRAME_PAUSE_S:
             self._drop(len(self._pending))
         self._fed_s = time_s
@@ -33,7 +33,7 @@ class RequestStream:
         return found
 
     def _next(self) -> bytes | None:
-        """Cut off the first frame, with the junk before it; None when there is none (yet)."""
+        """Remove and return the first complete frame, with the junk before it; None without a complete frame."""
         waiting_from = None
         for start in range(len(self._pending) - 1):
             rest = self._pending[start:]

@@ -1,10 +1,10 @@
-"""The board's firmware: state machine, watchdog, limits, latched faults. docs/sma-reference.md specifies it.
+"""The board's firmware: state machine, watchdog, limits, latched faults, as docs/sma-reference.md specifies.
 
     idle --arm key--> armed --enable = 0--> idle
       any fault (from idle or armed) --> fault --clear key, cause gone--> idle
 
-Current flows only while armed. A fault, and leaving `armed` in any way, zero the current and the enable. Only a
-sequence number that differs from the one before feeds the watchdog.
+Current flows only while armed. A fault, and every transition out of `armed`, sets current and enable to zero. Only a
+sequence number that differs from the previous one feeds the watchdog.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ COLD_JUNCTION_RANGE_C = (-20.0, 85.0)
 CURRENT_MARGIN_A = 0.05
 
 
-class State(IntEnum):
+class BoardState(IntEnum):
     """The register `state`."""
 
     IDLE = 0
@@ -31,7 +31,7 @@ class State(IntEnum):
     FAULT = 2
 
 
-class Fault(IntFlag):
+class BoardFault(IntFlag):
     """The bits of the register `faults`: latched."""
 
     WATCHDOG = 1 << 0
@@ -43,29 +43,29 @@ class Fault(IntFlag):
     HEATER_OPEN = 1 << 6
 
 
-class Limit(IntFlag):
-    """The bits of the register `limits`: what holds the current back now."""
+class BoardLimit(IntFlag):
+    """The bits of the register `limits`: the limits that hold the current back now."""
 
     CURRENT_MAX = 1 << 0
     SUPPLY = 1 << 1
     TEMPERATURE = 1 << 2
 
 
-class Firmware:
-    """Reads `sensors`, decides `current_a`. `log` gets one line per event, without its time."""
+class BoardFirmware:
+    """Reads `sensors`, sets `current_a`. `log_event` gets one line per event, without its time."""
 
     voltage_max_v = inf  # a current source: the board's limits are all in amperes
 
-    def __init__(self, board: Board, sensors: Sensors, log: Callable[[str], None]) -> None:
+    def __init__(self, board: Board, sensors: Sensors, log_event: Callable[[str], None]) -> None:
         self._board = board
         self._supply_limit_a = board.supply_limit_a
         self._sensors = sensors
-        self._log = log
+        self._log_event = log_event
         self.restart()
 
     def restart(self) -> None:
-        """A power-up: idle, nothing latched, everything configured back to its default."""
-        self.state = State.IDLE
+        """Power up: idle, no fault latched, all settings at their defaults."""
+        self.state = BoardState.IDLE
         self.faults = 0
         self.limits = 0
         self.sequence = 0
@@ -79,23 +79,23 @@ class Firmware:
         self._current_wrong_s = 0.0
 
     def tick(self, dt_s: float) -> None:
-        """Let `dt_s` pass: check the sensors, run the watchdog, set the current."""
+        """Run for `dt_s`: check the sensors, count the watchdog, set the current."""
         self.uptime_s += dt_s
         self._unfed_s += dt_s
         causes = self._sensor_faults() + self._current_faults(dt_s)
-        if self.state is State.ARMED and self._unfed_s >= self.watchdog_s - 1e-9:
-            causes.append(Fault.WATCHDOG)
+        if self.state is BoardState.ARMED and self._unfed_s >= self.watchdog_s - 1e-9:
+            causes.append(BoardFault.WATCHDOG)
         if causes:
             self._trip(causes)
         self._set_current()
 
     def check(self, values: Mapping[str, float]) -> None:
-        """ModbusException when these roles cannot be written: a limit above the board's, arming in a fault."""
+        """ModbusException for a limit above the board's own, and for arming in another state than idle."""
         too_hot = values.get("temperature_max", 0.0) > self._board.temperature_max_c
         too_much = values.get("current_max", 0.0) > self._supply_limit_a
         if too_hot or too_much:
             raise ModbusException(ILLEGAL_VALUE)
-        if "arm" in values and self.state is not State.IDLE:
+        if "arm" in values and self.state is not BoardState.IDLE:
             raise ModbusException(DEVICE_FAILURE)
 
     def write(self, values: Mapping[str, float]) -> None:
@@ -114,13 +114,13 @@ class Firmware:
         self._set_current()
 
     def quantities(self) -> dict[str, float | None]:
-        """What the registers show, by role; None: no reading."""
+        """The values that the registers show, by role; None: no reading."""
         sensors = self._sensors
         return {
             "temperature": None if sensors.unreadable else sensors.temperature_c,
             "cold_junction": sensors.cold_junction_c,
             "heater_current": self.commanded_a,
-            "heater_enable": 1 if self.state is State.ARMED else 0,
+            "heater_enable": 1 if self.state is BoardState.ARMED else 0,
             "measured_current": sensors.current_a,
             "measured_voltage": sensors.voltage_v,
             "displacement": sensors.displacement_mm(),
@@ -137,73 +137,73 @@ class Firmware:
         }
 
     def _command(self, values: Mapping[str, float]) -> None:
-        if self.state is State.ARMED:
+        if self.state is BoardState.ARMED:
             self.commanded_a = values.get("heater_current", self.commanded_a)
-        if self.state is State.ARMED and values.get("heater_enable") == 0:
-            self._leave_armed(State.IDLE)
-            self._log("disarmed")
+        if self.state is BoardState.ARMED and values.get("heater_enable") == 0:
+            self._leave_armed(BoardState.IDLE)
+            self._log_event("disarmed")
 
-    def _sensor_faults(self) -> list[Fault]:
+    def _sensor_faults(self) -> list[BoardFault]:
         sensors = self._sensors
         if unreadable := sensors.unreadable:
-            return [Fault.THERMOCOUPLE_OPEN if unreadable == "open" else Fault.THERMOCOUPLE_SHORT]
+            return [BoardFault.THERMOCOUPLE_OPEN if unreadable == "open" else BoardFault.THERMOCOUPLE_SHORT]
         faults = []
         if sensors.temperature_c >= self.temperature_max_c:
-            faults.append(Fault.OVER_TEMPERATURE)
+            faults.append(BoardFault.OVER_TEMPERATURE)
         if not COLD_JUNCTION_RANGE_C[0] <= sensors.cold_junction_c <= COLD_JUNCTION_RANGE_C[1]:
-            faults.append(Fault.COLD_JUNCTION_RANGE)
+            faults.append(BoardFault.COLD_JUNCTION_RANGE)
         return faults
 
-    def _current_faults(self, dt_s: float) -> list[Fault]:
-        """More current than set: the switch is shorted. Less than half: the heater is open. Both debounced."""
-        set_a, flows_a = self.current_a, self._sensors.current_a
-        excess = flows_a > 1.1 * set_a + CURRENT_MARGIN_A
-        lack = set_a > CURRENT_MARGIN_A and flows_a < 0.5 * set_a
+    def _current_faults(self, dt_s: float) -> list[BoardFault]:
+        """More current than set means a shorted switch, less than half an open heater. Both are debounced."""
+        set_a, measured_a = self.current_a, self._sensors.current_a
+        excess = measured_a > 1.1 * set_a + CURRENT_MARGIN_A
+        lack = set_a > CURRENT_MARGIN_A and measured_a < 0.5 * set_a
         self._current_wrong_s = self._current_wrong_s + dt_s if excess or lack else 0.0
         if self._current_wrong_s < DEBOUNCE_S - 1e-9:
             return []
-        return [Fault.OVER_CURRENT if excess else Fault.HEATER_OPEN]
+        return [BoardFault.OVER_CURRENT if excess else BoardFault.HEATER_OPEN]
 
-    def _trip(self, causes: list[Fault]) -> None:
+    def _trip(self, causes: list[BoardFault]) -> None:
         for fault in causes:
             if not fault & self.faults:
-                self._log(self._story(fault))
+                self._log_event(self._event_text(fault))
                 self.faults |= fault.value
-                self._leave_armed(State.FAULT)
+                self._leave_armed(BoardState.FAULT)
 
-    def _story(self, fault: Fault) -> str:
-        if fault is Fault.WATCHDOG:
+    def _event_text(self, fault: BoardFault) -> str:
+        if fault is BoardFault.WATCHDOG:
             return f"watchdog: no new sequence for {self.watchdog_s:.3f} s, heater off"
-        if fault is Fault.OVER_TEMPERATURE:
+        if fault is BoardFault.OVER_TEMPERATURE:
             hot_c, limit_c = self._sensors.temperature_c, self.temperature_max_c
             return f"over_temperature: {hot_c:.1f} degC, the limit is {limit_c:g} degC, heater off"
         return f"{(fault.name or '').lower()}: heater off"
 
     def _arm(self) -> None:
-        self.state = State.ARMED
+        self.state = BoardState.ARMED
         self._unfed_s = 0.0
-        self._log(f"armed, watchdog {self.watchdog_s:.3f} s")
+        self._log_event(f"armed, watchdog {self.watchdog_s:.3f} s")
 
     def _clear(self) -> None:
-        """Forget the latched faults; those whose cause persists are latched again at once, or after their debounce."""
-        self._log("faults cleared")
+        """Clear the latched faults; a fault whose cause persists latches again at once, or after its debounce."""
+        self._log_event("faults cleared")
         self.faults = 0
         self._current_wrong_s = 0.0
-        self._leave_armed(State.IDLE)
+        self._leave_armed(BoardState.IDLE)
         self._trip(self._sensor_faults())
 
-    def _leave_armed(self, state: State) -> None:
+    def _leave_armed(self, state: BoardState) -> None:
         self.state = state
         self.commanded_a = 0.0
 
     def _set_current(self) -> None:
         self.limits = 0
-        current_a = self.commanded_a if self.state is State.ARMED else 0.0
+        current_a = self.commanded_a if self.state is BoardState.ARMED else 0.0
         margin_c = self.temperature_max_c - self._sensors.temperature_c
         if current_a > self.current_max_a:
-            current_a, self.limits = self.current_max_a, Limit.CURRENT_MAX.value
+            current_a, self.limits = self.current_max_a, BoardLimit.CURRENT_MAX.value
         if current_a > self._supply_limit_a:
-            current_a, self.limits = self._supply_limit_a, self.limits | Limit.SUPPLY.value
+            current_a, self.limits = self._supply_limit_a, self.limits | BoardLimit.SUPPLY.value
         if margin_c < DERATE_C and current_a > (derated_a := self.current_max_a * max(margin_c, 0.0) / DERATE_C):
-            current_a, self.limits = derated_a, self.limits | Limit.TEMPERATURE.value
+            current_a, self.limits = derated_a, self.limits | BoardLimit.TEMPERATURE.value
         self.current_a = current_a

@@ -1,57 +1,59 @@
-"""A simulated device on a bench: what it does, its registers, its bus."""
+"""A simulated device: its firmware, its registers, its bus. `Line` connects one or several of them."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from typing import Protocol
 
-from firmware_sim.bus.faults import BusFaults, Delivery, Later
+from firmware_sim.bus.faults import BusFaults, Delivery
 from firmware_sim.bus.message import Message
 from firmware_sim.bus.ports import Port, RtuPort, TcpPort, TextPort
 from firmware_sim.config import SimConfig
-from firmware_sim.devices.behaviour import Inside
+from firmware_sim.devices.firmware import DeviceParts
+from firmware_sim.fault_parameters import Delay
 from smadrive.clock import Clock
 from smadrive.devices.profile.profile import Profile
 from smadrive.modbus.transports.in_process import InProcessTransport
 
 
-class Bench(Protocol):
-    """What a device needs of the bench it stands on."""
+class DeviceHost(Protocol):
+    """The simulation that devices belong to (a SimulatedBench): its time, its event log, its parts of devices."""
 
     config: SimConfig
     time_s: float
 
-    def inside(self, profile: Profile, tell: Callable[[str], None]) -> Inside:
-        """What makes a device of this profile go, and who answers for it."""
+    def build_parts(self, profile: Profile, log_event: Callable[[str], None]) -> DeviceParts:
+        """The firmware of a device of this profile, and the responder that answers its requests."""
         ...
 
     def advance_to(self, time_s: float) -> None:
-        """Let the time reach `time_s`."""
+        """Run until `time_s`."""
         ...
 
-    def tell(self, text: str) -> None:
-        """An event, now."""
+    def log_event(self, text: str) -> None:
+        """Record an event at the present time."""
         ...
 
 
 class SimulatedDevice:
-    """One device of `bench`; `faults` are those of its bus, `line` is one of its own."""
+    """One device of `bench`. `faults` are the faults of its bus; `line` leads to this device alone."""
 
-    def __init__(self, bench: Bench, profile: Profile, unit_id: int | None, name: str, seed: int) -> None:
+    def __init__(self, bench: DeviceHost, profile: Profile, unit_id: int | None, name: str, seed: int) -> None:
+        """`unit_id` None: that of the profile. `seed` seeds the random bytes of bus faults."""
         self.bench = bench
         self.profile = profile
         self.unit_id = profile.unit_id if unit_id is None else unit_id
         self.name = name
-        self.firmware, self.responder = bench.inside(profile, self._tell)
+        self.firmware, self.responder = bench.build_parts(profile, self._log_event)
         self.faults = BusFaults(lambda: bench.time_s, seed)
         self.line = Line((self,))
         self._boot_s, self._min_gap_s = profile.timing.boot_ms / 1e3, profile.timing.min_gap_ms / 1e3
         self._deaf_until_s = bench.time_s + self._boot_s
 
     def answer(self, request: Message, time_s: float) -> list[Delivery]:
-        """Carry out a request, and answer unless it was a broadcast.
+        """Carry out a request; the deliveries of its reply, none for a broadcast.
 
-        Like the real one, the device hears nothing while it starts, nor in the pause that it needs between frames.
+        Like the real one, the device ignores requests while it starts, and during the minimum gap after a frame.
         """
         if time_s < self._deaf_until_s - 1e-9:
             return []
@@ -66,21 +68,21 @@ class SimulatedDevice:
         return self.line.transport(clock)
 
     def power_cycle(self) -> None:
-        """The supply fails and returns: the firmware starts anew, the wire goes on cooling."""
+        """The supply fails and returns at once: the firmware restarts, the wire goes on cooling."""
         self.brown_out(0.0)
 
-    def brown_out(self, for_s: Later) -> None:
-        """The mains fail for a while: nothing drives current, nothing answers, until the device has started anew."""
-        self._tell(f"no power for {for_s:g} s" if for_s else "power-up")
+    def brown_out(self, for_s: Delay) -> None:
+        """No power for `for_s`: no current, no reply. Then the device starts, for its boot time."""
+        self._log_event(f"no power for {for_s:g} s" if for_s else "power-up")
         self.firmware.restart()
         self._deaf_until_s = self.bench.time_s + for_s + self._boot_s
 
-    def _tell(self, text: str) -> None:
-        self.bench.tell(f"{self.name}: {text}" if self.name else text)
+    def _log_event(self, text: str) -> None:
+        self.bench.log_event(f"{self.name}: {text}" if self.name else text)
 
 
 class Line:
-    """A line with one or several devices on it, all of which hear every request."""
+    """A line with one or several devices on it. All of them receive every request."""
 
     def __init__(self, devices: Sequence[SimulatedDevice]) -> None:
         self.devices = tuple(devices)
@@ -89,18 +91,18 @@ class Line:
         self.port = self.new_port(numbered=self._profile.profile.protocol == "modbus-tcp")
 
     def new_port(self, *, numbered: bool) -> Port:
-        """Another way in: by Modbus TCP frames, which are numbered, by RTU frames, or by text where it speaks that."""
+        """Another port to the same devices: Modbus TCP frames where `numbered`, otherwise RTU frames or text lines."""
         if not self._profile.has_registers:
             return TextPort(self.devices[0].answer)
         return TcpPort(self.devices) if numbered else RtuPort(self.devices)
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Bytes that arrive at `time_s`: what is answered, and when it arrives."""
+        """The deliveries that answer the bytes that arrive at `time_s`."""
         self._bench.advance_to(time_s)
         return self.port.receive(data, time_s)
 
     def transport(self, clock: Clock | None = None) -> InProcessTransport:
-        """A connection in this process, on `clock`; by default on the bench's own time, which waiting moves on."""
+        """A connection in this process, on `clock`; by default on the bench's own time, which a wait advances."""
         line = self._profile.serial_settings()
         transport = InProcessTransport(self, clock or BenchClock(self._bench), None if line is None else line.baudrate)
         for device in self.devices:
@@ -111,7 +113,7 @@ class Line:
 class BenchClock:
     """The bench's own time as a clock."""
 
-    def __init__(self, bench: Bench) -> None:
+    def __init__(self, bench: DeviceHost) -> None:
         self._bench = bench
 
     def now_s(self) -> float:
@@ -119,5 +121,5 @@ class BenchClock:
         return self._bench.time_s
 
     def sleep_until(self, time_s: float) -> None:
-        """Let the bench live until then."""
+        """Run the bench until `time_s`."""
         self._bench.advance_to(time_s)

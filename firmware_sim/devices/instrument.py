@@ -1,4 +1,4 @@
-"""A measuring device: it shows temperature or displacement of the wire, as often as it converts, and heats nothing."""
+"""A measuring device: it shows temperature or displacement of the wire at its conversion rate, and heats nothing."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from firmware_sim.devices.registers import Quantity
 from firmware_sim.sensors.sensors import Sensors
 
 
-class Instrument:
-    """Shows what the sensors had to say at its last conversion, every `update_s`."""
+class InstrumentFirmware:
+    """Shows the readings of its last conversion; it converts every `update_s`."""
 
     current_a = 0.0
     voltage_max_v = 0.0
@@ -20,21 +20,21 @@ class Instrument:
         self.restart()
 
     def restart(self) -> None:
-        """A power-up: convert at once."""
+        """Power up, and convert at once."""
         self._since_s = 0.0
         self._shown = self._converted()
 
     def tick(self, dt_s: float) -> None:
-        """Convert when it is time."""
+        """Convert when `update_s` has passed."""
         self._since_s += dt_s
         if self._since_s >= self._update_s - 1e-9:
             self.restart()
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Nothing that is written to it touches the wire."""
+        """Accept every write: its registers do not act on the wire."""
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Nothing that is written to it touches the wire."""
+        """Ignore every write: its registers do not act on the wire."""
 
     def quantities(self) -> Mapping[str, Quantity]:
         """Temperature and displacement; None: no reading."""

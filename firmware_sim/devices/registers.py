@@ -1,7 +1,7 @@
 """The register bank of a simulated device: any profile, filled and read by role.
 
-A write is checked whole before any of it takes effect: a request that is refused has changed nothing. What the profile
-tells of the device holds here too: decimals and unit held in registers, and the lock that a write must open first.
+A write is checked as a whole before any part takes effect: a request with an exception reply has changed nothing. The
+rules of the profile apply here too: decimals and unit held in registers, and the lock that a write must open first.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from smadrive.errors import ConfigError
 
 Quantity = float | str | None  # a number, the name of a state, or no reading
 
-_NOWHERE = -1
-"""In the place of a word, by its address: the device has none there."""
+_NO_REGISTER = -1
+"""Marks an address without a register in a table's list of words."""
 
 
-class Cell:
-    """One register of a bank, in the `words` of its table; of plain attributes, for it is used in every exchange."""
+class RegisterCell:
+    """One register of a bank, stored in the `words` of its table. Plain attributes: it is used in every exchange."""
 
     def __init__(self, name: str, role: str | None, register: Register, words: list[int]) -> None:
         self.name = name
@@ -34,46 +34,46 @@ class Cell:
         self.first = register.address
         self.end = register.addresses.stop
         self.size = register.size
-        self.has_companions = bool(register.companions)
+        self.is_dependent = bool(register.companions)
         self.keeps = register.access == "rw"
         self._words = words
 
     @property
     def words(self) -> tuple[int, ...]:
-        """What it holds."""
+        """The stored words."""
         return tuple(self._words[self.first : self.end])
 
     def store(self, words: Sequence[int]) -> None:
-        """Hold `words`; ValueError when it has not as many, for then all that lies behind would move."""
+        """Store `words`; ValueError for a wrong number of them, which would move the registers behind."""
         if len(words) != self.size:
             raise ValueError(f"register '{self.name}' has {self.size} words, {len(words)} were stored")
         self._words[self.first : self.end] = words
 
 
 class Write(NamedTuple):
-    """One register about to be written: its words, and what they mean."""
+    """A write of one register: its words, and their value in the context of the registers that it depends on."""
 
-    cell: Cell
+    cell: RegisterCell
     words: Sequence[int]
     value: float
     context: Context
 
 
 class RegisterBank:
-    """The registers of `profile`, all zero but those that prove its identity."""
+    """The registers of `profile`, all zero except those that prove its identity."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
         self._has_locks = bool(profile.write_order)
         self._tables: dict[str, list[int]] = {}
-        self._cells: dict[str, Cell] = {}
-        self._writable: dict[tuple[str, int], Cell] = {}
+        self._cells: dict[str, RegisterCell] = {}
+        self._writable: dict[tuple[str, int], RegisterCell] = {}
         self._published: dict[str, Quantity] = {}
         role_of = {name: role for role, name in profile.roles.model_dump(exclude_none=True).items()}
         for name, register in profile.registers.items():
             words = self._tables.setdefault(register.table, [])
-            words += [_NOWHERE] * (register.addresses.stop - len(words))
-            cell = self._cells[name] = Cell(name, role_of.get(name), register, words)
+            words += [_NO_REGISTER] * (register.addresses.stop - len(words))
+            cell = self._cells[name] = RegisterCell(name, role_of.get(name), register, words)
             cell.store([0] * cell.size)
             if register.writable:
                 self._writable[register.table, cell.first] = cell
@@ -89,7 +89,7 @@ class RegisterBank:
 
     @property
     def tables(self) -> set[str]:
-        """The tables that the device has."""
+        """The names of the tables that the device has."""
         return set(self._tables)
 
     def publish(self, quantities: Mapping[str, Quantity], table: str, first: int, count: int) -> None:
@@ -98,30 +98,30 @@ class RegisterBank:
         for role, cell in self._shown.get(table, ()):
             if first <= cell.first < end and role in quantities:
                 value = quantities[role]
-                if cell.has_companions:  # other registers say how it shows, and may change
-                    self._show_in_company(cell, value)
+                if cell.is_dependent:  # other registers determine its words, and may change
+                    self._show_dependent(cell, value)
                 elif role not in published or published[role] != value:
                     cell.store(_words_for(cell, value, ALONE))
                     published[role] = value
 
     def preset(self, name: str, value: float) -> None:
-        """Set a register that no role fills; a profile without it is none the worse."""
+        """Set a register without a role; does nothing where the profile has no such register."""
         if name in self._cells:
             cell = self._cells[name]
             cell.store(cell.codec.saturated(value))
 
     def read(self, table: str, first: int, count: int) -> list[int]:
-        """The words, as they were last stored or published, of a range that is readable."""
+        """The words of a readable range, as last stored or published."""
         return self._tables[table][first : first + count]
 
     def check_readable(self, table: str, first: int, count: int) -> None:
-        """ModbusException when one of the words does not exist."""
+        """ModbusException when the range contains an address without a register."""
         words = self._tables.get(table, [])[first : first + count]
-        if len(words) < count or _NOWHERE in words:
+        if len(words) < count or _NO_REGISTER in words:
             raise ModbusException(ILLEGAL_ADDRESS)
 
     def checked(self, table: str, first: int, words: Sequence[int]) -> list[Write]:
-        """The writes of whole registers that `words` make up; ModbusException when one of them is refused."""
+        """The writes of whole registers that `words` consist of; ModbusException when one of them is not allowed."""
         writes: list[Write] = []
         at = 0
         while at < len(words):
@@ -142,11 +142,11 @@ class RegisterBank:
         return writes
 
     def by_role(self, writes: Sequence[Write]) -> dict[str, float]:
-        """The values of those writes whose register plays a role."""
+        """The values of the writes to registers with a role."""
         return {cell.role: value for cell, _, value, _ in writes if cell.role is not None}
 
     def store(self, writes: Sequence[Write]) -> None:
-        """Carry out checked writes; a write-only register keeps nothing."""
+        """Store checked writes; a write-only register stores nothing."""
         for cell, words, _, _ in writes:
             if cell.keeps:
                 cell.store(words)
@@ -160,32 +160,33 @@ class RegisterBank:
             if lock.words != lock.codec.saturated(rule.value):
                 raise ModbusException(DEVICE_FAILURE)
 
-    def _show_in_company(self, cell: Cell, value: Quantity) -> None:
-        """Show a quantity as its companions say, and in those that tell it whether it is valid."""
-        for name, allowed in cell.register.valid_when.items():
-            teller = self._cells[name]
-            denied = (number for number in teller.register.enum if number not in allowed)
-            teller.store(teller.codec.pack(next(denied, 0) if value is None else allowed[0]))
+    def _show_dependent(self, cell: RegisterCell, value: Quantity) -> None:
+        """Show a quantity in a register that depends on others, and its validity in those that report it."""
+        for name, valid in cell.register.valid_when.items():
+            status = self._cells[name]
+            invalid = (number for number in status.register.enum if number not in valid)
+            status.store(status.codec.pack(next(invalid, 0) if value is None else valid[0]))
         cell.store(_words_for(cell, value, self._context(cell)))
 
-    def _context(self, cell: Cell) -> Context:
-        if not cell.has_companions:
+    def _context(self, cell: RegisterCell) -> Context:
+        if not cell.is_dependent:
             return ALONE
-        companions = (self._cells[name] for name in cell.register.companions)
-        return context_of(cell.register, {one.name: one.codec.decode(one.words) for one in companions})
+        others = (self._cells[name] for name in cell.register.companions)
+        return context_of(cell.register, {one.name: one.codec.decode(one.words) for one in others})
 
 
-def _words_for(cell: Cell, value: Quantity, context: Context) -> tuple[int, ...]:
-    """No reading as the sentinel that says "open" (or the first), a state by its number or its bit.
+def _words_for(cell: RegisterCell, value: Quantity, context: Context) -> tuple[int, ...]:
+    """The words that show `value`: a number scaled, a state by its number or its bit.
 
-    NaN is no reading where the register cannot hold it.
+    No reading is shown as the sentinel whose reason contains "open", otherwise as the first one. NaN counts as no
+    reading where the register cannot hold it.
     """
     register = cell.register
     no_reading = value is None or (isinstance(value, float) and isnan(value) and register.type != "float32")
     if isinstance(value, (int, float)) and not no_reading:
         return cell.codec.saturated(value, context)
     if no_reading:
-        opens = (bits for bits, reason in register.invalid.items() if "open" in reason)
-        return cell.codec.pattern(next(opens, next(iter(register.invalid), 0)))
+        open_patterns = (pattern for pattern, reason in register.invalid.items() if "open" in reason)
+        return cell.codec.pattern(next(open_patterns, next(iter(register.invalid), 0)))
     flags = {1 << bit: word for bit, word in register.bits.items()}
     return cell.codec.pack(next((raw for raw, word in (register.enum | flags).items() if word == value), 0))

@@ -1,17 +1,17 @@
-"""A recorded bus served as devices: every unit of the trace answers as it did then, after the same time.
+"""A recorded bus served as devices: every unit of the trace answers as in the recording, after the same time.
 
-A request is answered by what came to the same request in the recording: the first time by the first answer, and so on;
-when the recording has no more of them, by the last. What was not answered then is not answered now, and a spoilt reply
-comes spoilt. A request that the recording does not know is met with silence, and told as an event.
+A request gets the recorded replies to the same request in their order, and after the last one the last one again. A
+request without a reply in the recording gets none, and a corrupt reply is served corrupt. A request that is not in the
+recording gets no reply, and an event line names it.
 
-An exchange (FC23) is the same request whatever it writes: a driver begins its sequence at random. Where the recorded
-reply repeats a word that was written, the word that is written now is repeated.
+Two exchanges (FC23) are the same request whatever they write, because a driver begins its sequence at a random number.
+Where the recorded reply repeats a written word, the word of the present request is repeated.
 """
 
 from __future__ import annotations
 
 from collections import defaultdict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -26,16 +26,16 @@ from smadrive.modbus.trace import Line, content_of, read_trace
 from smadrive.modbus.transports.in_process import InProcessTransport
 
 EXCHANGE = b"\x17"
-WRITTEN = 10
-"""Where in the PDU of an exchange the written words begin."""
-LONGEST_S = 3600.0
-"""No driver waits longer for a reply."""
+WRITTEN_WORDS = 10
+"""Offset of the written words in the PDU of an exchange."""
+MAX_DELAY_S = 3600.0
+"""The longest delay of a recorded reply. No driver waits longer."""
 
 
-class Answer(NamedTuple):
-    """What came, and how long after the request: nothing (`data` is empty), or a frame; `pdu` is None if not intact.
+class RecordedReply(NamedTuple):
+    """A reply, and its delay after the request. `data` is empty for no reply; `pdu` is None for a corrupt frame.
 
-    `echoes`: where the reply repeats a written word, and where that word stands in the request.
+    `echoes`: the offset of every repeated word in the reply, and its offset in the request.
     """
 
     after_s: float
@@ -44,100 +44,113 @@ class Answer(NamedTuple):
     echoes: tuple[tuple[int, int], ...] = ()
 
     def pdu_for(self, request: bytes) -> bytes:
-        """What the reply says to `request`."""
+        """The PDU of the reply to `request`, with the words that it repeats."""
         reply = bytearray(self.pdu or b"")
-        for there, here in self.echoes:
-            reply[there : there + 2] = request[here : here + 2]
+        for in_reply, in_request in self.echoes:
+            reply[in_reply : in_reply + 2] = request[in_request : in_request + 2]
         return bytes(reply)
 
 
-class Replay:
-    """The devices of the trace at `path`. `tell` gets a line per event, with the time."""
+RepliesByRequest = dict[bytes, deque[RecordedReply]]  # by the part of the request that identifies it
 
-    def __init__(self, path: Path, tell: Callable[[str], None] = lambda _line: None) -> None:
-        """ConfigError when `path` is no trace."""
-        numbered, lines = read_trace(path)
+
+class Replay:
+    """The devices of the trace at `path`. `log` gets a line per event, with the time."""
+
+    def __init__(self, path: Path, log: Callable[[str], None] = lambda _line: None) -> None:
+        """ConfigError for a file that is no trace, or whose times are impossible."""
+        self.numbered, lines = read_trace(path)
         self.time_s = 0.0
-        self.numbered = numbered
-        self._tell = tell
-        answers: dict[int, dict[bytes, deque[Answer]]] = defaultdict(lambda: defaultdict(deque))
-        traffic = [line for line in lines if line.direction != "discarded"]
-        for line, after in zip(traffic, [*traffic[1:], None], strict=True):
-            request = content_of(line.data, numbered=numbered) if line.direction == "sent" else None
-            if request is not None and request[0] != rtu.BROADCAST:
-                unit_id, pdu = request
-                answer = _answer(line, after, numbered=numbered)
-                if not 0.0 <= answer.after_s <= LONGEST_S:
-                    raise ConfigError(
-                        f"{path}: a reply comes {answer.after_s:g} s after its request at {line.time_s:g} s, "
-                        f"allowed are 0 to {LONGEST_S:g} s: correct the times, or remove the exchange"
-                    )
-                answers[unit_id][_key(pdu)].append(answer)
-        self.units = tuple(ReplayedUnit(unit_id, known, self._unknown) for unit_id, known in sorted(answers.items()))
-        self.port = self.new_port(numbered=numbered)
+        self._log = log
+        replies = _recorded_replies(path, lines, numbered=self.numbered)
+        self.units = tuple(
+            ReplayedUnit(unit_id, by_request, self._log_unknown) for unit_id, by_request in sorted(replies.items())
+        )
+        self.port = self.new_port(numbered=self.numbered)
 
     def advance_to(self, time_s: float) -> None:
-        """Let the time reach `time_s`."""
+        """Move the time to `time_s`; does nothing for a time in the past."""
         self.time_s = max(self.time_s, time_s)
 
     def new_port(self, *, numbered: bool) -> Port:
-        """A way in."""
+        """Another port to the same units: Modbus TCP frames where `numbered`, otherwise RTU frames."""
         return TcpPort(self.units) if numbered else RtuPort(self.units)
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Bytes that arrive at `time_s`: what is answered, and when it arrives."""
+        """The deliveries that answer the bytes that arrive at `time_s`."""
         self.advance_to(time_s)
         return self.port.receive(data, time_s)
 
     def transport(self, clock: Clock) -> InProcessTransport:
-        """A connection in this process, in time with `clock`."""
+        """A connection in this process, on `clock`."""
         return InProcessTransport(self, clock, None if self.numbered else 115200)
 
-    def _unknown(self, request: ModbusMessage) -> None:
-        said = pdu_description.of_request(request.pdu)
-        self._tell(f"t={self.time_s:.3f} s not in the recording: unit {request.unit_id}, {said}")
+    def _log_unknown(self, request: ModbusMessage) -> None:
+        description = pdu_description.of_request(request.pdu)
+        self._log(f"t={self.time_s:.3f} s not in the recording: unit {request.unit_id}, {description}")
 
 
 class ReplayedUnit:
     """One unit of a recorded bus."""
 
-    def __init__(
-        self, unit_id: int, known: dict[bytes, deque[Answer]], tell_unknown: Callable[[ModbusMessage], None]
-    ) -> None:
+    def __init__(self, unit_id: int, replies: RepliesByRequest, log_unknown: Callable[[ModbusMessage], None]) -> None:
+        """`log_unknown` gets every request that is not in the recording."""
         self.unit_id = unit_id
-        self._known = known
-        self._tell_unknown = tell_unknown
+        self._replies = replies
+        self._log_unknown = log_unknown
 
     def answer(self, request: ModbusMessage, time_s: float) -> list[Delivery]:
-        """What came then, as long after."""
-        answers = self._known.get(_key(request.pdu))
-        if not answers:
-            self._tell_unknown(request)
+        """The next recorded reply to this request, with its recorded delay."""
+        replies = self._replies.get(_key(request.pdu))
+        if not replies:
+            self._log_unknown(request)
             return []
-        answer = answers.popleft() if len(answers) > 1 else answers[0]
-        data = answer.data if answer.pdu is None else request.answered(answer.pdu_for(request.pdu)).frame
-        return [(time_s + answer.after_s, data)] if data else []
+        reply = replies.popleft() if len(replies) > 1 else replies[0]
+        data = reply.data if reply.pdu is None else request.reply(reply.pdu_for(request.pdu)).frame
+        return [(time_s + reply.after_s, data)] if data else []
 
 
-def _answer(request: Line, after: Line | None, *, numbered: bool) -> Answer:
-    if after is None or after.direction != "received":
-        return Answer(0.0, b"", None)
-    content = content_of(after.data, numbered=numbered)
-    asked = content_of(request.data, numbered=numbered)
-    if content is None or asked is None or content[0] != asked[0]:
-        return Answer(after.time_s - request.time_s, after.data, None)
-    return Answer(after.time_s - request.time_s, after.data, content[1], _echoes(asked[1], content[1]))
+def _recorded_replies(path: Path, lines: Sequence[Line], *, numbered: bool) -> dict[int, RepliesByRequest]:
+    """The replies of every unit to every request, in their order; ConfigError for an impossible delay."""
+    replies: dict[int, RepliesByRequest] = defaultdict(lambda: defaultdict(deque))
+    traffic = [line for line in lines if line.direction != "discarded"]
+    for line, following in zip(traffic, [*traffic[1:], None], strict=True):
+        request = content_of(line.data, numbered=numbered) if line.direction == "sent" else None
+        if request is not None and request[0] != rtu.BROADCAST:
+            unit_id, pdu = request
+            reply = _recorded_reply(line, following, numbered=numbered)
+            if not 0.0 <= reply.after_s <= MAX_DELAY_S:
+                raise ConfigError(
+                    f"impossible delay of the reply to the request at {line.time_s:g} s",
+                    where=path,
+                    value=f"{reply.after_s:g} s",
+                    limit=f"0 to {MAX_DELAY_S:g} s",
+                    cure="correct the times, or remove the exchange",
+                )
+            replies[unit_id][_key(pdu)].append(reply)
+    return replies
+
+
+def _recorded_reply(request: Line, following: Line | None, *, numbered: bool) -> RecordedReply:
+    if following is None or following.direction != "received":
+        return RecordedReply(0.0, b"", None)
+    after_s = following.time_s - request.time_s
+    received = content_of(following.data, numbered=numbered)
+    sent = content_of(request.data, numbered=numbered)
+    if received is None or sent is None or received[0] != sent[0]:
+        return RecordedReply(after_s, following.data, None)
+    return RecordedReply(after_s, following.data, received[1], _echoes(sent[1], received[1]))
 
 
 def _key(pdu: bytes) -> bytes:
-    """What makes two requests the same: all of it, or all but the words that an exchange writes."""
-    return pdu[:WRITTEN] if pdu[:1] == EXCHANGE else pdu
+    """The part of a request that identifies it: all of it, but without the words that an exchange writes."""
+    return pdu[:WRITTEN_WORDS] if pdu[:1] == EXCHANGE else pdu
 
 
 def _echoes(request: bytes, reply: bytes) -> tuple[tuple[int, int], ...]:
-    """The first place of each written word among the words of the reply to an exchange; zeros are no echo."""
+    """The offsets of every written word in the reply and in the request of an exchange. Zero words do not count."""
     if request[:1] != EXCHANGE or reply[:1] != EXCHANGE:
         return ()
-    words = [reply[there : there + 2] for there in range(2, len(reply), 2)]
-    written = ((here, request[here : here + 2]) for here in range(WRITTEN, len(request), 2))
-    return tuple((2 + 2 * words.index(word), here) for here, word in written if word in words and any(word))
+    words = [reply[offset : offset + 2] for offset in range(2, len(reply), 2)]
+    written = ((offset, request[offset : offset + 2]) for offset in range(WRITTEN_WORDS, len(request), 2))
+    return tuple((2 + 2 * words.index(word), offset) for offset, word in written if word in words and any(word))

@@ -1,8 +1,8 @@
-"""The server side of the bus, by the book: a request in, its answer out, whatever frames carry them.
+"""The server side of Modbus according to the standard: the PDU of a request in, the PDU of the reply out.
 
-Exceptions in the order of the standard: function, quantity, address, value, device. FC23 checks both of its ranges
-before it writes anything. Functions that the profile's device does not have, and those of tables that it does not
-have, are unknown.
+Exceptions are checked in the order of the standard: function, quantity, address, value, device. FC23 checks both of its
+ranges before it writes. Functions that the profile excludes, and functions of tables that it does not have, are
+unknown.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from firmware_sim.bus.modbus_exception import ILLEGAL_ADDRESS, ILLEGAL_FUNCTION, ILLEGAL_VALUE, ModbusException
-from firmware_sim.devices.behaviour import RegisterBehaviour
+from firmware_sim.devices.firmware import RegisterFirmware
 from firmware_sim.devices.registers import RegisterBank
 from smadrive.devices.profile.function_codes import words_of
 from smadrive.devices.profile.schema import Timing
@@ -24,20 +24,20 @@ _COIL_STATES = {0xFF00: 1, 0x0000: 0}
 
 @dataclass(slots=True)
 class ResponderCounters:
-    """What arrived since the start."""
+    """Requests, and exception replies to them, since the start."""
 
     requests: int = 0
     exceptions: int = 0
 
 
 class Responder:
-    """Answers out of `bank`, which shows and commands `firmware`."""
+    """Answers requests from the register bank, which shows and commands `firmware`."""
 
-    def __init__(self, bank: RegisterBank, firmware: RegisterBehaviour, timing: Timing) -> None:
+    def __init__(self, bank: RegisterBank, firmware: RegisterFirmware, timing: Timing) -> None:
         self.counters = ResponderCounters()
         self._bank = bank
         self._firmware = firmware
-        self._most_read, self._most_written = timing.max_read_registers, timing.max_write_registers
+        self._max_read, self._max_written = timing.max_read_registers, timing.max_write_registers
         functions: dict[int, Callable[[bytes], bytes]] = {
             3: lambda data: self._read("holding", data),
             6: self._write_one,
@@ -59,21 +59,21 @@ class Responder:
         self._functions[_LOOP_BACK] = self._loop_back
 
     def answer(self, pdu: bytes) -> bytes:
-        """The PDU that answers `pdu`: a reply, or an exception."""
+        """The PDU of the reply to `pdu`: its result, or an exception."""
         function, data = pdu[0], pdu[1:]
         self.counters.requests += 1
         try:
             return bytes((function,)) + self._functions.get(function, _unknown)(data)
-        except struct.error:  # shorter or longer than its function demands
+        except struct.error:  # shorter or longer than its function requires
             code = ILLEGAL_VALUE
-        except ModbusException as refusal:
-            code = refusal.code
+        except ModbusException as exception:
+            code = exception.code
         self.counters.exceptions += 1
         return bytes((function | 0x80, code))
 
     def _read(self, table: str, data: bytes) -> bytes:
         first, count = struct.unpack(">HH", data)
-        _check_quantity(count, self._most_read)
+        _check_quantity(count, self._max_read)
         self._bank.check_readable(table, first, count)
         return self._words(table, first, count)
 
@@ -99,7 +99,7 @@ class Responder:
 
     def _write_several(self, data: bytes) -> bytes:
         first, count, size = struct.unpack(">HHB", data[:5])
-        _check_quantity(count, self._most_written)
+        _check_quantity(count, self._max_written)
         _check_size(2 * count, size, data[5:])
         self._write("holding", first, requests.registers_of(data[5:]))
         return data[:4]
@@ -121,7 +121,7 @@ class Responder:
 
     def _exchange(self, data: bytes) -> bytes:
         read_first, read_count, write_first, write_count, size = struct.unpack(">HHHHB", data[:9])
-        _check_quantity(read_count, self._most_read)
+        _check_quantity(read_count, self._max_read)
         _check_quantity(write_count, requests.MAX_EXCHANGE_WRITE_REGISTERS)
         _check_size(2 * write_count, size, data[9:])
         self._bank.check_readable("holding", read_first, read_count)
@@ -155,11 +155,11 @@ def _unknown(_data: bytes) -> bytes:
     raise ModbusException(ILLEGAL_FUNCTION)
 
 
-def _check_quantity(count: int, most: int) -> None:
-    if not 1 <= count <= most:
+def _check_quantity(count: int, limit: int) -> None:
+    if not 1 <= count <= limit:
         raise ModbusException(ILLEGAL_VALUE)
 
 
-def _check_size(right: int, size: int, payload: bytes) -> None:
-    if size != right or len(payload) != size:
+def _check_size(expected: int, size: int, payload: bytes) -> None:
+    if size != expected or len(payload) != size:
         raise ModbusException(ILLEGAL_VALUE)

@@ -1,9 +1,9 @@
-"""A bench supply: it holds current or voltage, whichever is reached first, and has no watchdog.
+"""A bench supply: it limits current or voltage, whichever limit is reached first, and has no watchdog.
 
-What makes it a hazard for a wire, and what a driver must make up for: it heats on when nobody talks to it any more, it
-measures no temperature, and a failure of the wire shows only in its readings. Where its map has the registers `ovp` and
-`ocp`, more voltage or current than that, set or measured, switches the output off and latches a protection, which is
-reset by a write of 0 where its register can be written, and else at the panel or by a power-up.
+It is a hazard for a wire: it heats on when the driver is silent, it measures no temperature, and a failure of the wire
+shows only in its readings. The driver must compensate for that. Where its map has the registers `ovp` and `ocp`,
+a higher voltage or current, set or measured, switches the output off and latches a protection. A write of 0 resets the
+protection where its register is writable; otherwise the panel or a power-up does.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ CC_MARGIN = 0.99
 TRIP_MARGIN = 1.01  # beyond the noise of the measurement
 
 
-class Supply:
+class SupplyFirmware:
     """Current limit, voltage limit and an output switch; starts with the output off and both at zero."""
 
-    def __init__(self, sensors: Sensors, profile: Profile, log: Callable[[str], None]) -> None:
-        """A `profile` without a voltage to command: the current alone decides."""
+    def __init__(self, sensors: Sensors, profile: Profile, log_event: Callable[[str], None]) -> None:
+        """With a `profile` without a voltage command only the current is limited."""
         self._sensors = sensors
         self._has_voltage = profile.roles.heater_voltage is not None
-        self._log = log
+        self._log_event = log_event
         self.protections = {
             role: inf if (highest := profile.register(profile.role(role)).max) is None else highest
             for role in ("ovp", "ocp")
@@ -45,19 +45,19 @@ class Supply:
         return self.set_v if self._has_voltage else inf
 
     def restart(self) -> None:
-        """A power-up: output off, nothing set, nothing latched; the protections stay as they were set."""
+        """Power up: output off, setpoints zero, nothing latched; the protection limits keep their values."""
         self.set_a = 0.0
         self.set_v = 0.0
         self.on = False
         self.latched = "ok"
 
     def tick(self, _dt_s: float) -> None:
-        """Let the protections look at what flows."""
+        """Check the measured voltage and current against the protections."""
         if self.on:
             self._protect(self._sensors.voltage_v / TRIP_MARGIN, self._sensors.current_a / TRIP_MARGIN)
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Whatever lies within the registers' limits can be set."""
+        """Accept every value within the limits of the registers."""
 
     def write(self, values: Mapping[str, float]) -> None:
         """Set current, voltage, protections, output."""
@@ -70,7 +70,7 @@ class Supply:
         self._switch(on=self.latched == "ok" and bool(values.get("heater_enable", self.on)))
 
     def quantities(self) -> Mapping[str, Quantity]:
-        """What was set, what is measured, and which of the two limits holds."""
+        """Setpoints, measured values, the limit that is active, protections."""
         return {
             "heater_current": self.set_a,
             "heater_voltage": self.set_v,
@@ -87,12 +87,12 @@ class Supply:
             if value > self.protections.get(name, inf) and self.latched == "ok":
                 self.latched = name
                 self._switch(on=False)
-                self._log(f"{name}: {value:g} is more than {self.protections[name]:g}, output off")
+                self._log_event(f"{name}: {value:g} is more than {self.protections[name]:g}, output off")
 
     def _switch(self, *, on: bool) -> None:
         if on != self.on:
             self.on = on
-            self._log("output on, no watchdog" if on else "output off")
+            self._log_event("output on, no watchdog" if on else "output off")
 
     def _regulation(self) -> str:
         if not self.on:

@@ -1,11 +1,11 @@
-"""The firmware of a TCLab board, with the wire at its first heater and its first thermometer on the wire.
+"""The firmware of a TCLab board. The wire is its first heater; its first thermometer is on the wire.
 
 It switches a voltage on and off, so fast that only the mean heat matters; the pulse width is a whole number of 255:
 
     duty = floor(Q1 · P1 / 100) / 255          heat = duty · U² / R
 
-As on the real board nothing supervises anything: no watchdog, no limit, and a sensor that is open or shorted reads as
-an end of the converter. An unknown command switches both heaters off.
+As on the real board there is no supervision: no watchdog, no limit, and an open or shorted sensor reads as an end of
+the converter's range. An unknown command switches both heaters off.
 """
 
 from __future__ import annotations
@@ -20,43 +20,43 @@ BANNER = "TCLab Firmware 2.0.1 Arduino Uno"
 PULSE_MAX = 255
 PULSE_FACTORY = {"P1": 200.0, "P2": 100.0}
 QUANTUM_C = 0.322265625
-"""Of the converter: 330 mV / 1024, at 10 mV a degree."""
+"""Resolution of the converter: 330 mV / 1024, at 10 mV per degree."""
 LOWEST_C = -50.0
 COUNTS = 1023
 SAMPLES = 10
-"""Readings of the converter that make up one of the temperature."""
+"""Conversions that are averaged into one temperature reading."""
 
 
 class TCLabFirmware:
-    """Behaviour and responder in one. `supply_v` is what it switches; `load_ohm` tells what it switches it to."""
+    """Firmware and request handler in one. It switches `supply_v` to a load of `load_ohm()`."""
 
     voltage_max_v = inf
 
     def __init__(
-        self, sensors: Sensors, supply_v: float, load_ohm: Callable[[], float], log: Callable[[str], None]
+        self, sensors: Sensors, supply_v: float, load_ohm: Callable[[], float], log_event: Callable[[str], None]
     ) -> None:
         self._sensors = sensors
         self._supply_v = supply_v
         self._load_ohm = load_ohm
-        self._log = log
+        self._log_event = log_event
         self.restart()
 
     @property
     def current_a(self) -> float:
-        """Root mean square of the pulses."""
+        """The root mean square of the pulses."""
         pulse = int(self.duty["Q1"] * self.pulse["P1"] / 100.0)
         return sqrt(pulse / PULSE_MAX) * self._supply_v / self._load_ohm()
 
     def restart(self) -> None:
-        """A power-up, or the port was opened: off."""
+        """Power up, as also when the port is opened: both heaters off."""
         self.duty = {"Q1": 0.0, "Q2": 0.0}
         self.pulse = dict(PULSE_FACTORY)
 
     def tick(self, _dt_s: float) -> None:
-        """It never does anything by itself."""
+        """Do nothing: the board acts on commands only."""
 
     def answer(self, pdu: bytes) -> bytes:
-        """The reply to a line."""
+        """The reply to a line of text."""
         name, _, rest = pdu.decode("ascii", "replace").partition(" ")
         return self._reply(name.strip().upper(), _float(rest)).encode("ascii", "replace")
 
@@ -72,15 +72,15 @@ class TCLabFirmware:
                 return f"{min(max(value, 0.0), 100.0):.2f}"
         shown = {"VER": BANNER, "R1": f"{self.duty['Q1']:.3f}", "R2": f"{self.duty['Q2']:.3f}"}
         shown["T1"] = shown["T2"] = f"{self._temperature_c():.3f}"
-        return shown.get(name) or self._stopped(name)
+        return shown.get(name) or self._switched_off(name)
 
     def _set(self, name: str, duty: float) -> None:
         if bool(duty) != bool(self.duty[name]):
-            self._log(f"{name}: heater on, no watchdog" if duty else f"{name}: heater off")
+            self._log_event(f"{name}: heater on, no watchdog" if duty else f"{name}: heater off")
         self.duty[name] = duty
 
-    def _stopped(self, name: str) -> str:
-        """What ends the heat: its own commands, and all that the board does not know."""
+    def _switched_off(self, name: str) -> str:
+        """The reply after both heaters went off: to the commands A and X, and to every unknown one."""
         for heater in self.duty:
             self._set(heater, 0.0)
         return {"A": "Start", "X": "Stop"}.get(name, name)
@@ -93,7 +93,7 @@ class TCLabFirmware:
 
 
 def _float(text: str) -> float:
-    """A number, or 0, as the Arduino's own conversion has it."""
+    """The number, or 0 for text that is no number, like the Arduino's own conversion."""
     try:
         return parse_number(text)
     except ValueError:

@@ -2,22 +2,18 @@
 
     ξ follows T - shift, and displacement = (1 - fade) · stroke · ξ        both grow linearly over a given time
 
-That is what cycles under load do to a wire (functional fatigue): the driver's model of it grows old.
+Cycles under load do this to a wire (functional fatigue): the driver's model of the wire becomes outdated.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Annotated
 
-from pydantic import Field
-
-Positive = Annotated[float, Field(gt=0)]
-Part = Annotated[float, Field(ge=0, lt=1)]
+from firmware_sim.fault_parameters import Fraction, Positive
 
 
 class Ageing:
-    """How far the wire has changed by now: `shift_c` and `fade`."""
+    """The change of the wire up to now: `shift_c` and `fade`."""
 
     def __init__(self) -> None:
         self.shift_c = 0.0
@@ -26,13 +22,13 @@ class Ageing:
         self._shift_per_s = 0.0
         self._fade_per_s = 0.0
 
-    def age_wire(self, shift_c: float, over_s: Positive, fade: Part = 0.0) -> None:
-        """Over `over_s` the temperatures of the transformation move by `shift_c` and the stroke by -`fade` of it."""
+    def age_wire(self, shift_c: float, over_s: Positive, fade: Fraction = 0.0) -> None:
+        """Over `over_s` the temperatures of the transformation move by `shift_c`, and the stroke loses `fade` of it."""
         self._left_s = over_s
         self._shift_per_s = (shift_c - self.shift_c) / over_s
         self._fade_per_s = (fade - self.fade) / over_s
 
-    def pass_time(self, dt_s: float) -> None:
+    def advance(self, dt_s: float) -> None:
         """Let `dt_s` pass."""
         if self._left_s > 0.0:
             dt_s = min(dt_s, self._left_s)
@@ -41,5 +37,5 @@ class Ageing:
             self.fade += self._fade_per_s * dt_s
 
     def by_name(self) -> dict[str, Callable[..., None]]:
-        """What a script can ask for."""
+        """The methods that a script can call."""
         return {"age_wire": self.age_wire}

@@ -1,13 +1,13 @@
-"""Simulated benches for Flexinol actuator wire of any diameter on sale, from what is published about it.
+"""Simulated benches for Flexinol actuator wire of any diameter on sale, from published data.
 
-Resistance, and the current that contracts the wire in a second, stand in the vendor's table. A wire in still air loses
-heat by Morgan's correlation for thin cylinders (Advances in Heat Transfer 11, 1975), air at the film temperature:
+The vendor's table gives the resistance, and the current that contracts the wire in one second. A wire in still air
+loses heat by Morgan's correlation for thin cylinders (Advances in Heat Transfer 11, 1975), air at the film temperature:
 
     h = Nu k/d          Nu = C Ra^n          Ra = g β (T - T_amb) d³/(ν α)
 
 Thin wires need two corrections. The sleeve of still air around them, out to r e^(2/Nu), warms and cools with the wire:
-at 0.025 mm it stores more than half as much heat. And the vendor's current contracts them, so that they cannot lose
-more than it brings: at 0.025 and 0.05 mm that is less than the correlation says.
+at 0.025 mm it stores more than half as much heat. And the vendor's current contracts them, so they cannot lose more
+heat than this current supplies: at 0.025 and 0.05 mm that is less than the correlation gives.
 
 Transformation by the stress s in MPa, measured: μ₊ = 77.6 + 0.1233 s, μ₋ = 55.5 + 0.1352 s °C; HT wire 20 K above that.
 """
@@ -43,32 +43,37 @@ BIAS_MPA = 100.0
 WARM_C = 80.0  # the wire at which h is evaluated
 
 
-class Row(NamedTuple):
-    """Of the vendor's table."""
+class TableRow(NamedTuple):
+    """A row of the vendor's table: resistance, and the current that contracts the wire in one second."""
 
     ohm_per_m: float
     contracting_a: float
 
 
 TABLE = {
-    0.025: Row(1425.0, 0.045),
-    0.05: Row(500.0, 0.085),
-    0.076: Row(232.0, 0.15),
-    0.10: Row(126.0, 0.2),
-    0.15: Row(55.0, 0.41),
-    0.20: Row(29.0, 0.66),
-    0.25: Row(18.5, 1.05),
-    0.31: Row(12.2, 1.5),
-    0.38: Row(8.3, 2.25),
-    0.51: Row(4.3, 4.0),
+    0.025: TableRow(1425.0, 0.045),
+    0.05: TableRow(500.0, 0.085),
+    0.076: TableRow(232.0, 0.15),
+    0.10: TableRow(126.0, 0.2),
+    0.15: TableRow(55.0, 0.41),
+    0.20: TableRow(29.0, 0.66),
+    0.25: TableRow(18.5, 1.05),
+    0.31: TableRow(12.2, 1.5),
+    0.38: TableRow(8.3, 2.25),
+    0.51: TableRow(4.3, 4.0),
 }
 
 
 def flexinol(diameter_mm: float, length_m: float = 0.3, alloy: Literal["LT", "HT"] = "LT") -> SimConfig:
-    """A bench with this wire under a weight of 100 MPa; ConfigError for a diameter that is not made."""
+    """A bench with this wire under a weight of 100 MPa; ConfigError for a diameter that is not sold."""
     if diameter_mm not in TABLE:
         made = ", ".join(f"{diameter:g}" for diameter in TABLE)
-        raise ConfigError(f"flexinol: there is no wire of {diameter_mm:g} mm; made are {made} mm")
+        raise ConfigError(
+            "no wire of this diameter is sold",
+            where="flexinol",
+            value=f"{diameter_mm:g} mm",
+            cure=f"choose one of {made} mm",
+        )
     row, area_mm2 = TABLE[diameter_mm], pi * diameter_mm**2 / 4
     mass_kg = DENSITY_KG_PER_M3 * area_mm2 * 1e-6 * length_m
     air = still_air(diameter_mm * 1e-3, WARM_C - AMBIENT_C)
@@ -76,7 +81,7 @@ def flexinol(diameter_mm: float, length_m: float = 0.3, alloy: Literal["LT", "HT
     return SimConfig(
         wire=Wire(
             heat_capacity_j_per_k=mass_kg * HEAT_CAPACITY_J_PER_KG_K + air.sleeve_j_per_m_k * length_m,
-            loss_w_per_k=min(air.loss_w_per_m_k, _most_loss_w_per_m_k(row)) * length_m,
+            loss_w_per_k=min(air.loss_w_per_m_k, _max_loss_w_per_m_k(row)) * length_m,
             mass_kg=mass_kg,
             latent_heat_j_per_kg=LATENT_HEAT_J_PER_KG,
             resistance_cold_ohm=row.ohm_per_m * length_m,
@@ -104,15 +109,15 @@ def flexinol(diameter_mm: float, length_m: float = 0.3, alloy: Literal["LT", "HT
     )
 
 
-class Air(NamedTuple):
-    """Per metre of wire and kelvin: what the air takes away, and what its sleeve around the wire holds."""
+class StillAir(NamedTuple):
+    """Heat loss to the air, and heat capacity of the air sleeve around the wire, both per metre and kelvin."""
 
     loss_w_per_m_k: float
     sleeve_j_per_m_k: float
 
 
-def still_air(diameter_m: float, excess_k: float) -> Air:
-    """Free convection from a wire `excess_k` above ambient, and the heat in the sleeve of air that it warms."""
+def still_air(diameter_m: float, excess_k: float) -> StillAir:
+    """Free convection from a wire `excess_k` above ambient, and the heat capacity of the air sleeve that it warms."""
     film_k = 273.15 + AMBIENT_C + excess_k / 2
     conductivity = 0.0241 * (film_k / 273.15) ** 0.81
     viscosity = 13.3e-6 * (film_k / 273.15) ** 1.75
@@ -121,10 +126,10 @@ def still_air(diameter_m: float, excess_k: float) -> Air:
     nusselt = factor * rayleigh**exponent
     inner_m, outer_m = diameter_m / 2, diameter_m / 2 * exp(2 / nusselt)
     mean_area = pi * ((outer_m**2 - inner_m**2) / (2 * log(outer_m / inner_m)) - inner_m**2)  # a logarithmic profile
-    return Air(pi * nusselt * conductivity, 1.293 * 273.15 / film_k * 1006.0 * mean_area)
+    return StillAir(pi * nusselt * conductivity, 1.293 * 273.15 / film_k * 1006.0 * mean_area)
 
 
-def _most_loss_w_per_m_k(row: Row) -> float:
-    """What the vendor's current makes up for in an HT wire that has contracted by all but two sigmas."""
+def _max_loss_w_per_m_k(row: TableRow) -> float:
+    """The loss that the vendor's current balances in an HT wire two sigmas above its transformation temperature."""
     contracted_c = HEATING_C + TABLE_MPA / HEATING_MPA_PER_K + HIGHER_C["HT"] + 2 * SIGMA_K
     return row.contracting_a**2 * row.ohm_per_m / (contracted_c - AMBIENT_C)

@@ -2,9 +2,9 @@
 
     (m c + m L dξ/dT) dT/dt = I² R(ξ) - h A (T - T_amb)        R = R_cold (1 + r ξ)        stroke · ξ = displacement
 
-ξ, the austenite fraction, follows T with a hysteresis, which the driver has to invert; transformation.py tells how.
-Within a substep dξ/dT and R are frozen and the balance is solved exactly; substeps of at most 10 ms and about 1 K keep
-the error far below the sensors' noise.
+ξ, the austenite fraction, follows T with a hysteresis (transformation.py), which the driver has to invert.
+Within a substep dξ/dT and R are constant and the balance is solved exactly. Substeps of at most 10 ms and about 1 K
+keep the error far below the sensors' noise.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from math import expm1, inf
 
 from firmware_sim.config import SimConfig
 from firmware_sim.physics.ageing import Ageing
-from firmware_sim.physics.physical_faults import HeaterFaults
+from firmware_sim.physics.heater_faults import HeaterFaults
 from firmware_sim.physics.transformation import LoadedTransformation
 
 SUBSTEP_S = 0.01
@@ -21,7 +21,7 @@ SUBSTEP_K = 1.0
 
 
 class Plant:
-    """A wire that starts at ambient temperature, all martensite. `faults` are its heater's; `ageing` changes it."""
+    """A wire that starts at ambient temperature, all martensite. `faults` are those of its heater circuit."""
 
     def __init__(self, config: SimConfig) -> None:
         wire = config.wire
@@ -37,7 +37,7 @@ class Plant:
         self._cold_ohm, self._change = wire.resistance_cold_ohm, wire.resistance_change
         self._stroke_mm = wire.stroke_mm
         self.resistance_ohm = self._resistance_ohm()
-        """R(ξ) of the wire alone."""
+        """R(ξ) of the wire, without contacts."""
 
     @property
     def phase(self) -> float:
@@ -53,21 +53,21 @@ class Plant:
         return self._cold_ohm * (1.0 + self._change * self._transformation.phase)
 
     def advance(self, current_a: float, dt_s: float, voltage_max_v: float = inf) -> None:
-        """Let `current_a` flow for `dt_s`, or as much of it as `voltage_max_v` drives."""
-        self.faults.pass_time(dt_s)
-        self.ageing.pass_time(dt_s)
+        """Let `current_a` flow for `dt_s`, or the lower current that `voltage_max_v` drives."""
+        self.faults.advance(dt_s)
+        self.ageing.advance(dt_s)
         self._drive(current_a, voltage_max_v)
         while dt_s > 1e-12:
             dt_s -= self._substep(dt_s)
 
-    def _drive(self, wanted_a: float, voltage_max_v: float) -> None:
-        """Current, and voltage at the source: on an open circuit, its limit if it has one."""
+    def _drive(self, set_a: float, voltage_max_v: float) -> None:
+        """Set the current, and the voltage at the source: on an open circuit its limit, if it has one."""
         circuit = self.faults.circuit
         if circuit.broken:
-            self.current_a, self.voltage_v = 0.0, voltage_max_v if wanted_a > 0.0 and voltage_max_v < inf else 0.0
+            self.current_a, self.voltage_v = 0.0, voltage_max_v if set_a > 0.0 and voltage_max_v < inf else 0.0
             return
         loop_ohm = self.resistance_ohm + circuit.contact_ohm
-        driven_a = min(wanted_a * circuit.passed, voltage_max_v / loop_ohm, circuit.voltage_max_v / loop_ohm)
+        driven_a = min(set_a * circuit.passed, voltage_max_v / loop_ohm, circuit.voltage_max_v / loop_ohm)
         self.current_a = max(driven_a, circuit.leak_a)
         self.voltage_v = self.current_a * loop_ohm
 

@@ -1,16 +1,16 @@
-"""A Preisach plane: the phase of a wire of many grains, each with a temperature of its own up and one back down.
+"""A Preisach plane: the phase of a wire of many grains, each with its own temperatures of transformation.
 
     a grain turns to austenite when v rises above α, and back when v falls below β          α > β
     ξ = the share of grains that are austenite          E(a, b) = the share of grains with α ≤ a and β ≥ b
 
-Rising from a minimum m turns the grains with α ≤ v that m had turned back, falling from a maximum M turns back those
-with β ≥ v that M had turned. So ξ follows from the turning points still remembered (Preisach 1935, Everett 1955):
+Rising from a minimum m turns the grains with α ≤ v that m had turned back; falling from a maximum M turns back those
+with β ≥ v that M had turned. So ξ follows from the reversals that are still remembered (Preisach 1935, Everett 1955):
 
     rising   ξ = ξ_m + E(v, m)          falling   ξ = ξ_M - E(M, v)
 
-and what passes an earlier turning point wipes that out, with all behind it: minor loops close exactly. A Duhem model,
-whose only state is ξ, does neither. Here (α, β) are jointly Gaussian, cut off where a grain would have next to no
-hysteresis, on a grid; within a cell the density is constant, so E is bilinear there.
+An input that passes an earlier reversal wipes it out, with all later ones: minor loops close exactly. A Duhem model,
+whose only state is ξ, does neither. Here (α, β) are jointly Gaussian, without the grains of almost no hysteresis, on a
+grid. Within a cell the density is constant, so E is bilinear there.
 """
 
 from __future__ import annotations
@@ -27,25 +27,25 @@ SPAN = 5.0  # standard deviations to either side
 NARROWEST_K = 4.0  # α - β of a grain, at least
 
 
-class Turn(NamedTuple):
-    """A turning point: the input and the phase there, and the turning point before it."""
+class Reversal(NamedTuple):
+    """A reversal of the input: input and phase there, and the reversal before it."""
 
     v: float
     phase: float
-    before: Turn | None
+    previous: Reversal | None
 
 
-class Memory(NamedTuple):
-    """Where the wire is: upward or downward from `turn`."""
+class PreisachState(NamedTuple):
+    """Input and phase now, moving upward or downward since `reversal`."""
 
     v: float
     phase: float
     rising: bool
-    turn: Turn
+    reversal: Reversal
 
 
 class Preisach:
-    """The plane of a transformation: memory in, memory out."""
+    """The plane of a transformation: state in, state out."""
 
     def __init__(self, plane: Transformation) -> None:
         up = _edges(plane.mu_heating_c, plane.sigma_heating_c)
@@ -53,37 +53,37 @@ class Preisach:
         self._up_c, self._down_c = float(up[0]), float(down[0])
         self._up_cells, self._down_cells = len(up) - 1, len(down) - 1
         self._everett: list[list[float]] = _everett(plane, up, down).tolist()
-        self._coldest = Turn(self._down_c, 0.0, None)
+        self._coldest = Reversal(self._down_c, 0.0, None)
 
-    def start(self, v: float) -> Memory:
-        """Heated from far below to `v`."""
-        return Memory(v, self._share(v, self._coldest.v), rising=True, turn=self._coldest)
+    def start(self, v: float) -> PreisachState:
+        """The state of a wire heated from far below to `v`."""
+        return PreisachState(v, self._share(v, self._coldest.v), rising=True, reversal=self._coldest)
 
-    def phase(self, memory: Memory) -> float:
+    def phase(self, state: PreisachState) -> float:
         """ξ."""
-        return memory.phase
+        return state.phase
 
-    def slope(self, memory: Memory, v: float, rising: bool) -> float:
-        """dξ/dv for the input that goes on from `v`, upward or downward."""
-        turn_v = memory.turn.v if rising == memory.rising else memory.v
+    def slope(self, state: PreisachState, v: float, rising: bool) -> float:
+        """dξ/dv for an input that moves on from `v`, upward or downward."""
+        reversal_v = state.reversal.v if rising == state.rising else state.v
         if rising:
-            row, next_row, _, j, t = self._cell(v, turn_v)
+            row, next_row, _, j, t = self._cell(v, reversal_v)
             return ((1 - t) * (next_row[j] - row[j]) + t * (next_row[j + 1] - row[j + 1])) / CELL_K
-        row, next_row, s, j, _ = self._cell(turn_v, v)
+        row, next_row, s, j, _ = self._cell(reversal_v, v)
         return ((1 - s) * (row[j] - row[j + 1]) + s * (next_row[j] - next_row[j + 1])) / CELL_K
 
-    def moved(self, memory: Memory, v0: float, v1: float) -> Memory:
-        """The memory after the input moved from `v0` to `v1`."""
+    def moved(self, state: PreisachState, v0: float, v1: float) -> PreisachState:
+        """The state after the input moved monotonically from `v0` to `v1`."""
         if v1 == v0:
-            return memory
+            return state
         rising = v1 > v0
-        turn = memory.turn if rising == memory.rising else Turn(memory.v, memory.phase, memory.turn)
-        while turn.before is not None and (v1 >= turn.before.v if rising else v1 <= turn.before.v):
-            if turn.before.before is None:
-                return self.start(v1)  # colder than all that was: nothing is remembered
-            turn = turn.before.before
-        change = self._share(v1, turn.v) if rising else -self._share(turn.v, v1)
-        return Memory(v1, turn.phase + change, rising, turn)
+        last = state.reversal if rising == state.rising else Reversal(state.v, state.phase, state.reversal)
+        while last.previous is not None and (v1 >= last.previous.v if rising else v1 <= last.previous.v):
+            if last.previous.previous is None:
+                return self.start(v1)  # colder than ever before: no reversal is left
+            last = last.previous.previous
+        change = self._share(v1, last.v) if rising else -self._share(last.v, v1)
+        return PreisachState(v1, last.phase + change, rising, last)
 
     def _share(self, a: float, b: float) -> float:
         """E(a, b)."""
@@ -91,7 +91,7 @@ class Preisach:
         return (1 - s) * ((1 - t) * row[j] + t * row[j + 1]) + s * ((1 - t) * next_row[j] + t * next_row[j + 1])
 
     def _cell(self, a: float, b: float) -> tuple[list[float], list[float], float, int, float]:
-        """The rows of E around `a`, how far it is between them, the column before `b`, how far it is behind that."""
+        """Two rows of E around `a`, the fraction of `a` between them, the column before `b`, the fraction beyond it."""
         s = min(max((a - self._up_c) / CELL_K, 0.0), self._up_cells - 1e-9)
         t = min(max((b - self._down_c) / CELL_K, 0.0), self._down_cells - 1e-9)
         i, j = int(s), int(t)

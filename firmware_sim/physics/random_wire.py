@@ -1,11 +1,11 @@
-"""Plants drawn at random around a nominal one: wires as they come from the reel, on rigs as people build them.
+"""Random plants around a nominal one: the scatter of wires from the reel, and of rigs as people build them.
 
     μ ±5 K (each branch)   σ ±25 % (each branch)   stroke ±10 %   m c, h A, latent heat ±25 %   R ±5 %
     thermocouple lag 50 to 250 ms, noise 0.1 K
 
-Uniform and independent, whatever hysteresis the nominal wire has: of five wires three get one Gaussian a branch, one a
-second component between its branches, as the R-phase makes, and one a Preisach plane. Branches that cross where the
-wire works, which no wire can have, are drawn again.
+Uniform and independent. The kind of hysteresis does not depend on the nominal wire: of five wires three get one
+Gaussian per branch, one gets a second component between its branches (as from an R-phase), and one a Preisach plane.
+Branches that cross in the working range are not physical: they are drawn again.
 """
 
 from __future__ import annotations
@@ -17,14 +17,14 @@ from firmware_sim.config import SimConfig, Transformation
 from firmware_sim.physics.transformation import Duhem
 from smadrive.errors import ModelError
 
-Kind = Literal["duhem", "two-component", "preisach"]
-KINDS: tuple[Kind, ...] = ("duhem", "two-component", "preisach")
+HysteresisKind = Literal["duhem", "two-component", "preisach"]
+KINDS: tuple[HysteresisKind, ...] = ("duhem", "two-component", "preisach")
 SHARES = (3, 1, 1)
-REACH = 4.5  # standard deviations beyond both branches: there the transformation is over
+REACH = 4.5  # standard deviations beyond both branches: the transformation is complete there
 
 
-def draw(nominal: SimConfig, seed: int, kind: Kind | None = None) -> SimConfig:
-    """The plant of this seed around `nominal`, of this `kind` or of any. The same arguments give the same plant."""
+def random_wire(nominal: SimConfig, seed: int, kind: HysteresisKind | None = None) -> SimConfig:
+    """The plant of this seed around `nominal`; `kind` None: a random one. The same arguments give the same plant."""
     random = Random(seed)
 
     def within(share: float) -> float:
@@ -39,25 +39,25 @@ def draw(nominal: SimConfig, seed: int, kind: Kind | None = None) -> SimConfig:
         "stroke_mm": wire.stroke_mm * within(0.10),
     }
     thermocouple = {"lag_s": random.uniform(0.05, 0.25), "noise_c": 0.1}
-    any_kind = random.choices(KINDS, SHARES)[0]
+    random_kind = random.choices(KINDS, SHARES)[0]
     return nominal.model_copy(
         update={
             "wire": wire.model_copy(update=wires),
             "thermocouple": nominal.thermocouple.model_copy(update=thermocouple),
-            "transformation": _possible(nominal.transformation, kind or any_kind, random),
+            "transformation": _transformation(nominal.transformation, kind or random_kind, random),
         }
     )
 
 
-def _possible(nominal: Transformation, kind: Kind, random: Random) -> Transformation:
+def _transformation(nominal: Transformation, kind: HysteresisKind, random: Random) -> Transformation:
     while True:
         branches = _branches(nominal, random)
         try:
-            drawn = Transformation.model_validate({"kind": kind} | branches | _more(kind, branches, random))
-            Duhem(drawn)  # a Preisach plane has these branches too
+            candidate = Transformation.model_validate({"kind": kind} | branches | _extras(kind, branches, random))
+            Duhem(candidate)  # a Preisach plane has these branches too
         except ModelError:
             continue
-        return drawn
+        return candidate
 
 
 def _branches(nominal: Transformation, random: Random) -> dict[str, Any]:
@@ -75,8 +75,8 @@ def _branches(nominal: Transformation, random: Random) -> dict[str, Any]:
     }
 
 
-def _more(kind: Kind, branches: dict[str, Any], random: Random) -> dict[str, Any]:
-    """What this kind has beside its two branches."""
+def _extras(kind: HysteresisKind, branches: dict[str, Any], random: Random) -> dict[str, Any]:
+    """The parameters of this kind besides its two branches."""
     if kind == "preisach":
         return {"correlation": random.uniform(0.4, 0.8)}
     if kind == "duhem":

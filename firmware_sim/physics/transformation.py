@@ -1,11 +1,11 @@
-"""The phase transformation of a wire under stress: how much of it is austenite, by temperature and history.
+"""The phase transformation of a wire under stress: the austenite fraction, by temperature and history.
 
-The stress shifts the temperatures of the transformation (Clausius-Clapeyron), so that its input is no longer T:
+The stress shifts the temperatures of the transformation (Clausius-Clapeyron), so that its input is v instead of T:
 
     heating   v = T - s/C_A          cooling   v = T - s/C_M          s = (preload + stiffness · stroke · ξ) / area
 
-With a dead weight s is constant. A spring is stretched by the wire that contracts: ξ depends on v, and v on ξ. Both
-rise together, so that v + s(ξ(v))/C = T has one solution, found by Newton's method from the slope dξ/dv.
+With a dead weight s is constant. A contracting wire stretches a spring: ξ depends on v, and v on ξ. Both rise
+together, so v + s(ξ(v))/C = T has one solution, found by Newton's method from the slope dξ/dv.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.hysteresis.mixture import GaussianMixture
 
 CLOSE_K = 1e-6
-MOST_STEPS = 20
+MAX_STEPS = 20
 
 StateT = TypeVar("StateT")
 
@@ -28,7 +28,7 @@ class Hysteresis(Protocol[StateT]):
     """An operator from an input v, in °C, to a phase fraction: state in, state out."""
 
     def start(self, v: float) -> StateT:
-        """Heated from far below to `v`."""
+        """The state of a wire heated from far below to `v`."""
         ...
 
     def phase(self, state: StateT) -> float:
@@ -36,7 +36,7 @@ class Hysteresis(Protocol[StateT]):
         ...
 
     def slope(self, state: StateT, v: float, rising: bool) -> float:
-        """dξ/dv for the input that goes on from `v`, upward or downward."""
+        """dξ/dv for an input that moves on from `v`, upward or downward."""
         ...
 
     def moved(self, state: StateT, v0: float, v1: float) -> StateT:
@@ -45,7 +45,7 @@ class Hysteresis(Protocol[StateT]):
 
 
 class Duhem:
-    """A Duhem model, whose state is the phase itself."""
+    """A Duhem model. Its state is the phase itself."""
 
     def __init__(self, branches: Transformation) -> None:
         model = DuhemModel.mixture(
@@ -56,7 +56,7 @@ class Duhem:
         self._target = model.engine.target
 
     def start(self, v: float) -> float:
-        """On the heating branch."""
+        """The state on the heating branch at `v`."""
         return self._target(v, rising=True)
 
     def phase(self, state: float) -> float:
@@ -65,47 +65,47 @@ class Duhem:
 
 
 class LoadedTransformation:
-    """The transformation of a wire that a bias pulls; without one the temperatures are those of the config."""
+    """The transformation of a wire under a bias load; without `bias` the temperatures are those of the config."""
 
     def __init__(self, transformation: Transformation, bias: Bias | None, stroke_mm: float, ambient_c: float) -> None:
         self._hysteresis = _hysteresis(transformation)
         heating, cooling = (_Shift(0.0, 0.0), _Shift(0.0, 0.0)) if bias is None else _shifts(bias, stroke_mm)
         self._heating, self._cooling = heating, cooling
         self._temperature_c = ambient_c
-        self._state = self._hysteresis.start(ambient_c - heating.at_rest_k)
+        self._state = self._hysteresis.start(ambient_c - heating.unstretched_k)
         self.phase = self._hysteresis.phase(self._state)
 
     def slope(self, *, rising: bool) -> float:
         """dξ/dT now, upward or downward."""
         shift = self._heating if rising else self._cooling
-        v = self._temperature_c - (shift.at_rest_k + shift.per_phase_k * self.phase)
+        v = self._temperature_c - (shift.unstretched_k + shift.per_phase_k * self.phase)
         slope = self._hysteresis.slope(self._state, v, rising)
         return slope / (1.0 + shift.per_phase_k * slope)
 
     def move_to(self, temperature_c: float) -> None:
-        """Let the temperature move there, monotonically."""
+        """Move the temperature monotonically to `temperature_c`."""
         rising = temperature_c > self._temperature_c
         shift = self._heating if rising else self._cooling
-        v0 = self._temperature_c - (shift.at_rest_k + shift.per_phase_k * self.phase)
+        v0 = self._temperature_c - (shift.unstretched_k + shift.per_phase_k * self.phase)
         self._state = (
-            self._pulled(shift, v0, temperature_c)
+            self._moved_against_spring(shift, v0, temperature_c)
             if shift.per_phase_k
-            else self._hysteresis.moved(self._state, v0, temperature_c - shift.at_rest_k)
+            else self._hysteresis.moved(self._state, v0, temperature_c - shift.unstretched_k)
         )
         self._temperature_c = temperature_c
         self.phase = self._hysteresis.phase(self._state)
 
-    def _pulled(self, shift: _Shift, v0: float, temperature_c: float) -> Any:
-        """The state that is in equilibrium with a spring: Newton's method, kept within what is known to bracket it."""
+    def _moved_against_spring(self, shift: _Shift, v0: float, temperature_c: float) -> Any:
+        """The state in equilibrium with a spring, by Newton's method safeguarded with a bracket."""
         hysteresis, rising = self._hysteresis, temperature_c > self._temperature_c
         bounds = sorted((v0, v0 + temperature_c - self._temperature_c))
         v, state, phase = v0, self._state, self.phase
-        for _ in range(MOST_STEPS):
-            short_k = temperature_c - (shift.at_rest_k + shift.per_phase_k * phase) - v
-            if abs(short_k) < CLOSE_K:
+        for _ in range(MAX_STEPS):
+            residual_k = temperature_c - (shift.unstretched_k + shift.per_phase_k * phase) - v
+            if abs(residual_k) < CLOSE_K:
                 break
-            bounds[short_k < 0] = v
-            v += short_k / (1.0 + shift.per_phase_k * hysteresis.slope(state, v, rising))
+            bounds[residual_k < 0] = v
+            v += residual_k / (1.0 + shift.per_phase_k * hysteresis.slope(state, v, rising))
             if not bounds[0] <= v <= bounds[1]:
                 v = sum(bounds) / 2
             state = hysteresis.moved(self._state, v0, v)
@@ -118,18 +118,18 @@ def _hysteresis(transformation: Transformation) -> Hysteresis[Any]:
 
 
 class _Shift(NamedTuple):
-    """How much the stress raises the temperatures of a branch."""
+    """The rise of the temperatures of a branch under stress: without contraction, and per unit of phase."""
 
-    at_rest_k: float
+    unstretched_k: float
     per_phase_k: float
 
 
 def _shifts(bias: Bias, stroke_mm: float) -> tuple[_Shift, _Shift]:
-    """For heating and for cooling."""
+    """The shifts of the heating and of the cooling branch."""
     area_mm2 = pi * bias.diameter_mm**2 / 4
-    at_rest_mpa, per_phase_mpa = bias.preload_n / area_mm2, bias.stiffness_n_per_mm * stroke_mm / area_mm2
+    unstretched_mpa, per_phase_mpa = bias.preload_n / area_mm2, bias.stiffness_n_per_mm * stroke_mm / area_mm2
     heating, cooling = (
-        _Shift(at_rest_mpa / mpa_per_k, per_phase_mpa / mpa_per_k)
+        _Shift(unstretched_mpa / mpa_per_k, per_phase_mpa / mpa_per_k)
         for mpa_per_k in (bias.heating_mpa_per_k, bias.cooling_mpa_per_k)
     )
     return heating, cooling

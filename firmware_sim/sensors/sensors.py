@@ -1,17 +1,17 @@
-"""What is measured of the wire: lag, noise, quantisation, drift of the cold junction. `faults` is what goes wrong."""
+"""The sensors on the wire, with lag, noise, quantisation and drift of the cold junction."""
 
 from __future__ import annotations
 
 from math import exp
 
 from firmware_sim.config import SimConfig
-from firmware_sim.physics.physical_faults import SensorFaults
 from firmware_sim.physics.plant import Plant
 from firmware_sim.sensors.noise import deviations
+from firmware_sim.sensors.sensor_faults import SensorFaults
 
 
 class Sensors:
-    """The sensors on one plant. The same seed gives the same noise."""
+    """The sensors on one plant, and their `faults`. The same seed gives the same noise."""
 
     def __init__(self, config: SimConfig, plant: Plant, seed: int) -> None:
         self.faults = SensorFaults(seed)
@@ -35,13 +35,13 @@ class Sensors:
 
     @property
     def unreadable(self) -> str | None:
-        """Why the converter shows no temperature, "open" or "short"; what else is wrong it does not know."""
+        """The fault for which the converter shows no temperature: "open" or "short", the two that it detects."""
         name = self.faults.thermocouple.name
         return name if name in ("open", "short") else None
 
     def advance(self, wire_before_c: float, dt_s: float) -> None:
-        """Follow the plant, which has just moved on by `dt_s` from `wire_before_c`."""
-        self.faults.pass_time(dt_s)
+        """Follow the plant, which has just advanced by `dt_s` from `wire_before_c`."""
+        self.faults.advance(dt_s)
         self._lag(wire_before_c, self._plant.temperature_c, dt_s)
         self.cold_junction_c += self._drift_c_per_h * dt_s / 3600
         self._since_conversion_s += dt_s
@@ -61,7 +61,7 @@ class Sensors:
         return self._shown_mm
 
     def _lag(self, before_c: float, after_c: float, dt_s: float) -> None:
-        """First-order lag behind a wire that moves linearly from before to after (exact)."""
+        """First-order lag behind a wire temperature that changes linearly from before to after (exact)."""
         lag_s = self._lag_s
         if lag_s == 0.0:
             self._bead_c = after_c

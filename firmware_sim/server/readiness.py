@@ -1,4 +1,4 @@
-"""Which descriptors have something to read. `poll` has no limit of descriptor numbers, as `select` has at 1024."""
+"""Waiting for readable descriptors with `poll`, which has no limit of descriptor numbers (`select`: 1024)."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections.abc import Iterable
 
 
 def readable(descriptors: Iterable[int], timeout_s: float | None) -> list[int]:
-    """Those that are readable within `timeout_s`; None waits until one is.
+    """The descriptors that are readable within `timeout_s`; None waits until one is.
 
-    `poll` counts in milliseconds. The rest of a wait is slept, so that a reply leaves when it is due.
+    `poll` counts in milliseconds. The remaining fraction is slept, so that a reply leaves when it is due.
     """
     poll = select.poll()
     for descriptor in descriptors:

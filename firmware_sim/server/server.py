@@ -1,8 +1,8 @@
-"""The simulated rig behind its doors, in time.
+"""The loop of the served process: it moves bytes between endpoints and a simulation, and advances the time.
 
-Time is either real, and the rig follows the machine's monotonic clock, or driven: a parent process writes the time to
-standard input, a number a line, and gets the line back when the rig has reached it. Then a test or demo with the real
-protocol on a real port is repeatable, and as fast as the machine computes.
+In real time the simulation follows the machine's monotonic clock. In lockstep time a parent process writes the time to
+standard input, one number per line, and gets the line back when the simulation has reached it: a test or a demo with
+the real protocol on a real port is then repeatable, and as fast as the machine computes.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Protocol
 
-from firmware_sim.bus.faults import Ear
+from firmware_sim.bus.faults import FaultyConnection
 from firmware_sim.server.endpoint import Endpoint
 from firmware_sim.server.readiness import readable
 from smadrive.errors import ConfigError
@@ -28,8 +28,8 @@ STEP_S = 0.01
 _CHUNK = 512
 
 
-class Simulated(Protocol):
-    """What lives behind the doors."""
+class Simulation(Protocol):
+    """The simulation that is served: a bench, or a replayed recording."""
 
     @property
     def time_s(self) -> float:
@@ -37,12 +37,12 @@ class Simulated(Protocol):
         ...
 
     def advance_to(self, time_s: float) -> None:
-        """Let its time reach `time_s`; nothing happens if it is past."""
+        """Run it until `time_s`; does nothing for a time in the past."""
         ...
 
 
-class _Lines:
-    """Complete lines from a descriptor, as bytes come."""
+class _LineBuffer:
+    """Cuts the bytes from a descriptor into complete lines."""
 
     def __init__(self) -> None:
         self._rest = b""
@@ -53,87 +53,88 @@ class _Lines:
 
 
 class Server:
-    """Moves bytes between doors and a rig until it is stopped."""
+    """Moves bytes between endpoints and a simulation until it is stopped."""
 
-    def __init__(self, rig: Simulated, doors: Sequence[Endpoint]) -> None:
-        self._rig = rig
-        self._doors = doors
+    def __init__(self, simulation: Simulation, endpoints: Sequence[Endpoint]) -> None:
+        self._simulation = simulation
+        self._endpoints = endpoints
         self._agenda: list[tuple[float, int, Callable[[], None]]] = []
         self._order = 0
 
-    def ear(self, door: Endpoint) -> Ear:
-        """Where faults of the bus reach the clients of `door`."""
-        return _DoorEar(door, self._do_at)
+    def faulty_connection(self, endpoint: Endpoint) -> FaultyConnection:
+        """All clients of `endpoint`, for the faults of the line."""
+        return _EndpointClients(endpoint, self._do_at)
 
     def run_real(self) -> None:
         """Follow the monotonic clock, in steps of 10 ms at most, until interrupted."""
-        start_s = time.monotonic() - self._rig.time_s
+        start_s = time.monotonic() - self._simulation.time_s
         while True:
-            next_s = min(self._rig.time_s + STEP_S, self._agenda[0][0] if self._agenda else math.inf)
-            doors = self._by_descriptor()
-            ready = readable(doors, max(start_s + next_s - time.monotonic(), 0.0))
+            next_s = min(self._simulation.time_s + STEP_S, self._agenda[0][0] if self._agenda else math.inf)
+            endpoints = self._by_descriptor()
+            ready = readable(endpoints, max(start_s + next_s - time.monotonic(), 0.0))
             self._pass_time(time.monotonic() - start_s)
             for descriptor in ready:
-                self._take_request(doors[descriptor], descriptor)
+                self._take_request(endpoints[descriptor], descriptor)
 
-    def run_driven(self) -> None:
+    def run_lockstep(self) -> None:
         """Follow the times on standard input until it ends."""
-        lines = _Lines()
+        buffer = _LineBuffer()
         stdin = sys.stdin.fileno()
         while True:
-            doors = self._by_descriptor()
-            ready = readable((*doors, stdin), None)
+            endpoints = self._by_descriptor()
+            ready = readable((*endpoints, stdin), None)
             for descriptor in ready:
                 if descriptor != stdin:
-                    self._take_request(doors[descriptor], descriptor)
+                    self._take_request(endpoints[descriptor], descriptor)
             if stdin in ready:
                 data = os.read(stdin, _CHUNK)
                 if not data:
                     return
-                for line in lines.feed(data):
+                for line in buffer.feed(data):
                     self._pass_time(_time_of(line))
                     sys.stdout.write(line + "\n")
                     sys.stdout.flush()
 
     def _by_descriptor(self) -> dict[int, Endpoint]:
-        return {descriptor: door for door in self._doors for descriptor in door.descriptors()}
+        return {descriptor: endpoint for endpoint in self._endpoints for descriptor in endpoint.descriptors()}
 
     def _pass_time(self, time_s: float) -> None:
-        self._rig.advance_to(time_s)
-        while self._agenda and self._agenda[0][0] <= self._rig.time_s:
+        self._simulation.advance_to(time_s)
+        while self._agenda and self._agenda[0][0] <= self._simulation.time_s:
             heapq.heappop(self._agenda)[2]()
 
-    def _take_request(self, door: Endpoint, descriptor: int) -> None:
-        heard = door.hear(descriptor)
-        if heard is None:
+    def _take_request(self, endpoint: Endpoint, descriptor: int) -> None:
+        received = endpoint.receive(descriptor)
+        if received is None:
             return
-        for due_s, reply in heard.talk.port.receive(heard.data, self._rig.time_s):
-            self._do_at(due_s, partial(heard.talk.send, reply))
+        connection, data = received
+        for due_s, reply in connection.port.receive(data, self._simulation.time_s):
+            self._do_at(due_s, partial(connection.send, reply))
 
     def _do_at(self, due_s: float, action: Callable[[], None]) -> None:
-        if due_s <= self._rig.time_s:
+        if due_s <= self._simulation.time_s:
             action()
         else:
             self._order += 1
             heapq.heappush(self._agenda, (due_s, self._order, action))
 
 
-class _DoorEar:
-    """The clients of one door."""
+class _EndpointClients:
+    """The clients of one endpoint, for the faults of the line."""
 
-    def __init__(self, door: Endpoint, do_at: Callable[[float, Callable[[], None]], None]) -> None:
-        self._door = door
+    def __init__(self, endpoint: Endpoint, do_at: Callable[[float, Callable[[], None]], None]) -> None:
+        self._endpoint = endpoint
         self._do_at = do_at
 
     def deliver(self, due_s: float, data: bytes) -> None:
-        """Let `data` arrive at every client that is there now."""
-        for talk in self._door.talks():
-            self._do_at(due_s, partial(talk.send, data))
+        """Let `data` arrive at every client that is connected now."""
+        for connection in self._endpoint.connections():
+            self._do_at(due_s, partial(connection.send, data))
 
     def lose(self, return_s: float) -> None:
-        """Close the door, with all clients; open it again at `return_s`."""
-        self._door.close()
-        self._do_at(return_s, self._door.open)
+        """Close the endpoint, with all connections; open it again at `return_s`."""
+        self._endpoint.close()
+        self._do_at(return_s, self._endpoint.open)
 
 
 def _time_of(line: str) -> float:
@@ -143,14 +144,17 @@ def _time_of(line: str) -> float:
         time_s = math.nan
     if not math.isfinite(time_s):
         raise ConfigError(
-            f"--time driven: standard input says {shortened(line)}; write the time in seconds, one number a line"
+            "standard input is not a time",
+            where="--time lockstep",
+            value=shortened(line),
+            cure="write the time in seconds, one number per line",
         )
     return time_s
 
 
 @contextlib.contextmanager
 def stop_on_signal() -> Iterator[None]:
-    """SIGTERM ends the block like Ctrl-C: by KeyboardInterrupt."""
+    """Let SIGTERM end the block like Ctrl-C, by KeyboardInterrupt."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield

@@ -1,7 +1,7 @@
-"""The simulated device on a TCP port: up to `MOST_CLIENTS` clients, each with its own stream of frames.
+"""A simulated device on a TCP port: up to `MAX_CLIENTS` clients, each with its own stream of frames.
 
-A client too many is let in and closed at once, so that it learns of it. To be able to do so when the process has no
-descriptor left, a door keeps one in reserve.
+A client beyond this limit is accepted and closed at once, so that it notices. To do so when the process has no
+descriptor left, the endpoint holds one in reserve.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import socket
 from collections.abc import Callable, Sequence
 
 from firmware_sim.bus.ports import Port
-from firmware_sim.server.endpoint import EndpointConnection, Heard
+from firmware_sim.server.endpoint import EndpointConnection, Received
 from smadrive.errors import ConfigError
 from smadrive.files.number_text import shortened
 
 LOOPBACK = "127.0.0.1"
-MOST_CLIENTS = 64
-"""Of one port. A real gateway has room for 1 to 32."""
+MAX_CLIENTS = 64
+"""Clients of one port at a time. Real gateways allow 1 to 32."""
 
 _CHUNK = 2048
 
@@ -27,127 +27,127 @@ _CHUNK = 2048
 class TcpEndpoint:
     """Listens on [HOST:]PORT (0: any free port), by default for programs on this machine alone."""
 
-    def __init__(self, address: str, scheme: str, new_port: Callable[[], Port], tell: Callable[[str], None]) -> None:
-        """`tell` gets a line when clients are turned away, once.
+    def __init__(self, address: str, scheme: str, new_port: Callable[[], Port], log: Callable[[str], None]) -> None:
+        """`log` gets one line when clients are rejected, once.
 
-        ConfigError when the address makes no sense, or nobody may listen there.
+        ConfigError for an address of another form, and when listening there fails.
         """
         self._address = _parsed(address)
         self._new_port = new_port
-        self._tell = tell
-        self._has_told = False
-        self._clients: dict[int, _Client] = {}
+        self._log = log
+        self._has_logged = False
+        self._connections: dict[int, _TcpConnection] = {}
         try:
             self.open()
         except OSError as error:
             raise ConfigError(
-                f"--{scheme.replace('+', '-')} {address}: cannot listen there ({error.strerror})"
+                f"cannot listen there ({error.strerror})", where=f"--{scheme.replace('+', '-')} {address}"
             ) from None
         self.url = f"{scheme}://{self._address[0]}:{self._address[1]}"
 
     def open(self) -> None:
-        """Listen; when opened again, on the same port."""
+        """Listen; on the same port when opened again."""
         self._listener = socket.create_server(self._address)
-        self._reserve = _Reserve()
+        self._reserve = _ReservedDescriptor()
         self._listener.setblocking(False)
         self._address = (self._address[0], self._listener.getsockname()[1])
 
     def descriptors(self) -> list[int]:
-        """Those of the clients, then the listening socket: who leaves makes room for who comes."""
-        return [] if self._listener.fileno() < 0 else [*self._clients, self._listener.fileno()]
+        """The connections, then the listening socket: a client that leaves makes room for a new one."""
+        return [] if self._listener.fileno() < 0 else [*self._connections, self._listener.fileno()]
 
-    def talks(self) -> Sequence[EndpointConnection]:
-        """The clients."""
-        return list(self._clients.values())
+    def connections(self) -> Sequence[EndpointConnection]:
+        """The connections of the clients."""
+        return list(self._connections.values())
 
-    def hear(self, descriptor: int) -> Heard | None:
-        """Take what a client sent; let a new one in, or one that is done out."""
+    def receive(self, descriptor: int) -> Received | None:
+        """Take the bytes of a client; accept a new client, or remove one that has left."""
         if descriptor == self._listener.fileno():
-            self._let_in()
+            self._accept()
             return None
-        talk = self._clients.get(descriptor)
-        if talk is None:
+        connection = self._connections.get(descriptor)
+        if connection is None:
             return None
         try:
-            data = talk.connection.recv(_CHUNK)
+            data = connection.socket.recv(_CHUNK)
         except BlockingIOError:
             return None
         except OSError:
             data = b""
         if data:
-            return Heard(talk, data)
-        del self._clients[descriptor]
-        talk.connection.close()
+            return Received(connection, data)
+        del self._connections[descriptor]
+        connection.socket.close()
         return None
 
-    def _let_in(self) -> None:
-        """Take the next client, if there is room for it and it is still there."""
+    def _accept(self) -> None:
+        """Accept the next client, or reject it when there are too many; it may have left already."""
         try:
-            connection, _ = self._listener.accept()
+            client, _ = self._listener.accept()
         except OSError as error:
             if error.errno in (errno.EMFILE, errno.ENFILE):
-                self._turn_away("the process has no descriptor left")
+                self._reject_next()
+                self._log_once("the process has no descriptor left, new clients are rejected")
             return
-        if len(self._clients) >= MOST_CLIENTS:
-            connection.close()
-            self._tell_once(f"{MOST_CLIENTS} clients are connected, no more are let in")
+        if len(self._connections) >= MAX_CLIENTS:
+            client.close()
+            self._log_once(f"{MAX_CLIENTS} clients are connected, new clients are rejected")
             return
-        with contextlib.suppress(OSError):  # gone before it was let in
-            self._clients[connection.fileno()] = _Client(connection, self._new_port())
+        with contextlib.suppress(OSError):  # it left before it was accepted
+            self._connections[client.fileno()] = _TcpConnection(client, self._new_port())
 
-    def _turn_away(self, why: str) -> None:
-        """Close a connection that there is no descriptor for, by means of the reserved one."""
+    def _reject_next(self) -> None:
+        """Accept and close the next client by means of the reserved descriptor."""
         self._reserve.close()
         with contextlib.suppress(OSError):
             self._listener.accept()[0].close()
-        self._reserve = _Reserve()
-        self._tell_once(f"{why}, new clients are turned away")
+        self._reserve = _ReservedDescriptor()
 
-    def _tell_once(self, what: str) -> None:
-        if not self._has_told:
-            self._has_told = True
-            self._tell(f"{self.url}: {what}")
+    def _log_once(self, text: str) -> None:
+        if not self._has_logged:
+            self._has_logged = True
+            self._log(f"{self.url}: {text}")
 
     def close(self) -> None:
         """Close every connection."""
         self._listener.close()
         self._reserve.close()
-        for client in self._clients.values():
-            client.connection.close()
-        self._clients.clear()
+        for connection in self._connections.values():
+            connection.socket.close()
+        self._connections.clear()
 
 
-class _Client:
-    """One connection."""
+class _TcpConnection:
+    """The connection of one client."""
 
-    def __init__(self, connection: socket.socket, port: Port) -> None:
+    def __init__(self, client: socket.socket, port: Port) -> None:
         self.port = port
-        self.connection = connection
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        connection.setblocking(False)
+        self.socket = client
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        client.setblocking(False)
 
     def send(self, reply: bytes) -> None:
-        """Let `reply` go; a client that is gone, or takes nothing, loses it."""
+        """Send `reply`; it is lost when the client has left or does not read."""
         with contextlib.suppress(OSError):
-            self.connection.send(reply)
+            self.socket.send(reply)
 
 
-class _Reserve:
-    """A descriptor that is kept free for a connection."""
+class _ReservedDescriptor:
+    """An open descriptor; closing it makes room for one connection."""
 
     def __init__(self) -> None:
-        self._taken = [os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)]
+        self._held = [os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)]
 
     def close(self) -> None:
-        """Give it back; nothing happens the second time."""
-        while self._taken:
-            os.close(self._taken.pop())
+        """Release it; a second call does nothing."""
+        while self._held:
+            os.close(self._held.pop())
 
 
 def _parsed(address: str) -> tuple[str, int]:
     host, _, port = address.rpartition(":")
     if not (port.isascii() and port.isdecimal() and len(port) <= len("65535")) or int(port) > 0xFFFF:
         raise ConfigError(
-            f"{shortened(address)} is no address to listen on; write HOST:PORT, or PORT for this machine alone"
+            "not a listen address", where=shortened(address), cure="write HOST:PORT, or PORT for this machine alone"
         )
     return host or LOOPBACK, int(port)

@@ -19,7 +19,7 @@ ANSWER_WITHIN_S = 10.0
 """How long to wait for the simulator to end before it is killed."""
 
 PATIENT = "?latency_ms=5000"
-"""In driven time nothing else happens while a reply is on its way, so that a busy machine changes nothing."""
+"""In lockstep time nothing else happens while a reply is on its way, so that a busy machine changes nothing."""
 
 
 class ServedSimulator:
@@ -38,7 +38,7 @@ class ServedSimulator:
             "--seed",
             str(seed),
             "--time",
-            "real" if real_time else "driven",
+            "real" if real_time else "lockstep",
         ]
         if tcp:
             self._arguments += ["--tcp", "0"]

@@ -1,10 +1,11 @@
-"""How fast the wire column is, against peers measured in the same run: PYTHONPATH=tests python tests/benchmarks/bus.py
+"""The speed of the device column against peers in the same run: PYTHONPATH=tests python tests/benchmarks/bus.py
 
-    exchanges    FC23 (write 4, read 8) on a pseudo-terminal whose far end is libmodbus's own server in C: libmodbus's
-                 client in C, smadrive with all its checks, pymodbus async and sync, in turns; medians of the rounds
+    exchanges    FC23 (write 4, read 8) on a pseudo-terminal, with libmodbus's server in C at the other end: the client
+                 of libmodbus in C, smadrive with all its checks, pymodbus async and sync, in turns; medians of rounds
     tick         processor time of the driver for one tick of a heater board served by firmware-sim
 
-Prints ratios and rates; asserts nothing about time. The pauses of the standard are off everywhere, as peers have none.
+It prints ratios and rates, and asserts no time. All clients run without the pauses of the standard, because the peers
+have none.
 """
 
 from __future__ import annotations
@@ -33,12 +34,12 @@ READ = 8
 
 
 def libmodbus_s(path, count):
-    """Seconds of libmodbus's own client."""
+    """The time of libmodbus's client for `count` exchanges."""
     return float(libmodbus.client("rtu", path, 1, "rate", count)[0])
 
 
 def smadrive_s(path, count):
-    """Seconds of smadrive, each reply checked for unit, function, count, length and CRC, and its payload compared."""
+    """The time of smadrive. It checks unit, function, count, length and CRC of each reply; the payload is compared."""
     timing = BusTiming(1.0, silence=False)
     with open_transport(f"serial://{path}") as transport:
         client = ModbusClient(transport)
@@ -51,7 +52,7 @@ def smadrive_s(path, count):
 
 
 def pymodbus_sync_s(path, count):
-    """Seconds of pymodbus's synchronous client."""
+    """The time of pymodbus's synchronous client."""
     with ModbusSerialClient(path, baudrate=115200, timeout=1) as client:
         began_s = time.perf_counter()
         for number in range(count):
@@ -63,7 +64,7 @@ def pymodbus_sync_s(path, count):
 
 
 def pymodbus_async_s(path, count):
-    """Seconds of pymodbus's asynchronous client."""
+    """The time of pymodbus's asynchronous client."""
 
     async def run():
         client = AsyncModbusSerialClient(path, baudrate=115200, timeout=1)
@@ -85,7 +86,7 @@ CLIENTS = dict(zip(COUNTS, (libmodbus_s, smadrive_s, pymodbus_async_s, pymodbus_
 
 
 def report_exchanges():
-    """Rates, and that of smadrive over each peer's."""
+    """Print the rate of each client, and the ratio of smadrive's rate to it."""
     rates = {name: [] for name in COUNTS}
     with libmodbus.server("rtu") as path:
         for _ in range(ROUNDS):
@@ -99,7 +100,7 @@ def report_exchanges():
 
 
 def report_tick(ticks=2000):
-    """Processor time, of this process alone."""
+    """Print the processor time of a tick in this process, without the simulator."""
     profile = load_profile("sma-reference")
     command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as simulator:

@@ -1,9 +1,9 @@
-"""How well wires are tracked that the controller does not know: python tests/benchmarks/control.py --plants 50
+"""Tracking errors of wires that the controller does not know: python tests/benchmarks/control.py --plants 50
 
-Every plant is drawn at random, excited and identified like a wire on a bench, then tracked on the in-process rig in
-virtual time, without and with a displacement sensor in the run. The error is reference - true displacement in % of the
-true stroke, after the approach; the table gives median and worst over the plants, those with a Preisach plane in rows
-of their own. The sine is scored as it was asked for, the others after they were smoothed to what cooling allows (one
+Every plant is random. It is excited and identified like a real wire, then tracked on the in-process rig in virtual
+time, without and with a displacement sensor in the run. The error is reference - true displacement in % of the true
+stroke, after the approach. The table gives median and worst over the plants; plants with a Preisach plane have their
+own rows. The sine is scored as requested, the other references after smoothing to the fastest possible cooling (one
 reference for all controllers of a plant).
 """
 
@@ -19,7 +19,7 @@ import numpy as np
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import SimConfig, load_sim
-from firmware_sim.physics.random_wire import KINDS, Kind, draw
+from firmware_sim.physics.random_wire import KINDS, HysteresisKind, random_wire
 from smadrive.clock import VirtualClock
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.controllers.tracking import TrackingController
@@ -42,8 +42,8 @@ SINE = "sine 0.0178 Hz"
 CONTROLLERS = ("T-S inverse", "Duhem inverse", "no hysteresis compensation", "PID only")
 
 
-class Bench:
-    """The in-process rig with a drawn wire, with or without a displacement sensor."""
+class SimulatedRig:
+    """The in-process rig with a random wire, with or without a displacement sensor."""
 
     def __init__(self, sim: SimConfig, seed: int, *, sensor: bool) -> None:
         device = simulated_device(sim if sensor else sim.model_copy(update={"displacement": None}), seed=seed)
@@ -54,17 +54,17 @@ class Bench:
 
 
 class Wire(NamedTuple):
-    """A drawn wire and what its identification made of it."""
+    """A random wire, its identified models by controller, and the static map of its data."""
 
     sim: SimConfig
-    known: dict[str, WireModel]
+    models: dict[str, WireModel]
     plain: StaticMap
 
 
 def identified(sim: SimConfig, seed: int, *, baselines: bool) -> Wire:
-    """Excite, then fit heat balance and T-S model to the record, for the baselines also Duhem model and plain map."""
-    bench, rows = Bench(sim, seed, sensor=True), []
-    with bench.rig as rig:
+    """The wire after an excitation, with fitted heat balance and T-S model; for `baselines` also a Duhem model."""
+    simulated, rows = SimulatedRig(sim, seed, sensor=True), []
+    with simulated.rig as rig:
         excitation = rig.excitation(rig.heater.exchange(0.0).temperature_c)
         rig.excite(excitation, lambda tick: rows.append((tick.time_s, tick.measurement)))
         nominal = rig.nominal_balance
@@ -73,15 +73,15 @@ def identified(sim: SimConfig, seed: int, *, baselines: bool) -> Wire:
     )
     fit = identify_wire(record, nominal)
     temperature_c, balance = fit.thermal.wire_temperature_c, fit.thermal.balance
-    known = {CONTROLLERS[0]: WireModel(fit.hysteresis.model, balance)}
+    models = {CONTROLLERS[0]: WireModel(fit.hysteresis.model, balance)}
     if baselines:
         duhem = identify_hysteresis(temperature_c, record.displacement_mm, "duhem", 0)
-        known[CONTROLLERS[1]] = WireModel(duhem.model, balance)
-    return Wire(sim, known, StaticMap(temperature_c, record.displacement_mm))
+        models[CONTROLLERS[1]] = WireModel(duhem.model, balance)
+    return Wire(sim, models, StaticMap(temperature_c, record.displacement_mm))
 
 
 def references(wire: WireModel, *, others: bool) -> dict[str, Reference]:
-    """The sine between 20 and 80 % of the identified stroke, and if wanted the others."""
+    """The sine between 20 and 80 % of the identified stroke; with `others` the other references too."""
     cold_mm, hot_mm = (wire.model.initial_state(v).y for v in wire.model.input_range)
     low_mm, high_mm = cold_mm + 0.2 * (hot_mm - cold_mm), cold_mm + 0.8 * (hot_mm - cold_mm)
     ends = {"low_mm": low_mm, "high_mm": high_mm}
@@ -90,23 +90,23 @@ def references(wire: WireModel, *, others: bool) -> dict[str, Reference]:
     found = {SINE: sine(period_s=1.0 / 0.0178, cycles=1.5, **ends).with_approach(cold_mm, APPROACH_S)}
     if not others:
         return found
-    asked = {
+    requested = {
         "trapezoid": trapezoid(rise_s=8.0, dwell_s=5.0, cycles=2.0, **ends),
         "steps": steps(dwell_s=12.0, cycles=2.0, **ends),
         "chirp 0.01-0.1 Hz": chirp(start_hz=0.01, end_hz=0.1, duration_s=70.0, **ends),
         "minor loops": Reference.from_samples(times, low_mm + (high_mm - low_mm) * corners),
     }
     start = WireState(22.0, wire.model.initial_state(22.0))
-    for name, reference in asked.items():
+    for name, reference in requested.items():
         path = reference.with_approach(cold_mm, APPROACH_S)
         found[name] = simulate_run(path, wire, HysteresisInverse(wire.model), tracking_settings(RIG), start).nearest
     return found
 
 
 class DisplacementPid:
-    """Displacement → power by a PI alone, gain by lambda tuning at the mean slope of the loop.
+    """A PI controller from displacement to power, with its gain by lambda tuning at the mean slope of the loop.
 
-    Closed-loop and integral time are the best that a sweep found: faster ones oscillate, slower ones lag.
+    Closed-loop and integral time are the best of a sweep: shorter ones oscillate, longer ones lag.
     """
 
     CLOSED_LOOP_S = 0.05
@@ -135,27 +135,27 @@ class DisplacementPid:
 
 
 def controller(name: str, wire: Wire, reference: Reference, *, sensor: bool):
-    settings, known = tracking_settings(RIG), wire.known.get(name, wire.known[CONTROLLERS[0]])
+    settings, model = tracking_settings(RIG), wire.models.get(name, wire.models[CONTROLLERS[0]])
     if name == "PID only":
         if sensor:
-            return DisplacementPid(reference, known, settings.current_limit_a)
+            return DisplacementPid(reference, model, settings.current_limit_a)
         settings = replace(settings, feedforward_share=0.0)
-    inverse = HysteresisInverse(known.model) if name in wire.known else wire.plain
-    return TrackingController(reference, known, inverse, settings)
+    inverse = HysteresisInverse(model.model) if name in wire.models else wire.plain
+    return TrackingController(reference, model, inverse, settings)
 
 
 def track(name: str, wire: Wire, reference: Reference, seed: int, *, sensor: bool) -> tuple[float, float]:
-    """RMS and largest error of one run, %; infinite when it tripped."""
-    bench, rows = Bench(wire.sim, seed, sensor=sensor), []
+    """RMS and largest error of one run in %; infinite after a trip."""
+    simulated, rows = SimulatedRig(wire.sim, seed, sensor=sensor), []
 
     def record(tick):
-        rows.append((tick.time_s, bench.plant.displacement_mm))
+        rows.append((tick.time_s, simulated.plant.displacement_mm))
 
     try:
-        with bench.rig as rig:
-            runs = controller(name, wire, reference, sensor=sensor)
-            known = wire.known[CONTROLLERS[0]]
-            rig.drive(runs, known.balance, record, known.model)
+        with simulated.rig as rig:
+            tracking = controller(name, wire, reference, sensor=sensor)
+            identified_wire = wire.models[CONTROLLERS[0]]
+            rig.drive(tracking, identified_wire.balance, record, identified_wire.model)
     except SmadriveError as error:
         print(f"    {name}, {'with' if sensor else 'without'} sensor: {error}")
         return np.inf, np.inf
@@ -165,24 +165,25 @@ def track(name: str, wire: Wire, reference: Reference, seed: int, *, sensor: boo
     return float(np.sqrt(np.mean(percent**2))), float(np.max(np.abs(percent)))
 
 
-def study(plants: int, others: int, baselines: int, seed: int, kind: Kind | None):
-    """All runs: {(wires, reference, controller, sensor): [(rms, max) per plant]}."""
+def study(plants: int, others: int, baselines: int, seed: int, kind: HysteresisKind | None):
+    """The errors of all runs: {(wires, reference, controller, sensor): [(rms, max) per plant]}."""
     results = defaultdict(list)
     for number in range(seed, seed + plants):
         compared = number < seed + baselines
-        sim = draw(NOMINAL, number, kind)
+        sim = random_wire(NOMINAL, number, kind)
         wires = "Preisach" if sim.transformation.kind == "preisach" else "Duhem"
         wire = identified(sim, number, baselines=compared)
-        for title, reference in references(wire.known[CONTROLLERS[0]], others=number < seed + others).items():
+        for title, reference in references(wire.models[CONTROLLERS[0]], others=number < seed + others).items():
             for name in CONTROLLERS if compared else CONTROLLERS[:1]:
                 for sensor in (False, True):
                     figures = track(name, wire, reference, number + 1000, sensor=sensor)
                     results[wires, title, name, sensor].append(figures)
-        told = [
+        errors = [
             f"{' / '.join(f'{x:.2f}' for x in results[wires, SINE, CONTROLLERS[0], s][-1])} %" for s in (False, True)
         ]
         print(
-            f"plant {number}, {sim.transformation.kind}: sine, RMS / max {told[0]} blind, {told[1]} seeing", flush=True
+            f"plant {number}, {sim.transformation.kind}: sine, RMS / max {errors[0]} without sensor, {errors[1]} with",
+            flush=True,
         )
     return results
 
@@ -201,10 +202,12 @@ def table(results) -> None:
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--plants", type=int, default=6)
-    parser.add_argument("--others", type=int, default=3, help="plants that track the other references too")
-    parser.add_argument("--baselines", type=int, default=1, help="plants on which the other controllers run too")
+    parser.add_argument("--others", type=int, default=3, help="number of plants that also track the other references")
+    parser.add_argument(
+        "--baselines", type=int, default=1, help="number of plants on which the other controllers also run"
+    )
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--kind", choices=KINDS, default=None, help="of the plants' hysteresis; any by default")
-    asked = parser.parse_args()
+    parser.add_argument("--kind", choices=KINDS, default=None, help="kind of the plants' hysteresis; default: random")
+    arguments = parser.parse_args()
     os.nice(10)
-    table(study(asked.plants, asked.others, asked.baselines, asked.seed, asked.kind))
+    table(study(arguments.plants, arguments.others, arguments.baselines, arguments.seed, arguments.kind))

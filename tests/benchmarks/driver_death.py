@@ -1,18 +1,18 @@
-"""How soon is the current zero when the driver dies while heating? In real time, on a board and on a supply.
+"""The time to zero current after the driver dies while heating, in real time, on a board and on a supply.
 
     python tests/benchmarks/driver_death.py [--trials 200] [--rig board|supply|gateway] [--at-once 4]
 
-In every trial a bench and a driver, each a process of its own, are started; the driver heats and meets its fate at a
-random moment; what counts is when the bench says that the output is off. Printed for each fate: median and worst time,
-and how often the wire was left heating. The goals are 1 s with the board's watchdog and 2 s with the guardian; behind
-a pulled cable a supply can only be switched off when the cable is back, so there the time runs from then.
+Every trial starts a bench and a driver as processes of their own. The driver heats, and fails at a random moment in one
+of several ways ("fate"). The time ends when the bench logs that the output is off. The table has, for each fate, the
+median and worst time, and the number of trials that left the wire heating. The goals are 1 s with the board's watchdog
+and 2 s with the guardian. Behind a pulled cable a supply can only be switched off when the cable is back, so there the
+time starts at that moment.
 
-`gateway` is the supply behind a network gateway. Its connection is dead without a sign (half-open) when the driver dies
-in one way or another; or nothing passes for a while (frozen), and the time runs from the end of that. A supply whose
-driver and guardian are both killed, one within 0.3 s of the other, heats on where neither came to switch it off; that
-is counted and printed, too.
+`gateway` is the supply behind a network gateway. Either its connection is half-open when the driver dies, or the
+gateway forwards nothing for a while (frozen), and the time starts at the end of that. When driver and guardian are both
+killed within 0.3 s, a supply may heat on, because neither could switch it off; such trials are counted too.
 
-The machine must be quiet: a bench that cannot keep up with its own time is late by itself.
+The machine must be idle: a bench that is slower than real time delays the result itself.
 """
 
 from __future__ import annotations
@@ -61,10 +61,10 @@ FATES = {
     "gateway": (*HALF_OPEN, FROZEN),
 }
 BETWEEN_S = 0.3
-"""By how much at most the deaths of driver and guardian lie apart."""
+"""The longest time between the deaths of driver and guardian."""
 HEATING_TICK = 5
 START_S = 30.0
-"""Bench and driver are up by then, however busy the machine is."""
+"""Bench and driver have started by then, on a busy machine too."""
 
 SCRIPT_AT_S = 6.0
 SERVED = re.compile(r"^(?:serial|rtu\+tcp)://\S+", re.MULTILINE)
@@ -73,7 +73,7 @@ LEFT_AFTER_S = 8.0
 
 
 def sim_file(kind: str, folder: Path) -> Path:
-    """The sim file of a bench whose ports lie in `folder`; behind a gateway the supply has a TCP port."""
+    """The sim file of a bench with its ports in `folder`; behind a gateway the supply has a TCP port."""
     sim = folder / "sim.toml"
     text = (configs_dir() / "sims" / "flexinol-lt-0.15mm.toml").read_text()
     for name, profile in PROFILES[kind].items():
@@ -85,7 +85,7 @@ def sim_file(kind: str, folder: Path) -> Path:
 
 
 def rig_file(kind: str, folder: Path, urls: list[str]) -> Path:
-    """The rig file of the devices that are served at `urls`."""
+    """The rig file of the devices served at `urls`."""
     rig = folder / "rig.toml"
     shipped = (configs_dir() / "rigs" / ("simulated.toml" if kind == "board" else "bench-supply.toml")).read_text()
     head, _, tail = shipped.partition("\n[[devices]]")
@@ -96,8 +96,8 @@ def rig_file(kind: str, folder: Path, urls: list[str]) -> Path:
 
 
 @contextlib.contextmanager
-def way_to(kind: str, urls: list[str]) -> Iterator[tuple[Gateway | None, list[str]]]:
-    """The gateway before the supply, if there is one, and the URLs that lead through it."""
+def through_gateway(kind: str, urls: list[str]) -> Iterator[tuple[Gateway | None, list[str]]]:
+    """The gateway in front of the supply, if there is one, and the URLs through it."""
     if kind != "gateway":
         yield None, urls
         return
@@ -113,7 +113,7 @@ def guardians_of(driver: BaseProcess) -> list[int]:
 
 
 def is_guardian(pid: int) -> bool:
-    """Whether that process is one, and is still there."""
+    """Whether that process exists and is a guardian."""
     try:
         return b"smadrive.devices.guardian.process" in Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
@@ -122,7 +122,7 @@ def is_guardian(pid: int) -> bool:
 
 @contextlib.contextmanager
 def orphans_ended(driver: BaseProcess) -> Iterator[None]:
-    """End what the driver has started, and what outlives it: a guardian looks without end for a bench that is gone."""
+    """End the driver's guardians after the block: a guardian would search for the ended bench forever."""
     guardians = guardians_of(driver)
     try:
         yield
@@ -134,7 +134,7 @@ def orphans_ended(driver: BaseProcess) -> Iterator[None]:
 
 @contextlib.contextmanager
 def process(target: Callable[..., None], *arguments: object, log: Path) -> Iterator[BaseProcess]:
-    """A process that ends with the block; what it says goes to `log`."""
+    """A process that ends with the block; its output goes to `log`."""
     log.touch()
     child = PROCESSES.Process(target=logged, args=(log, target, *arguments))
     child.start()
@@ -146,7 +146,7 @@ def process(target: Callable[..., None], *arguments: object, log: Path) -> Itera
 
 
 def logged(log: Path, target: Callable[..., None], *arguments: object) -> None:
-    """Run `target` with all output in `log`, open to Ctrl-C also where a shell in the background has closed it."""
+    """Run `target` with its output in `log`. Ctrl-C works even where a background shell has disabled it."""
     signal.signal(signal.SIGINT, signal.default_int_handler)
     with log.open("w") as output:
         os.dup2(output.fileno(), 1)
@@ -155,12 +155,12 @@ def logged(log: Path, target: Callable[..., None], *arguments: object) -> None:
 
 
 def serve_bench(*options: str) -> None:
-    """The simulated bench, as its command serves it."""
+    """Serve the simulated bench by its command."""
     firmware_sim.cli.main(options)
 
 
 def drive(rig_file: Path, orders: Connection) -> None:
-    """Heat; tell when the wire is being heated, and fail when ordered to."""
+    """Heat; send a message when the wire is heated, and fail on request."""
     with Rig(load_rig(str(rig_file))) as rig:
         rig.heater.arm(rig.config.limits.watchdog_s)
         for tick in itertools.count():
@@ -172,7 +172,7 @@ def drive(rig_file: Path, orders: Connection) -> None:
 
 
 def wait_for(log: Path, pattern: re.Pattern[str], seen: int, until_s: float) -> float | None:
-    """When a new event of this kind appears in the log; None: not before `until_s`."""
+    """The time when more than `seen` matches of `pattern` are in the log; None: not before `until_s`."""
     while time.monotonic() < until_s:
         if len(pattern.findall(log.read_text())) > seen:
             return time.monotonic()
@@ -181,13 +181,13 @@ def wait_for(log: Path, pattern: re.Pattern[str], seen: int, until_s: float) -> 
 
 
 def heats(events: str) -> bool:
-    """Whether the last switching among these events switched the heater on."""
+    """Whether the last switching event switched the heater on."""
     switchings = list(SWITCHED.finditer(events))
     return bool(switchings) and switchings[-1]["on"] is not None
 
 
 def wait_for_off(log: Path, until_s: float) -> float | None:
-    """When the heater is off; None: it still heats at `until_s`."""
+    """The time when the heater is off; None: it still heats at `until_s`."""
     while heats(log.read_text()):
         if time.monotonic() > until_s:
             return None
@@ -196,11 +196,11 @@ def wait_for_off(log: Path, until_s: float) -> float | None:
 
 
 class EndedEarly(Exception):
-    """Driver or guardian ended the heat before the fate, because the busy machine let a reply or a beat come late."""
+    """Driver or guardian stopped heating before the fate, because a busy machine delayed a reply or a heartbeat."""
 
 
 def lasting_trial(kind: str, fate: str, seed: int) -> float | None:
-    """A trial whose driver lives to meet its fate; see trial."""
+    """The result of a trial, repeated until its driver heats up to its fate; see `trial`."""
     for attempt in itertools.count():
         with contextlib.suppress(EndedEarly):
             return trial(kind, fate, seed + 1_000_000 * attempt)
@@ -208,29 +208,29 @@ def lasting_trial(kind: str, fate: str, seed: int) -> float | None:
 
 
 def trial(kind: str, fate: str, seed: int) -> float | None:
-    """Seconds from the fate to zero current; None when the wire is left heating."""
-    chance = random.Random(seed)
+    """The time from the fate to zero current; None when the wire is left heating."""
+    generator = random.Random(seed)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         options = [str(sim_file(kind, folder))]
         wait_s = 0.0
         if fate in BY_SCRIPT:
             fault, parameters, wait_s = BY_SCRIPT[fate]
-            at_s = SCRIPT_AT_S + chance.random()
+            at_s = SCRIPT_AT_S + generator.random()
             device = next(iter(PROFILES[kind]))
             script = folder / "faults.toml"
             script.write_text(f'[[faults]]\nat_s = {at_s}\nname = "{device}.{fault}"\n{parameters}\n')
             options += ["--faults", str(script)]
-        log, said = folder / "bench.log", folder / "driver.log"
+        log, driver_log = folder / "bench.log", folder / "driver.log"
         here, there = PROCESSES.Pipe()
         with process(serve_bench, *options, log=log):
             if wait_for(log, SERVED, len(PROFILES[kind]) - 1, time.monotonic() + START_S) is None:
                 raise RuntimeError(log.read_text())
             with (
-                way_to(kind, SERVED.findall(log.read_text())) as (gateway, urls),
-                process(drive, rig_file(kind, folder, urls), there, log=said) as driver,
+                through_gateway(kind, SERVED.findall(log.read_text())) as (gateway, urls),
+                process(drive, rig_file(kind, folder, urls), there, log=driver_log) as driver,
             ):
-                there.close()  # so that its end is heard
+                there.close()  # so that the end of the driver is noticed
                 try:
                     here.recv()
                 except EOFError:
@@ -238,19 +238,22 @@ def trial(kind: str, fate: str, seed: int) -> float | None:
                 if "fault: " in log.read_text():
                     raise RuntimeError("the fault of the script came before the driver was up: fewer --at-once")
                 with orphans_ended(driver):
-                    met_s = meet(driver, here, fate, log, chance, gateway)
+                    met_s = meet(driver, here, fate, log, generator, gateway)
                     off_s = wait_for_off(log, met_s + wait_s + LEFT_AFTER_S)
         if off_s is None:
             if fate not in BOTH_KILLED:
-                print(f"left heating, seed {seed}:\n{log.read_text()}\nthe driver: {said.read_text()}", file=sys.stderr)
+                print(
+                    f"left heating, seed {seed}:\n{log.read_text()}\nthe driver: {driver_log.read_text()}",
+                    file=sys.stderr,
+                )
             return None
     return max(off_s - met_s - (wait_s if kind == "supply" else 0.0), 0.0)
 
 
 def meet(
-    driver: BaseProcess, orders: Connection, fate: str, log: Path, chance: random.Random, gateway: Gateway | None
+    driver: BaseProcess, orders: Connection, fate: str, log: Path, generator: random.Random, gateway: Gateway | None
 ) -> float:
-    """Let the driver meet its fate; when it did."""
+    """Apply the fate to the driver; the time when that happened."""
     if fate in BY_SCRIPT:
         met_s = wait_for(log, re.compile("fault: "), 0, time.monotonic() + SCRIPT_AT_S + START_S)
         if met_s is None:
@@ -258,7 +261,7 @@ def meet(
         if not heats(log.read_text().partition("fault: ")[0]):
             raise EndedEarly
         return met_s
-    time.sleep(2.0 * chance.random())
+    time.sleep(2.0 * generator.random())
     if not (driver.is_alive() and heats(log.read_text())):
         raise EndedEarly
     if gateway is not None and fate == FROZEN:
@@ -270,7 +273,7 @@ def meet(
         gateway.strand()
     met_s = time.monotonic()
     if fate in BOTH_KILLED:
-        kill_both(driver, fate, chance)
+        kill_both(driver, fate, generator)
     elif (end := HALF_OPEN.get(fate, fate)) in SIGNALS:
         os.kill(driver.pid or 0, SIGNALS[end])
     else:
@@ -278,13 +281,13 @@ def meet(
     return met_s
 
 
-def kill_both(driver: BaseProcess, fate: str, chance: random.Random) -> None:
-    """Kill driver and guardian, one at most BETWEEN_S after the other."""
+def kill_both(driver: BaseProcess, fate: str, generator: random.Random) -> None:
+    """Kill driver and guardian, the second one at most BETWEEN_S after the first."""
     victims = [driver.pid or 0, *guardians_of(driver)]
     for pid in victims if fate.startswith("driver") else reversed(victims):
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)
-        time.sleep(BETWEEN_S * chance.random())
+        time.sleep(BETWEEN_S * generator.random())
 
 
 def main() -> None:
@@ -295,7 +298,9 @@ def main() -> None:
     parser.add_argument("--at-once", type=int, default=4)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
-    PROCESSES.set_forkserver_preload(["firmware_sim.cli", "smadrive.rig.rig"])  # a trial need not import them anew
+    PROCESSES.set_forkserver_preload(
+        ["firmware_sim.cli", "smadrive.rig.rig"]
+    )  # so that a trial need not import them again
     seeds = range(arguments.seed, arguments.seed + arguments.trials)
     print(f"{'rig':8}{'fate':30}{'trials':>7}{'median s':>10}{'worst s':>10}{'left heating':>14}")
     for kind in arguments.rig or PROFILES:

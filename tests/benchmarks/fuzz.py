@@ -1,16 +1,16 @@
-"""Exchanges with a device on a bus where everything goes wrong.
+"""Exchanges with a device on a bus with random faults.
 
     python tests/benchmarks/fuzz.py [EXCHANGES] [IN PROCESS]
 
-EXCHANGES over each way in (pty, tcp, rtu+tcp), and IN PROCESS with RTU and with Modbus TCP in virtual time; half of
-either meet also what plain Modbus cannot tell: frames of no request behind the next one, and replies that are each the
-one before (see docs/simulator.md). There a wrong value of a plain read is counted and printed; a proved read, and an
-exchange whose sequence number is echoed, must be right all the same.
+EXCHANGES are made on each kind of endpoint (pty, tcp, rtu+tcp), and IN PROCESS with RTU and with Modbus TCP in virtual
+time. Half of them also meet faults that plain Modbus cannot detect: unsolicited frames behind the next request, and
+replies that each repeat the one before (see docs/simulator.md). There a wrong value of a plain read is counted and
+printed; a proved read, and an exchange with an echoed sequence number, must be correct all the same.
 
-The oracle: three registers of the device (watchdog, highest temperature, highest current) are written with numbers that
-follow from a nonce, another one for every write, and never with numbers used before. So what a read must return is
-known: the numbers of the last write, or of one since whose outcome is unknown, or the defaults, since the device may
-restart at any time. Anything else is a wrong value taken for a right one, above all an old reply taken for a new one.
+The oracle: three registers of the device (watchdog, highest temperature, highest current) are written with numbers
+derived from a nonce, which is new for every write. So the correct result of a read is the numbers of the last write, or
+of a later one with unknown outcome, or the defaults, because the device may restart at any time. Any other value is a
+wrong one that was accepted, most often an old reply accepted as a new one.
 """
 
 from __future__ import annotations
@@ -42,33 +42,33 @@ LEAST = (50, 1, 1)
 COUNT = len(SPANS)
 TIMING = BusTiming(response_timeout_s=0.01, silence=False, read_retries=0)
 SCRIPT = "[random]\nshare = 0.25\nslowest_s = 0.05\n"
-WAYS = ("pty", "tcp", "rtu-tcp")
-TELLS = {"tcp": "copies = true\n"}
-"""What a client can tell beside the common faults, by way in: numbered replies tell copies."""
+ENDPOINTS = ("pty", "tcp", "rtu-tcp")
+DETECTABLE = {"tcp": "copies = true\n"}
+"""Faults that a client can detect besides the common ones, by endpoint: numbered replies reveal copies."""
 BEYOND = "copies = true\nlag = true\n"
 VIRTUAL = "[random]\nshare = 0.3\nslowest_s = 0.6\n"
 VIRTUAL_TIMING = BusTiming(response_timeout_s=0.1, read_retries=0)
 
 
 def pattern(nonce):
-    """Register words that no two nonces of a long run share."""
+    """The register words of a nonce, which no other nonce of a long run has."""
     return tuple(low + nonce * step % span for low, span, step in zip(LEAST, SPANS, (1, 7, 13), strict=True))
 
 
 def longest_s(timing):
-    """No call may last longer: each probe and the request itself wait for silence, then for the reply."""
+    """The longest allowed time of a call: each probe and the request itself wait for silence, then for the reply."""
     return (PROBES + 1) * (NEVER_SILENT_S + 4 * timing.response_timeout_s)
 
 
 @dataclass
 class Figures:
-    """What came of the exchanges."""
+    """The results of the exchanges."""
 
     right: int = 0
-    wrong: list[str] = field(default_factory=list)  # where a proof was asked for, or plain Modbus can tell
+    wrong: list[str] = field(default_factory=list)  # of proved reads, or where plain Modbus can detect the fault
     indistinguishable: int = 0  # wrong values of plain reads where it cannot
     proved: int = 0
-    caught: int = 0  # replies that their echo proved stale
+    caught: int = 0  # stale replies that their echo revealed
     errors: Counter = field(default_factory=Counter)
     slowest_s: float = 0.0
     hangs: int = 0
@@ -78,13 +78,13 @@ class Figures:
         return (
             f"{self.right + len(self.wrong) + self.indistinguishable + self.caught + sum(self.errors.values())} "
             f"exchanges: {self.right} right ({self.proved} of them proved), {len(self.wrong)} wrong values, "
-            f"{self.indistinguishable} wrong values of plain reads that Modbus cannot tell, {self.caught} stale ones "
-            f"caught by their echo, {self.hangs} hangs, {failed}; slowest {self.slowest_s:.3f} s"
+            f"{self.indistinguishable} undetectable wrong values of plain reads, {self.caught} stale ones "
+            f"revealed by their echo, {self.hangs} hangs, {failed}; slowest {self.slowest_s:.3f} s"
         )
 
 
 class Fuzzer:
-    """Makes random exchanges through `client` and judges what comes back."""
+    """Makes random exchanges through `client`, and compares the results with the oracle."""
 
     def __init__(self, client, seed, timing=TIMING, *, plain_is_sure=True):
         self.figures = Figures()
@@ -94,20 +94,20 @@ class Fuzzer:
         self._random = random.Random(seed)
         self._nonce = 0
         self._defaults = requests.registers_of(self._until_answered(requests.read_holding(FIRST, COUNT)))
-        self._possible = {self._defaults}  # without a restart, which is always possible too
+        self._possible = {self._defaults}  # besides the defaults, which a restart can always bring back
 
     def run(self, exchanges):
-        """That many; the figures."""
+        """Make `exchanges`; the figures."""
         act = self._read
         for _ in range(exchanges):
             began_s = self._client.clock.now_s()
-            if self._random.random() < 0.3:  # else the same again, as a control loop does: late replies then fit
+            if self._random.random() < 0.3:  # else the same again, like a control loop: a late reply then fits
                 act = self._random.choice((self._read, self._write, self._exchange, self._echo, self._prove))
             try:
                 act()
             except SmadriveError as error:
                 self.figures.errors[type(error).__name__] += 1
-                if type(error) is TransportError:  # the port is gone: no use in asking a thousand times
+                if type(error) is TransportError:  # the port is gone: wait instead of asking a thousand times
                     self._client.clock.sleep_until(self._client.clock.now_s() + self._timing.response_timeout_s)
             took_s = self._client.clock.now_s() - began_s
             self.figures.slowest_s = max(self.figures.slowest_s, took_s)
@@ -117,8 +117,8 @@ class Fuzzer:
     def _read(self):
         first = self._random.randrange(COUNT)
         count = self._random.randint(1, COUNT - first)
-        words = self._execute(requests.read_holding(FIRST + first, count))
-        self._judge(words, {known[first : first + count] for known in self._possible | {self._defaults}})
+        result = self._execute(requests.read_holding(FIRST + first, count))
+        self._judge(result, {words[first : first + count] for words in self._possible | {self._defaults}})
 
     def _prove(self):
         words = self._execute(requests.read_holding(FIRST, COUNT), proved=True)
@@ -130,8 +130,8 @@ class Fuzzer:
         words = self._next()
         if self._random.random() < 0.5:
             self._change(requests.write_registers(FIRST, words), {words})
-        else:  # one register of the three: what the others hold stays
-            after = {(words[0], *known[1:]) for known in self._possible | {self._defaults}}
+        else:  # one register of the three: the others keep their words
+            after = {(words[0], *before[1:]) for before in self._possible | {self._defaults}}
             self._change(requests.write_register(FIRST, words[0]), after)
         self.figures.right += 1
 
@@ -147,7 +147,7 @@ class Fuzzer:
         return words
 
     def _echo(self):
-        """The sequence that every tick of a control loop writes, and finds again among the measurements."""
+        """Write a sequence number and read it back among the measurements, like every tick of a control loop."""
         self._nonce += 1
         sequence = self._nonce & 0xFFFF
         words = self._execute(requests.exchange(32, (sequence, 0, 0), 16, 11))
@@ -181,38 +181,38 @@ class Fuzzer:
                 continue
 
 
-def over(way_in, exchanges, beyond="", seed=1):
-    """The figures of one run against the simulator as a process behind `way_in`."""
+def served(endpoint, exchanges, beyond="", seed=1):
+    """The figures of one run against the served simulator at this kind of endpoint."""
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder, "faults.toml")
         script.write_text(SCRIPT + beyond, encoding="utf-8")
-        option = ["--pty", str(Path(folder, "port"))] if way_in == "pty" else [f"--{way_in}", "0"]
+        option = ["--pty", str(Path(folder, "port"))] if endpoint == "pty" else [f"--{endpoint}", "0"]
         command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--faults", str(script), *option]
         with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as simulator:
             try:
                 with open_transport(simulator.stdout.readline().strip(), SerialSettings()) as transport:
-                    return told(way_in, beyond, ModbusClient(transport), exchanges, seed, TIMING)
+                    return reported(endpoint, beyond, ModbusClient(transport), exchanges, seed, TIMING)
             finally:
                 simulator.kill()
 
 
-def in_process(way_in, exchanges, beyond="", seed=1):
-    """The same in virtual time, without a process or a port."""
+def in_process(protocol, exchanges, beyond="", seed=1):
+    """The figures of one run in virtual time, without a process or a port."""
     device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed)
     device.bench.follow_script(FaultScript.model_validate(tomllib.loads(VIRTUAL + beyond)))
-    numbered = way_in == "tcp"
+    numbered = protocol == "tcp"
     device.line.port = device.line.new_port(numbered=numbered)
     clock = VirtualClock()
     clock.follow(device.bench.advance_to)
     transport = InProcessTransport(device.line, clock, None if numbered else 115200)
     device.faults.connect(transport, numbered=numbered)
-    return told(f"in process, {way_in}", beyond, ModbusClient(transport), exchanges, seed, VIRTUAL_TIMING)
+    return reported(f"in process, {protocol}", beyond, ModbusClient(transport), exchanges, seed, VIRTUAL_TIMING)
 
 
-def told(name, beyond, client, exchanges, seed, timing):
+def reported(name, beyond, client, exchanges, seed, timing):
     """Run, print and return the figures."""
     figures = Fuzzer(client, seed, timing, plain_is_sure=beyond != BEYOND).run(exchanges)
-    kind = " ".join(beyond.split()) or "what plain Modbus can tell"
+    kind = " ".join(beyond.split()) or "detectable by plain Modbus"
     print(f"{name} ({kind}): {figures}\n    {client.counters}", *figures.wrong[:5], sep="\n    ", flush=True)
     return figures
 
@@ -221,9 +221,9 @@ def main():
     exchanges = int(sys.argv[1]) if len(sys.argv) > 1 else 100_000
     simulated = int(sys.argv[2]) if len(sys.argv) > 2 else 10 * exchanges
     figures = []
-    for run, ways, number in ((in_process, ("rtu", "tcp"), simulated // 2), (over, WAYS, exchanges)):
-        for way_in in ways:
-            figures += [run(way_in, number // 2, beyond) for beyond in (TELLS.get(way_in, ""), BEYOND)]
+    for run, endpoints, number in ((in_process, ("rtu", "tcp"), simulated // 2), (served, ENDPOINTS, exchanges)):
+        for endpoint in endpoints:
+            figures += [run(endpoint, number // 2, beyond) for beyond in (DETECTABLE.get(endpoint, ""), BEYOND)]
     sys.exit(any(one.wrong or one.hangs for one in figures))
 
 

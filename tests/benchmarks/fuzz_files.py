@@ -1,9 +1,9 @@
 """Damaged files given to the commands that read them: `python tests/benchmarks/fuzz_files.py [COUNT] [SEED]`.
 
-A sound log, model, table, trace, rig, wire and simulated device are made first. Then bytes of one of them are changed
-at random places, or a number is replaced by an absurd one, and a command reads it in a process of its own. It must end
-with exit code 0, 2, 3, 4 or 5 within `LONGEST_S` and without a traceback; a log that has checksums must give the result
-of the sound one, or be refused.
+First a valid log, model, table, trace, rig, wire and simulated device are made. Then bytes of one of them are changed
+at random places, or a number is replaced by an absurd one, and a command reads the file in a process of its own. It
+must end with exit code 0, 2, 3, 4 or 5 within `LONGEST_S` and without a traceback. A log with checksums must give the
+result of the valid one, or be rejected.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Command = Callable[[Path], list[str]]
 
 
 class End(NamedTuple):
-    """How a command ended: `how` is empty where that is allowed; `result` is its JSON."""
+    """The end of a command: `how` describes a forbidden end, and is empty otherwise; `result` is its JSON."""
 
     how: str
     code: int
@@ -51,7 +51,7 @@ class End(NamedTuple):
 
 
 class Case(NamedTuple):
-    """A file, the command that reads it, and whether its content is proved by checksums."""
+    """A file, the command that reads it, and whether it has checksums."""
 
     name: str
     file: str
@@ -60,12 +60,12 @@ class Case(NamedTuple):
 
 
 def identified(at: Path, data: str) -> list[str]:
-    """Fit a small model."""
+    """The command that fits a small model."""
     return ["identify", f"{at}/{data}", "-o", f"{at}/out.json", "--sets", "5", "--json"]
 
 
 def simulated(at: Path) -> list[str]:
-    """The model along the table."""
+    """The command that simulates the model along the table."""
     return ["simulate", f"{at}/model.json", f"{at}/table.csv", "-o", f"{at}/out.csv", "--json"]
 
 
@@ -79,16 +79,16 @@ CASES = (
     Case("simulate, table", "table.csv", simulated),
     Case("simulate, model", "model.json", simulated),
     Case("replay, model", "model.json", lambda at: ["replay", f"{at}/run.h5", "--model", f"{at}/model.json", "--json"]),
-    Case("trace", "bus.trace", lambda at: ["firmware-sim", "--replay", f"{at}/bus.trace", "--time", "driven"]),
+    Case("trace", "bus.trace", lambda at: ["firmware-sim", "--replay", f"{at}/bus.trace", "--time", "lockstep"]),
     Case("rig", "rig.toml", lambda at: ["probe", f"{at}/rig.toml", "--json"]),
     Case("wire", "wire.toml", lambda at: ["probe", f"{at}/rig.toml", "--json"]),
-    Case("simulated device", "sim.toml", lambda at: ["firmware-sim", f"{at}/sim.toml", "--time", "driven"]),
+    Case("simulated device", "sim.toml", lambda at: ["firmware-sim", f"{at}/sim.toml", "--time", "lockstep"]),
     Case("off", "rig.toml", lambda at: ["off", f"{at}/rig.toml", "--json"]),
 )
 
 
 def sound_files(at: Path) -> None:
-    """Make one of each kind."""
+    """Make one valid file of each kind."""
     rig = (configs_dir() / "rigs/in-process.toml").read_text()
     (at / "sim.toml").write_text((configs_dir() / "sims/flexinol-lt-0.15mm.toml").read_text())
     (at / "wire.toml").write_text((configs_dir() / "wires/flexinol-lt-0.15mm.toml").read_text())
@@ -110,19 +110,19 @@ def sound_files(at: Path) -> None:
     next(at.glob("*.trace")).rename(at / "bus.trace")
 
 
-def damaged(data: bytes, chance: random.Random, is_text: bool) -> bytes:
-    """The content with a few bytes, or a number, changed."""
-    if is_text and chance.random() < 0.5 and (numbers := list(NUMBER.finditer(data))):
-        number = chance.choice(numbers)
-        return data[: number.start()] + chance.choice(ABSURD).encode() + data[number.end() :]
-    changed, reach = bytearray(data), chance.choice((2000, 20_000, len(data)))
-    for _ in range(chance.choice((1, 1, 2, 4, 16))):
-        changed[chance.randrange(min(reach, len(data)))] = chance.randrange(256)
+def damaged(data: bytes, generator: random.Random, is_text: bool) -> bytes:
+    """The content with a few changed bytes, or with a changed number."""
+    if is_text and generator.random() < 0.5 and (numbers := list(NUMBER.finditer(data))):
+        number = generator.choice(numbers)
+        return data[: number.start()] + generator.choice(ABSURD).encode() + data[number.end() :]
+    changed, reach = bytearray(data), generator.choice((2000, 20_000, len(data)))
+    for _ in range(generator.choice((1, 1, 2, 4, 16))):
+        changed[generator.randrange(min(reach, len(data)))] = generator.randrange(256)
     return bytes(changed)
 
 
 def ended(arguments: list[str]) -> End:
-    """Run a command in a forked process."""
+    """The end of a command in a forked process."""
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
         child = os.fork()
         if child == 0:
@@ -154,7 +154,7 @@ def _run(arguments: list[str]) -> int:
             cli.main()
     except SystemExit as end:
         code = end.code if isinstance(end.code, int) else int(end.code is not None)
-    except BaseException:  # noqa: BLE001 (what a user would see)
+    except BaseException:  # noqa: BLE001 (a user would see it)
         traceback.print_exc()
         code = 1
     with contextlib.suppress(OSError):
@@ -171,25 +171,25 @@ def _result(out: str) -> object:
 
 
 def trial(case: Case, sound: Path, at: Path, expected: object, seed: str) -> str:
-    """How the command took a damaged file."""
-    chance = random.Random(seed)
+    """The effect of one damaged file on the command."""
+    generator = random.Random(seed)
     for file in sound.iterdir():
         if file.name != case.file:
             shutil.copy(file, at / file.name)
     data = (sound / case.file).read_bytes()
-    (at / case.file).write_bytes(damaged(data, chance, is_text=not case.file.endswith(".h5")))
+    (at / case.file).write_bytes(damaged(data, generator, is_text=not case.file.endswith(".h5")))
     end = ended(case.command(at))
     if end.how:
         return f"{FAILED}: {end.how}"
     if end.code:
-        return f"refused, {end.code}"
+        return f"rejected, {end.code}"
     if case.has_checksums and end.result != expected:
         return f"{FAILED}: other data than was recorded"
     return "as before" if end.result == expected else "another result"
 
 
 def tried(case: Case, sound: Path, at: Path, count: int, seed: int) -> int:
-    """Give a command `count` damaged files and print what became of them; how many it did not take well."""
+    """Give a command `count` damaged files and print their effects; the number of forbidden ends."""
     shutil.copytree(sound, at, dirs_exist_ok=True)
     expected = ended(case.command(at)).result
     begun_s, ends = time.monotonic(), Counter[str]()
@@ -204,7 +204,7 @@ def tried(case: Case, sound: Path, at: Path, count: int, seed: int) -> int:
 
 
 def main() -> None:
-    """Damage, run, count; exit code 1 when a command did not take a file well."""
+    """Damage, run, count; exit code 1 after a forbidden end."""
     count, seed = (int(text) for text in (*sys.argv[1:], "20", "0")[:2])
     with tempfile.TemporaryDirectory() as folder:
         sound, at = Path(folder) / "sound", Path(folder) / "files"
@@ -212,7 +212,7 @@ def main() -> None:
         sound_files(at)
         shutil.copytree(at, sound)
         failed = sum([tried(case, sound, at, count, seed) for case in CASES])
-    print(f"{failed} of {count * len(CASES)} damaged files were not taken well")
+    print(f"{failed} of {count * len(CASES)} damaged files had a forbidden effect")
     sys.exit(failed > 0)
 
 

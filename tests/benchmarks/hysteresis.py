@@ -1,6 +1,6 @@
-"""How fast the maths is, against peers measured in the same run: python tests/benchmarks/hysteresis.py
+"""The speed of the maths, against peers measured in the same run: python tests/benchmarks/hysteresis.py
 
-Prints ratios and rates; asserts nothing about time.
+It prints ratios and rates, and asserts no time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def mixed_loop(samples, turns=20, seed=0):
 
 
 def seconds(action, repeats=5):
-    """Best of a few runs."""
+    """The shortest time of a few runs."""
     best = np.inf
     for _ in range(repeats):
         start = time.perf_counter()
@@ -36,7 +36,7 @@ def seconds(action, repeats=5):
 
 
 def duhem_slope(v, w, rising):
-    """Eq. (5) of the paper for Table 1 (corrected), as one would write it for an ODE solver."""
+    """Eq. (5) of the paper for Table 1 (corrected), in the form for an ODE solver."""
     heating, cooling = (v - 35) / 75, (v + 45) / 70
     gap = ndtr(cooling) - ndtr(heating)
     if rising:
@@ -45,13 +45,13 @@ def duhem_slope(v, w, rising):
 
 
 def rule_slope(v, w, rising):
-    """Eqs. (10) and (11) with dv for dt, likewise."""
+    """Eqs. (10) and (11) with dv for dt, in the form for an ODE solver."""
     a, b = RULES.heating_law if rising else RULES.cooling_law
     return np.interp(v, RULES.sets.centres, a) * w + np.interp(v, RULES.sets.centres, b)
 
 
 def ode_seconds_per_sample(model, slope):
-    """A peer: solve_ivp(RK45, rtol 1e-6) run by run over the same input."""
+    """The time per sample of a peer: solve_ivp(RK45, rtol 1e-6) on each monotonic part of the same input."""
     v = mixed_loop(1001, turns=3)
     turns = np.flatnonzero(np.diff(np.sign(np.diff(v)))) + 1
 

@@ -2,8 +2,8 @@
 
     python tests/benchmarks/model_check.py [RUNS]
 
-RUNS sequences of up to 20 steps are drawn for RTU and for Modbus TCP each (see tests/modbus_model.py); a sequence that
-fails is shrunk and printed, and the exit code is 1.
+RUNS random sequences of up to 20 steps are tried for RTU and for Modbus TCP each (see tests/modbus_model.py). A failing
+sequence is shrunk and printed, and the exit code is 1.
 """
 
 import sys
@@ -19,7 +19,7 @@ from modbus_model import BusMachine, NumberedBusMachine
 
 STEPS = 20
 CHUNK = 1000
-"""Runs that are drawn together: the search remembers those of a chunk, and memory grows with it."""
+"""Runs per search: a search remembers all its runs, so its memory grows with their number."""
 
 
 def main():

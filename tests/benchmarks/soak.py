@@ -1,9 +1,9 @@
-"""Hours of hard but healthy running in virtual time: python tests/benchmarks/soak.py [--hours 24] [--rig in-process]
+"""Hours of continuous tracking in virtual time: python tests/benchmarks/soak.py [--hours 24] [--rig in-process]
 
-One wire drawn at random is excited, identified and then tracked without a pause, with sines of three periods in turn,
-every tick through the full register codec of the rig's devices and into a log. A line for every simulated hour: the
-tracking error, lost exchanges, trips, and the memory of the process. Nothing may grow, nothing be missed, and the last
-hour must look like the first within noise.
+A random wire is excited, identified and then tracked without a pause, with sines of three periods in turn. Every tick
+passes the full register codec of the rig's devices and goes into a log. Each simulated hour prints a line: the tracking
+error, lost exchanges, trips, and the memory of the process. Neither memory nor error may grow, no deadline may be
+missed, and the last hour must equal the first within noise.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ import numpy as np
 
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
-from firmware_sim.physics.random_wire import draw
+from firmware_sim.physics.random_wire import random_wire
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.reference import Reference
@@ -37,7 +37,7 @@ APPROACH_S = 10.0
 
 
 def endless(cold_mm: float, hot_mm: float, duration_s: float) -> Reference:
-    """Sines over the middle of the stroke, a minute of each period in turn, for so long."""
+    """Sines over the middle of the stroke for `duration_s`, six minutes of each period in turn."""
     times_s = np.arange(0.0, duration_s, 0.5)
     period_s = np.asarray(PERIODS_S)[(times_s // 360.0).astype(int) % len(PERIODS_S)]
     phase = np.cumsum(np.concatenate(([0.0], np.diff(times_s) / period_s[1:])))
@@ -46,20 +46,20 @@ def endless(cold_mm: float, hot_mm: float, duration_s: float) -> Reference:
 
 
 def memory_mb() -> float:
-    """The memory of this process now."""
+    """The present memory of this process."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * resource.getpagesize() / 1e6
 
 
 def main() -> None:
-    """Run and print a line for every hour."""
+    """Run, and print a line for every hour."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--hours", type=float, default=24.0)
-    parser.add_argument("--rig", default="in-process", help="whose devices, limits and rate are taken")
+    parser.add_argument("--rig", default="in-process", help="the rig whose devices, limits and rate are used")
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
     config = load_rig(arguments.rig)
-    bench = SimulatedBench(draw(load_sim("flexinol-lt-0.15mm"), arguments.seed), arguments.seed)
+    bench = SimulatedBench(random_wire(load_sim("flexinol-lt-0.15mm"), arguments.seed), arguments.seed)
     clock = VirtualClock()
     clock.follow(bench.advance_to)
     transports = {

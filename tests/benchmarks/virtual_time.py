@@ -1,12 +1,12 @@
-"""How fast a simulated bench runs ahead of real time: taskset -c 0 python tests/benchmarks/virtual_time.py --minutes 10
+"""The speed of virtual time against real time: taskset -c 0 python tests/benchmarks/virtual_time.py --minutes 10
 
-The shipped in-process rig at 20 Hz, in virtual time: plant, sensors, firmware, every register of every exchange through
-frames and codec, supervisor, controller, log. Once exciting, once tracking a sine with the inverse of the wire that the
-excitation identified. Processor time, the best of the rounds; every round has the same seed, so its log must be the
-same to the last bit. Function calls a tick are counted in a run of their own.
+It runs the shipped in-process rig at 20 Hz in virtual time: plant, sensors, firmware, every register of every exchange
+through frames and codec, supervisor, controller, log. The first run is an excitation, the second tracks a sine with the
+inverse of the wire identified from it. Printed is the processor time of the best round. Every round has the same seed,
+so its log must be the same to the last bit. Function calls per tick are counted in a separate run.
 
-On one core (`taskset`): with more, the threads of scipy's LAPACK wait for each other while the observer's gains are
-solved, a tenth of a second of processor time that belongs to no tick.
+Use one core (`taskset`): with more, the threads of scipy's LAPACK wait for each other while the observer's gains are
+solved, which adds a tenth of a second of processor time that belongs to no tick.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ ROUNDS = 3
 
 
 class Run(NamedTuple):
-    """What one run took, how much it simulated, and what it logged."""
+    """Processor time of one run, its simulated time, its ticks, and the digest of its log."""
 
     took_s: float
     simulated_s: float
@@ -70,7 +70,7 @@ def timed(loop):
 
 
 def measured(run, folder):
-    """The best of the rounds; AssertionError when the same seed gave another log."""
+    """The fastest of the rounds; AssertionError when the same seed gave another log."""
     runs = []
     for number in range(ROUNDS):
         path = folder / f"{number}.h5"
@@ -112,6 +112,6 @@ def main(minutes):
 if __name__ == "__main__":
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, default=10.0, help="simulated minutes of tracking")
-    asked = parser.parse_args()
+    arguments = parser.parse_args()
     os.nice(10)
-    main(asked.minutes)
+    main(arguments.minutes)

@@ -1,4 +1,4 @@
-"""Other people's Modbus: their clients read and write our simulator, our driver drives their server."""
+"""Third-party Modbus: their clients read and write our simulator, our driver drives their server."""
 
 import re
 import shutil
@@ -8,7 +8,7 @@ import minimalmodbus
 import pytest
 from peers import libmodbus
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
-from served import served
+from served import PATIENT, served
 
 from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import Profile, load_profile
@@ -22,32 +22,32 @@ needs_libmodbus = pytest.mark.skipif(libmodbus.missing() is not None, reason=str
 needs_mbpoll = pytest.mark.skipif(shutil.which("mbpoll") is None, reason="needs mbpoll (Debian package mbpoll)")
 
 BOARD = load_profile("sma-reference")
-FIRST = 48  # watchdog, highest temperature, highest current: what every client writes and reads back
+FIRST = 48  # watchdog, highest temperature, highest current: every client writes them and reads them back
 WORDS = (700, 900, 4000)
 
 
 @pytest.fixture(scope="module", params=["rtu", "tcp"])
 def simulator(request):
-    """Kind, and the path or port where a simulated board is."""
+    """The protocol, and the path or port of a simulated board."""
     with served(*([] if request.param == "rtu" else ["--tcp", "0"])) as (_, url):
         yield request.param, url.rpartition(":")[2] if request.param == "tcp" else url.removeprefix("serial://")
 
 
 @pytest.fixture(autouse=True)
-def written_by_nobody(request):
-    """The three registers hold something else before each test that looks for what a client wrote."""
+def other_words_before_each_test(request):
+    """The three registers hold other words before each test that reads the words of a client."""
     if "simulator" not in request.fixturenames:
         return
-    with board(*request.getfixturevalue("simulator")) as transport:
+    with open_board(*request.getfixturevalue("simulator")) as transport:
         ModbusClient(transport).execute(1, requests.write_registers(FIRST, (500, 1000, 5000)), BOARD.bus_timing())
 
 
-def board(kind, where):
-    return open_transport(f"tcp://127.0.0.1:{where}" if kind == "tcp" else f"serial://{where}")
+def open_board(kind, where):
+    return open_transport((f"tcp://127.0.0.1:{where}" if kind == "tcp" else f"serial://{where}") + PATIENT)
 
 
-def seen_by_the_driver(kind, where):
-    with board(kind, where) as transport:
+def read_by_the_driver(kind, where):
+    with open_board(kind, where) as transport:
         return requests.registers_of(
             ModbusClient(transport).execute(1, requests.read_holding(FIRST, len(WORDS)), BOARD.bus_timing())
         )
@@ -60,7 +60,7 @@ def test_libmodbus_reads_and_writes_the_simulator(simulator):
 
     assert client("read", 0, 2) == [0x534D, 1]
     client("write", FIRST, *WORDS)
-    assert seen_by_the_driver(*simulator) == WORDS
+    assert read_by_the_driver(*simulator) == WORDS
     client("write", FIRST, 800)
     assert client("read", FIRST, 3) == [800, *WORDS[1:]]
     echo, state = client("exchange", 32, 77, 0, 0, "/", 16, 2)
@@ -68,15 +68,15 @@ def test_libmodbus_reads_and_writes_the_simulator(simulator):
 
 
 @needs_libmodbus
-def test_libmodbus_is_told_why_it_is_refused(simulator):
-    for command, says in (
+def test_libmodbus_gets_the_exception_codes(simulator):
+    for command, message in (
         (("read", 5, 1), "Illegal data address"),
         (("write", FIRST, 1), "Illegal data value"),
         (("write", 0, 1), "Illegal data address"),
     ):
-        with pytest.raises(subprocess.CalledProcessError) as refused:
+        with pytest.raises(subprocess.CalledProcessError) as error:
             libmodbus.client(*simulator, 1, *command)
-        assert says in refused.value.stdout
+        assert message in error.value.stdout
 
 
 @needs_mbpoll
@@ -85,17 +85,17 @@ def test_mbpoll_writes_and_reads_the_simulator(simulator):
     line = ["-m", "rtu", "-b115200", "-Pnone", where] if kind == "rtu" else ["-m", "tcp", "-p", where, "127.0.0.1"]
     common = ["mbpoll", "-a1", "-0", "-1", f"-r{FIRST}"]
     subprocess.run([*common, *line, *map(str, WORDS)], check=True, capture_output=True)
-    assert seen_by_the_driver(kind, where) == WORDS
-    told = subprocess.run([*common, "-c3", *line], check=True, capture_output=True, text=True).stdout
-    assert tuple(int(word) for word in re.findall(r"\[\d+\]:\s+(\d+)", told)) == WORDS
+    assert read_by_the_driver(kind, where) == WORDS
+    output = subprocess.run([*common, "-c3", *line], check=True, capture_output=True, text=True).stdout
+    assert tuple(int(word) for word in re.findall(r"\[\d+\]:\s+(\d+)", output)) == WORDS
 
 
 def test_pymodbus_reads_and_writes_the_simulator(simulator):
     kind, where = simulator
-    made = (
+    client = (
         ModbusSerialClient(where, baudrate=115200) if kind == "rtu" else ModbusTcpClient("127.0.0.1", port=int(where))
     )
-    with made as client:
+    with client:
         assert client.read_holding_registers(0, count=2, device_id=1).registers == [0x534D, 1]
         client.write_registers(FIRST, list(WORDS), device_id=1)
         assert client.read_holding_registers(FIRST, count=3, device_id=1).registers == list(WORDS)
@@ -119,7 +119,7 @@ def test_minimalmodbus_reads_and_writes_the_simulator(simulator):
         instrument.write_registers(FIRST, list(WORDS))
         instrument.write_register(FIRST, 800, functioncode=6)
         assert instrument.read_registers(FIRST, 3) == [800, *WORDS[1:]]
-        assert instrument.read_long(3) >= 0x8000_0000  # a simulated board draws its serial number
+        assert instrument.read_long(3) >= 0x8000_0000  # a simulated board has a random serial number
         with pytest.raises(minimalmodbus.IllegalRequestError):
             instrument.read_register(5)
 
@@ -195,9 +195,9 @@ def foreign_profile(kind, tmp_path):
 
 @needs_libmodbus
 @pytest.mark.parametrize("kind", ["rtu", "tcp"])
-def test_the_driver_drives_a_libmodbus_server_by_a_profile(kind, tmp_path):
+def test_driver_drives_a_libmodbus_server_by_a_profile(kind, tmp_path):
     profile: Profile = foreign_profile(kind, tmp_path)
-    with libmodbus.server(kind, 7, CONTENT) as where, board(kind, where) as transport:
+    with libmodbus.server(kind, 7, CONTENT) as where, open_board(kind, where) as transport:
         device = Device(profile, ModbusClient(transport))
         device.check_identity()
         device.write("i_set", 12.3456)
@@ -211,16 +211,17 @@ def test_the_driver_drives_a_libmodbus_server_by_a_profile(kind, tmp_path):
         assert requests.registers_of(client.execute(7, requests.read_holding(0x20, 2), timing)) == (0xE240, 0x0001)
         device.enter_safe_state()
         assert device.read(("i_set",))["i_set"].value == 0.0
-        with pytest.raises(ExceptionReply, match="illegal data address"):
+        with pytest.raises(ExceptionReply) as error:
             client.execute(7, requests.read_holding(2000, 1), timing)
+        assert error.value.code == 2
 
 
 @needs_libmodbus
-def test_a_libmodbus_server_that_is_another_device_is_not_written_to(tmp_path):
+def test_libmodbus_server_with_another_identity_is_not_written(tmp_path):
     profile = foreign_profile("rtu", tmp_path)
-    with libmodbus.server("rtu", 7, ((900, 4712),)) as where, board("rtu", where) as transport:
+    with libmodbus.server("rtu", 7, ((900, 4712),)) as where, open_board("rtu", where) as transport:
         device = Device(profile, ModbusClient(transport))
-        with pytest.raises(IdentityError, match="model is 4712, expected 4711"):
+        with pytest.raises(IdentityError, match=r"4712.*4711"):
             device.write("i_set", 1.0)
         words = device.client.execute(7, requests.read_holding(0x20, 2), profile.bus_timing())
         assert words == bytes(4)

@@ -1,4 +1,4 @@
-"""Faults by script in the served process: the driver behind a real port and a real socket."""
+"""Scripted faults in the served process, with the driver at a real port and a real socket."""
 
 import re
 import subprocess
@@ -45,15 +45,15 @@ gap_s = 0.01
 
 @pytest.fixture(params=["--pty", "--tcp", "--rtu-tcp"])
 def scripted(request, tmp_path):
-    """How to move the simulator's time, and its URL."""
+    """A function that moves the simulator's time, and its URL."""
     script = tmp_path / "faults.toml"
     script.write_text(FAULTS, encoding="utf-8")
-    way_in = str(tmp_path / "port") if request.param == "--pty" else "0"
-    with served("--time", "driven", "--faults", str(script), request.param, way_in) as (process, url):
+    address = str(tmp_path / "port") if request.param == "--pty" else "0"
+    with served("--time", "lockstep", "--faults", str(script), request.param, address) as (process, url):
         yield partial(advance, process), url
 
 
-def test_a_scripted_bus_fails_on_time_and_the_driver_gets_over_it(scripted):
+def test_scripted_faults_begin_on_time_and_the_driver_recovers(scripted):
     advance_to, url = scripted
     with open_transport(url, load_profile("sma-reference").serial_settings()) as transport:
         client = ModbusClient(transport)
@@ -88,7 +88,7 @@ def test_a_scripted_bus_fails_on_time_and_the_driver_gets_over_it(scripted):
         assert read() == RIGHT
 
 
-def test_a_run_with_an_open_thermocouple_is_refused_before_anything_is_rehearsed_or_written(tmp_path):
+def test_run_with_open_thermocouple_is_rejected_before_anything_is_written(tmp_path):
     script, rig, wire, log = (tmp_path / name for name in ("faults.toml", "rig.toml", "wire.json", "run.h5"))
     script.write_text('[[faults]]\nat_s = 0.0\nname = "open_thermocouple"\n', encoding="utf-8")
     model = DuhemModel.gaussian(
@@ -102,16 +102,16 @@ def test_a_run_with_an_open_thermocouple_is_refused_before_anything_is_rehearsed
             [sys.executable, "-m", "smadrive", *map(str, run)], capture_output=True, text=True, check=False
         )
     assert done.returncode == 4
-    (told,) = done.stderr.splitlines()
-    assert "gives no valid reading (thermocouple_open): check the bead, the plug and the polarity" in told
+    (message,) = done.stderr.splitlines()
+    assert "thermocouple_open" in message
     assert not log.exists()
 
 
-def test_a_script_that_makes_no_sense_is_one_clear_line(tmp_path):
+def test_wrong_script_is_rejected_in_one_line(tmp_path):
     script = tmp_path / "faults.toml"
     script.write_text('[[faults]]\nat_s = 1.0\nname = "dorp"\n', encoding="utf-8")
-    for path, says in ((script, "did you mean 'drop'?"), (tmp_path / "none.toml", "no such file")):
+    for path, name in ((script, "'drop'"), (tmp_path / "none.toml", "none.toml")):
         run = subprocess.run([*COMMAND, SIM, "--faults", str(path)], capture_output=True, text=True, check=False)
         assert run.returncode == 2
-        assert says in run.stderr
+        assert name in run.stderr
         assert run.stderr.count("\n") == 1

@@ -1,4 +1,4 @@
-"""Conformance on a serial line, byte by byte: what other people's servers were found to get wrong."""
+"""Conformance on a serial line, byte by byte: requests that other servers were found to answer wrongly."""
 
 import pytest
 from served import served
@@ -23,7 +23,7 @@ def line(board):
 
 
 def answer(line, within_s=5.0, pause_s=0.2):
-    """All bytes until the line has been silent for a while."""
+    """All bytes until the line has been silent for `pause_s`."""
     data = line.read(line.clock.now_s() + within_s)
     while more := line.read(line.clock.now_s() + pause_s):
         data += more
@@ -49,10 +49,10 @@ def answer(line, within_s=5.0, pause_s=0.2):
         ("06 0030 0001", "86 03"),
         ("08 0000 1234", "08 0000 1234"),
         ("08 0001 0000", "88 01"),
-        ("03 0030 0001", "03 02 01F4"),  # after all that, unchanged
+        ("03 0030 0001", "03 02 01F4"),  # unchanged by the requests above
     ],
 )
-def test_probes(line, pdu, reply):
+def test_request_gets_the_reply_of_the_standard(line, pdu, reply):
     line.write(rtu.seal(1, bytes.fromhex(pdu)))
     assert answer(line) == rtu.seal(1, bytes.fromhex(reply))
 
@@ -68,7 +68,7 @@ OWN_FORM = {
 
 
 @pytest.mark.parametrize("code", [code for code in range(1, 128) if code not in (3, 6, 8, 16, 22, 23)])
-def test_every_other_function_is_illegal(line, code):
+def test_every_other_function_gets_illegal_function(line, code):
     line.write(rtu.seal(1, bytes((code,)) + bytes.fromhex(OWN_FORM.get(code, "0000 0001"))))
     assert answer(line, pause_s=0.01) == rtu.seal(1, bytes((code | 0x80, 1)))
 
@@ -84,14 +84,14 @@ def test_every_other_function_is_illegal(line, code):
     ],
     ids=["another unit", "wrong crc", "half a frame", "broadcast", "oversize"],
 )
-def test_what_is_met_with_silence_and_the_next_request_is_answered(line, bytes_):
+def test_ignored_bytes_do_not_disturb_the_next_request(line, bytes_):
     line.write(bytes_)
     assert answer(line, within_s=0.3) == b""
     line.write(rtu.seal(1, READ))
     assert answer(line) == REPLY
 
 
-def test_junk_before_a_request_two_requests_at_once_and_one_byte_by_byte(line):
+def test_requests_behind_junk_two_at_once_and_byte_by_byte_are_answered(line):
     line.write(b"\x55\x00\xff" + rtu.seal(1, READ))
     assert answer(line) == REPLY
     line.write(2 * rtu.seal(1, READ))

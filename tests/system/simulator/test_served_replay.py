@@ -1,11 +1,11 @@
-"""Record the bus of a served simulator, then serve the record."""
+"""Record the bus of a served simulator, then serve the recording."""
 
 import json
 import subprocess
 import sys
 
 import pytest
-from served import COMMAND, SIM, served
+from served import COMMAND, PATIENT, SIM, served
 
 from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import load_profile
@@ -23,7 +23,7 @@ NAMES = ("serial_number", "temperature", "sample_counter", "watchdog_s", "uptime
 
 
 def read(url, trace_path=None):
-    with open_transport(url, PROFILE.serial_settings()) as transport:
+    with open_transport(url + PATIENT, PROFILE.serial_settings()) as transport:
         if trace_path is None:
             return readings(ModbusClient(transport))
         with TraceFile(trace_path, transport) as trace:
@@ -36,13 +36,13 @@ def readings(client):
     return [device.read(NAMES) for _ in range(3)]
 
 
-@pytest.mark.parametrize("way_in", ["--pty", "--tcp"])
-def test_a_record_is_served_as_the_device_that_it_was(way_in, tmp_path):
+@pytest.mark.parametrize("option", ["--pty", "--tcp"])
+def test_recording_is_served_as_the_recorded_device(option, tmp_path):
     path = tmp_path / "bus.trace"
     with served() as (_, url):
         recorded = read(url, path)
-    where = str(tmp_path / "port") if way_in == "--pty" else "0"
-    with served("--replay", str(path), way_in, where, sim=None) as (process, url):
+    address = str(tmp_path / "port") if option == "--pty" else "0"
+    with served("--replay", str(path), option, address, sim=None) as (process, url):
         assert read(url) == recorded
         with open_transport(url, PROFILE.serial_settings()) as transport, pytest.raises(DeadlineError):
             ModbusClient(transport).execute(1, requests.read_holding(32, 1), BusTiming(0.1, read_retries=0))
@@ -50,37 +50,37 @@ def test_a_record_is_served_as_the_device_that_it_was(way_in, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("options", "name"),
     [
-        (["--replay", "/nowhere/bus.trace"], "/nowhere/bus.trace: cannot be read"),
-        ([SIM, "--replay", "/nowhere/bus.trace"], "--replay takes the place of SIM.toml"),
-        ([], "names no SIM.toml"),
+        (["--replay", "/nowhere/bus.trace"], "/nowhere/bus.trace: "),
+        ([SIM, "--replay", "/nowhere/bus.trace"], "--replay: "),
+        ([], "no SIM.toml"),
     ],
 )
-def test_bad_input_is_one_clear_line(options, says):
+def test_wrong_option_is_rejected_in_one_line(options, name):
     run = subprocess.run([*COMMAND, *options], capture_output=True, text=True, check=False)
     assert run.returncode == 2
-    assert says in run.stderr
+    assert name in run.stderr
     assert run.stderr.count("\n") == 1
 
 
 def probe(port, *options, cwd):
-    """What `smadrive probe` says of the shipped rig, its board at this port."""
+    """`smadrive probe` on the shipped rig with its board at this port."""
     rig = config_file("simulated", RIG).read_text(encoding="utf-8")
-    rig = rig.replace("/tmp/smadrive-sim?", f"{port}?latency_ms=2000&")  # noqa: S108  (on a busy machine, too)
+    rig = rig.replace("/tmp/smadrive-sim?", f"{port}?latency_ms=2000&")  # noqa: S108  (enough on a busy machine)
     (cwd / "rig.toml").write_text(rig, encoding="utf-8")
     command = [sys.executable, "-m", "smadrive", "probe", "rig.toml", *options, "--json"]
     return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
-def test_what_a_command_traced_answers_that_command_again(tmp_path):
+def test_trace_of_a_command_answers_the_same_command(tmp_path):
     there, again = tmp_path / "there", tmp_path / "again"
     with served("--pty", str(there)):
         first = probe(there, "--trace", "traces", cwd=tmp_path)
-        refused = probe(there, "--trace", "traces", cwd=tmp_path)
+        second_trace = probe(there, "--trace", "traces", cwd=tmp_path)
     assert first.returncode == 0, first.stderr
-    assert refused.returncode == 2
-    assert "traces/board.trace: is there already" in refused.stderr
+    assert second_trace.returncode == 2
+    assert "traces/board.trace" in second_trace.stderr
     trace = (tmp_path / "traces" / "board.trace").read_text()
     assert "| unit 1: read 5 holding registers from 0" in trace
     assert "| unit 1: write register" in trace

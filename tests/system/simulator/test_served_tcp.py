@@ -1,4 +1,4 @@
-"""firmware-sim on a TCP port: conformance on the wire, the driver through both protocols, a third party."""
+"""firmware-sim on a TCP port: conformance, the driver through both protocols, a third-party client."""
 
 import contextlib
 import os
@@ -10,10 +10,10 @@ import socket
 import subprocess
 
 import pytest
-from served import COMMAND, SIM, served
+from served import COMMAND, PATIENT, SIM, served
 
 from firmware_sim.server.readiness import readable
-from firmware_sim.server.tcp_endpoint import MOST_CLIENTS
+from firmware_sim.server.tcp_endpoint import MAX_CLIENTS
 from smadrive.clock import MonotonicClock
 from smadrive.devices.device import Device
 from smadrive.devices.heater import Heater
@@ -39,7 +39,7 @@ def wire(thermometer):
 
 
 def answer(wire, quiet_s=5.0):
-    """The next frame; None when there is silence."""
+    """The next frame; None after `quiet_s` without one."""
     wire.settimeout(quiet_s)
     data = b""
     try:
@@ -67,7 +67,7 @@ def answer(wire, quiet_s=5.0):
         ("17 00 00 00 01 00 00 00 00 00", "97 03"),
     ],
 )
-def test_probes(wire, pdu, reply):
+def test_request_gets_the_reply_of_the_standard(wire, pdu, reply):
     wire.sendall(mbap.seal(0x1234, 1, bytes.fromhex(pdu)))
     assert answer(wire) == mbap.seal(0x1234, 1, bytes.fromhex(reply))
 
@@ -76,13 +76,13 @@ READ = bytes.fromhex("01 00 10 00 08")
 REPLY = bytes.fromhex("01 01 00")
 
 
-def test_another_unit_is_answered_as_by_a_gateway_and_the_devices_own_names_by_it(wire):
+def test_units_0_and_255_reach_the_device_and_other_units_get_a_gateway_exception(wire):
     for unit_id, reply in ((9, b"\x81\x0b"), (0, REPLY), (255, REPLY), (1, REPLY)):
         wire.sendall(mbap.seal(7, unit_id, READ))
         assert answer(wire) == mbap.seal(7, unit_id, reply)
 
 
-def test_another_protocol_is_dropped_and_the_request_behind_it_answered(wire):
+def test_frame_of_another_protocol_is_dropped_and_the_next_request_answered(wire):
     foreign = bytearray(mbap.seal(1, 1, READ))
     foreign[3] = 5
     wire.sendall(bytes(foreign))
@@ -91,19 +91,19 @@ def test_another_protocol_is_dropped_and_the_request_behind_it_answered(wire):
     assert answer(wire) == mbap.seal(2, 1, REPLY)
 
 
-def test_a_length_that_is_none_drops_what_came_and_nothing_else(wire):
+def test_impossible_length_drops_pending_bytes_only(wire):
     wire.sendall(bytes.fromhex("0001 0000 FFFF 01") + READ)
     assert answer(wire, quiet_s=0.2) is None
     wire.sendall(mbap.seal(2, 1, READ))
     assert answer(wire) == mbap.seal(2, 1, REPLY)
 
 
-def test_several_requests_in_one_segment_are_all_answered_in_order(wire):
+def test_requests_in_one_segment_are_answered_in_order(wire):
     wire.sendall(b"".join(mbap.seal(number, 1, READ) for number in range(1, 6)))
     assert [answer(wire) for _ in range(5)] == [mbap.seal(number, 1, REPLY) for number in range(1, 6)]
 
 
-def test_a_request_byte_by_byte_is_answered(wire):
+def test_request_byte_by_byte_is_answered(wire):
     wire.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     for byte in mbap.seal(3, 1, READ):
         wire.sendall(bytes((byte,)))
@@ -115,7 +115,7 @@ def test_clients_do_not_disturb_each_other(wire, thermometer):
     wire.sendall(half[:6])
     profile = load_profile("adam-6018")
     for _ in range(3):
-        with open_transport(thermometer) as transport:
+        with open_transport(thermometer + PATIENT) as transport:
             device = Device(profile, ModbusClient(transport))
             device.write("do_3", 1)
             assert device.read(("do_3", "tc_0"))["tc_0"].value == pytest.approx(22.0, abs=1.0)
@@ -125,7 +125,7 @@ def test_clients_do_not_disturb_each_other(wire, thermometer):
 
 
 @pytest.mark.skipif(shutil.which("mbpoll") is None, reason="needs mbpoll (Debian package mbpoll)")
-def test_a_third_party_master_reads_what_the_driver_reads(thermometer):
+def test_third_party_client_reads_the_temperature(thermometer):
     port = thermometer.rpartition(":")[2]
     run = subprocess.run(
         ["mbpoll", "-m", "tcp", "-p", port, "-a1", "-0", "-1", "-r0", "-c8", "127.0.0.1"],
@@ -140,10 +140,10 @@ def test_a_third_party_master_reads_what_the_driver_reads(thermometer):
 
 
 @pytest.mark.parametrize("option", ["--tcp", "--rtu-tcp"])
-def test_the_driver_heats_through_either_protocol(option):
+def test_driver_heats_through_either_protocol(option):
     profile = load_profile("sma-reference")
     with served(option, "127.0.0.1:0") as (process, url):
-        with open_transport(url, profile.serial_settings()) as transport:
+        with open_transport(url + PATIENT, profile.serial_settings()) as transport:
             board = Heater(
                 HeaterBoard(Device(profile, ModbusClient(transport)), MonotonicClock()),
                 HeaterLimits(0.6, 130.0),
@@ -164,32 +164,32 @@ def test_the_driver_heats_through_either_protocol(option):
 
 
 @pytest.mark.parametrize(
-    ("options", "says"),
+    ("options", "names"),
     [
-        (["--tcp", "host"], "'host' is no address to listen on; write HOST:PORT"),
-        (["--tcp", "70000"], "'70000' is no address"),
-        (["--rtu-tcp", "192.0.2.1:0"], "--rtu-tcp 192.0.2.1:0: cannot listen there"),
-        (["--tcp", "0", "--pty", "/nowhere/wire"], "--pty, --tcp and --rtu-tcp exclude each other"),
-        (["--profile", "adam-6018"], "'adam-6018' has no serial line: serve it with --tcp HOST:PORT"),
+        (["--tcp", "host"], ("'host'", "HOST:PORT")),
+        (["--tcp", "70000"], ("'70000'", "HOST:PORT")),
+        (["--rtu-tcp", "192.0.2.1:0"], ("--rtu-tcp 192.0.2.1:0: ",)),
+        (["--tcp", "0", "--pty", "/nowhere/wire"], ("--pty, --tcp and --rtu-tcp",)),
+        (["--profile", "adam-6018"], ("'adam-6018'", "--tcp HOST:PORT")),
     ],
 )
-def test_bad_input_is_one_clear_line(options, says):
+def test_wrong_option_is_rejected_in_one_line(options, names):
     run = subprocess.run(
         [*COMMAND, SIM, *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
     )
     assert run.returncode == 2
-    assert says in run.stderr
+    assert all(name in run.stderr for name in names)
     assert run.stderr.count("\n") == 1
 
 
 def connected(url, count):
-    """So many clients, in the order in which they came."""
+    """`count` clients, in the order in which they connected."""
     address = re.fullmatch(r"tcp://(127\.0\.0\.1):(\d+)", url)
     return [socket.create_connection((address[1], int(address[2])), 5.0) for _ in range(count)]
 
 
 def is_served(client):
-    """Whether a client gets an answer; False when its connection was closed."""
+    """Whether a client gets a reply; False when its connection was closed."""
     client.settimeout(5.0)
     try:
         client.sendall(mbap.seal(1, 1, READ))
@@ -200,7 +200,7 @@ def is_served(client):
 
 @contextlib.contextmanager
 def few_descriptors(count):
-    """Processes started here may have so many descriptors."""
+    """Limit the descriptors of processes that are started in the block."""
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (count, before[1]))
     try:
@@ -209,20 +209,20 @@ def few_descriptors(count):
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
-def test_clients_beyond_the_limit_are_turned_away_which_is_told_once():
+def test_clients_beyond_the_limit_are_rejected_and_logged_once():
     with contextlib.ExitStack() as stack:
         process, url = stack.enter_context(served("--tcp", "0", "--profile", "adam-6018"))
-        clients = [stack.enter_context(client) for client in connected(url, MOST_CLIENTS + 20)]
-        assert [is_served(client) for client in clients] == [True] * MOST_CLIENTS + [False] * 20
+        clients = [stack.enter_context(client) for client in connected(url, MAX_CLIENTS + 20)]
+        assert [is_served(client) for client in clients] == [True] * MAX_CLIENTS + [False] * 20
         clients[0].close()
         assert is_served(clients[1])
         assert is_served(stack.enter_context(connected(url, 1)[0]))
         process.send_signal(signal.SIGTERM)
         assert process.wait(10) == 0
-        assert sum("no more are let in" in line for line in process.stderr.read().splitlines()) == 1
+        assert sum("clients are rejected" in line for line in process.stderr.read().splitlines()) == 1
 
 
-def test_simulator_without_descriptors_goes_on_serving_the_clients_that_it_has():
+def test_simulator_without_descriptors_goes_on_serving_its_clients():
     with contextlib.ExitStack() as stack:
         with few_descriptors(40):
             process, url = stack.enter_context(served("--tcp", "0", "--profile", "adam-6018"))
@@ -233,11 +233,11 @@ def test_simulator_without_descriptors_goes_on_serving_the_clients_that_it_has()
         assert is_served(clients[0])
         process.send_signal(signal.SIGTERM)
         assert process.wait(10) == 0
-        assert sum("turned away" in line for line in process.stderr.read().splitlines()) == 1
+        assert sum("clients are rejected" in line for line in process.stderr.read().splitlines()) == 1
 
 
-def test_simulator_serves_descriptors_beyond_those_of_select():
-    """`select` takes none from 1024 on; here the first thousand are taken by other files."""
+def test_simulator_serves_descriptors_beyond_the_limit_of_select():
+    """`select` accepts no descriptor from 1024 on; here other files have the first thousand."""
     with contextlib.ExitStack() as stack:
         taken = [os.open(os.devnull, os.O_RDONLY) for _ in range(1024)]
         stack.callback(lambda: [os.close(descriptor) for descriptor in taken])

@@ -1,4 +1,4 @@
-"""FAULTS.toml: what it does to a rig, and what it may not say."""
+"""FAULTS.toml: its effect on a bench, and the errors for wrong scripts."""
 
 import pytest
 
@@ -23,8 +23,8 @@ def script(tmp_path):
     return write
 
 
-def test_faults_happen_at_their_times_and_are_told(rig, script):
-    rig.bench.follow_script(
+def test_faults_begin_at_their_times_and_are_logged(simulated, script):
+    simulated.bench.follow_script(
         script("""
         [[faults]]
         at_s = 3.0
@@ -40,7 +40,7 @@ def test_faults_happen_at_their_times_and_are_told(rig, script):
         name = "open_thermocouple"
         """)
     )
-    client = ModbusClient(rig.transport())
+    client = ModbusClient(simulated.transport())
     outcomes = []
     for time_s in (0.9, 1.1, 2.9, 3.0, 3.1, 3.2):
         client.clock.sleep_until(time_s)
@@ -49,20 +49,20 @@ def test_faults_happen_at_their_times_and_are_told(rig, script):
         except SmadriveError as error:
             outcomes.append(type(error))
     assert outcomes == [4, DeadlineError, 4, ExceptionReply, 4, 4]
-    healthy = rig.bench.sensors.faults.thermocouple.name
-    rig.bench.advance_to(4.1)
-    assert (healthy, rig.bench.sensors.faults.thermocouple.name) == ("none", "open")
-    assert [event for event in rig.bench.events if "fault:" in event] == [
+    healthy = simulated.bench.sensors.faults.thermocouple.name
+    simulated.bench.advance_to(4.1)
+    assert (healthy, simulated.bench.sensors.faults.thermocouple.name) == ("none", "open")
+    assert [event for event in simulated.bench.events if "fault:" in event] == [
         "t=1.000 s fault: drop for_s = 0.5",
         "t=3.000 s fault: refuse code = 6, replies = 1",
         "t=4.000 s fault: open_thermocouple",
     ]
 
 
-def outcomes_by_chance(config, seed):
-    rig = simulated_device(config, seed)
-    rig.bench.follow_script(FaultScript.model_validate({"random": {"share": 0.5, "slowest_s": 0.3}}))
-    client = ModbusClient(rig.transport())
+def random_outcomes(config, seed):
+    simulated = simulated_device(config, seed)
+    simulated.bench.follow_script(FaultScript.model_validate({"random": {"share": 0.5, "slowest_s": 0.3}}))
+    client = ModbusClient(simulated.transport())
     outcomes = []
     for _ in range(300):
         try:
@@ -72,28 +72,28 @@ def outcomes_by_chance(config, seed):
     return outcomes
 
 
-def test_faults_by_chance_are_those_of_the_seed(config):
-    first = outcomes_by_chance(config, 1)
-    assert first == outcomes_by_chance(config, 1)
-    assert first != outcomes_by_chance(config, 2)
+def test_random_faults_depend_on_the_seed_alone(config):
+    first = random_outcomes(config, 1)
+    assert first == random_outcomes(config, 1)
+    assert first != random_outcomes(config, 2)
     assert set(first) >= {"534d0001", "DeadlineError", "ProtocolError", "ExceptionReply"}
     assert set(first) <= {"534d0001", "DeadlineError", "ProtocolError", "ExceptionReply", "TransportError"}
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "key"),
     [
-        ('[[faults]]\nat_s = 1\nname = "dorp"', r"\[\[faults\]\] 1: no fault is called 'dorp'; did you mean 'drop'"),
-        ('[[faults]]\nat_s = 1\nname = "delay"', r"1 \(delay\): delay_s: is missing"),
-        ('[[faults]]\nat_s = 1\nname = "delay"\ndelay = 1.0', "delay: unknown key; did you mean 'delay_s'"),
-        ('[[faults]]\nat_s = 1\nname = "delay"\ndelay_s = -1.0', r"delay_s: .*greater than 0 \(it is -1.0\)"),
-        ('[[faults]]\nat_s = 1\nname = "drop"\nreplies = 0', "replies: .*greater than or equal to 1"),
+        ('[[faults]]\nat_s = 1\nname = "dorp"', r"\[\[faults\]\] 1: .*'dorp'.*'drop'"),
+        ('[[faults]]\nat_s = 1\nname = "delay"', r"1 \(delay\): delay_s"),
+        ('[[faults]]\nat_s = 1\nname = "delay"\ndelay = 1.0', "delay: .*'delay_s'"),
+        ('[[faults]]\nat_s = 1\nname = "delay"\ndelay_s = -1.0', r"delay_s: .*\b0\b.*-1.0"),
+        ('[[faults]]\nat_s = 1\nname = "drop"\nreplies = 0', r"replies: .*\b1\b"),
         ('[[faults]]\nat_s = 1\nname = "refuse"\ncode = 6.5', "code: "),
-        ('[[faults]]\nname = "drop"', "at_s: is missing"),
-        ("[random]\nshare = 1.5", "random.share: .*less than or equal to 1"),
-        ("[randon]\nshare = 0.5", "randon: unknown key; did you mean 'random'"),
+        ('[[faults]]\nname = "drop"', "at_s"),
+        ("[random]\nshare = 1.5", r"random.share: .*\b1\b"),
+        ("[randon]\nshare = 0.5", "randon: .*'random'"),
     ],
 )
-def test_what_makes_no_sense_is_refused_with_its_cure(rig, script, text, says):
-    with pytest.raises(ConfigError, match=says):
-        rig.bench.follow_script(script(text))
+def test_error_names_entry_and_key(simulated, script, text, key):
+    with pytest.raises(ConfigError, match=key):
+        simulated.bench.follow_script(script(text))

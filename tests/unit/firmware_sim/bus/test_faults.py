@@ -1,4 +1,4 @@
-"""Every fault of the bus, as the client meets it: a typed error at once or at the deadline, and right values after."""
+"""Every fault of the bus, seen by the client: a typed error at once or at the deadline, then correct values."""
 
 import pytest
 
@@ -23,7 +23,7 @@ def profile(request):
 
 @pytest.fixture
 def bus(config, profile):
-    """A device, the client that talks to it, and one good reply behind them."""
+    """A device and its client, after one good reply."""
     clock = VirtualClock()
     device = simulated_device(config, 1, profile)
     clock.follow(device.bench.advance_to)
@@ -38,50 +38,50 @@ def read(bus, profile):
     return lambda: bus[1].execute(1, READ[profile.profile.id], TIMING)
 
 
-SPOILT = {
+ERRORS = {
     "corrupt": ProtocolError,
     "junk_before": ProtocolError,
     "wrong_unit": ProtocolError,
     "wrong_function": ProtocolError,
-    "short_count": (ProtocolError, DeadlineError),  # an RTU reply that ends early only silence tells from a slow one
+    "short_count": (ProtocolError, DeadlineError),  # RTU: only silence distinguishes a short reply from a slow one
     "drop": DeadlineError,
     "truncate": DeadlineError,
 }
 
 
-@pytest.mark.parametrize("name", SPOILT)
-def test_a_spoilt_reply_is_a_typed_error_within_the_deadline_and_the_next_is_right(bus, read, name):
+@pytest.mark.parametrize("name", ERRORS)
+def test_bad_reply_raises_typed_error_within_deadline_and_next_reply_is_correct(bus, read, name):
     device, client = bus
     right = read()
     getattr(device.faults, name)()
     before_s = client.clock.now_s()
-    with pytest.raises(SPOILT[name]):
+    with pytest.raises(ERRORS[name]):
         read()
     assert client.clock.now_s() - before_s < TIMING.response_timeout_s + 0.01
     assert read() == right
 
 
 @pytest.mark.parametrize("code", [1, 2, 3, 4, 5, 6, 0x0B])
-def test_a_refused_request_is_not_carried_out(bus, profile, code):
+def test_request_with_exception_reply_is_not_carried_out(bus, profile, code):
     device, client = bus
-    asked = device.responder.counters.requests
+    before = device.responder.counters.requests
     device.faults.refuse(code)
-    with pytest.raises(ExceptionReply) as refusal:
+    with pytest.raises(ExceptionReply) as error:
         client.execute(1, WRITE[profile.profile.id], TIMING)
-    assert refusal.value.code == code
-    assert device.responder.counters.requests == asked
+    assert error.value.code == code
+    assert device.responder.counters.requests == before
 
 
-def test_a_write_whose_reply_is_lost_is_carried_out(bus, profile):
+def test_write_with_lost_reply_is_carried_out(bus, profile):
     device, client = bus
-    asked = device.responder.counters.requests
+    before = device.responder.counters.requests
     device.faults.drop()
     with pytest.raises(DeadlineError):
         client.execute(1, WRITE[profile.profile.id], TIMING)
-    assert device.responder.counters.requests == asked + 1
+    assert device.responder.counters.requests == before + 1
 
 
-def test_a_split_reply_is_right_and_a_slow_split_one_is_late(bus, read):
+def test_split_reply_is_accepted_but_not_beyond_the_deadline(bus, read):
     device, client = bus
     right = read()
     device.faults.split(pause_s=0.01, pieces=5)
@@ -94,7 +94,7 @@ def test_a_split_reply_is_right_and_a_slow_split_one_is_late(bus, read):
 
 
 @pytest.mark.parametrize(("name", "parameters"), [("delay", {"delay_s": 0.15}), ("duplicate", {"after_s": 0.15})])
-def test_what_comes_late_answers_nothing_else(bus, read, name, parameters):
+def test_late_reply_is_not_accepted_for_another_request(bus, read, name, parameters):
     device, _ = bus
     right = read()
     getattr(device.faults, name)(**parameters, replies=5)
@@ -105,7 +105,7 @@ def test_what_comes_late_answers_nothing_else(bus, read, name, parameters):
             continue
 
 
-def test_junk_behind_a_reply_never_passes_for_one(bus, read):
+def test_junk_behind_a_reply_is_not_accepted_as_a_reply(bus, read):
     device, client = bus
     right = read()
     device.faults.junk_after()
@@ -120,7 +120,7 @@ def test_junk_behind_a_reply_never_passes_for_one(bus, read):
     assert read() == right
 
 
-def test_noise_is_told_from_replies(bus, read):
+def test_noise_is_not_accepted_as_a_reply(bus, read):
     device, client = bus
     right = read()
     device.faults.noise(for_s=3.0, gap_s=0.02)
@@ -136,19 +136,19 @@ def test_noise_is_told_from_replies(bus, read):
     assert read() == right
 
 
-def test_a_port_that_vanishes_comes_back(bus, read):
+def test_lost_port_is_reopened_after_its_return(bus, read):
     device, client = bus
     right = read()
     device.faults.vanish(for_s=2.0)
     for _ in range(3):
-        with pytest.raises(TransportError, match="gone until"):
+        with pytest.raises(TransportError):
             read()
     client.clock.sleep_until(client.clock.now_s() + 2.0)
     assert read() == right
     assert client.counters.reopenings == 1
 
 
-def test_a_rebooting_device_is_deaf_for_its_boot_time(config):
+def test_restarting_device_ignores_requests_for_its_boot_time(config):
     device = simulated_device(config, 1, load_profile("xy-sk-family"))
     boot_s = device.profile.timing.boot_ms / 1e3
     assert boot_s > 0
@@ -164,7 +164,7 @@ def test_a_rebooting_device_is_deaf_for_its_boot_time(config):
     assert client.execute(1, read, timing) == right
 
 
-def test_a_stale_reply_is_the_one_before(bus, profile, read):
+def test_stale_reply_repeats_the_previous_one(bus, profile, read):
     device, client = bus
     right = read()
     device.faults.stale()
@@ -173,7 +173,7 @@ def test_a_stale_reply_is_the_one_before(bus, profile, read):
     assert len(read()) == len(right)
 
 
-def test_a_fault_holds_for_a_while_or_for_some_replies_and_the_first_planned_goes_first(config):
+def test_faults_last_for_a_time_or_a_number_of_replies_in_planned_order(config):
     faults = simulated_device(config, 1).faults
     faults.refuse(6, for_s=1.0)
     faults.refuse(5, replies=1)
@@ -183,7 +183,7 @@ def test_a_fault_holds_for_a_while_or_for_some_replies_and_the_first_planned_goe
     assert codes == [6] * 10 + [5] + [0] * 4
 
 
-def test_a_broadcast_is_carried_out_and_consumes_no_fault(config):
+def test_broadcast_is_carried_out_and_uses_up_no_fault(config):
     device = simulated_device(config, 1)
     client = ModbusClient(device.transport())
     client.clock.sleep_until(2.0)

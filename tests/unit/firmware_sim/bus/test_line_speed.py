@@ -1,4 +1,4 @@
-"""A line whose characters take time."""
+"""A line on which characters take time."""
 
 import pytest
 
@@ -21,19 +21,19 @@ from smadrive.modbus.transports.transport import SerialSettings
     ],
     ids=["9600 8N1", "19200 8E1", "115200 8N2"],
 )
-def test_an_exchange_takes_the_time_of_its_characters(rig, settings, exchange_s):
-    rig.line.port = SlowLine(rig.line.port, settings)
-    client = ModbusClient(InProcessTransport(rig.line, rig.transport().clock, settings.baudrate))
+def test_exchange_takes_the_time_of_its_characters(simulated, settings, exchange_s):
+    simulated.line.port = SlowLine(simulated.line.port, settings)
+    client = ModbusClient(InProcessTransport(simulated.line, simulated.transport().clock, settings.baudrate))
     ends_s = []
     for _ in range(3):
         client.execute(1, requests.read_holding(16, 8), BusTiming(0.02, read_retries=0))
-        ends_s.append(rig.bench.time_s)
+        ends_s.append(simulated.bench.time_s)
     assert ends_s[2] - ends_s[1] == pytest.approx(exchange_s)
 
 
-def test_requests_on_each_others_heels_are_answered_one_behind_the_other(config):
-    rig = simulated_device(config)
-    line = SlowLine(rig.line.port, SerialSettings(9600))
+def test_replies_to_back_to_back_requests_follow_each_other(config):
+    simulated = simulated_device(config)
+    line = SlowLine(simulated.line.port, SerialSettings(9600))
     request = rtu.seal(1, requests.read_holding(0, 2).pdu)
     (first_s, _), (second_s, _) = line.receive(2 * request, 1.0)
     assert first_s == pytest.approx(1.0 + (16 + 9) * 10 / 9600 + 3.5 * 11 / 9600)

@@ -1,4 +1,4 @@
-"""A bus where everything goes wrong, by seed and in virtual time; full size: tests/benchmarks/fuzz.py."""
+"""A bus with random faults in virtual time, seeded. The full size is tests/benchmarks/fuzz.py."""
 
 import pytest
 from benchmarks.fuzz import Fuzzer
@@ -29,7 +29,7 @@ def fuzzed(config, seed, numbered, exchanges, *, plain_is_sure=True, **beyond):
 
 @pytest.mark.parametrize("numbered", [False, True], ids=["rtu", "tcp"])
 @pytest.mark.parametrize("seed", [1, 2])
-def test_no_wrong_value_is_accepted_nothing_hangs_and_every_failure_is_typed(config, seed, numbered):
+def test_random_faults_cause_typed_errors_only_and_no_wrong_value(config, seed, numbered):
     figures, counters = fuzzed(config, seed, numbered, 5000, copies=numbered)
     assert figures.wrong == []
     assert figures.hangs == 0
@@ -40,16 +40,16 @@ def test_no_wrong_value_is_accepted_nothing_hangs_and_every_failure_is_typed(con
 
 
 @pytest.mark.parametrize("numbered", [False, True], ids=["rtu", "tcp"])
-def test_a_proof_holds_where_plain_modbus_cannot_tell(config, numbered):
-    """Copies behind the next request, and a lag by one reply."""
+def test_proved_reads_are_correct_despite_undetectable_faults(config, numbered):
+    """Unsolicited copies behind the next request, and replies that repeat the previous one."""
     figures, _ = fuzzed(config, 3, numbered, 5000, plain_is_sure=False, copies=True, lag=True)
     assert figures.wrong == []
     assert figures.proved > 500
     assert numbered or figures.indistinguishable + figures.caught > 0
 
 
-def test_the_oracle_finds_what_a_careless_client_takes(config, monkeypatch):
-    """The same fuzz against a client that forgets outstanding replies: remembering them keeps wrong values out."""
+def test_oracle_finds_wrong_values_of_a_client_without_memory(config, monkeypatch):
+    """The same fuzz against a client that forgets outstanding replies, which accepts wrong values."""
     monkeypatch.setattr(Outstanding, "add", lambda *_: None)
     figures, _ = fuzzed(config, 1, numbered=False, exchanges=2000)
     assert figures.wrong

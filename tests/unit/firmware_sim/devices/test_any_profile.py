@@ -1,4 +1,4 @@
-"""The plant through every shipped profile and model: what the real driver reads and writes by that device's map."""
+"""The plant behind every shipped profile and model, read and written by the real driver."""
 
 import pytest
 
@@ -30,9 +30,9 @@ def connect(config):
 
     def make(model, family=None):
         clock = VirtualClock()
-        rig = simulated_device(config, seed=1, profile=model)
-        clock.follow(rig.bench.advance_to)
-        return rig, Device(family or load_profile(model.profile.id), ModbusClient(rig.transport(clock)))
+        simulated = simulated_device(config, seed=1, profile=model)
+        clock.follow(simulated.bench.advance_to)
+        return simulated, Device(family or load_profile(model.profile.id), ModbusClient(simulated.transport(clock)))
 
     return make
 
@@ -46,127 +46,128 @@ def test_every_readable_register_can_be_read(connect, profile):
 
 
 @pytest.mark.parametrize("model", MODELS, ids=name_of)
-def test_a_supply_of_any_model_heats_the_wire_as_told(connect, model):
-    rig, device = connect(model)
+def test_supply_of_every_model_heats_the_wire_as_commanded(connect, model):
+    simulated, device = connect(model)
     role = model.role
     if "ovp" in model.registers:
         device.write("ovp", 30.0)
     device.write(role("heater_voltage"), 12.0)
     device.write(role("heater_current"), 0.3)
-    assert rig.firmware.current_a == 0.0
+    assert simulated.firmware.current_a == 0.0
     device.write(role("heater_enable"), 1)
-    assert rig.firmware.current_a == pytest.approx(0.3)
-    rig.bench.advance_to(rig.bench.time_s + model.timing.settle_ms / 1e3 + 2.0)
-    device.client.clock.sleep_until(rig.bench.time_s)
-    shown = device.read((role("measured_current"), role("measured_voltage")))
-    current, voltage = shown[role("measured_current")], shown[role("measured_voltage")]
+    assert simulated.firmware.current_a == pytest.approx(0.3)
+    simulated.bench.advance_to(simulated.bench.time_s + model.timing.settle_ms / 1e3 + 2.0)
+    device.client.clock.sleep_until(simulated.bench.time_s)
+    readings = device.read((role("measured_current"), role("measured_voltage")))
+    current, voltage = readings[role("measured_current")], readings[role("measured_voltage")]
     assert current.value == pytest.approx(0.3, abs=0.011)
-    assert voltage.value == pytest.approx(0.3 * rig.bench.plant.resistance_ohm, abs=0.05)
+    assert voltage.value == pytest.approx(0.3 * simulated.bench.plant.resistance_ohm, abs=0.05)
     if model.roles.regulation:
         assert device.read((role("regulation"),))[role("regulation")].words == ("cc",)
     device.enter_safe_state()
-    assert rig.firmware.current_a == 0.0
+    assert simulated.firmware.current_a == 0.0
 
 
-def test_a_voltage_limit_that_is_reached_holds_the_current_back(connect):
-    rig, device = connect(load_profile("juntek-dpm86xx"))
+def test_current_is_lower_at_the_voltage_limit(connect):
+    simulated, device = connect(load_profile("juntek-dpm86xx"))
     for name, value in (("v_set", 1.0), ("i_set", 0.5), ("output", 1)):
         device.write(name, value)
-    rig.bench.advance_to(rig.bench.time_s + 0.1)
-    assert rig.bench.plant.current_a == pytest.approx(1.0 / rig.bench.plant.resistance_ohm, rel=0.01)
+    simulated.bench.advance_to(simulated.bench.time_s + 0.1)
+    assert simulated.bench.plant.current_a == pytest.approx(1.0 / simulated.bench.plant.resistance_ohm, rel=0.01)
     assert device.read(("regulation",))["regulation"].words == ("cv",)
     device.write("output", 0)
-    rig.bench.advance_to(rig.bench.time_s + 0.1)
+    simulated.bench.advance_to(simulated.bench.time_s + 0.1)
     assert device.read(("regulation",))["regulation"].words == ("off",)
 
 
 @pytest.mark.parametrize("profile", THERMOMETERS, ids=name_of)
-def test_a_thermometer_shows_the_wire_and_its_own_sentinel(connect, profile):
-    rig, device = connect(profile)
+def test_thermometer_shows_the_wire_and_its_own_sentinel(connect, profile):
+    simulated, device = connect(profile)
     device.check_identity()
-    rig.bench.plant.temperature_c = 80.0
-    rig.bench.sensors.advance(80.0, 10.0)
-    device.client.clock.sleep_until(rig.bench.time_s + 0.5)
+    simulated.bench.plant.temperature_c = 80.0
+    simulated.bench.sensors.advance(80.0, 10.0)
+    device.client.clock.sleep_until(simulated.bench.time_s + 0.5)
     name = profile.role("temperature")
-    assert 60.0 < device.read((name,))[name].value < 81.0  # the wire cools on
+    assert 60.0 < device.read((name,))[name].value < 81.0  # the wire goes on cooling
     if profile.register(name).invalid:
-        rig.bench.sensors.faults.open_thermocouple()
-        device.client.clock.sleep_until(rig.bench.time_s + 0.5)
+        simulated.bench.sensors.faults.open_thermocouple()
+        device.client.clock.sleep_until(simulated.bench.time_s + 0.5)
         assert "open" in device.read((name,))[name].invalid
 
 
-def test_the_displacement_is_read_in_one_piece_and_invalid_without_signal(connect, config):
+def test_displacement_is_read_in_one_request_and_invalid_without_signal(connect, config):
     profile = load_profile("baumer-om20")
-    rig, device = connect(profile)
-    rig.bench.advance_to(0.1)
+    simulated, device = connect(profile)
+    simulated.bench.advance_to(0.1)
     before = device.client.counters.requests
     reading = device.read(("distance",))["distance"]
-    assert reading.value == pytest.approx(rig.bench.plant.displacement_mm, abs=0.1)
+    assert reading.value == pytest.approx(simulated.bench.plant.displacement_mm, abs=0.1)
     assert device.client.counters.requests == before + 1
     blind = simulated_device(config.model_copy(update={"displacement": None}), profile=profile)
     reading = Device(profile, ModbusClient(blind.transport())).read(("distance",))["distance"]
     assert reading.invalid == "quality: no signal"
 
 
-def test_a_thermometer_converts_no_faster_than_it_can(connect):
-    rig, device = connect(load_profile("delta-dtb"))
-    rig.bench.advance_to(0.45)
+def test_reading_is_constant_between_two_conversions(connect):
+    simulated, device = connect(load_profile("delta-dtb"))
+    simulated.bench.advance_to(0.45)
     first = device.read(("pv",))["pv"].raw
-    rig.bench.sensors.temperature_c = 90.0
+    simulated.bench.sensors.temperature_c = 90.0
     assert device.read(("pv",))["pv"].raw == first
 
 
-def test_the_lock_is_opened_before_the_first_write_and_after_a_power_cycle_of_it(connect):
+def test_lock_is_opened_before_the_first_write_and_when_it_was_closed(connect):
     _, device = connect(load_profile("delta-dtb"))
-    with pytest.raises(ExceptionReply, match="device failure"):
+    with pytest.raises(ExceptionReply) as error:
         device.client.execute(1, requests.write_register(0x1001, 800), device.profile.bus_timing())
+    assert error.value.code == 4
     device.write("sv", 80.0)
     device.client.execute(1, requests.write_coil(0x0810, False), device.profile.bus_timing())
     device.write("sv", 60.0)
     assert device.read(("sv", "comm_write_enable"))["sv"].value == 60.0
 
 
-def test_a_write_out_of_order_is_refused_with_its_cure(connect):
+def test_write_in_wrong_order_is_rejected(connect):
     _, device = connect(load_profile("xy-sk-family"))
-    with pytest.raises(ConfigError, match="'v_set' must not be written before 'ovp': write that first"):
+    with pytest.raises(ConfigError, match=r"v_set\b.*\bovp\b"):
         device.write("v_set", 5.0)
 
 
-def test_the_scales_of_a_range_switch_are_looked_up_before_every_write(connect):
+def test_range_is_read_before_every_write(connect):
     family = load_profile("riden-rd60xx")
     low, high = (variant for variant in family.variants if "current_range" in variant.match)
-    rig, device = connect(family.as_variant(low))
+    simulated, device = connect(family.as_variant(low))
     device.write("i_set", 0.3)
     assert device.profile.register("i_set").scale == 0.0001
-    rig.responder._bank.preset("current_range", 1)  # at the panel
-    with pytest.raises(ConfigError, match="outside the limits 0 to 12"):
+    simulated.responder._bank.preset("current_range", 1)  # at the panel
+    with pytest.raises(ConfigError, match=r"0 to 12\b"):
         device.write("i_set", 13.0)
     assert device.profile.register("i_set").scale == 0.001
     assert high.registers["i_set"].scale == 0.001
 
 
-def test_a_model_that_is_not_of_the_family_is_refused(connect):
+def test_model_outside_the_family_is_rejected(connect):
     family = load_profile("riden-rd60xx")
-    rig, device = connect(family)
-    rig.responder._bank.preset("model_id", 60050)
-    with pytest.raises(IdentityError, match="model_id is 60050"):
+    simulated, device = connect(family)
+    simulated.responder._bank.preset("model_id", 60050)
+    with pytest.raises(IdentityError, match=r"model_id.*60050"):
         device.write("output", 0)
 
 
-def test_a_setpoint_follows_the_decimals_and_the_unit_that_the_device_holds(connect):
-    rig, device = connect(load_profile("autonics-tk"))
-    bank = rig.responder._bank
+def test_setpoint_uses_the_decimals_and_unit_of_the_device(connect):
+    simulated, device = connect(load_profile("autonics-tk"))
+    bank = simulated.responder._bank
     bank.preset("decimal_point", 1)
     bank.preset("temp_unit", 1)
     device.write("sv", 100.0)
     assert bank.read("holding", 0, 1) == [2120]
     bank.preset("temp_unit", 2)
-    with pytest.raises(ConfigError, match="cannot be written now: the device gives it in '%'"):
+    with pytest.raises(ConfigError, match="'%'"):
         device.write("sv", 100.0)
-    assert "in '%'" in device.read(("pv",))["pv"].invalid
+    assert "'%'" in device.read(("pv",))["pv"].invalid
 
 
-def test_a_memory_that_wears_is_written_only_when_it_changes(connect):
+def test_nonvolatile_register_is_written_only_when_it_changes(connect):
     _, device = connect(load_profile("autonics-tk"))
     device.write("sv", 50.0)
     counters = device.client.counters
@@ -176,27 +177,27 @@ def test_a_memory_that_wears_is_written_only_when_it_changes(connect):
     device.write("sv", 51.0)
     changed = counters.requests - counters.probes - before - unchanged
     assert changed == unchanged + 2  # the write and its read-back
-    with pytest.raises(ConfigError, match="'sv' takes part in no exchange"):
+    with pytest.raises(ConfigError, match=r"\bsv\b"):
         device.exchange({"sv": 50.0}, ("control_mode",))
 
 
-def test_a_device_that_starts_up_is_waited_for(connect):
-    rig, device = connect(load_profile("xy-sk-family"))
-    assert rig.profile.timing.boot_ms == 2000
+def test_driver_waits_for_a_starting_device(connect):
+    simulated, device = connect(load_profile("xy-sk-family"))
+    assert simulated.profile.timing.boot_ms == 2000
     device.check_identity()
-    assert 2.0 <= rig.bench.time_s < 3.5
+    assert 2.0 <= simulated.bench.time_s < 3.5
 
 
-def test_the_device_is_polled_no_faster_than_it_stands(connect):
-    rig, device = connect(load_profile("riden-rd60xx"))
+def test_driver_polls_no_faster_than_the_device_allows(connect):
+    simulated, device = connect(load_profile("riden-rd60xx"))
     device.check_identity()
-    start_s = rig.bench.time_s
+    start_s = simulated.bench.time_s
     for _ in range(10):
         device.read(("v_out",))
-    assert rig.bench.time_s - start_s >= 0.999
+    assert simulated.bench.time_s - start_s >= 0.999
 
 
-def test_without_its_pause_the_device_hears_nothing(connect):
+def test_device_ignores_requests_within_its_minimum_gap(connect):
     _, device = connect(load_profile("xy-sk-family"))
     device.check_identity()
     hasty = BusTiming(response_timeout_s=0.1, read_retries=0)
@@ -204,9 +205,9 @@ def test_without_its_pause_the_device_hears_nothing(connect):
         device.client.execute(1, requests.read_holding(2, 1), hasty)
 
 
-def test_bits_are_answered_by_the_book(config):
-    rig = simulated_device(load_sim("flexinol-lt-0.15mm"), profile=load_profile("adam-6018"))
-    answer = rig.responder.answer
+def test_requests_of_bits_get_the_replies_of_the_standard(config):
+    simulated = simulated_device(load_sim("flexinol-lt-0.15mm"), profile=load_profile("adam-6018"))
+    answer = simulated.responder.answer
     for request, reply in [
         ("05 00 10 FF 00", "05 00 10 FF 00"),
         ("05 00 10 12 34", "85 03"),
@@ -231,7 +232,7 @@ def test_bits_are_answered_by_the_book(config):
         ("xy-sk-family:model_id=0x6500", 25.0, 0.01),
     ],
 )
-def test_the_simulator_is_any_model_of_a_family_and_the_driver_finds_out_which(connect, name, current_max_a, scale):
+def test_driver_detects_the_model_within_a_family(connect, name, current_max_a, scale):
     model = load_profile(name)
     _, device = connect(model)
     family = Device(load_profile(name.partition(":")[0]), device.client)
@@ -244,21 +245,21 @@ def test_the_simulator_is_any_model_of_a_family_and_the_driver_finds_out_which(c
         assert one.read(("model_id",))["model_id"].raw == pinned
 
 
-def test_another_model_than_the_one_named_is_refused(connect):
+def test_another_model_than_the_given_one_is_rejected(connect):
     _, device = connect(load_profile("riden-rd60xx:model_id=60121"))
-    with pytest.raises(IdentityError, match="model_id is 60121, expected 60122"):
+    with pytest.raises(IdentityError, match=r"60121.*60122"):
         Device(load_profile("riden-rd60xx:model_id=60122"), device.client).check_identity()
 
 
 @pytest.mark.parametrize(
-    ("name", "says"),
+    ("name", "keys"),
     [
-        ("riden-rd60xx:model_id=1", "there is no model of it with model_id = 1"),
-        ("riden-rd60xx:model_id=60125", "which model is it\\? Add ,current_range=RAW"),
-        ("riden-rd60xx:modelid=60121", "no register 'modelid'; did you mean 'model_id'"),
-        ("riden-rd60xx:model_id=RD6012", "write REGISTER=RAW"),
+        ("riden-rd60xx:model_id=1", "model_id.*\\b1\\b"),
+        ("riden-rd60xx:model_id=60125", "current_range"),
+        ("riden-rd60xx:modelid=60121", "'modelid'.*'model_id'"),
+        ("riden-rd60xx:model_id=RD6012", "REGISTER=RAW"),
     ],
 )
-def test_a_model_that_cannot_be_is_refused(name, says):
-    with pytest.raises(ConfigError, match=says):
+def test_unknown_model_is_rejected(name, keys):
+    with pytest.raises(ConfigError, match=keys):
         load_profile(name)

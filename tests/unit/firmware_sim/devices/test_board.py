@@ -1,154 +1,151 @@
-"""The state machine, the watchdog and the latched faults, in virtual time."""
+"""State machine, watchdog and latched faults of the board, in virtual time."""
 
 import pytest
 
-from firmware_sim.devices.board import Fault, Limit, State
+from firmware_sim.bench import simulated_device
+from firmware_sim.devices.board import BoardFault, BoardLimit, BoardState
+from smadrive.devices.device import Device
+from smadrive.modbus.client import ModbusClient
 
 
-def test_it_wakes_idle_and_cold(rig):
-    rig.bench.advance_to(1.0)
-    assert rig.firmware.state is State.IDLE
-    assert rig.bench.plant.temperature_c == pytest.approx(22.0)
+def test_board_starts_idle_and_cold(simulated):
+    simulated.bench.advance_to(1.0)
+    assert simulated.firmware.state is BoardState.IDLE
+    assert simulated.bench.plant.temperature_c == pytest.approx(22.0)
 
 
-def test_only_the_key_arms(ask, rig):
+def test_only_the_arm_key_arms(ask, simulated):
     assert ask("10 00 20 00 03 06 00 01 0B B8 00 01") == "10 00 20 00 03"
     assert ask("03 00 20 00 03") == "03 06 00 01 00 00 00 00"
-    assert rig.firmware.state is State.IDLE
+    assert simulated.firmware.state is BoardState.IDLE
     assert ask("06 00 28 41 52") == "06 00 28 41 52"
-    assert rig.firmware.state is State.ARMED
+    assert simulated.firmware.state is BoardState.ARMED
     assert ask("06 00 28 41 52") == "86 04"
     assert ask("10 00 20 00 03 06 00 02 0B B8 00 01") == "10 00 20 00 03"
-    assert rig.firmware.current_a == pytest.approx(0.3)
+    assert simulated.firmware.current_a == pytest.approx(0.3)
 
 
-def test_enable_zero_disarms_and_zeroes_the_current(heat, rig, ask):
+def test_enable_0_disarms_and_sets_the_current_to_zero(heat, simulated, ask):
     heat(0.3, 0.2)
     assert ask("06 00 22 00 00") == "06 00 22 00 00"
-    assert rig.firmware.state is State.IDLE
-    assert rig.firmware.current_a == 0.0
+    assert simulated.firmware.state is BoardState.IDLE
+    assert simulated.firmware.current_a == 0.0
     assert ask("03 00 21 00 02") == "03 04 00 00 00 00"
 
 
 @pytest.mark.parametrize("watchdog_s", [0.05, 0.5, 10.0])
-def test_the_watchdog_bites_on_time(heat, rig, watchdog_s):
+def test_watchdog_trips_on_time(heat, simulated, watchdog_s):
     heat(0.2, 0.02, watchdog_s)
-    fed_s = rig.bench.time_s - 0.02
-    rig.bench.advance_to(fed_s + watchdog_s - 0.01)
-    assert rig.firmware.current_a > 0
-    rig.bench.advance_to(fed_s + watchdog_s)
-    assert rig.firmware.current_a == 0.0
-    assert rig.firmware.state is State.FAULT
-    assert rig.firmware.faults == Fault.WATCHDOG
+    fed_s = simulated.bench.time_s - 0.02
+    simulated.bench.advance_to(fed_s + watchdog_s - 0.01)
+    assert simulated.firmware.current_a > 0
+    simulated.bench.advance_to(fed_s + watchdog_s)
+    assert simulated.firmware.current_a == 0.0
+    assert simulated.firmware.state is BoardState.FAULT
+    assert simulated.firmware.faults == BoardFault.WATCHDOG
     assert (
-        rig.bench.events[-1]
+        simulated.bench.events[-1]
         == f"t={fed_s + watchdog_s:.3f} s watchdog: no new sequence for {watchdog_s:.3f} s, heater off"
     )
 
 
-def test_traffic_and_a_repeated_sequence_do_not_feed_the_watchdog(heat, rig, ask):
+def test_reads_and_repeated_sequence_do_not_feed_the_watchdog(heat, simulated, ask):
     heat(0.2, 0.05)
     for _ in range(12):
         ask("03 00 10 00 0D")
-        ask(f"10 00 20 00 03 06 {rig.firmware.sequence:04X} 07 D0 00 01")
-        rig.bench.advance_to(rig.bench.time_s + 0.05)
-    assert rig.firmware.faults == Fault.WATCHDOG
+        ask(f"10 00 20 00 03 06 {simulated.firmware.sequence:04X} 07 D0 00 01")
+        simulated.bench.advance_to(simulated.bench.time_s + 0.05)
+    assert simulated.firmware.faults == BoardFault.WATCHDOG
 
 
-def test_idle_has_no_watchdog(rig):
-    rig.bench.advance_to(30.0)
-    assert rig.firmware.state is State.IDLE
+def test_watchdog_does_not_run_while_idle(simulated):
+    simulated.bench.advance_to(30.0)
+    assert simulated.firmware.state is BoardState.IDLE
 
 
-def test_a_fault_latches_until_the_key_and_refuses_to_arm(heat, rig, ask):
+def test_fault_latches_until_the_clear_key_and_prevents_arming(heat, simulated, ask):
     heat(0.2, 0.05)
-    rig.bench.advance_to(2.0)
+    simulated.bench.advance_to(2.0)
     assert ask("06 00 28 41 52") == "86 04"
     assert ask("17 00 11 00 02 00 20 00 03 06 12 34 0B B8 00 01") == "17 04 00 02 00 01"
-    assert rig.firmware.current_a == 0.0
+    assert simulated.firmware.current_a == 0.0
     assert ask("06 00 29 43 4C") == "06 00 29 43 4C"
-    assert rig.firmware.state is State.IDLE
+    assert simulated.firmware.state is BoardState.IDLE
     assert ask("06 00 28 41 52") == "06 00 28 41 52"
 
 
 @pytest.mark.parametrize(
     ("fail", "fault"),
     [
-        (lambda rig: rig.bench.sensors.faults.open_thermocouple(), Fault.THERMOCOUPLE_OPEN),
-        (lambda rig: rig.bench.sensors.faults.short_thermocouple(), Fault.THERMOCOUPLE_SHORT),
-        (lambda rig: setattr(rig.bench.sensors, "cold_junction_c", 90.0), Fault.COLD_JUNCTION_RANGE),
-        (lambda rig: rig.bench.plant.faults.break_wire(), Fault.HEATER_OPEN),
-        (lambda rig: rig.bench.plant.faults.short_switch(0.9), Fault.OVER_CURRENT),
+        (lambda simulated: simulated.bench.sensors.faults.open_thermocouple(), BoardFault.THERMOCOUPLE_OPEN),
+        (lambda simulated: simulated.bench.sensors.faults.short_thermocouple(), BoardFault.THERMOCOUPLE_SHORT),
+        (lambda simulated: setattr(simulated.bench.sensors, "cold_junction_c", 90.0), BoardFault.COLD_JUNCTION_RANGE),
+        (lambda simulated: simulated.bench.plant.faults.break_wire(), BoardFault.HEATER_OPEN),
+        (lambda simulated: simulated.bench.plant.faults.short_switch(0.9), BoardFault.OVER_CURRENT),
     ],
 )
-def test_every_failure_turns_the_heater_off_and_is_named(heat, rig, fail, fault):
+def test_every_failure_switches_the_heater_off_and_is_logged(heat, simulated, fail, fault):
     heat(0.3, 0.5)
-    fail(rig)
+    fail(simulated)
     heat(0.3, 0.1)
-    assert rig.firmware.state is State.FAULT
-    assert rig.firmware.faults == fault
-    assert rig.firmware.current_a == 0.0
-    assert fault.name.lower() in rig.bench.events[-1]
+    assert simulated.firmware.state is BoardState.FAULT
+    assert simulated.firmware.faults == fault
+    assert simulated.firmware.current_a == 0.0
+    assert fault.name.lower() in simulated.bench.events[-1]
 
 
-def test_a_persisting_cause_cannot_be_cleared(rig, ask):
-    rig.bench.sensors.faults.open_thermocouple()
-    rig.bench.advance_to(0.02)
+def test_fault_with_persisting_cause_cannot_be_cleared(simulated, ask):
+    simulated.bench.sensors.faults.open_thermocouple()
+    simulated.bench.advance_to(0.02)
     ask("06 00 29 43 4C")
-    assert rig.firmware.faults == Fault.THERMOCOUPLE_OPEN
+    assert simulated.firmware.faults == BoardFault.THERMOCOUPLE_OPEN
     assert ask("03 00 14 00 01") == "03 02 80 00"
-    rig.bench.sensors.faults.mend_thermocouple()
+    simulated.bench.sensors.faults.mend_thermocouple()
     ask("06 00 29 43 4C")
-    assert rig.firmware.state is State.IDLE
+    assert simulated.firmware.state is BoardState.IDLE
 
 
-def test_over_temperature_trips_and_the_derate_band_holds_back_before(heat, rig):
-    rig.firmware.write({"temperature_max": 60.0})
+def test_derate_band_limits_current_before_over_temperature_trips(heat, simulated):
+    simulated.firmware.write({"temperature_max": 60.0})
     heat(0.6, 1.0)
-    assert rig.firmware.limits & Limit.TEMPERATURE or rig.firmware.faults
+    assert simulated.firmware.limits & BoardLimit.TEMPERATURE or simulated.firmware.faults
     heat(0.6, 10.0)
-    assert rig.bench.plant.temperature_c < 63.0
-    rig.firmware.write({"temperature_max": rig.bench.sensors.temperature_c - 1})
-    rig.bench.advance_to(rig.bench.time_s + 0.02)
-    assert rig.firmware.faults & Fault.OVER_TEMPERATURE
-    assert "over_temperature" in rig.bench.events[-1]
+    assert simulated.bench.plant.temperature_c < 63.0
+    simulated.firmware.write({"temperature_max": simulated.bench.sensors.temperature_c - 1})
+    simulated.bench.advance_to(simulated.bench.time_s + 0.02)
+    assert simulated.firmware.faults & BoardFault.OVER_TEMPERATURE
+    assert "over_temperature" in simulated.bench.events[-1]
 
 
-def test_limits_say_what_holds_the_current_back(heat, rig):
-    rig.firmware.write({"current_max": 0.25})
+def test_limits_register_shows_the_active_limit(heat, simulated):
+    simulated.firmware.write({"current_max": 0.25})
     heat(0.3, 0.05)
-    assert rig.firmware.current_a == pytest.approx(0.25)
-    assert rig.firmware.limits == Limit.CURRENT_MAX
+    assert simulated.firmware.current_a == pytest.approx(0.25)
+    assert simulated.firmware.limits == BoardLimit.CURRENT_MAX
 
 
-def test_a_reset_while_heating_is_a_heater_off_that_repeating_the_command_does_not_undo(heat, rig, ask):
+def test_restart_while_heating_switches_off_and_the_next_command_does_not_heat(heat, simulated, ask):
     heat(0.3, 0.5)
-    rig.power_cycle()
+    simulated.power_cycle()
     assert ask("17 00 11 00 01 00 20 00 03 06 33 33 0B B8 00 01") == "17 02 00 00"
-    rig.bench.advance_to(rig.bench.time_s + 0.05)
-    assert rig.firmware.current_a == 0.0
+    simulated.bench.advance_to(simulated.bench.time_s + 0.05)
+    assert simulated.firmware.current_a == 0.0
 
 
-def test_the_same_seed_gives_the_same_rig(config, heat, rig):
-    from firmware_sim.bench import simulated_device
-
+def test_same_seed_gives_the_same_readings(config, simulated):
     twin = simulated_device(config, seed=1)
     other = simulated_device(config, seed=2)
-    for device in (rig, twin, other):
+    for device in (simulated, twin, other):
         device.bench.advance_to(1.0)
-    assert rig.firmware.quantities() == twin.firmware.quantities()
-    assert rig.bench.sensors.temperature_c != other.bench.sensors.temperature_c
+    assert simulated.firmware.quantities() == twin.firmware.quantities()
+    assert simulated.bench.sensors.temperature_c != other.bench.sensors.temperature_c
 
 
-def test_a_board_has_a_serial_number_of_its_own_unless_its_file_gives_one(config):
-    from firmware_sim.bench import simulated_device
-    from smadrive.devices.device import Device
-    from smadrive.modbus.client import ModbusClient
-
+def test_serial_number_is_random_unless_the_config_gives_one(config):
     def serial_number(number):
         board = config.board.model_copy(update={"serial_number": number})
-        rig = simulated_device(config.model_copy(update={"board": board}), seed=1)
-        device = Device(rig.profile, ModbusClient(rig.transport()))
+        simulated = simulated_device(config.model_copy(update={"board": board}), seed=1)
+        device = Device(simulated.profile, ModbusClient(simulated.transport()))
         return device.read(("serial_number",))["serial_number"].raw
 
     assert serial_number(None) != serial_number(None)

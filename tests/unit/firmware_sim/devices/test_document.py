@@ -1,4 +1,4 @@
-"""docs/sma-reference.md says what the profile and the simulated board do."""
+"""docs/sma-reference.md agrees with the profile and the simulated board."""
 
 import re
 
@@ -14,19 +14,19 @@ MAP = re.findall(r"^\| (\d+)(?:–\d+)? \| (\w+) \| (\w+) \|[^|]*\| (\w+) \|", D
 BITS = re.findall(r"^\| (\d) \| (\w+) \| ", DOCUMENT, re.MULTILINE)
 
 
-def test_the_dialogue_is_what_the_board_says(rig):
+def test_board_answers_like_the_documented_dialogue(simulated):
     assert len(DIALOGUE) == 13
     for request, reply in DIALOGUE:
-        ((_, answer),) = rig.line.receive(bytes.fromhex(request), 0.0)
+        ((_, answer),) = simulated.line.receive(bytes.fromhex(request), 0.0)
         assert answer.hex(" ").upper() == reply, request
 
 
-def test_the_map_is_the_profiles():
-    told = {name: (int(address), access) for address, name, _, access in MAP if name in PROFILE.registers}
-    assert told == {name: (register.address, register.access) for name, register in PROFILE.registers.items()}
+def test_documented_map_agrees_with_the_profile():
+    documented = {name: (int(address), access) for address, name, _, access in MAP if name in PROFILE.registers}
+    assert documented == {name: (register.address, register.access) for name, register in PROFILE.registers.items()}
 
 
 @pytest.mark.parametrize("register", ["faults", "limits"])
-def test_every_bit_is_told(register):
+def test_every_bit_is_documented(register):
     for bit, name in PROFILE.register(register).bits.items():
         assert (str(bit), name) in BITS

@@ -1,4 +1,4 @@
-"""A recorded bus as devices: the same answers after the same time."""
+"""A recorded bus served as devices: the same replies after the same time."""
 
 import pytest
 
@@ -18,7 +18,7 @@ TIMING = BusTiming(0.1, read_retries=0)
 
 
 def session(client, faults):
-    """What a driver sees of a board and a thermometer on one line, good and bad."""
+    """The results and errors that a driver gets from a board and a thermometer on one line."""
     seen = []
     board, reader = Device(load_profile("sma-reference"), client), Device(load_profile("delta-dtb"), client, 3)
     board.check_identity()
@@ -39,7 +39,7 @@ def session(client, faults):
     return seen
 
 
-def test_a_replayed_session_is_the_recorded_one_to_the_last_bit_and_microsecond(config, tmp_path):
+def test_replayed_session_equals_the_recorded_one_in_bits_and_time(config, tmp_path):
     bench = SimulatedBench(config, seed=1)
     board = bench.attach(load_profile("sma-reference"))
     reader = bench.attach(load_profile("delta-dtb"), unit_id=3)
@@ -60,15 +60,15 @@ def test_a_replayed_session_is_the_recorded_one_to_the_last_bit_and_microsecond(
         recorded = session(ModbusClient(transport, trace), faults)
     assert {seen for _, seen in recorded if isinstance(seen, type)} == {DeadlineError, ProtocolError, ExceptionReply}
 
-    told = []
-    replay = Replay(path, told.append)
+    events = []
+    replay = Replay(path, events.append)
     replayed = session(ModbusClient(replay.transport(VirtualClock())), lambda _number: None)
     assert [seen for _, seen in replayed] == [seen for _, seen in recorded]
     assert [time_s for time_s, _ in replayed] == pytest.approx([time_s for time_s, _ in recorded], abs=1e-4)
-    assert told == []
+    assert events == []
 
 
-def test_answers_come_in_their_order_the_last_one_stays_and_the_unknown_is_silent(tmp_path):
+def test_replies_come_in_order_the_last_repeats_and_unknown_requests_get_none(tmp_path):
     path = tmp_path / "bus.trace"
     path.write_text(
         "# smadrive bus trace 1: tcp\n"
@@ -78,18 +78,18 @@ def test_answers_come_in_their_order_the_last_one_stays_and_the_unknown_is_silen
         "0.11 < 00 02 00 00 00 05 01 03 02 00 08\n",
         encoding="ascii",
     )
-    told = []
-    replay = Replay(path, told.append)
+    events = []
+    replay = Replay(path, events.append)
     client = ModbusClient(replay.transport(VirtualClock()))
     words = [client.execute(1, requests.read_holding(0, 1), TIMING)[1] for _ in range(4)]
     assert words == [7, 8, 8, 8]
     with pytest.raises(DeadlineError):
         client.execute(1, requests.read_holding(1, 1), TIMING)
-    assert told == ["t=0.040 s not in the recording: unit 1, read 1 holding registers from 1"]
+    assert events == ["t=0.040 s not in the recording: unit 1, read 1 holding registers from 1"]
 
 
 @pytest.mark.parametrize("time_s", ["nan", "inf", "1e300", "0.5"])
-def test_trace_with_a_reply_at_an_impossible_time_is_refused(config, tmp_path, time_s):
+def test_trace_with_impossible_reply_time_is_rejected(config, tmp_path, time_s):
     transport = Line((SimulatedBench(config).attach(load_profile("sma-reference")),)).transport(VirtualClock())
     path = tmp_path / "bus.trace"
     with TraceFile(path, transport) as trace:

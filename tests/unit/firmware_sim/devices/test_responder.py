@@ -1,4 +1,4 @@
-"""The conformance probes of the standard, frame by frame."""
+"""Conformance with the Modbus standard, frame by frame."""
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -46,68 +46,68 @@ READ_ID = "03 00 00 00 01"
         ("08 00 01 A5 37", "88 01"),
     ],
 )
-def test_probes(ask, pdu, answer):
+def test_request_gets_the_reply_of_the_standard(ask, pdu, answer):
     assert ask(pdu) == answer
 
 
-def test_every_function_code_gets_an_answer_or_a_refusal(ask):
+def test_unknown_function_gets_an_exception(ask):
     for function in set(range(1, 128)) - {3, 4, 6, 8, 16, 22, 23}:
         answer = ask(f"{function:02X} 00 00 00 01 00 00 00 00 00 00")
         assert answer in (f"{function | 0x80:02X} 01", None), function
     assert ask(READ_ID) is not None
 
 
-def test_an_exchange_whose_read_range_is_illegal_writes_nothing(ask):
+def test_exchange_with_illegal_read_range_writes_nothing(ask):
     assert ask("17 01 00 00 01 00 20 00 01 02 00 63") == "97 02"
     assert ask("03 00 20 00 01") == "03 02 00 00"
 
 
-def test_a_block_with_one_bad_value_writes_nothing(ask):
+def test_block_write_with_one_bad_value_writes_nothing(ask):
     assert ask("10 00 20 00 03 06 00 63 FF FF 00 00") == "90 03"
     assert ask("03 00 20 00 01") == "03 02 00 00"
 
 
-def test_other_units_and_bad_crcs_meet_silence(rig, ask):
+def test_other_unit_and_wrong_crc_get_no_reply(simulated, ask):
     assert ask(READ_ID, unit=2) is None
     frame = rtu.seal(1, bytes.fromhex(READ_ID))
-    assert rig.line.receive(frame[:-1] + b"\x00", rig.bench.time_s) == []
-    rig.bench.advance_to(1.0)
+    assert simulated.line.receive(frame[:-1] + b"\x00", simulated.bench.time_s) == []
+    simulated.bench.advance_to(1.0)
     assert ask(READ_ID) == "03 02 53 4D"
 
 
-def test_a_broadcast_is_carried_out_in_silence(ask):
+def test_broadcast_is_carried_out_without_reply(ask):
     assert ask("06 00 20 00 63", unit=0) is None
     assert ask("03 00 20 00 01") == "03 02 00 63"
 
 
-def test_a_request_byte_by_byte_is_answered(rig):
+def test_request_byte_by_byte_is_answered(simulated):
     replies = []
     for byte in rtu.seal(1, bytes.fromhex(READ_ID)):
-        replies += rig.line.receive(bytes((byte,)), rig.bench.time_s + 0.001)
+        replies += simulated.line.receive(bytes((byte,)), simulated.bench.time_s + 0.001)
     assert len(replies) == 1
 
 
-def test_two_requests_in_one_lump_get_two_replies(rig):
+def test_two_requests_at_once_get_two_replies(simulated):
     one, two = (rtu.seal(1, bytes.fromhex(pdu)) for pdu in (READ_ID, "03 00 01 00 01"))
-    assert [frame[3:5] for _, frame in rig.line.receive(one + two, 0.0)] == [b"\x53\x4d", b"\x00\x01"]
+    assert [frame[3:5] for _, frame in simulated.line.receive(one + two, 0.0)] == [b"\x53\x4d", b"\x00\x01"]
 
 
 @pytest.mark.parametrize("junk", ["FF", "00 00 00", "DE AD BE EF", "7F 7F", "01 63"])
-def test_a_request_behind_junk_is_found(rig, junk):
+def test_request_behind_junk_is_answered(simulated, junk):
     request = rtu.seal(1, bytes.fromhex(READ_ID))
-    assert len(rig.line.receive(bytes.fromhex(junk) + request, 0.0)) == 1
-    assert rig.line.port.stream.bad_bytes == len(bytes.fromhex(junk))
+    assert len(simulated.line.receive(bytes.fromhex(junk) + request, 0.0)) == 1
+    assert simulated.line.port.stream.bad_bytes == len(bytes.fromhex(junk))
 
 
-def test_a_truncated_request_is_forgotten_after_a_pause(rig):
+def test_truncated_request_is_dropped_after_a_pause(simulated):
     request = rtu.seal(1, bytes.fromhex(READ_ID))
-    assert rig.line.receive(request[:5], 0.0) == []
-    assert len(rig.line.receive(request, 1.0)) == 1
+    assert simulated.line.receive(request[:5], 0.0) == []
+    assert len(simulated.line.receive(request, 1.0)) == 1
 
 
 @given(st.lists(st.binary(max_size=40), max_size=20))
 @settings(max_examples=200, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
-def test_whatever_noise_came_a_request_after_a_pause_is_found(noise):
+def test_request_after_noise_and_a_pause_is_found(noise):
     stream = RequestStream()
     for number, junk in enumerate(noise):
         stream.feed(junk, 0.001 * number)
@@ -115,7 +115,7 @@ def test_whatever_noise_came_a_request_after_a_pause_is_found(noise):
     assert stream.feed(request, 10.0) == [request]
 
 
-def test_two_masters_replies_of_others_do_not_confuse_it(rig):
+def test_reply_of_another_device_is_ignored(simulated):
     foreign = rtu.seal(2, bytes.fromhex("03 04 00 01 00 02"))
-    rig.line.receive(foreign, 0.0)
-    assert len(rig.line.receive(rtu.seal(1, bytes.fromhex(READ_ID)), 1.0)) == 1
+    simulated.line.receive(foreign, 0.0)
+    assert len(simulated.line.receive(rtu.seal(1, bytes.fromhex(READ_ID)), 1.0)) == 1

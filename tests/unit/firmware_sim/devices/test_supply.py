@@ -1,4 +1,4 @@
-"""The protections of simulated supplies, seen through the driver's eyes, on every map that has them."""
+"""The protections of simulated supplies, read by the driver, on every map that has them."""
 
 import pytest
 
@@ -13,7 +13,7 @@ SUPPLIES = ("riden-rd60xx", "xy-sk-family", "hanmatek-hm30x")
 
 @pytest.fixture(params=SUPPLIES)
 def supply(request, config):
-    """The simulated supply with its output on at 0.3 A, at most 12 V, and the driver's device."""
+    """A simulated supply with its output on at 0.3 A and at most 12 V, and the driver's device."""
     profile = load_profile(request.param)
     simulated = simulated_device(config, profile=profile)
     clock = VirtualClock()
@@ -25,53 +25,53 @@ def supply(request, config):
     return simulated, device
 
 
-def shown(device):
+def latched(device):
     reading = device.read(("protection",))["protection"]
     return tuple(word for word in reading.words if word != "ok")
 
 
-def test_at_rest_nothing_is_latched_and_the_limits_can_be_read(supply):
+def test_no_protection_is_latched_at_first_and_limits_can_be_read(supply):
     simulated, device = supply
     simulated.bench.advance_to(simulated.bench.time_s + 1.0)
-    assert shown(device) == ()
+    assert latched(device) == ()
     readings = device.read(("ovp", "ocp", "output"))
     assert [readings[name].value for name in ("ovp", "ocp", "output")] == [30.0, 1.0, 1]
 
 
-def test_more_current_than_allowed_switches_off_though_it_was_never_set(supply):
+def test_measured_overcurrent_switches_the_output_off(supply):
     simulated, device = supply
     simulated.bench.plant.faults.short_switch(1.5)
     simulated.bench.advance_to(simulated.bench.time_s + 0.1)
-    assert shown(device) == ("ocp",)
+    assert latched(device) == ("ocp",)
     assert not simulated.firmware.on
     assert any("ocp: " in event and "output off" in event for event in simulated.bench.events)
 
 
-def test_a_setting_above_the_protection_trips_at_once(supply):
+def test_setpoint_above_the_protection_trips_at_once(supply):
     simulated, device = supply
     device.write("ovp", 11.0)
-    assert shown(device) == ("ovp",)
+    assert latched(device) == ("ovp",)
     assert simulated.firmware.current_a == 0.0
 
 
-def test_what_is_latched_keeps_the_output_off_until_it_is_reset(supply):
+def test_latched_protection_keeps_the_output_off_until_reset(supply):
     simulated, device = supply
     device.write("ocp", 0.2)
     device.write("i_set", 0.1)
     simulated.firmware.write({"heater_enable": 1.0})
-    assert (simulated.firmware.on, shown(device)) == (False, ("ocp",))
+    assert (simulated.firmware.on, latched(device)) == (False, ("ocp",))
     if device.profile.register("protection").writable:
         device.write("protection", 0)
     else:
         simulated.power_cycle()
         device.client.clock.sleep_until(simulated.bench.time_s + 3.0)
         device.write("v_set", 12.0)
-    assert (simulated.firmware.on, shown(device)) == (False, ())
+    assert (simulated.firmware.on, latched(device)) == (False, ())
     device.write("output", 1)
     assert simulated.firmware.on
 
 
-def test_a_reset_does_not_help_while_the_cause_is_there(config):
+def test_reset_fails_while_the_cause_persists(config):
     simulated = simulated_device(config, profile=load_profile("xy-sk-family"))
     firmware = simulated.firmware
     firmware.write({"ovp": 10.0, "heater_voltage": 12.0})

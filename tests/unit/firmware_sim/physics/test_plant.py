@@ -1,4 +1,4 @@
-"""The wire against what is known of wires."""
+"""The plant against exact solutions, conservation of heat, and the vendor's figures."""
 
 from math import exp
 
@@ -24,19 +24,19 @@ def until(plant, current_a, done, limit_s=60.0):
     return time_s
 
 
-def test_it_cools_in_the_time_that_the_vendor_gives(plant):
-    """Vendor: 2.0 s. One time constant without transformation, and half of the stroke back with it."""
+def test_wire_cools_in_the_time_of_the_vendor_table(plant):
+    """Vendor: 2.0 s. That is one time constant without transformation, or the return of half the stroke with it."""
     wire = CONFIG.wire
     assert wire.heat_capacity_j_per_k / wire.loss_w_per_k == pytest.approx(2.0, rel=0.25)
     until(plant, 0.41, lambda p: p.phase > 0.99)
     assert until(plant, 0.0, lambda p: p.phase < 0.5) == pytest.approx(2.0, rel=0.25)
 
 
-def test_the_vendors_current_contracts_it_in_about_a_second(plant):
+def test_vendor_current_contracts_the_wire_in_about_a_second(plant):
     assert until(plant, 0.41, lambda p: p.phase > 0.9) == pytest.approx(1.0, rel=0.5)
 
 
-def test_it_ages_linearly_and_for_good(plant):
+def test_ageing_is_linear_and_permanent(plant):
     plant.ageing.age_wire(shift_c=3.0, over_s=10.0, fade=0.05)
     plant.advance(0.0, 5.0)
     assert (plant.ageing.shift_c, plant.ageing.fade) == pytest.approx((1.5, 0.025))
@@ -49,7 +49,7 @@ def test_it_ages_linearly_and_for_good(plant):
     assert plant.displacement_mm == pytest.approx(0.95 * CONFIG.wire.stroke_mm * plant.phase)
 
 
-def test_without_transformation_it_follows_the_exact_solution(plant):
+def test_temperature_without_transformation_follows_the_exact_solution(plant):
     wire = CONFIG.wire
     plant.advance(0.1, 2.0)
     settled_c = wire.ambient_c + 0.1**2 * wire.resistance_cold_ohm / wire.loss_w_per_k
@@ -58,7 +58,7 @@ def test_without_transformation_it_follows_the_exact_solution(plant):
 
 
 def test_heat_is_conserved_through_the_transformation(plant):
-    """Heat put in = heat stored, sensible and latent, plus heat lost."""
+    """Electrical heat = stored heat, sensible and latent, plus lost heat."""
     wire, lost_j, put_in_j = CONFIG.wire, 0.0, 0.0
     for _ in range(500):
         before_c, before_ohm = plant.temperature_c, plant.resistance_ohm
@@ -73,7 +73,7 @@ def test_heat_is_conserved_through_the_transformation(plant):
 
 @pytest.mark.parametrize("name", ["flexinol-lt-0.15mm", "flexinol-ht-0.10mm", "flexinol-lt-0.38mm"])
 def test_cooling_returns_the_heat_of_the_transformation(name):
-    """Over a whole cycle every joule of the current has left through the surface."""
+    """Over a whole cycle all electrical heat has left through the surface."""
     config = load_sim(name)
     plant, wire = Plant(config), config.wire
     put_in_j = lost_j = stored_j = 0.0
@@ -90,7 +90,7 @@ def test_cooling_returns_the_heat_of_the_transformation(name):
     assert lost_j + left_j == pytest.approx(put_in_j, rel=2e-3)
 
 
-def test_larger_steps_of_the_caller_change_nothing_much(plant):
+def test_result_hardly_depends_on_the_step_of_the_caller(plant):
     other = Plant(CONFIG)
     for _ in range(100):
         plant.advance(0.4, 0.01)
@@ -98,7 +98,7 @@ def test_larger_steps_of_the_caller_change_nothing_much(plant):
     assert other.temperature_c == pytest.approx(plant.temperature_c, abs=0.05)
 
 
-def test_the_loop_has_two_branches(plant):
+def test_heating_and_cooling_branches_differ(plant):
     until(plant, 0.4, lambda p: p.phase > 0.5)
     heating_c = plant.temperature_c
     until(plant, 0.4, lambda p: p.phase > 0.999)
@@ -112,7 +112,7 @@ def test_resistance_falls_with_the_phase(plant):
     assert plant.resistance_ohm == pytest.approx(cold_ohm * 0.88, rel=1e-3)
 
 
-def test_a_broken_wire_carries_nothing_and_a_shorted_switch_its_leak(plant):
+def test_broken_wire_carries_no_current_and_shorted_switch_its_leak(plant):
     plant.faults.break_wire()
     plant.advance(0.5, 0.1)
     assert plant.current_a == 0.0
@@ -122,7 +122,7 @@ def test_a_broken_wire_carries_nothing_and_a_shorted_switch_its_leak(plant):
     assert plant.current_a == 0.2
 
 
-def test_the_thermocouple_lags_and_freezes_while_counting(plant):
+def test_thermocouple_lags_and_counts_on_when_frozen(plant):
     sensors = Sensors(CONFIG, plant, seed=0)
 
     def run(current_a, ticks):

@@ -1,4 +1,4 @@
-"""The Preisach plane: what tells it from a Duhem model, and what every hysteresis of a wire keeps."""
+"""The Preisach plane: its differences from a Duhem model, and the properties of every hysteresis of a wire."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def walk(model, path, start_v=22.0, steps=1):
     return phases
 
 
-def test_its_major_loop_is_that_of_its_gaussians():
+def test_major_loop_follows_the_gaussians():
     up, down = np.arange(70.0, 110.0, 1.0), np.arange(110.0, 50.0, -1.0)
     phases = walk(PLANE, [*up, *down])
     assert phases[: len(up)] == pytest.approx(ndtr((up - 90.0) / 5.0), abs=3e-3)
@@ -41,7 +41,7 @@ def test_its_major_loop_is_that_of_its_gaussians():
 
 @settings(deadline=None)
 @given(PATHS)
-def test_the_phase_is_a_phase_and_follows_the_input(path):
+def test_phase_is_between_0_and_1_and_follows_the_input(path):
     phases, v, before = walk(PLANE, path), 22.0, 0.0
     for target, phase in zip(path, phases, strict=True):
         assert -1e-12 <= phase <= 1.0 + 1e-12
@@ -51,14 +51,14 @@ def test_the_phase_is_a_phase_and_follows_the_input(path):
 
 @settings(deadline=None)
 @given(PATHS)
-def test_small_steps_end_where_one_large_one_does(path):
+def test_small_steps_end_like_one_large_step(path):
     assert walk(PLANE, path, steps=7) == pytest.approx(walk(PLANE, path), abs=1e-9)
 
 
 @settings(deadline=None)
 @given(PATHS, st.floats(40.0, 90.0), st.floats(60.0, 120.0))
-def test_a_minor_loop_closes_and_is_wiped_out(path, inner_low, inner_high):
-    """Back at its highest point the wire has forgotten what lay below: it goes on as if there had been no excursion."""
+def test_minor_loop_closes_and_is_wiped_out(path, inner_low, inner_high):
+    """Back at its highest point the wire goes on as without the excursion below it."""
     top = 125.0 if inner_high > 100.0 else 100.0
     outer = [*path, 10.0, top, 75.0]
     excursion = [min(inner_high, top), max(inner_low, 75.0), top]
@@ -66,28 +66,28 @@ def test_a_minor_loop_closes_and_is_wiped_out(path, inner_low, inner_high):
     assert detour[-3:] == pytest.approx(plain[-3:], abs=1e-9)
 
 
-def test_congruent_loops_have_one_shape_whatever_came_before():
+def test_minor_loops_are_congruent():
     early = walk(PLANE, [95.0, 70.0, 85.0, 70.0])
     late = walk(PLANE, [130.0, 70.0, 85.0, 70.0])
     assert early[-2] - early[-1] == pytest.approx(late[-2] - late[-1], abs=1e-9)
     assert abs(early[-1] - late[-1]) > 0.02
 
 
-def test_a_duhem_model_of_the_same_branches_does_otherwise():
-    """Else a driver would be tried on its own equations."""
+def test_duhem_model_of_the_same_branches_behaves_differently():
+    """Otherwise the simulator would test a driver on its own equations."""
     duhem = Duhem(Transformation(**BRANCHES))
     path = [92.0, 72.0, 92.0]
     before, after = (walk(PLANE, path)[i] for i in (0, 2))
     assert after == pytest.approx(before, abs=1e-9)
     before, after = (walk(duhem, path)[i] for i in (0, 2))
     assert after > before + 0.02
-    turned = [abs(a - b) for a, b in zip(walk(PLANE, path), walk(duhem, path), strict=True)]
-    assert max(turned) > 0.03
+    differences = [abs(a - b) for a, b in zip(walk(PLANE, path), walk(duhem, path), strict=True)]
+    assert max(differences) > 0.03
 
 
 @settings(deadline=None)
 @given(PATHS, st.floats(30.0, 130.0))
-def test_its_slope_is_that_of_its_steps(path, v):
+def test_slope_agrees_with_finite_differences(path, v):
     state = PLANE.start(22.0)
     for before, after in zip([22.0, *path], [*path, v], strict=True):
         state = PLANE.moved(state, before, after)

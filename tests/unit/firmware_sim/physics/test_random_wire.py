@@ -1,4 +1,4 @@
-"""Plants drawn at random: within their bounds, of every kind, the same for the same seed, and wires that work."""
+"""Random plants: within their bounds, of every kind, the same for the same seed, and able to work."""
 
 from collections import Counter
 
@@ -6,14 +6,14 @@ import pytest
 
 from firmware_sim.config import load_sim
 from firmware_sim.physics.plant import Plant
-from firmware_sim.physics.random_wire import KINDS, draw
+from firmware_sim.physics.random_wire import KINDS, random_wire
 
 NOMINAL = load_sim("flexinol-lt-0.15mm")
 
 
 @pytest.fixture(scope="module")
-def drawn():
-    return [draw(NOMINAL, seed) for seed in range(40)]
+def wires():
+    return [random_wire(NOMINAL, seed) for seed in range(40)]
 
 
 @pytest.mark.parametrize(
@@ -28,15 +28,15 @@ def drawn():
         (lambda config: config.transformation.sigma_cooling_c, 0.25),
     ],
 )
-def test_they_fill_their_bounds(drawn, value, share):
-    ratios = [value(config) / value(NOMINAL) for config in drawn]
+def test_parameters_fill_their_bounds(wires, value, share):
+    ratios = [value(config) / value(NOMINAL) for config in wires]
     low, high = min(ratios), max(ratios)
     assert 1 - share <= low < 1 - 0.8 * share
     assert 1 + 0.8 * share < high <= 1 + share
 
 
-def test_temperatures_lag_and_noise_lie_within_theirs(drawn):
-    for config in drawn:
+def test_temperatures_lag_and_noise_are_within_their_bounds(wires):
+    for config in wires:
         loop, nominal = config.transformation, NOMINAL.transformation
         assert abs(loop.mu_heating_c - nominal.mu_heating_c) <= 5.0
         assert abs(loop.mu_cooling_c - nominal.mu_cooling_c) <= 5.0
@@ -44,22 +44,22 @@ def test_temperatures_lag_and_noise_lie_within_theirs(drawn):
         assert config.thermocouple.noise_c == 0.1
 
 
-def test_every_kind_is_among_them_unless_one_is_asked_for(drawn):
-    counts = Counter(config.transformation.kind for config in drawn)
+def test_kinds_are_mixed_unless_one_is_given(wires):
+    counts = Counter(config.transformation.kind for config in wires)
     assert set(counts) == set(KINDS)
     assert counts["duhem"] > max(counts["two-component"], counts["preisach"]) > 5
-    assert draw(NOMINAL, 5, "preisach").transformation.kind == "preisach"
+    assert random_wire(NOMINAL, 5, "preisach").transformation.kind == "preisach"
 
 
-def test_the_seed_decides(drawn):
-    assert draw(NOMINAL, 3) == drawn[3]
-    assert len({config.model_dump_json() for config in drawn}) == len(drawn)
+def test_same_seed_gives_same_wire(wires):
+    assert random_wire(NOMINAL, 3) == wires[3]
+    assert len({config.model_dump_json() for config in wires}) == len(wires)
 
 
 @pytest.mark.parametrize("name", ["flexinol-lt-0.15mm", "flexinol-ht-0.10mm", "flexinol-lt-0.38mm"])
 @pytest.mark.parametrize("kind", KINDS)
-def test_they_contract_and_relax(name, kind):
-    config = draw(load_sim(name), 7, kind)
+def test_random_wire_contracts_and_relaxes(name, kind):
+    config = random_wire(load_sim(name), 7, kind)
     plant = Plant(config)
     assert plant.phase < 0.01
     steps = 0

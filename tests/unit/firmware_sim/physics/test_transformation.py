@@ -1,4 +1,4 @@
-"""The transformation of a wire: its kinds, and what a weight or a spring makes of it."""
+"""The transformation of a wire: its kinds, and the effect of a weight or a spring."""
 
 import numpy as np
 import pytest
@@ -42,21 +42,21 @@ def sweep(wire, temperatures_c):
 
 
 def at_half(wire):
-    """The temperatures of the half-way points of the major loop, up and down."""
+    """The temperatures at phase 0.5 of the major loop, up and down."""
     up, down = np.linspace(22.0, 160.0, 1381), np.linspace(160.0, 22.0, 1381)
     rising, falling = sweep(wire, up), sweep(wire, down)
     return np.interp(0.5, rising, up), np.interp(0.5, falling[::-1], down[::-1])
 
 
 @pytest.mark.parametrize("tables", KINDS, ids=lambda tables: tables.get("kind", "duhem"))
-def test_a_weight_shifts_the_branches_by_clausius_clapeyron(tables):
+def test_weight_shifts_the_branches_by_clausius_clapeyron(tables):
     plain, pulled = at_half(loaded(tables)), at_half(loaded(tables, WEIGHT))
     assert pulled[0] - plain[0] == pytest.approx(140.0 / 8.0, abs=0.1)
     assert pulled[1] - plain[1] == pytest.approx(140.0 / 7.0, abs=0.1)
 
 
 @pytest.mark.parametrize("tables", KINDS, ids=lambda tables: tables.get("kind", "duhem"))
-def test_a_spring_shifts_them_by_the_stress_that_it_has_there(tables):
+def test_spring_shifts_the_branches_by_its_stress_at_that_phase(tables):
     """At half of 12 mm the spring adds 60 MPa."""
     plain, pulled = at_half(loaded(tables)), at_half(loaded(tables, SPRING))
     assert pulled[0] - plain[0] == pytest.approx(130.0 / 8.0, abs=0.1)
@@ -66,7 +66,7 @@ def test_a_spring_shifts_them_by_the_stress_that_it_has_there(tables):
 @pytest.mark.parametrize("tables", KINDS, ids=lambda tables: tables.get("kind", "duhem"))
 @settings(max_examples=20, deadline=None)
 @given(path=st.lists(st.floats(20.0, 160.0), min_size=1, max_size=8))
-def test_against_a_spring_the_phase_follows_the_temperature(tables, path):
+def test_phase_against_a_spring_follows_the_temperature(tables, path):
     wire = loaded(tables, SPRING)
     before, before_c = wire.phase, 22.0
     for target_c in path:
@@ -93,23 +93,23 @@ def test_large_moves_and_slopes_agree_with_small_steps(tables, bias):
         small.move_to(end_c)
 
 
-def test_a_second_component_transforms_at_its_own_temperatures():
+def test_second_component_transforms_at_its_own_temperatures():
     one, two = loaded(KINDS[0]), loaded(KINDS[1])
     temperatures_c = [95.0, 66.0]
     assert sweep(two, temperatures_c)[1] == pytest.approx(sweep(one, temperatures_c)[1] - 0.2 * 0.48, abs=0.02)
 
 
 @pytest.mark.parametrize(
-    ("change", "says"),
+    ("change", "keys"),
     [
         ({"kind": "preisahc"}, "kind: "),
-        ({"kind": "preisach"}, "kind 'preisach' and correlation belong together"),
-        ({"correlation": 0.5}, "kind 'preisach' and correlation belong together"),
-        ({"kind": "two-component"}, "kind 'two-component' and second belong together"),
-        ({"kind": "preisach", "correlation": 1.0}, "correlation: .*less than 1"),
-        ({"range_c": (10.0, 5.0)}, "must rise"),
+        ({"kind": "preisach"}, "'preisach'.*correlation"),
+        ({"correlation": 0.5}, "'preisach'.*correlation"),
+        ({"kind": "two-component"}, "'two-component'.*second"),
+        ({"kind": "preisach", "correlation": 1.0}, r"correlation: .*\b1\b"),
+        ({"range_c": (10.0, 5.0)}, "range_c"),
     ],
 )
-def test_a_kind_without_its_key_is_refused(change, says):
-    with pytest.raises(ConfigError, match=says):
+def test_kind_without_its_key_is_rejected(change, keys):
+    with pytest.raises(ConfigError, match=keys):
         validate(BRANCHES | change, Transformation, "sim.toml")

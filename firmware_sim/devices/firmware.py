@@ -1,0 +1,61 @@
+"""The interfaces between a simulated device and its firmware."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple, Protocol
+
+from firmware_sim.devices.registers import Quantity
+
+
+class Firmware(Protocol):
+    """The program of a device: it reads its sensors and sets the current."""
+
+    @property
+    def current_a(self) -> float:
+        """The current that the device tries to drive through the wire."""
+        ...
+
+    @property
+    def voltage_max_v(self) -> float:
+        """The highest voltage of its output."""
+        ...
+
+    def restart(self) -> None:
+        """Return to the power-up state."""
+        ...
+
+    def tick(self, dt_s: float) -> None:
+        """Run for `dt_s`."""
+        ...
+
+
+class RegisterFirmware(Firmware, Protocol):
+    """A firmware that takes and shows values by role. It does not know the register map."""
+
+    def check(self, values: Mapping[str, float]) -> None:
+        """ModbusException when a write of these roles cannot be carried out."""
+        ...
+
+    def write(self, values: Mapping[str, float]) -> None:
+        """Carry out a write of these roles, all of one request together."""
+        ...
+
+    def quantities(self) -> Mapping[str, Quantity]:
+        """The values that the registers show, by role."""
+        ...
+
+
+class RequestHandler(Protocol):
+    """The server side of a device's protocol."""
+
+    def answer(self, pdu: bytes) -> bytes:
+        """The PDU of the reply to a request, which is carried out."""
+        ...
+
+
+class DeviceParts(NamedTuple):
+    """The firmware of a device, and the handler of its requests."""
+
+    firmware: Firmware
+    responder: RequestHandler

@@ -1,0 +1,151 @@
+"""Faults of the sensors: how the displayed reading differs from the right one.
+
+    thermocouple   open, short (the converter detects both); bridge, reverse, freeze, stop_conversions, drift, spike
+    displacement   stick, spike
+    sense          lose_current, lose_voltage (of the device that heats: NaN in a float register)
+
+Each lasts for `for_s` seconds, or until the sensor is mended. A sensor has one fault at a time, the last one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import inf, nan
+from random import Random
+from typing import NamedTuple
+
+from firmware_sim.fault_parameters import Seconds, Share
+
+SENSOR_FAULTS = (
+    *("open_thermocouple", "short_thermocouple", "bridge_thermocouple", "reverse_thermocouple", "freeze_thermocouple"),
+    *("stop_conversions", "drift_thermocouple", "spike_thermocouple", "mend_thermocouple"),
+    *("stick_displacement", "spike_displacement", "mend_displacement"),
+    *("lose_current", "lose_voltage", "mend_sense"),
+)
+HEALTHY = "none"
+
+
+class SensorSample(NamedTuple):
+    """A sample before a fault alters it: the right reading, the one shown before, the cold junction's temperature."""
+
+    right: float
+    previous: float
+    cold_junction_c: float
+
+
+Alter = Callable[[SensorSample, float], float]  # the shown reading, of a sample and the age of the fault in seconds
+
+
+class SensorFault:
+    """The present fault of one sensor."""
+
+    def __init__(self) -> None:
+        self.end()
+
+    def begin(self, name: str, for_s: float | None, alter: Alter | None = None) -> None:
+        """Begin a fault that lasts `for_s` seconds; None: until `end`."""
+        self.name = name
+        self.alter = alter
+        self._age_s = 0.0
+        self._duration_s = inf if for_s is None else for_s
+
+    def end(self) -> None:
+        """End the fault."""
+        self.begin(HEALTHY, None)
+
+    def advance(self, dt_s: float) -> None:
+        """Let `dt_s` pass; the fault ends when its time is over."""
+        self._age_s += dt_s
+        if self._age_s > self._duration_s - 1e-9:
+            self.end()
+
+    def shown(self, right: float, previous: float, cold_junction_c: float = 0.0) -> float:
+        """The reading that the sensor shows, from the `right` one and the `previous` one that it showed."""
+        return right if self.alter is None else self.alter(SensorSample(right, previous, cold_junction_c), self._age_s)
+
+
+class SensorFaults:
+    """The faults of `thermocouple`, `displacement`, and the sense of `current` and `voltage`."""
+
+    def __init__(self, seed: int) -> None:
+        """`seed` seeds the spikes."""
+        self.thermocouple = SensorFault()
+        self.displacement = SensorFault()
+        self.current = SensorFault()
+        self.voltage = SensorFault()
+        self._sensors = self.thermocouple, self.displacement, self.current, self.voltage
+        self._random = Random(seed)
+
+    def open_thermocouple(self, for_s: Seconds | None = None) -> None:
+        """A wire of the thermocouple breaks."""
+        self.thermocouple.begin("open", for_s)
+
+    def short_thermocouple(self, for_s: Seconds | None = None) -> None:
+        """The thermocouple touches the supply or ground."""
+        self.thermocouple.begin("short", for_s)
+
+    def bridge_thermocouple(self, for_s: Seconds | None = None) -> None:
+        """Its two wires touch at the converter: it measures the temperature there, and sets no fault bit."""
+        self.thermocouple.begin("bridged", for_s, lambda sample, _age_s: sample.cold_junction_c)
+
+    def reverse_thermocouple(self, for_s: Seconds | None = None) -> None:
+        """Its two wires are exchanged: the reading falls when the temperature rises."""
+        self.thermocouple.begin("reversed", for_s, lambda sample, _age_s: 2 * sample.cold_junction_c - sample.right)
+
+    def freeze_thermocouple(self, for_s: Seconds | None = None) -> None:
+        """The converter goes on counting and repeats its last value."""
+        self.thermocouple.begin("frozen", for_s, lambda sample, _age_s: sample.previous)
+
+    def stop_conversions(self, for_s: Seconds | None = None) -> None:
+        """The converter hangs: neither value nor count changes."""
+        self.thermocouple.begin("stopped", for_s)
+
+    def drift_thermocouple(self, rate_c_per_s: float, for_s: Seconds | None = None) -> None:
+        """The reading drifts away from the temperature at a constant rate."""
+        self.thermocouple.begin("drifting", for_s, lambda sample, age_s: sample.right + rate_c_per_s * age_s)
+
+    def spike_thermocouple(self, height_c: float, share: Share = 0.05, for_s: Seconds | None = None) -> None:
+        """A share of the conversions is off by `height_c`."""
+        self.thermocouple.begin("spiking", for_s, self._spikes(height_c, share))
+
+    def mend_thermocouple(self) -> None:
+        """End the fault of the thermocouple."""
+        self.thermocouple.end()
+
+    def stick_displacement(self, for_s: Seconds | None = None) -> None:
+        """The sensor repeats its last value."""
+        self.displacement.begin("stuck", for_s, lambda sample, _age_s: sample.previous)
+
+    def spike_displacement(self, height_mm: float, share: Share = 0.05, for_s: Seconds | None = None) -> None:
+        """A share of the readings is off by `height_mm`."""
+        self.displacement.begin("spiking", for_s, self._spikes(height_mm, share))
+
+    def mend_displacement(self) -> None:
+        """End the fault of the displacement sensor."""
+        self.displacement.end()
+
+    def lose_current(self, for_s: Seconds | None = None) -> None:
+        """The current is measured as NaN."""
+        self.current.begin("lost", for_s, lambda _sample, _age_s: nan)
+
+    def lose_voltage(self, for_s: Seconds | None = None) -> None:
+        """The voltage is measured as NaN."""
+        self.voltage.begin("lost", for_s, lambda _sample, _age_s: nan)
+
+    def mend_sense(self) -> None:
+        """Measure current and voltage again."""
+        self.current.end()
+        self.voltage.end()
+
+    def advance(self, dt_s: float) -> None:
+        """Let `dt_s` pass; faults end when their time is over."""
+        for sensor in self._sensors:
+            if sensor.name != HEALTHY:
+                sensor.advance(dt_s)
+
+    def by_name(self) -> dict[str, Callable[..., None]]:
+        """Every fault, and the methods that end them."""
+        return {name: getattr(self, name) for name in SENSOR_FAULTS}
+
+    def _spikes(self, height: float, share: float) -> Alter:
+        return lambda sample, _age_s: sample.right + (height if self._random.random() < share else 0.0)
