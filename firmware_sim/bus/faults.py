@@ -46,7 +46,7 @@ class Ear(Protocol):
         """Let `data` arrive at `due_s`, though nobody asked."""
         ...
 
-    def lose(self, return_s: float) -> None:
+    def disconnect(self, return_s: float) -> None:
         """The connection is gone; another one is possible from `return_s`."""
         ...
 
@@ -186,7 +186,7 @@ class BusFaults:
     def vanish(self, for_s: Seconds) -> None:
         """Every connection is lost, and none can be made for a while: the adapter is out, the gateway restarts."""
         for ear in self._ears:
-            ear.lose(self._now_s() + for_s)
+            ear.disconnect(self._now_s() + for_s)
 
     def by_name(self) -> dict[str, Callable[..., None]]:
         """Every fault there is."""

@@ -34,7 +34,7 @@ class Cell:
         self.first = register.address
         self.end = register.addresses.stop
         self.size = register.size
-        self.has_companions = bool(register.companions)
+        self.has_dependents = bool(register.depends_on)
         self.keeps = register.access == "rw"
         self._words = words
 
@@ -98,7 +98,7 @@ class RegisterBank:
         for role, cell in self._shown.get(table, ()):
             if first <= cell.first < end and role in quantities:
                 value = quantities[role]
-                if cell.has_companions:  # other registers say how it shows, and may change
+                if cell.has_dependents:  # other registers say how it shows, and may change
                     self._show_in_company(cell, value)
                 elif role not in published or published[role] != value:
                     cell.store(_words_for(cell, value, ALONE))
@@ -161,7 +161,7 @@ class RegisterBank:
                 raise ModbusException(DEVICE_FAILURE)
 
     def _show_in_company(self, cell: Cell, value: Quantity) -> None:
-        """Show a quantity as its companions say, and in those that tell it whether it is valid."""
+        """Show a quantity as the registers that it depends on say, and in those that tell it whether it is valid."""
         for name, allowed in cell.register.valid_when.items():
             teller = self._cells[name]
             denied = (number for number in teller.register.enum if number not in allowed)
@@ -169,10 +169,10 @@ class RegisterBank:
         cell.store(_words_for(cell, value, self._context(cell)))
 
     def _context(self, cell: Cell) -> Context:
-        if not cell.has_companions:
+        if not cell.has_dependents:
             return ALONE
-        companions = (self._cells[name] for name in cell.register.companions)
-        return context_of(cell.register, {one.name: one.codec.decode(one.words) for one in companions})
+        depends_on = (self._cells[name] for name in cell.register.depends_on)
+        return context_of(cell.register, {one.name: one.codec.decode(one.words) for one in depends_on})
 
 
 def _words_for(cell: Cell, value: Quantity, context: Context) -> tuple[int, ...]:

@@ -22,7 +22,7 @@ from smadrive.clock import Clock
 from smadrive.errors import ConfigError
 from smadrive.modbus import pdu_description
 from smadrive.modbus.framing import rtu
-from smadrive.modbus.trace import Line, content_of, read_trace
+from smadrive.modbus.trace import TraceLine, content_of, read_trace
 from smadrive.modbus.transports.in_process import InProcessTransport
 
 EXCHANGE = b"\x17"
@@ -119,7 +119,7 @@ class ReplayedUnit:
         return [(time_s + answer.after_s, data)] if data else []
 
 
-def _answer(request: Line, after: Line | None, *, numbered: bool) -> Answer:
+def _answer(request: TraceLine, after: TraceLine | None, *, numbered: bool) -> Answer:
     if after is None or after.direction != "received":
         return Answer(0.0, b"", None)
     content = content_of(after.data, numbered=numbered)

@@ -130,7 +130,7 @@ class _DoorEar:
         for talk in self._door.talks():
             self._do_at(due_s, partial(talk.send, data))
 
-    def lose(self, return_s: float) -> None:
+    def disconnect(self, return_s: float) -> None:
         """Close the door, with all clients; open it again at `return_s`."""
         self._door.close()
         self._do_at(return_s, self._door.open)

@@ -19,11 +19,11 @@ from smadrive.devices.plan_cache import Plans, words_of_register
 from smadrive.devices.profile.dependent_registers import context_of
 from smadrive.devices.profile.function_codes import write_request
 from smadrive.devices.profile.profile import Profile
-from smadrive.devices.profile.readings import ALONE, Context, Reading
+from smadrive.devices.profile.readings import ALONE, Context, RegisterReading
 from smadrive.devices.profile.register import Register
 from smadrive.devices.profile.schema import WriteOrder
 from smadrive.devices.profile.variants import has_switch, matching
-from smadrive.devices.read_plan import Span, decode
+from smadrive.devices.read_plan import RegisterSpan, decode
 from smadrive.devices.retry import retry_all
 from smadrive.errors import (
     ConfigError,
@@ -109,7 +109,7 @@ class Device:
         self.identity, self._proved_on = found, connection
         self.proof = Proof.PROVED if self._family.proves_type else Proof.ANSWERED
 
-    def read(self, names: Sequence[str], *, proved: bool = False) -> dict[str, Reading]:
+    def read(self, names: Sequence[str], *, proved: bool = False) -> dict[str, RegisterReading]:
         """The registers `names`, in as few requests as their addresses allow.
 
         Plain Modbus RTU cannot tell a stale reply from a current one of equal length: a second copy of the reply before
@@ -125,7 +125,7 @@ class Device:
         self._know_the_scales()
         self._write(self._encoded(name, value))
 
-    def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, Reading]:
+    def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, RegisterReading]:
         """Write adjacent registers, then read adjacent registers, in one FC23 transaction; never retried."""
         self._know_the_scales()
         target, source = self._plans.exchange(tuple(writes), tuple(reads))
@@ -134,7 +134,9 @@ class Device:
         self._prove_identity()
         return decode((source,), (source.words(self._execute(request)),), reads)
 
-    def command(self, name: str, value: float, reads: Sequence[str], *, proved: bool = False) -> dict[str, Reading]:
+    def command(
+        self, name: str, value: float, reads: Sequence[str], *, proved: bool = False
+    ) -> dict[str, RegisterReading]:
         """Read `reads`, which include `name`, then write `value` to it, unless it holds that already.
 
         What is read is what came of the command before. ReadBackError when that one does not stand: it did not arrive,
@@ -190,11 +192,11 @@ class Device:
         connection = self._proved_on if request.writes else None
         return self.client.execute(self.unit_id, request, self._timing, connection, proved=proved)
 
-    def _read(self, names: tuple[str, ...], *, proved: bool = False) -> dict[str, Reading]:
+    def _read(self, names: tuple[str, ...], *, proved: bool = False) -> dict[str, RegisterReading]:
         spans = self._plans.read(names)
         return decode(spans, [self._span_words(span, proved=proved) for span in spans], names)
 
-    def _read_patiently(self, names: tuple[str, ...]) -> dict[str, Reading]:
+    def _read_patiently(self, names: tuple[str, ...]) -> dict[str, RegisterReading]:
         give_up_s = self.client.clock.now_s() + self.profile.timing.boot_ms / 1e3
         while True:
             try:
@@ -203,7 +205,7 @@ class Device:
                 if self.client.clock.now_s() >= give_up_s:
                     raise
 
-    def _span_words(self, span: Span, *, proved: bool = False) -> tuple[int, ...]:
+    def _span_words(self, span: RegisterSpan, *, proved: bool = False) -> tuple[int, ...]:
         request = span.read_request(self.profile.timing.function_codes)
         return span.words(self._execute(request, proved=proved))
 
@@ -220,8 +222,8 @@ class Device:
     def _encoded(self, name: str, value: float) -> _Write:
         register = self._writable(name)
         context = ALONE
-        if register.companions:
-            context = context_of(register, self._read(register.companions))
+        if register.depends_on:
+            context = context_of(register, self._read(register.depends_on))
         if context.problem is not None:
             raise ConfigError(f"register '{name}' cannot be written now: {context.problem}")
         return _Write(name, register, context, register.codec.encode(value, name, context))

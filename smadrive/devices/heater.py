@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import isfinite, nan
 
 from smadrive.clock import Clock
-from smadrive.devices.guardian.client import Guard
+from smadrive.devices.guardian.client import GuardianClient
 from smadrive.devices.heating.heat_source import HeaterLimits, HeatSource, Sample, Supplied
 from smadrive.devices.heating.zero_current import wait_for_zero_current
 from smadrive.devices.sensor import PolledSensor
@@ -38,7 +38,7 @@ class Heater:
         clock: Clock,
         thermometer: PolledSensor | None = None,
         displacement: PolledSensor | None = None,
-        guard: Guard | None = None,
+        guard: GuardianClient | None = None,
     ) -> None:
         """Nothing is sent yet; call `connect()`."""
         if thermometer is None and "temperature" not in source.measures:
@@ -71,7 +71,7 @@ class Heater:
             if sensor is not None:
                 sensor.connect()
         if self._guard is not None:
-            self._guard.brief(self.source.identity)
+            self._guard.configure(self.source.identity)
         return self.exchange(0.0)
 
     def arm(self, watchdog_s: float) -> None:
@@ -143,7 +143,7 @@ class Heater:
         self.source.enter_safe_state()
         wait_for_zero_current(self.source, self.limits.current_max_a, self._clock)
 
-    def _switch_off_under(self, guard: Guard) -> None:
+    def _switch_off_under(self, guard: GuardianClient) -> None:
         """Switch off; the guardian watches until no current flows, and does it where the driver stands still."""
         while True:
             guard.take_back()
@@ -151,7 +151,7 @@ class Heater:
                 self._switch_off()
             except TakenOverError:
                 continue
-            guard.rest()
+            guard.stand_down()
             return
 
     def _allowed(self, current_a: float) -> tuple[float, tuple[str, ...]]:

@@ -13,8 +13,8 @@ from enum import Enum
 from types import MappingProxyType
 
 from smadrive.devices.profile.profile import Profile
-from smadrive.devices.profile.readings import Reading
-from smadrive.devices.profile.schema import Identify
+from smadrive.devices.profile.readings import RegisterReading
+from smadrive.devices.profile.schema import IdentityRegister
 from smadrive.errors import IdentityError
 
 Identity = Mapping[str, float | str]
@@ -45,7 +45,7 @@ class DeviceType:
         return name if self.proof is Proof.PROVED else f"{name}, by the rig file: {self.proof.value}"
 
 
-def check_type(proofs: Iterable[Identify], readings: Mapping[str, Reading], who: str) -> None:
+def check_type(proofs: Iterable[IdentityRegister], readings: Mapping[str, RegisterReading], who: str) -> None:
     """IdentityError when `who` is of another type than these proofs demand."""
     for proof in proofs:
         raw = readings[proof.register_].raw
@@ -56,7 +56,7 @@ def check_type(proofs: Iterable[Identify], readings: Mapping[str, Reading], who:
             )
 
 
-def identity_of(profile: Profile, readings: Mapping[str, Reading]) -> Identity:
+def identity_of(profile: Profile, readings: Mapping[str, RegisterReading]) -> Identity:
     """What these readings say that no device changes of itself."""
     telling = {proof.register_ for proof in profile.identify} | {name for one in profile.variants for name in one.match}
     fixed = [name for name in readings if name in telling and not profile.register(name).writable]

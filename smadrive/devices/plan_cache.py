@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from smadrive.devices.profile.profile import Profile
-from smadrive.devices.read_plan import Span, plan
+from smadrive.devices.read_plan import RegisterSpan, plan
 from smadrive.errors import ConfigError
 
 _Names = tuple[str, ...]
@@ -16,17 +16,17 @@ class Plans:
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
-        self._reads: dict[_Names, tuple[Span, ...]] = {}
-        self._exchanges: dict[tuple[_Names, _Names], tuple[Span, Span]] = {}
+        self._reads: dict[_Names, tuple[RegisterSpan, ...]] = {}
+        self._exchanges: dict[tuple[_Names, _Names], tuple[RegisterSpan, RegisterSpan]] = {}
 
-    def read(self, names: _Names) -> tuple[Span, ...]:
+    def read(self, names: _Names) -> tuple[RegisterSpan, ...]:
         """What reads `names`."""
         spans = self._reads.get(names)
         if spans is None:
             spans = self._reads[names] = plan(self._profile, names)
         return spans
 
-    def exchange(self, writes: _Names, reads: _Names) -> tuple[Span, Span]:
+    def exchange(self, writes: _Names, reads: _Names) -> tuple[RegisterSpan, RegisterSpan]:
         """What one FC23 writes and reads; ConfigError when the registers do not lie side by side."""
         spans = self._exchanges.get((writes, reads))
         if spans is None:
@@ -38,7 +38,7 @@ class Plans:
             self._exchanges[writes, reads] = spans
         return spans
 
-    def _one(self, names: _Names, verb: str) -> Span:
+    def _one(self, names: _Names, verb: str) -> RegisterSpan:
         spans = self.read(names)
         sizes = sum(part.register.size for part in spans[0].parts)
         torn = len(spans) != 1 or (verb == "written" and spans[0].count > sizes)
@@ -50,7 +50,7 @@ class Plans:
         return spans[0]
 
 
-def words_of_register(spans: Iterable[Span], words: Iterable[tuple[int, ...]], name: str) -> tuple[int, ...]:
+def words_of_register(spans: Iterable[RegisterSpan], words: Iterable[tuple[int, ...]], name: str) -> tuple[int, ...]:
     """The words of one register out of the words of the spans."""
     (found,) = (
         span_words[part.place]

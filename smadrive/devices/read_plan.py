@@ -15,12 +15,12 @@ from smadrive.devices.profile.codec import Codec
 from smadrive.devices.profile.dependent_registers import context_of
 from smadrive.devices.profile.function_codes import read_request, words_of
 from smadrive.devices.profile.profile import Profile
-from smadrive.devices.profile.readings import Reading
+from smadrive.devices.profile.readings import RegisterReading
 from smadrive.devices.profile.register import Register
 from smadrive.modbus.requests import Request
 
 
-class Part(NamedTuple):
+class RegisterSlice(NamedTuple):
     """One register of a span; its `place` is that among the words of the span, its codec is kept at hand."""
 
     name: str
@@ -30,14 +30,14 @@ class Part(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class Span:
+class RegisterSpan:
     """Registers that are read, or written, in one piece."""
 
     table: str
     address: int
     count: int
-    parts: tuple[Part, ...]
-    has_companions: bool
+    parts: tuple[RegisterSlice, ...]
+    has_dependents: bool
 
     def words(self, payload: bytes) -> tuple[int, ...]:
         """What the payload of the reply carries."""
@@ -48,7 +48,7 @@ class Span:
         return read_request(self.table, self.address, self.count, function_codes)
 
 
-def plan(profile: Profile, names: Sequence[str]) -> tuple[Span, ...]:
+def plan(profile: Profile, names: Sequence[str]) -> tuple[RegisterSpan, ...]:
     """The spans that hold the registers `names` and all that must be read with them."""
     most = profile.timing.max_read_registers
     loose = _loose_addresses(profile)
@@ -63,13 +63,15 @@ def plan(profile: Profile, names: Sequence[str]) -> tuple[Span, ...]:
     return tuple(_span(group) for group in groups)
 
 
-def decode(spans: Iterable[Span], words: Iterable[Sequence[int]], names: Sequence[str]) -> dict[str, Reading]:
+def decode(
+    spans: Iterable[RegisterSpan], words: Iterable[Sequence[int]], names: Sequence[str]
+) -> dict[str, RegisterReading]:
     """The readings of `names` out of the words of the spans."""
-    readings: dict[str, Reading] = {}
+    readings: dict[str, RegisterReading] = {}
     later: list[tuple[str, Register, Sequence[int]]] = []
     for span, span_words in zip(spans, words, strict=True):
         for name, register, place, codec in span.parts:
-            if span.has_companions and register.companions:
+            if span.has_dependents and register.depends_on:
                 later.append((name, register, span_words[place]))
             else:
                 readings[name] = codec.decode(span_words[place])
@@ -83,7 +85,7 @@ def _with_company(profile: Profile, names: Sequence[str]) -> set[str]:
     company = set(names)
     while True:
         blocks = {profile.register(name).block for name in company} - {None}
-        more = {other for name in company for other in profile.register(name).companions}
+        more = {other for name in company for other in profile.register(name).depends_on}
         more |= {name for name, register in profile.registers.items() if register.block in blocks}
         if more <= company:
             return company
@@ -104,11 +106,11 @@ def _belongs(register: Register, first: Register, last: Register, most: int, loo
     return bridged and register.addresses.stop - first.address <= most
 
 
-def _span(group: list[tuple[str, Register]]) -> Span:
+def _span(group: list[tuple[str, Register]]) -> RegisterSpan:
     first, last = group[0][1], group[-1][1]
-    parts = tuple(Part(name, register, _place(register, first), register.codec) for name, register in group)
-    companions = any(register.companions for _, register in group)
-    return Span(first.table, first.address, last.addresses.stop - first.address, parts, companions)
+    parts = tuple(RegisterSlice(name, register, _place(register, first), register.codec) for name, register in group)
+    depends_on = any(register.depends_on for _, register in group)
+    return RegisterSpan(first.table, first.address, last.addresses.stop - first.address, parts, depends_on)
 
 
 def _place(register: Register, first: Register) -> slice:

@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 
-from smadrive.devices.any_device import device_on
 from smadrive.devices.device import Device
+from smadrive.devices.heating.tclab_board import TCLabBoard
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.state.lock import Role, lock_line
 from smadrive.errors import DeadlineError, DeviceError, ProtocolError, TransportError
@@ -87,7 +87,7 @@ def _proved(transport: Transport, profiles: Iterable[Profile], line: SerialSetti
     for profile in profiles:
         if line in (None, profile.serial_settings()):
             with suppress(TransportError, ProtocolError, DeviceError):
-                device_on(transport, profile, None).check_identity()
+                TCLabBoard(profile, transport).check_identity()
                 yield profile.profile.id
 
 

@@ -24,7 +24,7 @@ from smadrive.modbus.framing import rtu
 from smadrive.modbus.protocol import ClientProtocol
 from smadrive.modbus.requests import Request
 from smadrive.modbus.transports.transport import Transport
-from smadrive.modbus.verdict import FINAL_CODES, Outcome, State, Verdict
+from smadrive.modbus.verdict import FINAL_CODES, ConnectionState, Outcome, Verdict
 
 PROBES = 3
 REOPENS_WITHIN_S = 0.5
@@ -133,7 +133,7 @@ class ModbusClient:
             self._write(frame)
             outcome = self._outcome(sent_s + on_wire_s + self._patience_s(timing))
         except BaseException:  # Ctrl-C too leaves a reply on its way
-            if self._protocol.state is State.WAITING:
+            if self._protocol.state is ConnectionState.WAITING:
                 self._protocol.give_up(self.clock.now_s())
             raise
         finally:
@@ -142,8 +142,8 @@ class ModbusClient:
             self._free_at_s = now_s + (timing.post_write_s if request.writes else 0.0)
             if timing.interval_s:
                 self._next_s[unit_id] = now_s + timing.interval_s
-            if self._protocol.state is State.OUT_OF_STEP:
-                self.transport.lose()
+            if self._protocol.state is ConnectionState.OUT_OF_STEP:
+                self.transport.disconnect()
         if outcome.verdict is Verdict.ANSWERED:
             self.counters.replies += 1
             return outcome.data
@@ -166,7 +166,7 @@ class ModbusClient:
         for counter in COUNTED[outcome.verdict]:
             setattr(self.counters, counter, getattr(self.counters, counter) + 1)
         if outcome.verdict is Verdict.SILENT and self.transport.reconnects:
-            self.transport.lose()
+            self.transport.disconnect()
         return failure(outcome, self._who(unit_id, request))
 
     def _write(self, frame: bytes) -> None:
@@ -185,10 +185,10 @@ class ModbusClient:
         if stray := self._discard():
             self._discarded(stray)
             self._protocol.stray(stray)
-        if self._protocol.state is State.OUT_OF_STEP:
-            self.transport.lose()
+        if self._protocol.state is ConnectionState.OUT_OF_STEP:
+            self.transport.disconnect()
             self._reopen()
-        if self._protocol.state is State.SUSPECT:
+        if self._protocol.state is ConnectionState.SUSPECT:
             self._quarantine(timing, silent_since_s=self.clock.now_s() if stray else self._free_at_s)
 
     def _discard(self) -> bytes:

@@ -15,7 +15,16 @@ from smadrive.modbus import requests
 from smadrive.modbus.framing.framing import Framing
 from smadrive.modbus.outstanding import Kind, Outstanding, exception_kind, reply_kind
 from smadrive.modbus.requests import Request
-from smadrive.modbus.verdict import CONSEQUENCES, FINAL_CODES, TRANSITIONS, VERDICTS, Event, Outcome, State, Verdict
+from smadrive.modbus.verdict import (
+    CONSEQUENCES,
+    FINAL_CODES,
+    TRANSITIONS,
+    VERDICTS,
+    ConnectionEvent,
+    ConnectionState,
+    Outcome,
+    Verdict,
+)
 
 FRESH = 16
 """A kind that is not among so many last arrivals proves that a frame of it is new: no gateway lags by more."""
@@ -38,31 +47,31 @@ class ClientProtocol:
         self._request = requests.read_holding(0, 1)
         self._head = self._exception_head = self._reply = b""
         self._size = 0
-        self.state = State.READY
-        self._become(Event.NEW_CONNECTION)
+        self.state = ConnectionState.READY
+        self._become(ConnectionEvent.NEW_CONNECTION)
 
     def new_connection(self) -> None:
         """The connection was opened anew: nobody knows what was asked through it before."""
         self._framing.restart()
-        self._become(Event.NEW_CONNECTION)
+        self._become(ConnectionEvent.NEW_CONNECTION)
 
     def stray(self, data: bytes) -> None:
         """`data` arrived although no request is out: it answers nothing."""
         self._framing.skip(data)
-        self._become(Event.STRAY)
+        self._become(ConnectionEvent.STRAY)
 
     def silence(self) -> None:
         """The bus has been silent for as long as a reply may take."""
-        self._become(Event.SILENCE)
+        self._become(ConnectionEvent.SILENCE)
 
     def distrust(self, now_s: float) -> None:
         """The content of the last reply proved it stale: the answer to its request may still arrive."""
         self._outstanding.add(reply_kind(self._unit_id, self._request), now_s)
-        self._become(Event.FAILED)
+        self._become(ConnectionEvent.FAILED)
 
     def send(self, unit_id: int, request: Request) -> bytes:
         """The frame to write; what arrives from now on may be its answer."""
-        self._become(Event.SENT)
+        self._become(ConnectionEvent.SENT)
         self._unit_id, self._request, self._reply = unit_id, request, b""
         self._head = bytes((unit_id,)) + request.reply_head
         self._exception_head = bytes((unit_id, request.function | 0x80))
@@ -73,7 +82,7 @@ class ClientProtocol:
         """The frame of a request whose answer is not waited for: it stays outstanding."""
         self._outstanding.add(reply_kind(unit_id, request), now_s)
         self._outstanding.add(exception_kind(unit_id, request), now_s)
-        self._become(Event.FAILED)
+        self._become(ConnectionEvent.FAILED)
         return self._framing.request(unit_id, request.pdu)
 
     def receive(self, data: bytes, now_s: float) -> Outcome | None:
@@ -189,10 +198,10 @@ class ClientProtocol:
         elif verdict in (Verdict.REFUSED, Verdict.DEFERRED):
             self._arrived[exception_kind(self._unit_id, self._request)] = self._arrivals
 
-    def _become(self, event: Event) -> None:
+    def _become(self, event: ConnectionEvent) -> None:
         state = TRANSITIONS[self.state, event]
-        if self._framing.numbered and state in (State.SUSPECT, State.READY):
-            state = State.OUT_OF_STEP if self._framing.out_of_step else State.READY
+        if self._framing.numbered and state in (ConnectionState.SUSPECT, ConnectionState.READY):
+            state = ConnectionState.OUT_OF_STEP if self._framing.out_of_step else ConnectionState.READY
         self.state = state
 
     def _last_arrival(self, unit_id: int, one: Request) -> int:

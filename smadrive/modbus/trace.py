@@ -31,7 +31,7 @@ _MARKS: dict[Direction, str] = {"sent": ">", "received": "<", "discarded": "x"}
 _DIRECTIONS = {mark: direction for direction, mark in _MARKS.items()}
 
 
-class Line(NamedTuple):
+class TraceLine(NamedTuple):
     """One line of a trace."""
 
     time_s: float
@@ -106,7 +106,7 @@ class TraceFile:
         return f"unit {unit_id}: {said}"
 
 
-def read_trace(path: Path) -> tuple[bool, list[Line]]:
+def read_trace(path: Path) -> tuple[bool, list[TraceLine]]:
     """Whether the frames are numbered (Modbus TCP), and the lines; ConfigError tells which line is none."""
     try:
         head, *rows = path.read_text(encoding="ascii").splitlines() or [""]
@@ -128,9 +128,9 @@ def content_of(frame: bytes, *, numbered: bool) -> tuple[int, bytes] | None:
     return (mbap.Header.of(frame).unit_id, frame[mbap.HEADER_SIZE :]) if whole else None
 
 
-def _line(path: Path, number: int, row: str) -> Line:
+def _line(path: Path, number: int, row: str) -> TraceLine:
     try:
         time_s, mark, data = row.partition("|")[0].split(maxsplit=2)
-        return Line(float(time_s), _DIRECTIONS[mark], bytes.fromhex(data))
+        return TraceLine(float(time_s), _DIRECTIONS[mark], bytes.fromhex(data))
     except (ValueError, KeyError):
         raise ConfigError(f"{path}, line {number}: '{row}' is none of a trace: time, one of > < x, bytes") from None

@@ -48,7 +48,7 @@ class Verdict(Enum):
     SILENT = auto()
 
 
-class State(Enum):
+class ConnectionState(Enum):
     """Whether a request may go out."""
 
     READY = auto()
@@ -57,7 +57,7 @@ class State(Enum):
     OUT_OF_STEP = auto()
 
 
-class Event(Enum):
+class ConnectionEvent(Enum):
     """What changes the state."""
 
     SENT = auto()
@@ -74,7 +74,7 @@ class Consequence(NamedTuple):
     proves: bool
     reply_remains: bool
     exception_remains: bool
-    event: Event
+    event: ConnectionEvent
 
 
 VERDICTS = {
@@ -87,11 +87,15 @@ VERDICTS = {
 }
 """By what arrived, and whether such a frame is outstanding; every other arrival is its own verdict."""
 
-_FAILED = Consequence(proves=False, reply_remains=True, exception_remains=True, event=Event.FAILED)
+_FAILED = Consequence(proves=False, reply_remains=True, exception_remains=True, event=ConnectionEvent.FAILED)
 CONSEQUENCES = {
-    Verdict.ANSWERED: Consequence(proves=True, reply_remains=False, exception_remains=False, event=Event.DONE),
-    Verdict.REFUSED: Consequence(proves=True, reply_remains=True, exception_remains=False, event=Event.DONE),
-    Verdict.DEFERRED: Consequence(proves=False, reply_remains=True, exception_remains=False, event=Event.DONE),
+    Verdict.ANSWERED: Consequence(
+        proves=True, reply_remains=False, exception_remains=False, event=ConnectionEvent.DONE
+    ),
+    Verdict.REFUSED: Consequence(proves=True, reply_remains=True, exception_remains=False, event=ConnectionEvent.DONE),
+    Verdict.DEFERRED: Consequence(
+        proves=False, reply_remains=True, exception_remains=False, event=ConnectionEvent.DONE
+    ),
     Verdict.STALE: _FAILED,
     Verdict.FOREIGN: _FAILED,
     Verdict.WRONG_SIZE: _FAILED,
@@ -101,16 +105,16 @@ CONSEQUENCES = {
 }
 
 TRANSITIONS = {
-    (State.READY, Event.SENT): State.WAITING,
-    (State.WAITING, Event.DONE): State.READY,
-    (State.WAITING, Event.FAILED): State.SUSPECT,
-    (State.READY, Event.FAILED): State.SUSPECT,
-    (State.READY, Event.STRAY): State.SUSPECT,
-    (State.SUSPECT, Event.STRAY): State.SUSPECT,
-    (State.SUSPECT, Event.FAILED): State.SUSPECT,
-    (State.SUSPECT, Event.SILENCE): State.READY,
-    (State.READY, Event.SILENCE): State.READY,
-    **{(state, Event.NEW_CONNECTION): State.SUSPECT for state in State},
+    (ConnectionState.READY, ConnectionEvent.SENT): ConnectionState.WAITING,
+    (ConnectionState.WAITING, ConnectionEvent.DONE): ConnectionState.READY,
+    (ConnectionState.WAITING, ConnectionEvent.FAILED): ConnectionState.SUSPECT,
+    (ConnectionState.READY, ConnectionEvent.FAILED): ConnectionState.SUSPECT,
+    (ConnectionState.READY, ConnectionEvent.STRAY): ConnectionState.SUSPECT,
+    (ConnectionState.SUSPECT, ConnectionEvent.STRAY): ConnectionState.SUSPECT,
+    (ConnectionState.SUSPECT, ConnectionEvent.FAILED): ConnectionState.SUSPECT,
+    (ConnectionState.SUSPECT, ConnectionEvent.SILENCE): ConnectionState.READY,
+    (ConnectionState.READY, ConnectionEvent.SILENCE): ConnectionState.READY,
+    **{(state, ConnectionEvent.NEW_CONNECTION): ConnectionState.SUSPECT for state in ConnectionState},
 }
 """Of RTU; in a numbered stream SUSPECT is READY, or OUT_OF_STEP where a frame was left unfinished."""
 

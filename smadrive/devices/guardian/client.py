@@ -14,7 +14,7 @@ from types import TracebackType
 from typing import IO, Self
 
 from smadrive.devices.guardian.duty import relieve
-from smadrive.devices.guardian.task import BEAT, FREE, GIVES_WAY, READY, REST, TAKEN, WATCH, SharedLock, Task
+from smadrive.devices.guardian.task import FREE, GIVES_WAY, HEARTBEAT, READY, STAND_DOWN, TAKEN, WATCH, SharedLock, Task
 from smadrive.devices.identity import Identity
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import key_at
@@ -30,7 +30,7 @@ MANY = 4096
 GONE = "the guardian is gone or stands still: heating without it is refused"
 
 
-class Guard:
+class GuardianClient:
     """A guardian process for `task`, a context manager: leaving it ends the guardian, unless heat may still flow.
 
     `give_way` lets all connections of the driver go: some devices have room for one only, and it may be the guardian's.
@@ -67,7 +67,7 @@ class Guard:
         self._to, self._from = _piped(self._process.stdin), _piped(self._process.stdout)
         return self
 
-    def brief(self, identity: Identity) -> None:
+    def configure(self, identity: Identity) -> None:
         """Tell the guardian which device it guards, which is confirmed off now, and wait until it is ready.
 
         Guardians of earlier runs that wait for this very device end. SafetyError when the guardian does not come up.
@@ -109,7 +109,7 @@ class Guard:
             raise SafetyError(GONE)
         self._watching = True
 
-    def hold(self) -> None:
+    def heartbeat(self) -> None:
         """The driver lives and is about to use a port, or has just used it.
 
         TakenOverError when the guardian has the ports.
@@ -127,11 +127,11 @@ class Guard:
                 )
             if heard:
                 self._heard_s = time.monotonic()
-            self._told(BEAT)
+            self._told(HEARTBEAT)
 
     def check(self) -> None:
-        """The driver is about to command: SafetyError when the guardian does not answer any more; as of `hold`."""
-        self.hold()
+        """The driver is about to command: SafetyError when the guardian does not answer any more; as of `heartbeat`."""
+        self.heartbeat()
         if self._watching and (self._gone or time.monotonic() - self._heard_s > PATIENCE * self._task.timeout_s):
             raise SafetyError(GONE)
 
@@ -145,7 +145,7 @@ class Guard:
                 raise SafetyError("the guardian has taken over, and could not confirm yet that the heater is off")
             self._taken = self._watching = False
 
-    def rest(self) -> None:
+    def stand_down(self) -> None:
         """The driver has confirmed the source off; should the guardian come in this moment, it is awaited."""
         if self._watching:
             self._watching = self._taken = False
@@ -159,7 +159,7 @@ class Guard:
     def _freed(self) -> bool:
         """Ask the guardian for the ports and await them; one that is gone has left them."""
         give_up_s = time.monotonic() + FREES_WITHIN_S
-        self._told(REST)
+        self._told(STAND_DOWN)
         while (left_s := give_up_s - time.monotonic()) > 0:
             select.select((self._from,), (), (), left_s)
             heard = self._from.read(MANY)

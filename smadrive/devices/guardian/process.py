@@ -41,16 +41,21 @@ import threading
 import time
 
 from smadrive.devices.guardian.duty import HeldDuty
-from smadrive.devices.guardian.search import Search
-from smadrive.devices.guardian.states import Action, Heard, Outcome, State, run
-from smadrive.devices.guardian.switch import Access, Result, Switch
-from smadrive.devices.guardian.task import BEAT, ECHO, FREE, GIVES_WAY, READY, REST, TAKEN, WATCH, Task
+from smadrive.devices.guardian.search import PortSearch
+from smadrive.devices.guardian.states import Action, AttemptOutcome, DriverSignal, GuardianState, run
+from smadrive.devices.guardian.switch import AttemptResult, LineAccess, Switch
+from smadrive.devices.guardian.task import ECHO, FREE, GIVES_WAY, HEARTBEAT, READY, STAND_DOWN, TAKEN, WATCH, Task
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import key_at
 from smadrive.devices.state.lock import Role
 
 DRIVER_FD, TERMINAL_FD = 1, 2
-HEARD = {WATCH: Heard.BEAT, BEAT: Heard.BEAT, REST: Heard.REST, GIVES_WAY: Heard.GIVES_WAY}
+SIGNALS = {
+    WATCH: DriverSignal.HEARTBEAT,
+    HEARTBEAT: DriverSignal.HEARTBEAT,
+    STAND_DOWN: DriverSignal.STAND_DOWN,
+    GIVES_WAY: DriverSignal.GIVES_WAY,
+}
 ANSWERS = {Action.ECHO: ECHO, Action.FREE: FREE, Action.TAKE: TAKEN}
 
 TERMINAL_WITHIN_S = 0.2
@@ -76,17 +81,17 @@ class Driver:
             line += byte
         return line
 
-    def listen(self, within_s: float) -> Heard:
+    def listen(self, within_s: float) -> DriverSignal:
         """The last thing that the driver says within this time; once it has ended, silence."""
         if self.ended:
             time.sleep(within_s)
-            return Heard.SILENCE
+            return DriverSignal.SILENCE
         ready, _, _ = select.select((self._descriptor,), (), (), within_s)
         if not ready:
-            return Heard.SILENCE
+            return DriverSignal.SILENCE
         data = os.read(self._descriptor, 4096)
         self.ended = not data
-        return HEARD.get(data[-1:], Heard.BEAT) if data else Heard.CLOSED
+        return SIGNALS.get(data[-1:], DriverSignal.HEARTBEAT) if data else DriverSignal.CLOSED
 
     def end(self) -> None:
         """End the process, if it is still the parent."""
@@ -99,25 +104,25 @@ class Driver:
 class Guardian:
     """What the table of states asks for, done: attempts, answers to the driver, and what the terminal shows."""
 
-    def __init__(self, driver: Driver, switch: Switch, access: Access, duty: HeldDuty, timeout_s: float) -> None:
+    def __init__(self, driver: Driver, switch: Switch, access: LineAccess, duty: HeldDuty, timeout_s: float) -> None:
         self._driver = driver
         self._switch = switch
         self._access = access
         self._duty = duty
         self._timeout_s = timeout_s
-        self._last: Outcome | None = None
+        self._last: AttemptOutcome | None = None
         self._said_s = 0.0
 
-    def attempt(self, state: State) -> Outcome:
+    def attempt(self, state: GuardianState) -> AttemptOutcome:
         """Try to switch the device off; see run."""
-        waits = state is State.WAITING_FOR_DEVICE
+        waits = state is GuardianState.WAITING_FOR_DEVICE
         if waits and self._duty.relieved:
             _say("another driver, or `smadrive off`, has confirmed the heater off: this guardian ends")
-            return Outcome.RELIEVED
+            return AttemptOutcome.RELIEVED
         result = self._switch.off(alone=waits)
         if waits:
-            self._access.share_no_more()
-        if waits and result.outcome is not Outcome.CONFIRMED:
+            self._access.release_shared()
+        if waits and result.outcome is not AttemptOutcome.CONFIRMED:
             self._duty.wait(result.text)
         self._tell(result, waits=waits)
         return result.outcome
@@ -134,7 +139,7 @@ class Guardian:
             self._last = None
         _tell(ANSWERS[action])
 
-    def _tell(self, result: Result, *, waits: bool) -> None:
+    def _tell(self, result: AttemptResult, *, waits: bool) -> None:
         """What has changed since the last attempt; while it waits, again from time to time."""
         if self._last is None:
             reason = "ended" if self._driver.ended else f"stood still for {self._timeout_s:g} s"
@@ -146,10 +151,10 @@ class Guardian:
         self._last = result.outcome
 
 
-def _news(result: Result, *, waits: bool) -> str:
-    if result.outcome is Outcome.CONFIRMED:
+def _news(result: AttemptResult, *, waits: bool) -> str:
+    if result.outcome is AttemptOutcome.CONFIRMED:
         return result.text
-    if result.outcome is Outcome.GONE:
+    if result.outcome is AttemptOutcome.GONE:
         return f"the heater was NOT confirmed off ({result.text}): this guardian ends"
     news = f"the heater is NOT confirmed off yet ({result.text}): cut its supply"
     if not waits:
@@ -184,8 +189,8 @@ def guard(task: Task, driver: Driver) -> None:
         _say(f"another guardian of {device.profile} at {device.url} does not end: end it first")
         return
     with duty:
-        access = Access(task.locks)
-        switch = Switch(device, profile, Search(device.url, key.names, time.monotonic), access)
+        access = LineAccess(task.locks)
+        switch = Switch(device, profile, PortSearch(device.url, key.names, time.monotonic), access)
         guardian = Guardian(driver, switch, access, duty, task.timeout_s)
         _tell(READY)
         run(driver.listen, guardian.attempt, guardian.act, task.timeout_s)

@@ -19,7 +19,7 @@ ASK_AGAIN_S = 10.0
 """A port that holds another device is asked again after this time."""
 
 
-class Search:
+class PortSearch:
     """The ports at which the device of `url`, once found at the port with these names, may be now."""
 
     def __init__(self, url: str, names: frozenset[str], now_s: Callable[[], float]) -> None:
@@ -37,12 +37,12 @@ class Search:
                 found.setdefault(_place(url), url)
         return [url for place, url in found.items() if not self._is_left_alone(place)]
 
-    def heard_another(self, url: str) -> None:
+    def note_other_device(self, url: str) -> None:
         """Another device answered there."""
         count, _ = self._foreign.get(place := _place(url), (0, 0.0))
         self._foreign[place] = count + 1, self._now_s() + ASK_AGAIN_S
 
-    def heard_none(self, url: str) -> None:
+    def note_no_device(self, url: str) -> None:
         """No device proved anything there."""
         self._foreign.pop(_place(url), None)
 

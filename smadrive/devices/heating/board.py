@@ -16,7 +16,7 @@ from smadrive.clock import Clock
 from smadrive.devices.device import Device
 from smadrive.devices.heating.heat_source import HeaterLimits, Sample, Supplied
 from smadrive.devices.identity import Identity
-from smadrive.devices.profile.readings import Reading, problem_of
+from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ProtocolError, SafetyError
 
 STALE_S = 0.5  # the device converts at least every 0.1 s; a counter that stands still this long is a dead sensor
@@ -119,7 +119,7 @@ class HeaterBoard:
         """Clear the faults whose cause is gone."""
         self._turn_key("fault_clear")
 
-    def _check_echo(self, echo: Reading) -> None:
+    def _check_echo(self, echo: RegisterReading) -> None:
         if echo.raw != self._sequence:
             self.device.client.distrust()
             raise ProtocolError(
@@ -127,7 +127,7 @@ class HeaterBoard:
                 "reply, discarded"
             )
 
-    def _supplied(self, now_s: float, readings: dict[str, Reading]) -> Supplied:
+    def _supplied(self, now_s: float, readings: dict[str, RegisterReading]) -> Supplied:
         problem = self._temperature_fault(now_s, readings)
         armed = "armed" in readings["status"].words
         self._armed = self._armed and armed
@@ -142,7 +142,7 @@ class HeaterBoard:
             problem_of(readings, ("measured_current", "measured_voltage")),
         )
 
-    def _temperature_fault(self, now_s: float, readings: dict[str, Reading]) -> str | None:
+    def _temperature_fault(self, now_s: float, readings: dict[str, RegisterReading]) -> str | None:
         """Why the temperature cannot be used: the device says so, or its sensor stopped converting."""
         counter = readings["sample_counter"].value
         if isfinite(counter) and counter != self._counter:

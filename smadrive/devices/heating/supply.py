@@ -13,7 +13,7 @@ from math import inf, isfinite
 from smadrive.devices.device import Device
 from smadrive.devices.heating.heat_source import HeaterLimits, Supplied
 from smadrive.devices.identity import Identity
-from smadrive.devices.profile.readings import Reading, problem_of
+from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ConfigError, ReadBackError, SafetyError
 
 _NEEDED = ("heater_current", "heater_enable", "measured_current", "measured_voltage")
@@ -45,7 +45,7 @@ class BenchSupply:
         self._measured = self._names["measured_current"], self._names["measured_voltage"]
         self._armed = False
         self._voltage_max_v = inf
-        self._voltage_set: Reading | None = None
+        self._voltage_set: RegisterReading | None = None
 
     @property
     def identity(self) -> Identity:
@@ -123,7 +123,7 @@ class BenchSupply:
             self._voltage_max_v = limit_v
             self._voltage_set = self.device.read((name,))[name]
 
-    def _check_voltage_limit(self, readings: dict[str, Reading]) -> None:
+    def _check_voltage_limit(self, readings: dict[str, RegisterReading]) -> None:
         """ReadBackError when somebody changed it since it was set."""
         if self._voltage_set is None:
             return
@@ -141,17 +141,17 @@ class BenchSupply:
             highest = self.device.profile.register(name).max
             self.device.write(name, min(PROTECTION * limit, inf if highest is None else highest))
 
-    def _on(self, readings: dict[str, Reading]) -> bool:
+    def _on(self, readings: dict[str, RegisterReading]) -> bool:
         return readings[self._names["heater_enable"]].raw == 1
 
-    def _faults(self, readings: dict[str, Reading]) -> tuple[str, ...]:
+    def _faults(self, readings: dict[str, RegisterReading]) -> tuple[str, ...]:
         """The protection that has cut in; raw 0 is a supply at rest."""
         name = self._names.get("faults")
         if name is None or not readings[name].raw:
             return ()
         return readings[name].words or (f"protection {readings[name].raw}",)
 
-    def _limits_voltage(self, readings: dict[str, Reading], voltage_v: float) -> bool:
+    def _limits_voltage(self, readings: dict[str, RegisterReading], voltage_v: float) -> bool:
         """Whether it holds the voltage, not the current: it says so, or it stands at its limit."""
         name = self._names.get("regulation")
         return "cv" in readings[name].words if name is not None else voltage_v >= AT_LIMIT * self._voltage_max_v

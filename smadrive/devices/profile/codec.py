@@ -6,7 +6,7 @@ Sentinels ("sensor open") are compared on the raw pattern, before any arithmetic
 Raw numbers are the register's own type: signed for int16, so −30000 and 0x8AD0 are the same pattern; both may be
 written in a profile.
 
-What other registers say of this one (its sign, its decimals, its unit) comes in as a `Context`: `companions.py`.
+What other registers say of this one (its sign, its decimals, its unit) comes in as a `Context`: `depends_on.py`.
 
 A codec is made once, of plain attributes: it is asked for every register of every exchange, and an attribute of a
 pydantic model costs six times as much.
@@ -19,7 +19,7 @@ from functools import lru_cache
 from math import isfinite, nan
 
 from smadrive.devices.profile import register_types
-from smadrive.devices.profile.readings import ALONE, Context, Reading
+from smadrive.devices.profile.readings import ALONE, Context, RegisterReading
 from smadrive.devices.profile.register_types import Kind, Order
 from smadrive.errors import ConfigError
 
@@ -62,12 +62,12 @@ class Codec:
         """Every pattern that is no sentinel is a number, and every number a value."""
         self._state = lru_cache(STATES)(lambda words: self._decoded(words, ALONE))
 
-    def decode(self, words: Sequence[int], context: Context = ALONE) -> Reading:
+    def decode(self, words: Sequence[int], context: Context = ALONE) -> RegisterReading:
         """The reading in `words`, as they come from the bus."""
         if context is ALONE:
             if self._is_plain and not (self._sentinels and tuple(words) in self._sentinels):
                 raw = self._unpack(words)
-                return Reading(raw, raw * self._scale + self._offset)
+                return RegisterReading(raw, raw * self._scale + self._offset)
             if self._has_states:
                 return self._state(tuple(words))
         return self._decoded(words, context)
@@ -109,17 +109,17 @@ class Codec:
         """What a raw pattern would mean if it were a number."""
         return self._value_of(self._unpack(self.pattern(pattern)), ALONE)
 
-    def _decoded(self, words: Sequence[int], context: Context) -> Reading:
+    def _decoded(self, words: Sequence[int], context: Context) -> RegisterReading:
         """By all the rules there are."""
         if self._kind == "string":
-            return Reading(0, nan, None, (register_types.text(words),))
+            return RegisterReading(0, nan, None, (register_types.text(words),))
         raw = self._unpack(words)
         if self._sentinels and (reason := self._sentinels.get(tuple(words))):
-            return Reading(raw, nan, reason)
+            return RegisterReading(raw, nan, reason)
         value = self._value_of(raw, context)
         if (problem := context.problem or self._implausible(value)) is not None:
-            return Reading(raw, nan, problem)
-        return self._named(raw, value) if self._has_states else Reading(raw, value)
+            return RegisterReading(raw, nan, problem)
+        return self._named(raw, value) if self._has_states else RegisterReading(raw, value)
 
     def _value_of(self, raw: float, context: Context) -> float:
         if context is ALONE:
@@ -151,12 +151,12 @@ class Codec:
             return f"{value:g} {self._unit} is above the valid range, {self._valid_max:g}"
         return None
 
-    def _named(self, raw: float, value: float) -> Reading:
+    def _named(self, raw: float, value: float) -> RegisterReading:
         number = int(raw)
         if self._bits:
             width = 32 if register_types.is_wide(self._kind) else 16
             named = tuple(self._bits.get(bit, f"bit {bit}") for bit in range(width) if number >> bit & 1)
-            return Reading(raw, value, words=named)
+            return RegisterReading(raw, value, words=named)
         if number not in self._enum:
-            return Reading(raw, nan, f"unknown state {number}")
-        return Reading(raw, value, words=(self._enum[number],))
+            return RegisterReading(raw, nan, f"unknown state {number}")
+        return RegisterReading(raw, value, words=(self._enum[number],))

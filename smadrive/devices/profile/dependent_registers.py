@@ -10,16 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from smadrive.devices.profile.readings import ALONE, Context, Reading
+from smadrive.devices.profile.readings import ALONE, Context, RegisterReading
 from smadrive.devices.profile.register import Register
 from smadrive.files.spelling import nearest
 
 CELSIUS, FAHRENHEIT = "degC", "degF"
 
 
-def context_of(register: Register, readings: Mapping[str, Reading]) -> Context:
-    """What the companions of `register`, all among `readings`, say of it."""
-    if not register.companions:
+def context_of(register: Register, readings: Mapping[str, RegisterReading]) -> Context:
+    """What the depends_on of `register`, all among `readings`, say of it."""
+    if not register.depends_on:
         return ALONE
     sign = _word(register.sign_register, readings)
     scale = _word(register.scale_from, readings)
@@ -40,15 +40,15 @@ def context_of(register: Register, readings: Mapping[str, Reading]) -> Context:
     )
 
 
-def check_companions(name: str, register: Register, registers: Mapping[str, Register]) -> None:
-    """ValueError when a companion does not exist or cannot say what it should."""
-    for companion in register.companions:
-        if companion not in registers:
+def check_dependencies(name: str, register: Register, registers: Mapping[str, Register]) -> None:
+    """ValueError when a dependency does not exist or cannot say what it should."""
+    for dependency in register.depends_on:
+        if dependency not in registers:
             raise ValueError(
-                f"registers.{name} names the unknown register '{companion}'{nearest(companion, registers)}"
+                f"registers.{name} names the unknown register '{dependency}'{nearest(dependency, registers)}"
             )
-        if registers[companion].companions or not registers[companion].access.startswith("r"):
-            raise ValueError(f"registers.{name}: '{companion}' must be readable and need no other register itself")
+        if registers[dependency].depends_on or not registers[dependency].access.startswith("r"):
+            raise ValueError(f"registers.{name}: '{dependency}' must be readable and need no other register itself")
     if register.scale_from is not None:
         _check_scales(name, registers[register.scale_from].enum)
     if register.unit_from is not None and (
@@ -66,7 +66,7 @@ def _check_scales(name: str, enum: Mapping[int, str]) -> None:
         raise ValueError(f"registers.{name}.scale_from needs a register whose enum names factors, as {{ 1 = '0.1' }}")
 
 
-def _word(name: str | None, readings: Mapping[str, Reading]) -> str | None:
+def _word(name: str | None, readings: Mapping[str, RegisterReading]) -> str | None:
     """The state of the register `name`: its enum's word, else its number."""
     if name is None:
         return None
@@ -76,7 +76,7 @@ def _word(name: str | None, readings: Mapping[str, Reading]) -> str | None:
     return reading.words[0] if reading.words else f"{reading.raw:g}"
 
 
-def _doubt(register: Register, readings: Mapping[str, Reading]) -> str | None:
+def _doubt(register: Register, readings: Mapping[str, RegisterReading]) -> str | None:
     for name, allowed in register.valid_when.items():
         if readings[name].raw not in allowed:
             return f"{name}: {_word(name, readings) or format(readings[name].raw, 'g')}"

@@ -12,20 +12,20 @@ from typing import Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from smadrive.devices.profile import validation
-from smadrive.devices.profile.dependent_registers import check_companions
-from smadrive.devices.profile.golden_frames import check_vector
+from smadrive.devices.profile.dependent_registers import check_dependencies
+from smadrive.devices.profile.golden_frames import check_golden_frame
 from smadrive.devices.profile.register import Register
 from smadrive.devices.profile.schema import (
+    DeviceTiming,
     Forbidden,
+    GoldenFrame,
     Head,
-    Identify,
+    IdentityRegister,
     Roles,
     SafeWrite,
     Serial,
     Tcp,
-    Timing,
     Variant,
-    Vector,
     WriteOrder,
 )
 from smadrive.devices.profile.variants import applied, expanded, refuse_ambiguity
@@ -48,15 +48,15 @@ class Profile(Section):
     profile: Head
     serial: Serial | None = None
     tcp: Tcp | None = None
-    timing: Timing
-    identify: tuple[Identify, ...] = ()
+    timing: DeviceTiming
+    identify: tuple[IdentityRegister, ...] = ()
     roles: Roles = Roles()
     registers: dict[str, Register] = Field(default_factory=dict)
     variants: tuple[Variant, ...] = ()
     forbidden: tuple[Forbidden, ...] = ()
     write_order: tuple[WriteOrder, ...] = ()
     safe_state: tuple[SafeWrite, ...] = ()
-    vectors: tuple[Vector, ...] = ()
+    golden_frames: tuple[GoldenFrame, ...] = Field(default=(), alias="vectors")
 
     @field_validator("identify", mode="before")
     @classmethod
@@ -90,8 +90,8 @@ class Profile(Section):
         refuse_ambiguity(self.variants)
         for registers in (self.registers, *(applied(self.registers, variant) for variant in self.variants)):
             self._check_registers(registers)
-        for vector in self.vectors:
-            check_vector(vector, self.registers)
+        for golden in self.golden_frames:
+            check_golden_frame(golden, self.registers)
 
     @property
     def proves_type(self) -> bool:
@@ -129,7 +129,7 @@ class Profile(Section):
 
     def as_variant(self, variant: Variant) -> Profile:
         """The profile of this variant alone: its registers, and its `match` as part of the identity."""
-        proofs = tuple(Identify(register=name, ranges=[span]) for name, span in variant.match.items())
+        proofs = tuple(IdentityRegister(register=name, ranges=[span]) for name, span in variant.match.items())
         others = tuple(proof for proof in self.identify if proof.register_ not in variant.match)
         return self.model_copy(
             update={"registers": applied(self.registers, variant), "identify": others + proofs, "variants": ()}
@@ -174,7 +174,7 @@ class Profile(Section):
             raise ConfigError(f"profile '{self.profile.id}': which model is it? Add ,{name}=RAW to '{choice}'")
         model = self.as_variant(near[0]) if near else self.model_copy(update={"variants": ()})
         others = tuple(proof for proof in model.identify if proof.register_ not in raws)
-        proofs = tuple(Identify(register=name, ranges=[(raw, raw)]) for name, raw in raws.items())
+        proofs = tuple(IdentityRegister(register=name, ranges=[(raw, raw)]) for name, raw in raws.items())
         return model.model_copy(update={"identify": others + proofs})
 
     def _check_names(self) -> None:
@@ -196,7 +196,7 @@ class Profile(Section):
         validation.refuse_unreachable(registers, self.timing)
         validation.refuse_torn_blocks(registers, self.timing)
         for name, register in registers.items():
-            check_companions(name, register, registers)
+            check_dependencies(name, register, registers)
         validation.check_order(self.write_order, registers)
         validation.check_safe_state(self.safe_state, self.write_order, registers)
 

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 
-class Reading(NamedTuple):
+class RegisterReading(NamedTuple):
     """A register as read. `value` is NaN and `invalid` says why when the device has no value to give.
 
     A value that is not finite is none: whoever finds `invalid` None has a finite `value`, unless it is a text.
@@ -31,7 +31,7 @@ class Context(NamedTuple):
 ALONE = Context()
 
 
-def problem_of(readings: Mapping[str, Reading], names: Iterable[str]) -> str | None:
+def problem_of(readings: Mapping[str, RegisterReading], names: Iterable[str]) -> str | None:
     """Why registers of these names have no value, each by its name; None when all have one."""
     invalid = [f"{name}: {readings[name].invalid}" for name in names if readings[name].invalid is not None]
     return "; ".join(invalid) or None

@@ -86,7 +86,7 @@ class Register(Section):
         return self.access != "r"
 
     @cached_property
-    def companions(self) -> tuple[str, ...]:
+    def depends_on(self) -> tuple[str, ...]:
         """The registers that say what this one means."""
         named = (self.scale_from, self.sign_register, self.unit_from, *self.valid_when)
         return tuple(name for name in named if name is not None)
@@ -94,7 +94,7 @@ class Register(Section):
     @cached_property
     def exchangeable(self) -> bool:
         """Whether it may be written again and again, together with others, without a look at any other register."""
-        return not (self.nonvolatile or self.companions or self.block)
+        return not (self.nonvolatile or self.depends_on or self.block)
 
     @cached_property
     def size(self) -> int:

@@ -39,7 +39,7 @@ class Tcp(Section):
     unit_id: int = Field(default=255, ge=0, le=255)
 
 
-class Timing(Section):
+class DeviceTiming(Section):
     """What the device needs of a client, in milliseconds; the simulated device insists on it."""
 
     response_timeout_ms: float = Field(gt=0, le=60_000)
@@ -65,7 +65,7 @@ class Timing(Section):
         return codes
 
 
-class Identify(Section):
+class IdentityRegister(Section):
     """A register whose raw value proves who the device is: it lies in one of `ranges`, or any, as a serial number."""
 
     register_: str = Field(alias="register")
@@ -155,7 +155,7 @@ class SafeWrite(Section):
     value: float
 
 
-class Vector(Section):
+class GoldenFrame(Section):
     """A golden frame, CRC included, in hexadecimal, and what it `means`: the values it writes, or its reply reads."""
 
     request: str

@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from smadrive.devices.profile.function_codes import read_function, write_function
 from smadrive.devices.profile.register import Register
-from smadrive.devices.profile.schema import Forbidden, SafeWrite, Timing, WriteOrder
+from smadrive.devices.profile.schema import DeviceTiming, Forbidden, SafeWrite, WriteOrder
 from smadrive.errors import ConfigError
 from smadrive.files.spelling import nearest
 
@@ -41,7 +41,7 @@ def refuse_forbidden(registers: Registers, forbidden: tuple[Forbidden, ...]) -> 
                 )
 
 
-def refuse_unreachable(registers: Registers, timing: Timing) -> None:
+def refuse_unreachable(registers: Registers, timing: DeviceTiming) -> None:
     """A register that no function of the device reads or writes, or that is longer than its longest request."""
     codes = timing.function_codes
     for name, register in registers.items():
@@ -62,7 +62,7 @@ def refuse_unreachable(registers: Registers, timing: Timing) -> None:
             )
 
 
-def refuse_torn_blocks(registers: Registers, timing: Timing) -> None:
+def refuse_torn_blocks(registers: Registers, timing: DeviceTiming) -> None:
     """A block that one request cannot read: in two tables, with a gap, too long."""
     for block in sorted({register.block for register in registers.values() if register.block}):
         members = sorted((one for one in registers.values() if one.block == block), key=lambda one: one.address)

@@ -45,17 +45,17 @@ MOST_LATENCY_MS = 5000
 
 
 def open_transport(
-    url: str, defaults: SerialSettings | None = None, *, exclusive: bool = True, lease: PortAccess | None = None
+    url: str, defaults: SerialSettings | None = None, *, exclusive: bool = True, port_access: PortAccess | None = None
 ) -> Transport:
     """The connection of a URL.
 
     `defaults` (a profile's) hold for what the URL leaves open. `exclusive`: a serial port is for this process alone,
-    and refused when another has it so. `lease` is asked at every use of the connection.
+    and refused when another has it so. `port_access` is asked at every use of the connection.
     ConfigError: the URL makes no sense; TransportError: the port is missing, busy or forbidden, the host unknown,
     silent or refusing.
     """
     transport = _opened(url, defaults or SerialSettings(), exclusive=exclusive)
-    transport.lease = lease
+    transport.port_access = port_access
     return transport
 
 

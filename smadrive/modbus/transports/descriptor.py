@@ -22,7 +22,7 @@ _CHUNK = 512
 _GONE = -1
 
 
-class Channel(Protocol):
+class OpenPort(Protocol):
     """What the operating system opened, in non-blocking mode."""
 
     def fileno(self) -> int:
@@ -37,14 +37,14 @@ class Channel(Protocol):
 class DescriptorTransport(ABC):
     """A transport over a descriptor; a subclass says how it is opened and what a loss may come from.
 
-    With a `lease` that has run out nothing is sent, and nothing that has arrived is taken for an answer.
+    With a `port_access` that has run out nothing is sent, and nothing that has arrived is taken for an answer.
     """
 
     end: ClassVar[str]
     suspicion: ClassVar[str]
     reconnects: ClassVar[bool]
     empty_reads_at_end: ClassVar[int] = 1
-    lease: PortAccess | None = None
+    port_access: PortAccess | None = None
 
     def __init__(
         self, name: str, framing: Framing, baudrate: int | None, timeout_s: float, latency_s: float = 0.0
@@ -59,7 +59,7 @@ class DescriptorTransport(ABC):
         self._open(timeout_s)
 
     @abstractmethod
-    def _channel(self, timeout_s: float) -> Channel:
+    def _open_port(self, timeout_s: float) -> OpenPort:
         """Open it within `timeout_s`; TransportError tells why it cannot be opened, and the cure."""
 
     @property
@@ -72,7 +72,7 @@ class DescriptorTransport(ABC):
         if self._closed:
             raise TransportError(f"{self.name}: the connection is closed: open a new one")
         self._hold()
-        self.lose()
+        self.disconnect()
         self._open(max(deadline_s - self.clock.now_s(), 0.0))
 
     def write(self, data: bytes) -> None:
@@ -83,7 +83,7 @@ class DescriptorTransport(ABC):
         except OSError as error:
             self._fail(error)
         if sent < len(data):
-            self.lose()
+            self.disconnect()
             raise TransportError(f"{self.name}: took {sent} of {len(data)} bytes: is the far end or the adapter stuck?")
 
     def read(self, deadline_s: float) -> bytes:
@@ -117,7 +117,7 @@ class DescriptorTransport(ABC):
             discarded += data
         return discarded
 
-    def lose(self) -> None:
+    def disconnect(self) -> None:
         """Let the connection go; what is on its way is gone."""
         if self._descriptor != _GONE:
             self._poll.unregister(self._descriptor)
@@ -127,7 +127,7 @@ class DescriptorTransport(ABC):
     def close(self) -> None:
         """Close for good; closing twice does no harm."""
         self._closed = True
-        self.lose()
+        self.disconnect()
 
     def __enter__(self) -> Self:
         return self
@@ -136,15 +136,15 @@ class DescriptorTransport(ABC):
         self.close()
 
     def _hold(self) -> None:
-        if self.lease is not None:
-            self.lease()
+        if self.port_access is not None:
+            self.port_access()
 
     def _open(self, timeout_s: float) -> None:
-        self._held = self._channel(timeout_s)
+        self._held = self._open_port(timeout_s)
         self._descriptor = self._held.fileno()
         self._poll = select.poll()  # select knows no descriptor above 1023
         self._poll.register(self._descriptor, select.POLLIN)
 
     def _fail(self, error: Exception) -> NoReturn:
-        self.lose()
+        self.disconnect()
         raise TransportError(f"{self.name}: the connection is lost ({error}): {self.suspicion}") from None

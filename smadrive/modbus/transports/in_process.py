@@ -77,7 +77,7 @@ class InProcessTransport:
         """Whether nothing can pass before `reopen`."""
         return self._lost
 
-    def lose(self, return_s: float = 0.0) -> None:
+    def disconnect(self, return_s: float = 0.0) -> None:
         """Let the connection go, with what is on its way; it cannot be opened again before `return_s`."""
         self._lost = True
         self._return_s = return_s
@@ -93,7 +93,7 @@ class InProcessTransport:
 
     def close(self) -> None:
         """Nothing passes any more; closing twice does no harm."""
-        self.lose()
+        self.disconnect()
         self._closed = True
 
     def __enter__(self) -> Self:

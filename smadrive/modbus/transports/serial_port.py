@@ -33,14 +33,14 @@ class SerialTransport(DescriptorTransport):
         self._exclusive = exclusive
         super().__init__(port, RtuFraming(), settings.baudrate, timeout_s=0.0, latency_s=latency_s)
 
-    def lose(self) -> None:
+    def disconnect(self) -> None:
         """Let the port go, and its lock, which a forked child would keep."""
         if not self.lost:
             with suppress(OSError):
                 fcntl.flock(self._descriptor, fcntl.LOCK_UN)
-        super().lose()
+        super().disconnect()
 
-    def _channel(self, _timeout_s: float) -> serial.Serial:
+    def _open_port(self, _timeout_s: float) -> serial.Serial:
         """The port; it opens at once or not at all."""
         try:
             port = serial.Serial(

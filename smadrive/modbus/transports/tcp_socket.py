@@ -53,14 +53,14 @@ class SocketTransport(DescriptorTransport):
         self._address = (host, port)
         super().__init__(f"{host}:{port}", framing, baudrate, CONNECT_TIMEOUT_S, latency_s)
 
-    def lose(self) -> None:
+    def disconnect(self) -> None:
         """Let the connection go; unless it is closed on purpose, what it has not delivered yet is not sent again."""
         if not (self.lost or self._closed):
             with suppress(OSError):
                 self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)
-        super().lose()
+        super().disconnect()
 
-    def _channel(self, timeout_s: float) -> socket.socket:
+    def _open_port(self, timeout_s: float) -> socket.socket:
         give_up_s = time.monotonic() + timeout_s
         while True:
             left_s = max(min(give_up_s - time.monotonic(), ATTEMPT_S), _SHORTEST_TIMEOUT_S)

@@ -68,7 +68,7 @@ class Transport(Protocol):
         """Whether nothing can pass before `reopen`."""
         ...
 
-    def lose(self) -> None:
+    def disconnect(self) -> None:
         """Let the connection go; what is on its way is gone."""
         ...
 

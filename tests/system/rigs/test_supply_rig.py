@@ -303,7 +303,7 @@ def test_a_twin_that_comes_back_at_the_supplys_port_confirms_nothing(bench):
             rig.heater.arm(1.0)
             bench.heat(rig, 0.25, 4)
             plug.device = twin
-            port.lose()
+            port.disconnect()
             bench.heat(rig, 0.25, 1)
 
     with pytest.raises(IdentityError, match="another one answers than before: serial_number is 2, ") as caught:

@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 import pytest
 from supply_rig import RIG
 
-from smadrive.devices.guardian.client import Guard
+from smadrive.devices.guardian.client import GuardianClient
 from smadrive.devices.guardian.task import GuardedDevice, Task
 from smadrive.errors import UNCONFIRMED, ConfigError, SafetyError, TakenOverError
 from smadrive.rig.config import load_rig
@@ -310,23 +310,23 @@ def test_a_driver_gives_way_to_its_guardian_and_waits_for_it_also_where_it_notic
     gave_way = []
     with served("riden-rd60xx") as (_, url):
         task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
-        with Guard(task, lambda: gave_way.append(True)) as guard:
-            guard.brief({})
+        with GuardianClient(task, lambda: gave_way.append(True)) as guard:
+            guard.configure({})
             guard.watch()
             time.sleep(1.0)
             for _ in range(2):
                 with pytest.raises(TakenOverError):
-                    guard.hold()
+                    guard.heartbeat()
             guard.take_back()
             assert gave_way
             guard.watch()
             guard.check()
             time.sleep(1.0)
-            guard.rest()
+            guard.stand_down()
             guard.watch()
             for _ in range(3):
                 guard.check()
-            guard.rest()
+            guard.stand_down()
 
 
 @pytest.mark.parametrize("name", ["select.py", "smadrive.py"])
@@ -334,22 +334,22 @@ def test_no_file_of_the_present_folder_runs_in_place_of_the_guardian(tmp_path, m
     (tmp_path / name).write_text("raise RuntimeError")
     monkeypatch.chdir(tmp_path)
     task = Task(GuardedDevice("riden-rd60xx", "serial:///dev/null", None), timeout_s=0.3)
-    with Guard(task, lambda: None) as guard:
-        guard.brief({})
+    with GuardianClient(task, lambda: None) as guard:
+        guard.configure({})
         guard.watch()
         guard.check()
-        guard.rest()
+        guard.stand_down()
 
 
 def test_a_guardian_that_stands_still_when_the_driver_rests_is_ended():
     with served("riden-rd60xx") as (_, url):
         task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
-        with Guard(task, lambda: None) as guard:
-            guard.brief({})
+        with GuardianClient(task, lambda: None) as guard:
+            guard.configure({})
             guard.watch()
             (process,) = guardians(os.getpid())
             os.kill(process, signal.SIGSTOP)
-            guard.rest()
+            guard.stand_down()
             with pytest.raises(SafetyError, match="gone"):
                 guard.watch()
 
@@ -357,12 +357,12 @@ def test_a_guardian_that_stands_still_when_the_driver_rests_is_ended():
 def test_a_guardian_confirms_nothing_on_another_device_than_the_one_that_heated():
     with served("riden-rd60xx") as (_, url):
         task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
-        with Guard(task, lambda: None) as guard:
-            guard.brief({"serial_number": 2})
+        with GuardianClient(task, lambda: None) as guard:
+            guard.configure({"serial_number": 2})
             guard.watch()
             time.sleep(1.0)
             with pytest.raises(TakenOverError):
-                guard.hold()
+                guard.heartbeat()
             with pytest.raises(SafetyError, match="could not confirm yet"):
                 guard.take_back()
-            guard.rest()
+            guard.stand_down()

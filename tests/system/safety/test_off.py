@@ -122,7 +122,7 @@ def test_a_controller_that_could_heat_too_is_made_safe_although_the_supply_is_go
     with served("--profile", "delta-dtb") as (_, url), open_transport(url, profile.serial_settings()) as port:
         controller, step = Device(profile, ModbusClient(port)), profile.safe_state[0]
         controller.write(step.register_, 1 - step.value)
-        port.lose()
+        port.disconnect()
         rig = tmp_path / "rig.toml"
         rig.write_text(
             SHIPPED.replace("autonics-tk", "delta-dtb").replace(SUPPLY_URL[:-1] + "1", url).partition("[limits]")[0]

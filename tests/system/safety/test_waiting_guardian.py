@@ -83,7 +83,7 @@ class Stage:
         guardians += children(driver.pid)
         return driver
 
-    def lose(self, driver, supply):
+    def disconnect(self, driver, supply):
         """Driver and supply end in the same moment; the guardian that waits, which does not outlive the test."""
         supply.terminate()
         supply.wait()
@@ -134,7 +134,7 @@ def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_wai
     at = str(stage.folder / "port") if way_in == "--pty" else "0"
     supply, url = stage.serve("riden-rd60xx", 77, way_in, at)
     driver = stage.heat(url)
-    guardian = stage.lose(driver, supply)
+    guardian = stage.disconnect(driver, supply)
     at = at if way_in == "--pty" else url.rpartition(":")[2]
     other, _ = stage.serve("riden-rd60xx", 78, way_in, at)
     for _ in range(5):
@@ -155,7 +155,7 @@ def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_wai
 def test_the_supply_that_heated_is_switched_off_when_it_is_back(stage):
     port = str(stage.folder / "port")
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", port)
-    guardian = stage.lose(stage.heat(url), supply)
+    guardian = stage.disconnect(stage.heat(url), supply)
     stage.serve("riden-rd60xx", 77, "--pty", port)
     until(lambda: not lives(guardian))
     assert waiting_duties() == []
@@ -164,7 +164,7 @@ def test_the_supply_that_heated_is_switched_off_when_it_is_back(stage):
 @pytest.mark.parametrize("command", ["probe", "off"])
 def test_a_device_that_is_away_is_told_with_the_guardian_that_waits_for_it(stage, command):
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", str(stage.folder / "port"))
-    guardian = stage.lose(stage.heat(url), supply)
+    guardian = stage.disconnect(stage.heat(url), supply)
     ended = stage.smadrive(command)
     assert ended.returncode == 3
     assert f"process {guardian}" in ended.stderr
@@ -174,7 +174,7 @@ def test_a_device_that_is_away_is_told_with_the_guardian_that_waits_for_it(stage
 def test_a_program_that_confirms_the_same_supply_off_relieves_the_guardian(stage, command):
     port = str(stage.folder / "port")
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", port)
-    guardian = stage.lose(stage.heat(url), supply)
+    guardian = stage.disconnect(stage.heat(url), supply)
     os.kill(guardian, signal.SIGSTOP)  # else it would be the first to find the supply
     again, _ = stage.serve("riden-rd60xx", 77, "--pty", port)
     ended = stage.smadrive(command, "--json")

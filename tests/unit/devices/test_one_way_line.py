@@ -9,7 +9,8 @@ from smadrive.devices.device import Device
 from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits
 from smadrive.devices.heating.supply import BenchSupply
-from smadrive.devices.heating.tclab import TCLab, TCLabBoard
+from smadrive.devices.heating.tclab import TCLab
+from smadrive.devices.heating.tclab_board import TCLabBoard
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import DeadlineError
 from smadrive.modbus.client import ModbusClient

@@ -67,7 +67,7 @@ def uses(device):
 def test_a_twin_behind_the_same_port_is_told_nothing(hub, device):
     for use in uses(device):
         hub.plug(serial_number=2)
-        device.client.transport.lose()
+        device.client.transport.disconnect()
         with pytest.raises(IdentityError, match="another one answers than before: serial_number is 2, was 1: did two"):
             use()
         assert hub.heard
@@ -77,7 +77,7 @@ def test_a_twin_behind_the_same_port_is_told_nothing(hub, device):
 def test_another_thing_behind_the_same_port_is_told_nothing(hub, device):
     for use in uses(device):
         hub.plug(serial_number=1, profile=load_profile("autonics-tk"))
-        device.client.transport.lose()
+        device.client.transport.disconnect()
         with pytest.raises((DeviceError, DeadlineError)):
             use()
         assert set(hub.heard) <= set(READS)
@@ -93,18 +93,18 @@ def test_the_same_one_is_asked_once_and_driven_on(device):
     for use in uses(device):
         use()
         needed = requests_of(use)
-        device.client.transport.lose()
+        device.client.transport.disconnect()
         assert requests_of(use) == needed + proof
 
 
 def test_the_first_one_that_comes_back_is_driven_on(hub, device):
     first = hub.device
     hub.plug(serial_number=2)
-    device.client.transport.lose()
+    device.client.transport.disconnect()
     with pytest.raises(IdentityError):
         device.enter_safe_state()
     hub.device = first
-    device.client.transport.lose()
+    device.client.transport.disconnect()
     device.enter_safe_state()
 
 

@@ -308,7 +308,7 @@ def test_a_lost_connection_is_opened_again_by_the_next_request(bus, script, timi
     far = script([(0.0, RIGHT)], [(0.3, RIGHT), (0.31, b"\x55")])
     client = bus(far)
     client.execute(1, READ, timing)
-    client.transport.lose(return_s=client.clock.now_s() + 1.0)
+    client.transport.disconnect(return_s=client.clock.now_s() + 1.0)
     with pytest.raises(TransportError, match="gone until"):
         client.execute(1, READ, timing)
     client.clock.sleep_until(client.clock.now_s() + 1.0)
@@ -324,7 +324,7 @@ def test_a_request_that_is_bound_to_a_lost_connection_is_not_sent_on_the_next(bu
     client = bus(far)
     known = client.connection
     client.execute(1, READ, timing, known)
-    client.transport.lose()
+    client.transport.disconnect()
     with pytest.raises(TransportError):
         client.execute(1, READ, timing, known)
     assert len(far.heard) == 1

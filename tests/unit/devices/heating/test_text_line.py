@@ -108,7 +108,7 @@ def test_another_board_is_found_out():
     line, transport = line_to(board)
     line.ask("N 7", NUMBER)
     board.says["VER"] = b"Board 2\r\n"
-    transport.lose()
+    transport.disconnect()
     with pytest.raises(IdentityError, match="'Board 2' answers where 'Board 1' did"):
         line.ask("N 8", NUMBER)
     assert board.heard[-1] == "VER"

@@ -23,8 +23,8 @@ TABLES = {
     "## [profile]": schema.Head,
     "## [serial]": schema.Serial,
     "## [tcp]": schema.Tcp,
-    "## [timing]": schema.Timing,
-    "## [identify]": schema.Identify,
+    "## [timing]": schema.DeviceTiming,
+    "## [identify]": schema.IdentityRegister,
     "## [roles]": schema.Roles,
     "## [registers.NAME]": Register,
     "## [[variants]]": schema.Variant,
@@ -32,7 +32,7 @@ TABLES = {
     "## [[forbidden]]": schema.Forbidden,
     "## [[write_order]]": schema.WriteOrder,
     "## [[safe_state]]": schema.SafeWrite,
-    "## [[vectors]]": schema.Vector,
+    "## [[vectors]]": schema.GoldenFrame,
 }
 
 

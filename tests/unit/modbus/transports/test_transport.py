@@ -168,16 +168,16 @@ def test_a_closed_port_is_a_lost_connection_and_closing_twice_does_no_harm(termi
 
 
 def test_a_connection_that_is_another_s_now_sends_nothing_and_believes_nothing(terminal):
-    """The lease is lost once while it waits for an answer, then before it asks."""
+    """The access to the port is lost once while it waits for an answer, then before it asks."""
     asked = []
 
-    def lease():
+    def port_access():
         asked.append(len(asked))
         if len(asked) > 2:
             raise TakenOverError("the guardian has the line")
 
     near, path = terminal
-    with open_transport(f"serial://{path}", lease=lease) as transport:
+    with open_transport(f"serial://{path}", port_access=port_access) as transport:
         transport.write(b"x")
         assert os.read(near, 10) == b"x"
         os.write(near, b"the answer to another's question")
