@@ -141,8 +141,9 @@ def test_a_port_that_vanishes_comes_back(bus, read):
     right = read()
     device.faults.vanish(for_s=2.0)
     for _ in range(3):
-        with pytest.raises(TransportError, match="gone until"):
+        with pytest.raises(TransportError) as error:
             read()
+        assert error.value.limit.endswith("s of its clock")
     client.clock.sleep_until(client.clock.now_s() + 2.0)
     assert read() == right
     assert client.counters.reopenings == 1
