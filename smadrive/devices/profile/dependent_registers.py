@@ -1,8 +1,8 @@
-"""What other registers say of one: its sign, its scale, its unit, and whether it is valid at all.
+"""Dependent registers: other registers give their sign, scale, unit or validity.
 
 sign_register   0: positive, 1: negative (sign and magnitude in two registers)
 scale_from      a register whose enum names the factors: { 0 = "1", 1 = "0.1" }
-unit_from       a register whose enum names the units: °C passes, °F is converted, any other unit is no value
+unit_from       a register whose enum names the units: °C passes, °F is converted, another unit makes it invalid
 valid_when      { quality = [0, 1] }: valid only while the register `quality` holds one of these raw numbers
 """
 
@@ -18,7 +18,7 @@ CELSIUS, FAHRENHEIT = "degC", "degF"
 
 
 def context_of(register: Register, readings: Mapping[str, RegisterReading]) -> Context:
-    """What the depends_on of `register`, all among `readings`, say of it."""
+    """The context of `register` from the registers on which it depends, all among `readings`."""
     if not register.depends_on:
         return ALONE
     sign = _word(register.sign_register, readings)
@@ -27,7 +27,7 @@ def context_of(register: Register, readings: Mapping[str, RegisterReading]) -> C
     problem = _doubt(register, readings)
     for name, word in ((register.scale_from, scale), (register.unit_from, unit), (register.sign_register, sign)):
         if name is not None and word is None:
-            problem = f"'{name}' is {readings[name].raw:g}, a state that is not known"
+            problem = f"'{name}' is {readings[name].raw:g}, an unknown state"
     if unit not in (None, CELSIUS, FAHRENHEIT):
         problem = f"the device gives it in '{unit}'"
     if sign not in (None, "0", "1"):
@@ -41,14 +41,16 @@ def context_of(register: Register, readings: Mapping[str, RegisterReading]) -> C
 
 
 def check_dependencies(name: str, register: Register, registers: Mapping[str, Register]) -> None:
-    """ValueError when a dependency does not exist or cannot say what it should."""
+    """ValueError when a register on which `register` depends does not exist or cannot give what is needed."""
     for dependency in register.depends_on:
         if dependency not in registers:
             raise ValueError(
                 f"registers.{name} names the unknown register '{dependency}'{nearest(dependency, registers)}"
             )
         if registers[dependency].depends_on or not registers[dependency].access.startswith("r"):
-            raise ValueError(f"registers.{name}: '{dependency}' must be readable and need no other register itself")
+            raise ValueError(
+                f"registers.{name}: '{dependency}' must be readable and must not depend on another register"
+            )
     if register.scale_from is not None:
         _check_scales(name, registers[register.scale_from].enum)
     if register.unit_from is not None and (
@@ -67,7 +69,7 @@ def _check_scales(name: str, enum: Mapping[int, str]) -> None:
 
 
 def _word(name: str | None, readings: Mapping[str, RegisterReading]) -> str | None:
-    """The state of the register `name`: its enum's word, else its number."""
+    """The state of the register `name`: the word of its enum, else its number."""
     if name is None:
         return None
     reading = readings[name]

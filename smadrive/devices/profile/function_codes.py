@@ -1,4 +1,4 @@
-"""Which function code reaches which table: the first of these that the device knows.
+"""The function code that reads or writes each table: the first that the device knows.
 
 Some devices (Delta DTB) read their coils by FC02, and some know either the single write or the multiple one.
 """
@@ -33,7 +33,7 @@ def write_function(table: str, count: int, known: Collection[int]) -> int | None
 
 
 def read_request(table: str, address: int, count: int, known: Collection[int]) -> Request:
-    """The request that reads `count` addresses of `table`, which the device must be able to."""
+    """The request that reads `count` addresses of `table`; ValueError when the device has no function for it."""
     function = read_function(table, known)
     if function is None:
         raise ValueError(f"no function among {sorted(known)} reads the table '{table}'")
@@ -41,7 +41,7 @@ def read_request(table: str, address: int, count: int, known: Collection[int]) -
 
 
 def write_request(table: str, address: int, words: Sequence[int], known: Collection[int]) -> Request:
-    """The request that writes `words` into `table`, which the device must be able to."""
+    """The request that writes `words` into `table`; ValueError when the device has no function for it."""
     match write_function(table, len(words), known):
         case 5:
             return requests.write_coil(address, bool(words[0]))
@@ -55,7 +55,7 @@ def write_request(table: str, address: int, words: Sequence[int], known: Collect
 
 
 def words_of(table: str, payload: bytes, count: int) -> tuple[int, ...]:
-    """The words that a read's payload carries; a coil or discrete input is one word, 0 or 1."""
+    """The words in the payload of a read; a coil or discrete input is one word, 0 or 1."""
     if table in ("coil", "discrete"):
         return tuple(int(bit) for bit in requests.bits_of(payload, count))
     return requests.registers_of(payload)

@@ -1,4 +1,4 @@
-"""Golden frames against the register map: a profile that contradicts its own captured frames is not loaded."""
+"""Checks golden frames against the register map: a profile that contradicts its captured frames is not loaded."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _TABLES = {1: "coil", 2: "discrete", 3: "holding", 4: "input", 5: "coil", 6: "ho
 
 
 class AddressRange(NamedTuple):
-    """What a request addresses."""
+    """The addresses of a request, and its function."""
 
     function: int
     address: int
@@ -23,7 +23,7 @@ class AddressRange(NamedTuple):
 
 
 def check_golden_frame(golden: GoldenFrame, registers: Mapping[str, Register]) -> None:
-    """ValueError when a CRC is wrong, the response is not one to the request, or `means` is not what they carry."""
+    """ValueError: a wrong CRC, a response to another request, or values that differ from `means`."""
     request = _frame(golden.request)
     addressed = _addressed(request)
     words: Sequence[int] = _written(addressed, request)
@@ -58,7 +58,7 @@ def _addressed(request: bytes) -> AddressRange:
 
 
 def _written(addressed: AddressRange, request: bytes) -> tuple[int, ...]:
-    """The words that the request itself carries; none for a read."""
+    """The words in the request; empty for a read."""
     match addressed.function:
         case 5:
             return (1 if request[4:6] == b"\xff\x00" else 0,)
@@ -70,7 +70,7 @@ def _written(addressed: AddressRange, request: bytes) -> tuple[int, ...]:
 
 
 def _payload(request: bytes, addressed: AddressRange, response: bytes) -> bytes:
-    """What follows the head of a read's response; ValueError when it is no response to the request."""
+    """The payload of the response; ValueError when it does not answer the request."""
     if addressed.function > 4:
         head, size = request[:6], 0
     else:

@@ -1,4 +1,4 @@
-"""What a register says when it is read, and what others say of it."""
+"""The reading of a register, and the context that other registers give it."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 
 class RegisterReading(NamedTuple):
-    """A register as read. `value` is NaN and `invalid` says why when the device has no value to give.
+    """The reading of a register. Without a valid value, `value` is NaN and `invalid` is the reason.
 
-    A value that is not finite is none: whoever finds `invalid` None has a finite `value`, unless it is a text.
+    Where `invalid` is None, `value` is finite, except for a text.
     `words` are the names of an enum's state or of the bits that are set, or the text of a string (whose value is NaN).
     """
 
@@ -20,7 +20,7 @@ class RegisterReading(NamedTuple):
 
 
 class Context(NamedTuple):
-    """What other registers say of one: sign of its magnitude, its scale, whether it is in °F, why it is invalid."""
+    """Given by other registers: sign of the magnitude, scale, whether it is in °F, reason why it is invalid."""
 
     sign: int = 1
     scale: float | None = None
@@ -32,6 +32,6 @@ ALONE = Context()
 
 
 def problem_of(readings: Mapping[str, RegisterReading], names: Iterable[str]) -> str | None:
-    """Why registers of these names have no value, each by its name; None when all have one."""
+    """The reasons why registers of these names have no value, each by its name; None when all have one."""
     invalid = [f"{name}: {readings[name].invalid}" for name in names if readings[name].invalid is not None]
     return "; ".join(invalid) or None

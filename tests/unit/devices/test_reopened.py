@@ -68,8 +68,9 @@ def test_a_twin_behind_the_same_port_is_told_nothing(hub, device):
     for use in uses(device):
         hub.plug(serial_number=2)
         device.client.transport.disconnect()
-        with pytest.raises(IdentityError, match="another one answers than before: serial_number is 2, was 1: did two"):
+        with pytest.raises(IdentityError) as error:
             use()
+        assert error.value.value == "serial_number = 2, was 1"
         assert hub.heard
         assert set(hub.heard) <= set(READS)
 
@@ -112,8 +113,9 @@ def test_who_knows_a_device_from_another_takes_no_twin(hub, device):
     found = dict(device.identity)
     assert found["serial_number"] == 1
     Device(device.profile, device.client, identity=found).check_identity()
-    with pytest.raises(IdentityError, match="serial_number is 1, was 2"):
+    with pytest.raises(IdentityError) as error:
         Device(device.profile, device.client, identity=found | {"serial_number": 2}).enter_safe_state()
+    assert error.value.value == "serial_number = 1, was 2"
 
 
 def test_a_setting_is_no_part_of_who_a_device_is(clock):

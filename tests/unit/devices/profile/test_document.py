@@ -65,8 +65,9 @@ def test_the_example_is_a_supply_that_can_be_driven_and_simulated(tmp_path, cloc
     clock.follow(simulated.bench.advance_to)
     supply = BenchSupply(Device(load_profile(path), ModbusClient(simulated.transport(clock))))
     supply.connect()
-    with pytest.raises(ConfigError, match="voltage_max_v = 9 would limit nothing"):
+    with pytest.raises(ConfigError) as error:
         supply.configure(HeaterLimits(0.4, 120.0, voltage_max_v=9.0), watchdog_s=1.0)
+    assert (error.value.where, error.value.value) == ("voltage_max_v", "9 V")
     supply.configure(HeaterLimits(0.4, 120.0), watchdog_s=1.0)
     supply.arm()
     supply.exchange(0.2)
