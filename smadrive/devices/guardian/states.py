@@ -1,13 +1,13 @@
 """The states of a guardian, as a table without processes, ports or time.
 
     IDLE                 the driver lives, nothing heats
-    WATCHING             the driver heats; its silence means that it no longer can
+    WATCHING             the driver heats; after too long a silence the guardian takes over
     TAKING_OVER          the driver is silent; the heater is not confirmed off
     BARRED               the same behind a network, where the driver may hold the only connection
-    ENDING_DRIVER        a driver that holds the only connection has been ended; its end is awaited
-    WAITING_FOR_DRIVER   the heater is confirmed off, again and again: the driver may wake and send one last command
-    GIVEN_WAY            the driver woke and let its connections go
-    RELEASING            the driver waits for its ports: once more confirmed off, it gets them
+    ENDING_DRIVER        a driver that holds the only connection has been killed; the guardian waits for its end
+    WAITING_FOR_DRIVER   the heater is confirmed off repeatedly: the driver may wake and send one last command
+    GIVEN_WAY            the driver woke and closed its connections
+    RELEASING            the driver waits for its ports; it gets them after one more confirmation
     WAITING_FOR_DEVICE   the driver has ended; the heater is not confirmed off since then
     DONE                 the guardian ends
 
@@ -22,10 +22,11 @@ from enum import Enum, auto
 from typing import NamedTuple
 
 LOOK_AGAIN_S = 0.5
+"""Pause between two attempts."""
 
 
 class GuardianState(Enum):
-    """See the head of this file."""
+    """A state of the guardian; see the head of this file."""
 
     IDLE = auto()
     WATCHING = auto()
@@ -40,7 +41,7 @@ class GuardianState(Enum):
 
 
 class DriverSignal(Enum):
-    """What the driver's pipe brings."""
+    """A signal of the driver through the pipe, or its silence, or the end of the pipe."""
 
     HEARTBEAT = auto()
     GIVES_WAY = auto()
@@ -50,7 +51,7 @@ class DriverSignal(Enum):
 
 
 class AttemptOutcome(Enum):
-    """What an attempt to switch the heater off comes to."""
+    """The outcome of an attempt to switch the heater off."""
 
     CONFIRMED = auto()
     UNREACHABLE = auto()
@@ -69,18 +70,18 @@ Event = DriverSignal | AttemptOutcome
 
 
 class Action(Enum):
-    """What the guardian does on its way into the next state."""
+    """An action of the guardian between two states."""
 
     ECHO = auto()
     FREE = auto()
-    """Tell the driver that it has its ports."""
+    """Tell the driver that the ports are free."""
     TAKE = auto()
     """Tell the driver that its ports are taken."""
     END_DRIVER = auto()
 
 
 class Transition(NamedTuple):
-    """The next state, and what is done on the way."""
+    """The next state, and the action before it."""
 
     state: GuardianState
     action: Action | None = None
@@ -96,7 +97,7 @@ ATTEMPTS = frozenset(
     }
 )
 PATIENT = frozenset({GuardianState.IDLE, GuardianState.WATCHING, GuardianState.BARRED})
-"""In these a driver may be silent for `timeout_s`; in the others the guardian looks again soon."""
+"""States in which the driver may be silent for `timeout_s`; in the others the guardian waits `LOOK_AGAIN_S`."""
 
 _TAKING_OVER, _WAITING = Transition(GuardianState.TAKING_OVER), Transition(GuardianState.WAITING_FOR_DEVICE)
 _DONE, _BARRED = Transition(GuardianState.DONE), Transition(GuardianState.BARRED)
@@ -166,11 +167,11 @@ def run(
     act: Callable[[Action], None],
     timeout_s: float,
 ) -> None:
-    """Guard until the work is done.
+    """Run the table of states until DONE.
 
     `listen(within_s)` waits at most so long for the driver; once its pipe is closed it only waits. `attempt(state)`
-    tries to switch the heater off, `act` does what the table says. `timeout_s` of silence mean that a driver that heats
-    no longer can.
+    tries to switch the heater off, `act` carries an action out. A driver that heats counts as dead after a
+    silence of `timeout_s`.
     """
     state = GuardianState.IDLE
 

@@ -1,4 +1,4 @@
-"""How a guardian switches its device off: the right to use the line, then the safe state, confirmed by read-back."""
+"""The guardian's attempt to switch its device off: access to the line, then the safe state, confirmed by read-back."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ from smadrive.modbus.transports.transport import Transport
 
 
 class LineAccess:
-    """The right to use a line: with the driver as long as that lives, then for one attempt at a time."""
+    """Access to the line: shared with the driver while that lives, afterwards locked for one attempt at a time."""
 
     def __init__(self, shared: Iterable[SharedLock]) -> None:
         self._shared = [LineLock(*lock) for lock in shared]
 
     def hold_as(self, role: Role, pid: int) -> None:
-        """Name the holder of the shared locks."""
+        """Write the holder into the files of the shared locks."""
         for lock in self._shared:
             lock.hold_as(role, pid)
 
     def release_shared(self) -> None:
-        """The driver has ended and the device is not there: let others use the line."""
+        """Release the shared locks: the driver has ended, and other programs may use the line between attempts."""
         for lock in self._shared:
             lock.release()
         self._shared = []
 
     @contextmanager
     def to(self, lines: Collection[str], *, alone: bool) -> Iterator[bool]:
-        """Use the line with these names; whether its port is for the guardian only.
+        """Use the line with these names; yields whether its port is for the guardian only.
 
         One shared name is enough: a look-up may give other addresses than that of the driver. BusyError when another
         program has the line.
@@ -54,14 +54,14 @@ class LineAccess:
 
 
 class AttemptResult(NamedTuple):
-    """What an attempt came to, and what to tell of it."""
+    """The outcome of an attempt, and its text for the user."""
 
     outcome: AttemptOutcome
     text: str
 
 
-class Switch:
-    """Switches the guarded device off, wherever it is."""
+class OffSwitch:
+    """Switches the guarded device off, at the port where it is now."""
 
     def __init__(self, device: GuardedDevice, profile: Profile, search: PortSearch, access: LineAccess) -> None:
         self._device = device
@@ -72,7 +72,7 @@ class Switch:
     def off(self, *, alone: bool) -> AttemptResult:
         """Try every port at which the device may be; `alone`: no driver holds the line any more.
 
-        What goes wrong is told, whatever it is: nothing may end the guardian.
+        Every error becomes an outcome with a text: no error may end the guardian.
         """
         try:
             return self._off_anywhere(alone=alone)
@@ -82,7 +82,7 @@ class Switch:
     def _off_anywhere(self, *, alone: bool) -> AttemptResult:
         if alone and self._search.is_gone:
             return AttemptResult(AttemptOutcome.GONE, "its pseudo-terminal has ended, and the device with it")
-        result = AttemptResult(AttemptOutcome.UNREACHABLE, "none of its ports is there, or another device is")
+        result = AttemptResult(AttemptOutcome.UNREACHABLE, "none of its ports exists, or another device answers there")
         for url in self._search.urls():
             result = self._off_at(url, alone=alone)
             if result.outcome is AttemptOutcome.CONFIRMED:
@@ -90,7 +90,7 @@ class Switch:
         return result
 
     def _off_at(self, url: str, *, alone: bool) -> AttemptResult:
-        """The safe state, confirmed, or what went wrong."""
+        """Enter the safe state at this port; the outcome."""
         try:
             with self._access.to(self._lines(url) if alone else (), alone=alone) as exclusive:
                 self._write_safe_state(url, exclusive=exclusive)

@@ -175,7 +175,7 @@ def test_a_knob_that_somebody_turned_is_an_error(bench, name, turned):
         if tick.time_s > 5.0:
             bench.devices["supply"].firmware.write(turned)
 
-    with pytest.raises(TripError, match=rf"{name}.*did somebody turn its knob") as caught, bench.rig as rig:
+    with pytest.raises(TripError, match=f"'{name}'.* knob") as caught, bench.rig as rig:
         rig.excite(rig.excitation(22.0), record)
     assert caught.value.number == Fault.COMMAND_REFUSED.number
     assert bench.devices["supply"].firmware.current_a == 0.0
@@ -233,7 +233,7 @@ def test_a_rate_that_the_devices_cannot_keep_is_refused_with_the_one_they_can():
     [
         (devices()[1:], "one device that heats, of role 'heater' or 'supply'; this one has none"),
         (devices(reader={"profile": "hanmatek-hm30x"}), "this one has 'supply', 'reader'"),
-        ([devices()[0], devices()[2]], "nothing measures the wire's temperature"),
+        ([devices()[0], devices()[2]], "no device measures the temperature"),
         (devices(laser={"profile": "delta-dtb"}), "'reader', 'laser' all measure the temperature: say which one"),
         (devices(laser={"measures": ["temperature"]}), "profile 'baumer-om20' binds none"),
         (devices(laser={"url": "sim://other"}), "stand on one bench"),
@@ -255,8 +255,9 @@ def test_two_thermometers_are_one_too_many_until_the_rig_says_which_counts():
 def test_a_supply_without_a_voltage_limit_does_not_heat():
     config = rig_of(devices())
     config = config.model_copy(update={"limits": config.limits.model_copy(update={"voltage_max_v": None})})
-    with pytest.raises(ConfigError, match="needs a voltage limit: set voltage_max_v"), Rig(config) as rig:
+    with pytest.raises(ConfigError) as error, Rig(config) as rig:
         rig.heater.arm(1.0)
+    assert error.value.where == "voltage_max_v"
 
 
 @pytest.mark.parametrize("profile", ["riden-rd60xx", "xy-sk-family", "hanmatek-hm30x", "juntek-dpm86xx"])
@@ -306,8 +307,9 @@ def test_a_twin_that_comes_back_at_the_supplys_port_confirms_nothing(bench):
             port.disconnect()
             bench.heat(rig, 0.25, 1)
 
-    with pytest.raises(IdentityError, match="another one answers than before: serial_number is 2, ") as caught:
+    with pytest.raises(IdentityError) as caught:
         swapped_while_it_heats()
+    assert caught.value.value.startswith("serial_number = 2, was ")
     assert any("could NOT be confirmed off" in note for note in caught.value.__notes__)
     assert bench.devices["supply"].firmware.current_a > 0.0
 

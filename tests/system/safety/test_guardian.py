@@ -86,7 +86,11 @@ def children(pid):
 
 def guardians(pid):
     """Of the children of a process."""
-    return [one for one in children(pid) if b"device.guardian" in Path(f"/proc/{one}/cmdline").read_bytes()]
+    return [
+        one
+        for one in children(pid)
+        if b"smadrive.devices.guardian.process" in Path(f"/proc/{one}/cmdline").read_bytes()
+    ]
 
 
 def lives(pid):
@@ -246,7 +250,7 @@ def test_a_driver_whose_guardian_stands_still_switches_off(tmp_path):
         os.kill(guardian, signal.SIGSTOP)
         assert supply.stderr.readline().endswith("output off\n")
         said = driver.communicate(timeout=30)[1]
-        assert "SafetyError: the guardian is gone or stands still" in said
+        assert "SafetyError: guardian: is gone or stands still" in said
         assert "TimeoutExpired" not in said
         assert not lives(guardian)
 
@@ -257,7 +261,7 @@ def test_a_driver_whose_guardian_is_killed_switches_off_and_knows_that_it_is_off
         os.kill(guardian, signal.SIGKILL)
         assert supply.stderr.readline().endswith("output off\n")
         said = driver.communicate(timeout=30)[1]
-        assert "SafetyError: the guardian is gone or stands still" in said
+        assert "SafetyError: guardian: is gone or stands still" in said
         assert "could NOT be confirmed off" not in said
 
 
@@ -350,8 +354,9 @@ def test_a_guardian_that_stands_still_when_the_driver_rests_is_ended():
             (process,) = guardians(os.getpid())
             os.kill(process, signal.SIGSTOP)
             guard.stand_down()
-            with pytest.raises(SafetyError, match="gone"):
+            with pytest.raises(SafetyError) as error:
                 guard.watch()
+            assert error.value.where == "guardian"
 
 
 def test_a_guardian_confirms_nothing_on_another_device_than_the_one_that_heated():
@@ -363,6 +368,6 @@ def test_a_guardian_confirms_nothing_on_another_device_than_the_one_that_heated(
             time.sleep(1.0)
             with pytest.raises(TakenOverError):
                 guard.heartbeat()
-            with pytest.raises(SafetyError, match="could not confirm yet"):
+            with pytest.raises(SafetyError):
                 guard.take_back()
             guard.stand_down()

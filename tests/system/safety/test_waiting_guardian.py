@@ -14,9 +14,9 @@ from served import COMMAND
 from supply_rig import RIG
 
 from smadrive.devices.guardian.duty import waiting_duties
-from smadrive.devices.guardian.search import AGREEING, Search
-from smadrive.devices.guardian.states import Outcome
-from smadrive.devices.guardian.switch import Access, Switch
+from smadrive.devices.guardian.search import AGREEING, PortSearch
+from smadrive.devices.guardian.states import AttemptOutcome
+from smadrive.devices.guardian.switch import LineAccess, OffSwitch
 from smadrive.devices.guardian.task import GuardedDevice
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import key_at, port_names
@@ -227,7 +227,7 @@ def switch_for(url, identity, search=None):
     """How a guardian switches off the supply that its driver knew by this identity."""
     profile = load_profile("riden-rd60xx")
     device = GuardedDevice("riden-rd60xx", url, None, identity)
-    return Switch(device, profile, search or Search(url, port_names(url), time.monotonic), Access(()))
+    return OffSwitch(device, profile, search or PortSearch(url, port_names(url), time.monotonic), LineAccess(()))
 
 
 @pytest.mark.parametrize("way_in", ["--pty", "--rtu-tcp", "--tcp"])
@@ -236,16 +236,16 @@ def test_an_attempt_leaves_a_line_alone_that_another_program_has(stage, way_in):
     switch = switch_for(url, {"serial_number": 77})
     line = lines_of(key_at(url, load_profile("riden-rd60xx"), None))[0]
     with lock_line(line, Role.DRIVER):
-        assert switch.off(alone=True).outcome is Outcome.BUSY
-        assert switch.off(alone=False).outcome is Outcome.CONFIRMED  # its own driver still has the line
-    assert switch.off(alone=True).outcome is Outcome.CONFIRMED
+        assert switch.off(alone=True).outcome is AttemptOutcome.BUSY
+        assert switch.off(alone=False).outcome is AttemptOutcome.CONFIRMED  # its own driver still has the line
+    assert switch.off(alone=True).outcome is AttemptOutcome.CONFIRMED
 
 
 def test_an_attempt_asks_a_port_with_another_device_no_more_for_a_while(stage):
     _, url = stage.serve("riden-rd60xx", 78)
-    search = Search(url, port_names(url), lambda: 0.0)
+    search = PortSearch(url, port_names(url), lambda: 0.0)
     switch = switch_for(url, {"serial_number": 77}, search)
     outcomes = [switch.off(alone=True).outcome for _ in range(AGREEING)]
-    assert outcomes == [Outcome.ANOTHER_DEVICE] * AGREEING
+    assert outcomes == [AttemptOutcome.ANOTHER_DEVICE] * AGREEING
     assert search.urls() == []
-    assert switch.off(alone=True).outcome is Outcome.UNREACHABLE
+    assert switch.off(alone=True).outcome is AttemptOutcome.UNREACHABLE
