@@ -183,16 +183,16 @@ class Profile(Section):
 
     def _check_names(self) -> None:
         for proof in self.identify:
-            validation.known(proof.register_, self.registers, "identify.register")
+            validation.find_register(proof.register_, self.registers, "identify.register")
             if not proof.ranges and self.registers[proof.register_].writable:
                 raise ValueError(
                     f"identify: {proof.register_} can be written, so that its value proves nothing: give it ranges"
                 )
         for variant in self.variants:
             for name in variant.match:
-                validation.known(name, self.registers, "variants.match")
+                validation.find_register(name, self.registers, "variants.match")
         for role, bound in self.roles.model_dump(exclude_none=True).items():
-            validation.known(bound, self.registers, f"roles.{role}")
+            validation.find_register(bound, self.registers, f"roles.{role}")
         if self.profile.role in ("heater", "supply") and not self.safe_state:
             raise ValueError(f"a {self.profile.role} needs [[safe_state]]: the writes that end all heating")
 

@@ -75,7 +75,7 @@ def refuse_torn_blocks(registers: Registers, timing: DeviceTiming) -> None:
             )
 
 
-def known(name: str, registers: Registers, key: str) -> Register:
+def find_register(name: str, registers: Registers, key: str) -> Register:
     """The register that `key` names; ValueError when there is none."""
     if name not in registers:
         raise ValueError(f"{key} names the unknown register '{name}'{nearest(name, registers)}")
@@ -86,8 +86,8 @@ def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
     """ValueError: a rule about a register that cannot be written, read back, or hold the value."""
     for rule in rules:
         if rule.before != "*":
-            known(rule.before, registers, "write_order.before")
-        register = known(rule.write, registers, "write_order.write")
+            find_register(rule.before, registers, "write_order.before")
+        register = find_register(rule.write, registers, "write_order.write")
         if register.access != "rw":
             raise ValueError(f"write_order.write '{rule.write}' has access '{register.access}': it needs 'rw'")
         if rule.value is not None:
@@ -99,7 +99,7 @@ def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
 def check_safe_state(steps: tuple[SafeWrite, ...], rules: tuple[WriteOrder, ...], registers: Registers) -> None:
     """ValueError: a step that cannot be confirmed, cannot hold the value, or must wait for another write."""
     for step in steps:
-        register = known(step.register_, registers, "safe_state.register")
+        register = find_register(step.register_, registers, "safe_state.register")
         if register.access != "rw":
             raise ValueError(
                 f"safe_state.register '{step.register_}' has access '{register.access}': a safe state must be "

@@ -114,7 +114,7 @@ def bench():
     ],
     ids=["open", "frozen", "broken wire", "power", "restart", "silence", "unplugged"],
 )
-def test_whatever_goes_wrong_it_ends_without_heat(bench, fault, number):
+def test_every_fault_ends_without_heat(bench, fault, number):
     bench, rig = bench
     begun = []
 
@@ -141,7 +141,7 @@ def test_whatever_goes_wrong_it_ends_without_heat(bench, fault, number):
     ],
     ids=["too weak", "no scale", "another board", "shared line"],
 )
-def test_a_rig_file_that_cannot_be_is_refused_with_its_cure(devices, says):
+def test_contradictory_rig_file_is_refused_with_its_cure(devices, says):
     with pytest.raises(ConfigError, match=says), Rig(rig_of(*devices)) as rig:
         rig.excite(rig.excitation(22.0), lambda _tick: None)
 

@@ -196,7 +196,7 @@ class Scene:
         for case in cases
     ],
 )
-def test_it_ends_without_current_in_time_and_with_its_number(tmp_path, config, case, phase):
+def test_fault_ends_without_current_in_time_and_with_its_number(tmp_path, config, case, phase):
     scene = Scene(config())
     log = tmp_path / "run.h5"
     excitation = Excitation(PATHS_C[phase], 6.0)

@@ -162,7 +162,7 @@ def test_the_supply_that_heated_is_switched_off_when_it_is_back(stage):
 
 
 @pytest.mark.parametrize("command", ["probe", "off"])
-def test_a_device_that_is_away_is_told_with_the_guardian_that_waits_for_it(stage, command):
+def test_absent_device_is_reported_with_its_waiting_guardian(stage, command):
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", str(stage.folder / "port"))
     guardian = stage.disconnect(stage.heat(url), supply)
     ended = stage.smadrive(command)
@@ -231,7 +231,7 @@ def switch_for(url, identity, search=None):
 
 
 @pytest.mark.parametrize("way_in", ["--pty", "--rtu-tcp", "--tcp"])
-def test_an_attempt_leaves_a_line_alone_that_another_program_has(stage, way_in):
+def test_attempt_does_not_use_a_line_that_another_program_holds(stage, way_in):
     _, url = stage.serve("riden-rd60xx", 77, way_in, str(stage.folder / "port") if way_in == "--pty" else "0")
     switch = switch_for(url, {"serial_number": 77})
     line = lines_of(key_at(url, load_profile("riden-rd60xx"), None))[0]
@@ -241,7 +241,7 @@ def test_an_attempt_leaves_a_line_alone_that_another_program_has(stage, way_in):
     assert switch.off(alone=True).outcome is AttemptOutcome.CONFIRMED
 
 
-def test_an_attempt_asks_a_port_with_another_device_no_more_for_a_while(stage):
+def test_attempt_does_not_try_a_port_with_another_device_for_a_while(stage):
     _, url = stage.serve("riden-rd60xx", 78)
     search = PortSearch(url, port_names(url), lambda: 0.0)
     switch = switch_for(url, {"serial_number": 77}, search)

@@ -36,7 +36,7 @@ def test_an_unknown_register_names_the_nearest(device):
     assert error.value.where == "profile 'sma-reference'"
 
 
-def test_a_sentinel_is_no_number(device, rig):
+def test_sentinel_is_not_a_number(device, rig):
     rig.bench.sensors.faults.open_thermocouple()
     reading = device.read(("temperature",))["temperature"]
     assert math.isnan(reading.value)
@@ -66,7 +66,7 @@ def test_a_write_is_read_back(device, rig):
     assert rig.firmware.watchdog_s == 0.25
 
 
-def test_a_write_that_does_not_arrive_is_an_error(device):
+def test_lost_write_raises_a_read_back_error(device):
     with pytest.raises(ReadBackError) as error:
         device.write("heater_current", 0.3)  # idle: the board keeps zero
     assert error.value.where == "unit 1, register 'heater_current'"
@@ -82,7 +82,7 @@ def test_a_write_outside_the_limits_is_not_sent(device, name, value):
 
 
 @pytest.mark.parametrize("unit_id", [0, 248, -1])
-def test_a_unit_id_that_is_no_single_device_is_refused(device, unit_id):
+def test_unit_id_of_no_single_device_is_refused(device, unit_id):
     with pytest.raises(ConfigError) as error:
         Device(device.profile, device.client, unit_id)
     assert (error.value.where, error.value.value, error.value.limit) == ("unit_id", unit_id, "1 to 247")
@@ -94,7 +94,7 @@ def test_a_read_only_register_is_not_written(device):
     assert error.value.where == "register 'temperature' of 'sma-reference'"
 
 
-def test_a_refused_write_names_register_and_value(device):
+def test_exception_reply_to_a_write_names_register_and_value(device):
     with pytest.raises(ExceptionReply) as error:
         device.write("temperature_max", 200.0)
     assert error.value.where.endswith("register 'temperature_max' = 200 degC")

@@ -36,7 +36,7 @@ def test_it_heats_only_when_armed(heater, run, rig):
     assert rig.firmware.current_a == pytest.approx(0.3)
 
 
-def test_a_measurement_is_the_rigs(heater, run, rig, clock):
+def test_measurement_has_the_values_of_the_bench(heater, run, rig, clock):
     heater.connect()
     heater.arm(0.5)
     last = run(0.35, 1.5)[-1]
@@ -57,7 +57,7 @@ def test_a_tick_is_one_transaction(heater, run, device):
 
 
 @pytest.mark.parametrize(("asked_a", "limits"), [(0.59, ()), (0.6 - 1e-15, ("current_max",)), (9.9, ("current_max",))])
-def test_a_command_at_the_limit_is_told_as_limited(heater, run, asked_a, limits):
+def test_command_at_the_limit_is_reported_as_limited(heater, run, asked_a, limits):
     heater.connect()
     heater.arm(0.5)
     assert run(asked_a, 0.2)[-1].host_limits == limits
@@ -175,7 +175,7 @@ def test_the_host_heats_no_further_at_its_maximum(device, clock, rig):
     assert error.value.limit == "100 °C"
 
 
-def test_a_converter_that_stands_still_is_not_believed(heater, run, rig):
+def test_frozen_converter_makes_the_temperature_invalid(heater, run, rig):
     heater.connect()
     heater.arm(0.5)
     run(0.2, 0.5)
@@ -188,7 +188,7 @@ def test_a_converter_that_stands_still_is_not_believed(heater, run, rig):
     assert run(0.0, 0.05)[-1].host_limits == ()
 
 
-def test_a_device_that_restarts_is_not_heated_on(heater, run, rig):
+def test_restarted_device_is_not_heated(heater, run, rig):
     heater.connect()
     heater.arm(0.5)
     run(0.3, 0.5)
@@ -210,7 +210,7 @@ def test_a_lost_reply_costs_one_tick_and_heating_goes_on(heater, run, rig, clock
     assert run(0.3, 0.5)[-1].armed
 
 
-def test_a_stale_exchange_is_refused_by_its_sequence(heater, run, rig):
+def test_stale_exchange_is_rejected_by_its_sequence_number(heater, run, rig):
     """A device that answers with an old block, as a gateway that caches might."""
     heater.connect()
     heater.arm(0.5)
@@ -268,7 +268,7 @@ class Shifted:
 
 @pytest.mark.parametrize("shift", [1, 2])
 @pytest.mark.parametrize("draw", range(3))
-def test_a_reply_of_the_registers_beside_is_never_taken_for_the_echo(rig, clock, shift, draw):
+def test_reply_of_adjacent_registers_is_not_taken_for_the_echo(rig, clock, shift, draw):
     """State, faults and limits stand there: small numbers, which a sequence that starts small would meet."""
     transport = InProcessTransport(Shifted(rig.line, shift), clock)
     board = HeaterBoard(Device(load_profile("sma-reference"), ModbusClient(transport)), clock)
@@ -278,7 +278,7 @@ def test_a_reply_of_the_registers_beside_is_never_taken_for_the_echo(rig, clock,
             board.exchange(0.0)
 
 
-def test_the_sequence_starts_at_random_and_stays_above_what_stands_beside_its_echo(rig, clock):
+def test_sequence_starts_at_random_above_the_registers_next_to_its_echo(rig, clock):
     def board():
         return HeaterBoard(Device(load_profile("sma-reference"), ModbusClient(rig.transport(clock))), clock)
 

@@ -65,7 +65,7 @@ def heating(request):
 
 @pytest.mark.parametrize("lost", LOST_REQUESTS)
 @pytest.mark.parametrize("exchanges", [0, 2], ids=["at once", "after lost exchanges"])
-def test_the_heater_is_switched_off_and_not_called_confirmed(heating, lost, exchanges):
+def test_one_way_line_switches_off_without_confirmation(heating, lost, exchanges):
     source, device, line = heating
     line.broken = True
     for _ in range(exchanges):

@@ -60,7 +60,7 @@ def test_a_port_without_a_name_is_tried_as_it_is_written(by_id, now):
     assert search.urls() == []
 
 
-def test_a_port_that_holds_another_device_is_left_alone_for_a_while(now):
+def test_port_with_another_device_is_not_tried_for_a_while(now):
     url = "tcp://gateway:502"
     search = PortSearch(url, port_names(url), now)
     for _ in range(AGREEING):
@@ -73,7 +73,7 @@ def test_a_port_that_holds_another_device_is_left_alone_for_a_while(now):
     assert search.urls() == []
 
 
-def test_one_wrong_identity_does_not_drive_it_away(now):
+def test_one_wrong_identity_does_not_exclude_a_port(now):
     url = "tcp://gateway:502"
     search = PortSearch(url, port_names(url), now)
     for _ in range(3 * AGREEING):

@@ -71,12 +71,12 @@ def test_the_guardian_never_ends_while_heat_may_flow(state, outcome):
 
 
 @pytest.mark.parametrize("state", sorted(ATTEMPTS - {GuardianState.WAITING_FOR_DEVICE}, key=str))
-def test_a_driver_that_lives_is_told_that_it_has_its_ports_only_after_a_confirmed_switch_off(state):
+def test_ports_are_freed_only_after_a_confirmed_switch_off(state):
     freeing = {event for event, step in TABLE[state].items() if step.action is Action.FREE}
     assert freeing <= {OFF}
 
 
-def test_a_driver_is_only_ended_after_a_whole_silence_behind_a_network():
+def test_driver_behind_a_network_is_killed_only_after_a_whole_silence():
     ending = [
         (state, event) for state in TABLE for event in TABLE[state] if TABLE[state][event].action is Action.END_DRIVER
     ]
@@ -84,19 +84,19 @@ def test_a_driver_is_only_ended_after_a_whole_silence_behind_a_network():
     assert {s for s in TABLE for e in TABLE[s] if TABLE[s][e].state is GuardianState.BARRED} <= ATTEMPTS
 
 
-def test_a_driver_that_rests_and_ends_needs_nothing():
+def test_driver_that_stands_down_and_ends_needs_no_attempt():
     story = Script(HEARTBEAT, HEARTBEAT, STAND_DOWN, SILENCE, CLOSED).run()
     assert story.attempts == []
     assert story.actions == [Action.ECHO, Action.ECHO, Action.FREE]
     assert set(story.listened_s) == {TIMEOUT_S}
 
 
-def test_a_driver_that_is_killed_is_switched_off_behind():
+def test_heater_of_a_killed_driver_is_switched_off():
     story = Script(HEARTBEAT, CLOSED, OFF).run()
     assert story.attempts == [GuardianState.WAITING_FOR_DEVICE]
 
 
-def test_a_driver_that_wakes_gets_its_ports_after_one_more_look():
+def test_driver_that_wakes_gets_its_ports_after_one_more_confirmation():
     story = Script(
         HEARTBEAT, SILENCE, OFF, SILENCE, OFF, GIVES_WAY, OFF, STAND_DOWN, OFF, HEARTBEAT, STAND_DOWN, CLOSED
     ).run()
@@ -109,24 +109,24 @@ def test_a_driver_that_wakes_gets_its_ports_after_one_more_look():
     assert story.actions == [Action.ECHO, Action.TAKE, Action.FREE, Action.ECHO, Action.FREE]
 
 
-def test_a_driver_that_bars_the_only_way_in_is_ended_after_its_patience():
+def test_silent_driver_with_the_only_connection_is_killed():
     story = Script(HEARTBEAT, SILENCE, BARRED, SILENCE, CLOSED, OFF).run()
     assert story.actions == [Action.ECHO, Action.TAKE, Action.END_DRIVER]
     assert story.listened_s == [TIMEOUT_S, TIMEOUT_S, TIMEOUT_S, LOOK_AGAIN_S]
 
 
-def test_a_driver_that_gives_way_in_the_only_way_in_is_spared():
+def test_driver_that_gives_up_the_only_connection_is_not_killed():
     story = Script(HEARTBEAT, SILENCE, BARRED, GIVES_WAY, BARRED, SILENCE, BARRED, STAND_DOWN, OFF, CLOSED).run()
     assert Action.END_DRIVER not in story.actions
 
 
-def test_a_driver_that_does_not_end_is_ended_again():
+def test_driver_that_survives_is_killed_again():
     story = Script(HEARTBEAT, SILENCE, BARRED, SILENCE, SILENCE, BARRED, SILENCE, CLOSED, OFF).run()
     assert story.actions.count(Action.END_DRIVER) == 2
 
 
 @pytest.mark.parametrize("last", [OFF, RELIEVED, GONE])
-def test_a_device_that_is_away_is_awaited_for_as_long_as_it_takes(last):
+def test_absent_device_is_waited_for_without_limit(last):
     away = [UNREACHABLE, SILENCE, ANOTHER, SILENCE, BUSY, SILENCE, BARRED, SILENCE]
     story = Script(HEARTBEAT, CLOSED, *(away * 5000), last).run()
     assert len(story.attempts) == 20_001

@@ -50,7 +50,7 @@ def token(number):
     return Exchange(f"token{number}", re.compile(f"token{number}"))
 
 
-def test_nothing_is_sent_before_the_board_has_said_who_it_is():
+def test_nothing_is_sent_before_the_banner():
     board = Board()
     line, _ = line_to(board)
     assert line.ask("N 7", NUMBER) == "7.000"
@@ -66,7 +66,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=repr)
-def test_what_is_not_the_one_right_line_is_refused_and_the_board_greeted_again(wrong):
+def test_wrong_line_is_rejected_and_the_board_greeted_again(wrong):
     board = Board(says={"N 7": wrong})
     line, _ = line_to(board)
     with pytest.raises(ProtocolError) as error:
@@ -98,7 +98,7 @@ def test_a_late_reply_is_dropped_although_it_has_the_right_form():
     assert board.heard == ["VER", "token0", "N 7", "VER", "token1", "N 8"]
 
 
-def test_what_arrives_unasked_is_dropped_and_the_board_greeted():
+def test_unrequested_line_is_dropped_and_the_board_greeted():
     board = Board()
     line, transport = line_to(board)
     line.ask("N 7", NUMBER)
@@ -107,7 +107,7 @@ def test_what_arrives_unasked_is_dropped_and_the_board_greeted():
     assert board.heard[-3:] == ["VER", "token1", "N 8"]
 
 
-def test_another_board_is_found_out():
+def test_another_board_is_refused():
     board = Board()
     line, transport = line_to(board)
     line.ask("N 7", NUMBER)
@@ -129,7 +129,7 @@ def test_a_line_that_is_never_silent_is_given_up():
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_however_late_replies_come_none_is_taken_for_another(seed):
+def test_late_lines_are_rejected(seed):
     """Delays up to four timeouts, of a fifth of them; every answer is the own one, or a typed error within its time."""
     chance = random.Random(seed)
     board = Board()

@@ -43,7 +43,7 @@ def rows(heading):
 
 
 @pytest.mark.parametrize(("heading", "model"), TABLES.items(), ids=list(TABLES))
-def test_every_key_is_told_and_no_other(heading, model):
+def test_document_lists_exactly_the_keys_of_the_schema(heading, model):
     assert [key for key, _, _ in rows(heading)] == [field.alias or name for name, field in model.model_fields.items()]
 
 
@@ -53,7 +53,7 @@ def test_the_examples_are_toml(heading):
         assert key in tomllib.loads(f"{key} = {example}")
 
 
-def test_every_table_is_told():
+def test_document_lists_every_table():
     told = {re.search(r"\w+", heading)[0] for heading in TABLES if heading.startswith("##")}
     assert told | {"schema"} == {field.alias or name for name, field in Profile.model_fields.items()}
 

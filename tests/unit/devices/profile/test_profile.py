@@ -83,7 +83,7 @@ def test_the_reference_map_reaches_everything_by_one_exchange():
         ("schema = 1", "schema = 2", r"schema"),
     ],
 )
-def test_what_is_wrong_is_named_with_file_key_and_cure(tmp_path, old, new, says):
+def test_wrong_entry_is_refused_with_file_key_and_cure(tmp_path, old, new, says):
     assert old in REFERENCE
     path = tmp_path / "bad.toml"
     path.write_text(REFERENCE.replace(old, new, 1), encoding="utf-8")

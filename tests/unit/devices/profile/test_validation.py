@@ -59,7 +59,7 @@ DEVICES = configs_dir() / "devices"
         ("adam-6018", "address = 16", "address = 65530", "ends at 65537, beyond 65535"),
     ],
 )
-def test_what_is_wrong_is_named(tmp_path, device, old, new, says):
+def test_wrong_entry_is_refused(tmp_path, device, old, new, says):
     text = (DEVICES / f"{device}.toml").read_text(encoding="utf-8")
     assert old in text
     path = tmp_path / "bad.toml"

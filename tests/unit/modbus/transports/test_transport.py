@@ -183,7 +183,7 @@ def test_a_closed_port_is_a_lost_connection_and_closing_twice_does_no_harm(termi
         assert transport.lost
 
 
-def test_a_connection_that_is_another_s_now_sends_nothing_and_believes_nothing(terminal):
+def test_lost_port_access_sends_and_returns_nothing(terminal):
     """The access to the port is lost once while it waits for an answer, then before it asks."""
     asked = []
 
