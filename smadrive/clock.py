@@ -1,9 +1,9 @@
 """Time as an argument: the one clock that a loop, a device and a simulated plant share.
 
-A loop asks `now_s` and `sleep_until`; it never asks the machine. With `MonotonicClock` that is real time. With
-`VirtualClock` sleeping *is* what makes time pass: it jumps, and everything that lives on the same clock (an
-in-process plant, a simulated device in another process) is told the new time before the sleeper goes on. The same
-program so runs in real time and, faithfully and repeatably, as fast as the machine can compute.
+A loop calls `now_s` and `sleep_until`, never the clock of the machine. `MonotonicClock` is real time. `VirtualClock`
+advances when `sleep_until` is called: it jumps, and every follower on the same clock (an in-process plant, a simulated
+device in another process) gets the new time before the call returns. So the same program runs in real time, and
+repeatably as fast as the machine can compute.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class MonotonicClock:
 
 
 class VirtualClock:
-    """Time that passes only when somebody sleeps."""
+    """Time that advances only in `sleep_until`."""
 
     def __init__(self, start_s: float = 0.0) -> None:
         self._now_s = start_s
@@ -51,12 +51,12 @@ class VirtualClock:
         return self._now_s
 
     def sleep_until(self, time_s: float) -> None:
-        """Jump to `time_s` and tell every follower; nothing happens if it is past."""
+        """Jump to `time_s` and call every follower; nothing happens if `time_s` is past."""
         if time_s > self._now_s:
             self._now_s = time_s
             for follower in self._followers:
                 follower(time_s)
 
     def follow(self, advance_to: Callable[[float], None]) -> None:
-        """Call `advance_to(time_s)` at every jump: how a simulated plant keeps up with its controller."""
+        """Call `advance_to(time_s)` at every jump, so that a simulated plant has the time of its controller."""
         self._followers.append(advance_to)

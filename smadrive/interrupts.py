@@ -18,7 +18,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 Handler = Callable[[int, FrameType | None], Any] | int
 
 ABORTS_AT = 3
-"""The signal with this number ends what the first ones could not interrupt."""
+"""The number of the signal that ends the block; the signals before it are only counted."""
 
 
 class AbortedError(KeyboardInterrupt):
@@ -29,8 +29,8 @@ class HeldSignals:
     """A context manager that counts `SIGNALS` instead of obeying them; `received` lists them after those of `before`.
 
     Number `ABORTS_AT` ends the block: the program's own handler is called for it, and AbortedError leaves the block if
-    that handler raises nothing. The caller decides what becomes of the others. Ignored signals stay ignored. Outside
-    the main thread nothing is held, because signals arrive only there.
+    that handler raises nothing. The caller decides about the others. Ignored signals stay ignored. Outside the main
+    thread nothing is held, because signals arrive only there.
     """
 
     def __init__(self, before: Sequence[signal.Signals] = ()) -> None:

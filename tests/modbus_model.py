@@ -2,8 +2,9 @@
 
 The device numbers what it answers, so that no two replies are alike, and answers in order. A reply that the client
 accepts must be the one to the request of that call. Plain RTU has one exception, which no client can avoid: a second
-copy of a reply that arrives when the next request of the same kind is out. A proved read, and an exchange whose
-sequence number is echoed, must be right even then.
+copy of a reply that arrives when the next request of the same kind is out. The reply whose place the copy took is then
+such a copy itself, until it has arrived. A proved read, and an exchange whose sequence number is echoed, must be right
+even then.
 """
 
 from dataclasses import dataclass
@@ -68,6 +69,10 @@ class Device:
         if fault.early_s is not None and self._numbered:
             frames_.append((fault.early_s, self._frame((number + 1) & 0xFFFF, reply)))
         return self._in_order(time_s, frames_, copied=len(frames_) > 1)
+
+    def the_last_reply_is_a_copy(self):
+        """A copy was accepted in place of the last reply: that reply may now answer a later request."""
+        self.copies_until_s = self._busy_until_s
 
     def _reply(self, pdu):
         function, word = pdu[0], (self.requests & 0xFFFF).to_bytes(2, "big")
@@ -157,6 +162,8 @@ class BusMachine(RuleBasedStateMachine):
     def _execute(self, request, *, proved=False):
         copies_may_come = not (self.numbered or proved) and self.device.copies_until_s > self.client.clock.now_s()
         payload = self._payload(request, proved=proved)
+        if payload is not None and copies_may_come and payload != self.device.answered.get(request.pdu, b"")[2:]:
+            self.device.the_last_reply_is_a_copy()
         if payload is None or copies_may_come:
             return
         assert request.pdu in self.device.answered, "accepted, but the device never heard the request"

@@ -39,7 +39,7 @@ class FaultyConnection(Protocol):
         """Let `data` arrive at the client at `due_s`, without a request."""
         ...
 
-    def lose(self, return_s: float) -> None:
+    def disconnect(self, return_s: float) -> None:
         """Close the connection; another one is possible from `return_s`."""
         ...
 
@@ -184,7 +184,7 @@ class BusFaults:
     def vanish(self, for_s: Seconds) -> None:
         """All connections are lost, and none is possible for `for_s`: an unplugged adapter, a restarting gateway."""
         for connection in self._connections:
-            connection.lose(self._now_s() + for_s)
+            connection.disconnect(self._now_s() + for_s)
 
     def by_name(self) -> dict[str, Callable[..., None]]:
         """Every fault."""

@@ -34,7 +34,7 @@ class RegisterCell:
         self.first = register.address
         self.end = register.addresses.stop
         self.size = register.size
-        self.is_dependent = bool(register.companions)
+        self.is_dependent = bool(register.depends_on)
         self.keeps = register.access == "rw"
         self._words = words
 
@@ -171,7 +171,7 @@ class RegisterBank:
     def _context(self, cell: RegisterCell) -> Context:
         if not cell.is_dependent:
             return ALONE
-        others = (self._cells[name] for name in cell.register.companions)
+        others = (self._cells[name] for name in cell.register.depends_on)
         return context_of(cell.register, {one.name: one.codec.decode(one.words) for one in others})
 
 

@@ -22,7 +22,7 @@ from smadrive.clock import Clock
 from smadrive.errors import ConfigError
 from smadrive.modbus import pdu_description
 from smadrive.modbus.framing import rtu
-from smadrive.modbus.trace import Line, content_of, read_trace
+from smadrive.modbus.trace import TraceLine, content_of, read_trace
 from smadrive.modbus.transports.in_process import InProcessTransport
 
 EXCHANGE = b"\x17"
@@ -110,7 +110,7 @@ class ReplayedUnit:
         return [(time_s + reply.after_s, data)] if data else []
 
 
-def _recorded_replies(path: Path, lines: Sequence[Line], *, numbered: bool) -> dict[int, RepliesByRequest]:
+def _recorded_replies(path: Path, lines: Sequence[TraceLine], *, numbered: bool) -> dict[int, RepliesByRequest]:
     """The replies of every unit to every request, in their order; ConfigError for an impossible delay."""
     replies: dict[int, RepliesByRequest] = defaultdict(lambda: defaultdict(deque))
     traffic = [line for line in lines if line.direction != "discarded"]
@@ -131,7 +131,7 @@ def _recorded_replies(path: Path, lines: Sequence[Line], *, numbered: bool) -> d
     return replies
 
 
-def _recorded_reply(request: Line, following: Line | None, *, numbered: bool) -> RecordedReply:
+def _recorded_reply(request: TraceLine, following: TraceLine | None, *, numbered: bool) -> RecordedReply:
     if following is None or following.direction != "received":
         return RecordedReply(0.0, b"", None)
     after_s = following.time_s - request.time_s

@@ -15,7 +15,7 @@ from firmware_sim.bus.modbus_exception import ILLEGAL_ADDRESS, ILLEGAL_FUNCTION,
 from firmware_sim.devices.firmware import RegisterFirmware
 from firmware_sim.devices.registers import RegisterBank
 from smadrive.devices.profile.function_codes import words_of
-from smadrive.devices.profile.schema import Timing
+from smadrive.devices.profile.schema import DeviceTiming
 from smadrive.modbus import requests
 
 _LOOP_BACK = 8
@@ -33,7 +33,7 @@ class ResponderCounters:
 class Responder:
     """Answers requests from the register bank, which shows and commands `firmware`."""
 
-    def __init__(self, bank: RegisterBank, firmware: RegisterFirmware, timing: Timing) -> None:
+    def __init__(self, bank: RegisterBank, firmware: RegisterFirmware, timing: DeviceTiming) -> None:
         self.counters = ResponderCounters()
         self._bank = bank
         self._firmware = firmware

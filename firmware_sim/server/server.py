@@ -131,7 +131,7 @@ class _EndpointClients:
         for connection in self._endpoint.connections():
             self._do_at(due_s, partial(connection.send, data))
 
-    def lose(self, return_s: float) -> None:
+    def disconnect(self, return_s: float) -> None:
         """Close the endpoint, with all connections; open it again at `return_s`."""
         self._endpoint.close()
         self._do_at(return_s, self._endpoint.open)

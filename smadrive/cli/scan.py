@@ -8,7 +8,7 @@ import typer
 
 from smadrive.cli.output import AsJson, Output
 from smadrive.devices.profile.profile import load_profile
-from smadrive.devices.scan import Found, scan
+from smadrive.devices.scan import FoundDevice, scan
 from smadrive.errors import ConfigError, DeviceError
 from smadrive.files.number_text import parse_whole
 from smadrive.files.shipped import configs_dir
@@ -67,7 +67,7 @@ def unit_ids_of(text: str) -> list[int]:
     return unit_ids
 
 
-def _profile(found: Found) -> str:
+def _profile(found: FoundDevice) -> str:
     if found.proved:
         return " or ".join(found.proved)
     maybe = " or ".join(found.possible)
@@ -82,7 +82,7 @@ def _url(port: str, line: SerialSettings | None) -> str:
     return port if line is None else f"{port}?baudrate={line.baudrate}&parity={line.parity}&stopbits={line.stopbits}"
 
 
-def _as_json(found: Found, port: str) -> dict[str, object]:
+def _as_json(found: FoundDevice, port: str) -> dict[str, object]:
     return {
         "unit_id": found.unit_id,
         "url": _url(port, found.line),

@@ -1,9 +1,8 @@
-"""The one way to heat: every ampere goes through `Heater.exchange`.
+"""The only way to heat: every ampere goes through `Heater.exchange`.
 
-It joins a heat source with the sensors of the wire and holds the current to what is safe at this moment: to
-[0, current_max_a], less and less within `DERATE_C` of temperature_max_c, and to zero while the source is not armed, the
-temperature is invalid or at its maximum, or the command is no number. What the source limits by itself, its watchdog
-among it, is set by arming.
+It joins a heat source with the sensors of the wire and clamps the current: to [0, current_max_a], to a falling limit
+within `DERATE_C` of temperature_max_c, and to zero while the source is not armed, the temperature is invalid or at its
+maximum, or the command is not a number. Arming sets the limits and the watchdog of the source itself.
 """
 
 from __future__ import annotations
@@ -11,7 +10,7 @@ from __future__ import annotations
 from math import isfinite, nan
 
 from smadrive.clock import Clock
-from smadrive.devices.guardian.client import Guard
+from smadrive.devices.guardian.client import GuardianClient
 from smadrive.devices.heating.heat_source import HeaterLimits, HeatSource, Sample, Supplied
 from smadrive.devices.heating.zero_current import wait_for_zero_current
 from smadrive.devices.sensor import PolledSensor
@@ -20,15 +19,15 @@ from smadrive.measurement import Measurement
 
 DERATE_C = 5.0
 AT_LIMIT = 1.0 - 1e-6
-"""A command from this part of the limit on is held back by it: controllers that know the limit ask for no more."""
+"""A command above this part of the limit counts as limited: a controller that knows the limit commands no more."""
 _NOTHING = Sample(nan, 0.0)
 
 
 class Heater:
-    """A heat source with the sensors of its wire; raises what the talk with the devices raises.
+    """A heat source with the sensors of its wire; raises the errors of the devices.
 
-    `thermometer` and `displacement` take the place of what the source measures itself; ConfigError when nothing
-    measures the temperature. `guard` watches over a source that has no watchdog of its own.
+    `thermometer` and `displacement` replace the measurements of the source; ConfigError when nothing measures the
+    temperature. `guard` is the guardian of a source that has no watchdog of its own.
     """
 
     def __init__(
@@ -38,12 +37,12 @@ class Heater:
         clock: Clock,
         thermometer: PolledSensor | None = None,
         displacement: PolledSensor | None = None,
-        guard: Guard | None = None,
+        guard: GuardianClient | None = None,
     ) -> None:
         """Nothing is sent yet; call `connect()`."""
         if thermometer is None and "temperature" not in source.measures:
             raise ConfigError(
-                "nothing measures the wire's temperature: add a device that does to the rig's [[devices]]"
+                "no device measures the temperature of the wire", where="[[devices]]", cure="add one to the rig file"
             )
         self.source = source
         self.limits = limits
@@ -61,17 +60,17 @@ class Heater:
 
     @property
     def temperature_period_s(self) -> float:
-        """How often the temperature is new, where a device of its own measures it; 0: at every exchange."""
+        """The period of the thermometer, where a device of its own measures the temperature; 0: every exchange."""
         return 0.0 if self._thermometer is None else self._thermometer.period_s
 
     def connect(self) -> Measurement:
-        """Prove the identity of every device, bring it to its safe state, and measure. Nothing is armed then."""
+        """Prove the identity of every device, bring it to its safe state, and measure. Nothing is armed afterwards."""
         self.source.connect()
         for sensor in (self._thermometer, self._displacement):
             if sensor is not None:
                 sensor.connect()
         if self._guard is not None:
-            self._guard.brief(self.source.identity)
+            self._guard.configure(self.source.identity)
         return self.exchange(0.0)
 
     def arm(self, watchdog_s: float) -> None:
@@ -83,21 +82,26 @@ class Heater:
         now = self.exchange(0.0)
         if now.device_faults:
             raise SafetyError(
-                f"not armed, latched on the device: {', '.join(now.device_faults)}: remove the cause, clear the faults"
+                "not armed, faults are latched on the device",
+                value=", ".join(now.device_faults),
+                cure="remove the cause, then clear the faults",
             )
         if not self._temperature_c < self.limits.temperature_max_c:
-            hot = f"{now.temperature_c:.1f} °C, the limit is {self.limits.temperature_max_c:g} °C"
-            raise SafetyError(f"not armed: the temperature does not allow it: {now.temperature_fault or hot}")
+            raise SafetyError(
+                "not armed, the temperature does not allow it",
+                value=now.temperature_fault or f"{now.temperature_c:.1f} °C",
+                limit=f"{self.limits.temperature_max_c:g} °C",
+            )
         self.source.configure(self.limits, watchdog_s)
         if self._guard is not None:
             self._guard.watch()
         self.source.arm()
 
     def exchange(self, current_a: float) -> Measurement:
-        """Command `current_a`, held to the limits, and measure.
+        """Command `current_a`, clamped to the limits, and measure.
 
-        A current that is no number is sent as zero, then SafetyError is raised. After a reply that is not to be
-        believed, nothing is known of the temperature, and the next command is held to zero.
+        A current that is not a number is sent as zero, then SafetyError is raised. After a wrong reply the temperature
+        counts as unknown, and the next command is clamped to zero.
         """
         if self._guard is not None:
             self._guard.check()
@@ -110,7 +114,12 @@ class Heater:
             raise
         measurement = self._measurement(supplied, in_force_a, limits)
         if not isfinite(current_a):
-            raise SafetyError(f"a current of {current_a} A was commanded; zero was sent: check the controller")
+            raise SafetyError(
+                "the commanded current is not a number, zero was sent",
+                where="current_a",
+                value=current_a,
+                cure="check the controller",
+            )
         return measurement
 
     def disarm(self) -> Measurement:
@@ -121,7 +130,7 @@ class Heater:
     def enter_safe_state(self) -> None:
         """Zero current and heater off, confirmed by read-back; tried several times, raises when unconfirmed.
 
-        SafetyError when current flows all the same, or the source claims to be armed still.
+        SafetyError when current still flows, or the source still reports that it is armed.
         """
         self._sent_a = 0.0
         if self._guard is None:
@@ -135,27 +144,27 @@ class Heater:
         self.source.clear_faults()
         measurement = self.exchange(0.0)
         if measurement.device_faults:
-            raise SafetyError(f"not cleared, the cause persists: {', '.join(measurement.device_faults)}")
+            raise SafetyError("not cleared, the cause persists", value=", ".join(measurement.device_faults))
         return measurement
 
     def _switch_off(self) -> None:
-        """Off by read-back, and no current any more."""
+        """Switch off, confirmed by read-back, and wait until no current flows."""
         self.source.enter_safe_state()
         wait_for_zero_current(self.source, self.limits.current_max_a, self._clock)
 
-    def _switch_off_under(self, guard: Guard) -> None:
-        """Switch off; the guardian watches until no current flows, and does it where the driver stands still."""
+    def _switch_off_under(self, guard: GuardianClient) -> None:
+        """Switch off; the guardian watches until no current flows, and switches off if the driver stands still."""
         while True:
             guard.take_back()
             try:
                 self._switch_off()
             except TakenOverError:
                 continue
-            guard.rest()
+            guard.stand_down()
             return
 
     def _allowed(self, current_a: float) -> tuple[float, tuple[str, ...]]:
-        """The current that may flow, and what limits it."""
+        """The current that may flow, and the names of the limits that hold it."""
         headroom_c = self.limits.temperature_max_c - self._temperature_c
         if not (self.source.armed and isfinite(current_a)):
             return 0.0, ()
@@ -185,7 +194,8 @@ class Heater:
             device_faults=supplied.faults,
             device_limits=supplied.limits,
             host_limits=limits,
-            armed=supplied.armed and self.source.armed,  # on again is not armed again: nothing would be sent
+            armed=supplied.armed
+            and self.source.armed,  # a source that came on again is not armed: nothing would be sent
             in_force_a=in_force_a,
             temperature_age_s=now_s - temperature.time_s,
             displacement_age_s=now_s - displacement.time_s,

@@ -1,9 +1,9 @@
-"""Who is on a line: every unit id is asked for what proves the identity of each profile. Nothing is written.
+"""Scan of a bus: each unit id is asked for the registers that prove the identity of each profile. Nothing is written.
 
-Devices that speak no Modbus are asked first: one of them may answer anything to a Modbus frame.
+Devices without Modbus are asked first: their answer to a Modbus frame is undefined.
 
 A profile without a register that proves it is possible where the registers of its roles read as valid numbers. A unit
-that leaves `SILENT` requests unanswered is taken as absent.
+that leaves `SILENT` requests unanswered counts as absent.
 """
 
 from __future__ import annotations
@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 
-from smadrive.devices.any_device import device_on
 from smadrive.devices.device import Device
+from smadrive.devices.heating.tclab_board import TCLabBoard
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.state.lock import Role, lock_line
 from smadrive.errors import DeadlineError, DeviceError, ProtocolError, TransportError
@@ -22,14 +22,14 @@ from smadrive.modbus.transports.connect import open_transport, port_of
 from smadrive.modbus.transports.transport import SerialSettings, Transport
 
 SILENT = 3
-"""So many unanswered requests, and nobody is there."""
+"""Unanswered requests after which a unit counts as absent."""
 TIMEOUT_MS = 200.0
-"""How long each is waited for: longer than any of the shipped devices takes when it is not busy."""
+"""Response timeout of a scan: longer than any of the shipped devices takes when it is not busy."""
 
 
 @dataclass(frozen=True)
-class Found:
-    """What answers, a unit or the only device of its line (None): what it proved to be, and what it may be."""
+class FoundDevice:
+    """A device that answers, with its proved and possible profiles; `unit_id` None: the only device of its line."""
 
     unit_id: int | None
     line: SerialSettings | None
@@ -39,8 +39,8 @@ class Found:
 
 def scan(
     url: str, unit_ids: Sequence[int], profiles: Sequence[Profile], ask: Callable[[str, int], None]
-) -> Iterator[Found]:
-    """What answers at `url`; `ask(line, unit_id)` is told before each question.
+) -> Iterator[FoundDevice]:
+    """The devices that answer at `url`; `ask(line, unit_id)` is called before each question.
 
     A serial URL without a baud rate is tried with the line settings of all profiles. BusyError when another smadrive
     has the port.
@@ -51,24 +51,24 @@ def scan(
 
 def _scan(
     url: str, unit_ids: Sequence[int], profiles: Sequence[Profile], ask: Callable[[str, int], None]
-) -> Iterator[Found]:
+) -> Iterator[FoundDevice]:
     found: set[int] = set()
     units = [profile for profile in profiles if profile.has_registers]
     others = [profile for profile in profiles if not profile.has_registers]
     for line in _lines(url, profiles):
         with open_transport(url, line) as transport:
             if not (found or url.startswith("tcp:")) and (proved := tuple(_proved(transport, others, line))):
-                yield Found(None, line, proved, ())
+                yield FoundDevice(None, line, proved, ())
                 return
             client = ModbusClient(transport)
             for unit_id in unit_ids:
                 if unit_id in found:
                     continue
                 ask(_text(line), unit_id)
-                answer = _who_is(client, unit_id, sorted(units, key=lambda one: one.serial_settings() != line))
+                answer = _identified(client, unit_id, sorted(units, key=lambda one: one.serial_settings() != line))
                 if answer is not None:
                     found.add(unit_id)
-                    yield Found(unit_id, line, *answer)
+                    yield FoundDevice(unit_id, line, *answer)
 
 
 def _lines(url: str, profiles: Iterable[Profile]) -> list[SerialSettings | None]:
@@ -83,25 +83,25 @@ def _text(line: SerialSettings | None) -> str:
 
 
 def _proved(transport: Transport, profiles: Iterable[Profile], line: SerialSettings | None) -> Iterator[str]:
-    """The profiles whose device is on this line, set like this."""
+    """The profiles of devices without Modbus that answer on this line with these settings."""
     for profile in profiles:
         if line in (None, profile.serial_settings()):
             with suppress(TransportError, ProtocolError, DeviceError):
-                device_on(transport, profile, None).check_identity()
+                TCLabBoard(profile, transport).check_identity()
                 yield profile.profile.id
 
 
-def _who_is(
+def _identified(
     client: ModbusClient, unit_id: int, profiles: Iterable[Profile]
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """The profiles that unit `unit_id` proves, and those it may be; None when nobody answers."""
+    """The proved and the possible profiles of unit `unit_id`; None when it does not answer."""
     matching: dict[bool, list[str]] = {True: [], False: []}
     silent, answered = 0, False
     for profile in profiles:
         quick = {"response_timeout_ms": TIMEOUT_MS, "retries": 0, "boot_ms": 0.0, "poll_interval_ms": 0.0}
-        hurried = profile.model_copy(update={"timing": profile.timing.model_copy(update=quick)})
+        quick_profile = profile.model_copy(update={"timing": profile.timing.model_copy(update=quick)})
         try:
-            if _is_one(Device(hurried, client, unit_id)):
+            if _is_one(Device(quick_profile, client, unit_id)):
                 matching[profile.proves_type].append(profile.profile.id)
         except DeadlineError:
             silent += 1

@@ -1,7 +1,7 @@
-"""A measuring device beside the heater: read at its own rate, by its own bus, each reading with its time.
+"""A measuring device besides the heater: read at its own rate, on its own bus, each reading with its time.
 
-A reading that fails is no news: the last one grows older. Once it is older than `stale_s` it is no value any more.
-That holds for every failure of the sensor, an exception reply too: it must not discard what the heater has answered.
+After a failed reading the last one counts, until it is older than `stale_s`; then the value is invalid. That holds for
+every failure of the sensor, also for an exception reply: the measurement of the heater must not be lost with it.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ class PolledSensor:
         self._failure: SmadriveError | None = None
 
     def connect(self) -> None:
-        """Prove the device's identity; one that could heat by itself (a controller) is brought to its safe state."""
+        """Prove the identity of the device and enter its safe state: a temperature controller could heat by itself."""
         self._device.check_identity()
         self._device.enter_safe_state()
 
     def sample(self) -> Sample:
-        """The latest reading, taken now when it is due."""
+        """The latest reading; a due one is taken now."""
         now_s = self._clock.now_s()
         if now_s >= self._due_s:
             self._due_s = max(self._due_s, now_s - self.period_s) + self.period_s
@@ -48,7 +48,7 @@ class PolledSensor:
     def _poll(self) -> None:
         try:
             reading = self._device.read((self._name,))[self._name]
-        except (TransportError, ProtocolError, DeviceError) as failure:
-            self._failure = failure
+        except (TransportError, ProtocolError, DeviceError) as error:
+            self._failure = error
             return
         self._last = Sample(reading.value, self._clock.now_s(), reading.invalid)

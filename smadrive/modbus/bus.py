@@ -1,4 +1,4 @@
-"""What a client is told of a bus, and what it tells."""
+"""Timing, counters and trace of a bus, and the names of the Modbus exceptions."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from typing import Literal
 
 Direction = Literal["sent", "received", "discarded"]
 Trace = Callable[[float, Direction, bytes], None]
-"""Sees everything that passes on a bus, a frame or line at a time, and when."""
+"""Called as `trace(time_s, direction, bytes)` for every frame or line of text on a bus."""
 
 
 class GuardedTrace:
-    """Passes frames on to a trace. A trace that fails (a full disk) is ended: the traffic goes on without it."""
+    """Passes frames on to a trace. A trace that fails (a full disk) is ended, and the traffic goes on without it."""
 
     def __init__(self, trace: Trace | None) -> None:
         self._trace = trace
@@ -20,11 +20,11 @@ class GuardedTrace:
 
     @property
     def active(self) -> bool:
-        """Whether somebody sees the frames."""
+        """Whether a trace still takes the frames."""
         return self._trace is not None
 
     def __call__(self, time_s: float, direction: Direction, data: bytes) -> None:
-        """Pass one frame on; `failure` keeps what the trace raised."""
+        """Pass one frame on; an error of the trace is kept in `failure`."""
         if self._trace is None:
             return
         try:
@@ -34,7 +34,7 @@ class GuardedTrace:
 
 
 NEVER_SILENT_S = 2.0
-"""A bus on which something arrives for so long is in the hands of somebody else."""
+"""A bus on which bytes arrive for so long is used by another client."""
 
 EXCEPTIONS = {
     1: "illegal function",
@@ -51,12 +51,14 @@ EXCEPTIONS = {
 
 @dataclass(frozen=True, slots=True)
 class BusTiming:
-    """What one device needs of the bus.
+    """The timing that one device needs on the bus.
 
-    `response_timeout_s` starts when the request has left the wire; `min_gap_s` is the least pause before a request, and
-    `post_write_s` what a write adds to it; from the end of one request of this device to its next at least `interval_s`
-    pass; `silence` keeps the standard's 3.5 characters; only requests that write nothing are retried, `read_retries`
-    times.
+    response_timeout_s   longest wait for a reply, from the moment when the request has left the wire
+    min_gap_s            least pause before a request
+    post_write_s         addition to that pause after a write
+    interval_s           least time from the end of one request of this device to its next
+    silence              whether the standard's pause of 3.5 characters is kept
+    read_retries         retries of a request that writes nothing; others are never retried
     """
 
     response_timeout_s: float = 0.2
@@ -69,7 +71,7 @@ class BusTiming:
 
 @dataclass(slots=True)
 class BusCounters:
-    """What happened on the bus since the client was made."""
+    """Counts of events on the bus since the client was made."""
 
     requests: int = 0
     replies: int = 0

@@ -18,27 +18,29 @@ COUNTED = {
 }
 """The BusCounters that a failure moves."""
 
-_OTHER_CLIENT = "Check that no other program talks on this line"
+_OTHER_CLIENT = "check that no other program talks on this line"
 _WRONG = {
-    Verdict.STALE: ("the reply may be a late one to an earlier request", _OTHER_CLIENT),
-    Verdict.FOREIGN: ("the reply answers another request", _OTHER_CLIENT),
-    Verdict.WRONG_SIZE: ("the reply has a wrong size", _OTHER_CLIENT),
-    Verdict.MALFORMED: ("the reply is no Modbus TCP frame", "Where the port speaks RTU, write rtu+tcp://"),
-    Verdict.DAMAGED: ("the reply has a wrong CRC", "Check cable, termination and baud rate"),
+    Verdict.STALE: ("discarded, the reply may be a late one to an earlier request", _OTHER_CLIENT),
+    Verdict.FOREIGN: ("discarded, the reply answers another request", _OTHER_CLIENT),
+    Verdict.WRONG_SIZE: ("discarded, the reply has a wrong size", _OTHER_CLIENT),
+    Verdict.MALFORMED: ("discarded, the reply is no Modbus TCP frame", "where the port speaks RTU, write rtu+tcp://"),
+    Verdict.DAMAGED: ("discarded, the reply has a wrong CRC", "check cable, termination and baud rate"),
 }
 """What is wrong, and the cure."""
 
 
-def failure(outcome: Outcome, who: str) -> SmadriveError:
-    """The error of a request to `who` that was not answered."""
+def failure(outcome: Outcome, where: str) -> SmadriveError:
+    """The error of a request to `where` that was not answered."""
     meaning = f"exception {outcome.code}, {EXCEPTIONS.get(outcome.code, 'unknown')}" if outcome.code else ""
     if outcome.verdict in (Verdict.REFUSED, Verdict.DEFERRED):
-        return ExceptionReply(f"{who}: the device refuses: {meaning}", outcome.code)
+        return ExceptionReply("the device refuses", outcome.code, where=where, value=meaning)
     if outcome.verdict is Verdict.SILENT:
         return DeadlineError(
-            f"{who}: {len(outcome.data) or 'no'} bytes of the reply before the deadline. Check that the device is "
-            "powered, and its unit id, baud rate and parity"
+            "the reply was not complete before the deadline" if outcome.data else "no reply before the deadline",
+            where=where,
+            value=f"{len(outcome.data)} bytes",
+            cure="check that the device is powered, and its unit id, baud rate and parity",
         )
     wrong, cure = _WRONG[outcome.verdict]
-    what = ": ".join(filter(None, (meaning, outcome.data.hex(" "))))
-    return ProtocolError(f"{who}: {wrong} ({what}), discarded. {cure}")
+    value = ": ".join(filter(None, (meaning, outcome.data.hex(" "))))
+    return ProtocolError(wrong, where=where, value=value, cure=cure)

@@ -1,7 +1,7 @@
-"""Replies that may still arrive although nobody waits for them any more.
+"""Replies that may still arrive although the client no longer waits for them.
 
-A request that got no answer leaves two frames behind that may come later: its reply and its exception. Modbus RTU
-gives a frame no number, so such a frame is told from the answer to a later request by its kind alone:
+A request without an answer leaves two frames behind that may come later: its reply and its exception. Modbus RTU
+gives a frame no number. So only its kind distinguishes such a frame from the answer to a later request:
 
     kind of a reply       unit, head (function and byte count, or the echo of a write), payload size
     kind of an exception  unit, function with the top bit set
@@ -15,7 +15,7 @@ from __future__ import annotations
 from smadrive.modbus.requests import Request
 
 LATEST_REPLY_S = 10.0
-"""A reply that has not arrived by then is lost for good. Longer than any latency of a connection."""
+"""A reply that has not arrived after this time is lost for good. It is longer than any latency of a connection."""
 
 Kind = tuple[int, bytes, int]
 
@@ -55,5 +55,5 @@ class Outstanding:
         return False
 
     def clear(self, unit_id: int) -> None:
-        """`unit_id` is past all of its requests."""
+        """Forget every frame of `unit_id`: the unit is past all of its requests."""
         self._until_s = {kind: until_s for kind, until_s in self._until_s.items() if kind[0] != unit_id}

@@ -1,4 +1,4 @@
-"""What a request or a reply says, in words: for traces that a person reads."""
+"""A request or a reply described in words, for the reader of a trace."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ _TABLES = {1: "coils", 2: "discrete inputs", 3: "holding registers", 4: "input r
 
 
 def of_request(pdu: bytes) -> str:
-    """`read 11 holding registers from 16`."""
+    """Function, addresses and values of a request, as in `read 11 holding registers from 16`."""
     try:
         return _request(pdu)
     except (struct.error, IndexError):
-        return "a request that is none"
+        return "malformed request"
 
 
 def of_reply(pdu: bytes, request: bytes) -> str:
-    """`11 holding registers: 1 0 22 ...`, or what else answers `request`."""
+    """The values that a reply to `request` carries, or its exception, or `done` for a write."""
     if not pdu:
         return "nothing"
     if len(pdu) == 2 and pdu[0] & 0x80:

@@ -1,8 +1,9 @@
 """The client's side of Modbus without I/O: a request in, bytes in, a verdict out (the rules: verdict.py).
 
-No client of RTU can tell the second copy of a reply that arrives after the next request of the same kind went out, and
-no client at all a gateway that answers with the reply to an older request. `sync_request` gives a read whose answer is
-of a kind that has not arrived lately: once it is answered, no copy can follow, and nothing lags.
+Two faults cannot be seen in a frame. On RTU, the second copy of a reply that arrives after the next request of the same
+kind looks like the answer to it. On any connection, a gateway may answer with the reply to an older request.
+`sync_request` gives a read whose answer is of a kind that has not arrived lately. Once it is answered, no copy can
+follow, and no reply lags.
 """
 
 from __future__ import annotations
@@ -16,10 +17,19 @@ from smadrive.modbus import requests
 from smadrive.modbus.framing.framing import Framing
 from smadrive.modbus.outstanding import LATEST_REPLY_S, Kind, Outstanding, exception_kind, reply_kind
 from smadrive.modbus.requests import Request
-from smadrive.modbus.verdict import CONSEQUENCES, FINAL_CODES, TRANSITIONS, VERDICTS, Event, Outcome, State, Verdict
+from smadrive.modbus.verdict import (
+    CONSEQUENCES,
+    FINAL_CODES,
+    TRANSITIONS,
+    VERDICTS,
+    ConnectionEvent,
+    ConnectionState,
+    Outcome,
+    Verdict,
+)
 
 FRESH = 16
-"""A kind that is not among so many last arrivals proves that a frame of it is new: no gateway lags by more."""
+"""A frame is new when its kind is not among so many last arrivals: no gateway lags by more replies."""
 NEVER = -FRESH - 1
 
 _FINAL = frozenset(bytes((code,)) for code in FINAL_CODES)
@@ -40,31 +50,31 @@ class ClientProtocol:
         self._request = requests.read_holding(0, 1)
         self._head = self._exception_head = self._reply = b""
         self._size = 0
-        self.state = State.READY
-        self._become(Event.NEW_CONNECTION)
+        self.state = ConnectionState.READY
+        self._become(ConnectionEvent.NEW_CONNECTION)
 
     def new_connection(self) -> None:
-        """The connection was opened anew: nobody knows what was asked through it before."""
+        """Note a new connection: the requests that went through it before are unknown."""
         self._framing.restart()
-        self._become(Event.NEW_CONNECTION)
+        self._become(ConnectionEvent.NEW_CONNECTION)
 
     def stray(self, data: bytes) -> None:
-        """`data` arrived although no request is out: it answers nothing."""
+        """Note that `data` arrived although no request is out: it answers nothing."""
         self._framing.skip(data)
-        self._become(Event.STRAY)
+        self._become(ConnectionEvent.STRAY)
 
     def silence(self) -> None:
-        """The bus has been silent for as long as a reply may take."""
-        self._become(Event.SILENCE)
+        """Note that the bus has been silent for as long as a reply may take."""
+        self._become(ConnectionEvent.SILENCE)
 
     def distrust(self, now_s: float) -> None:
-        """The content of the last reply proved it stale: the answer to its request may still arrive."""
+        """Note that the content of the last reply proved it stale: the answer to its request may still arrive."""
         self._outstanding.add(reply_kind(self._unit_id, self._request), now_s)
-        self._become(Event.FAILED)
+        self._become(ConnectionEvent.FAILED)
 
     def send(self, unit_id: int, request: Request) -> bytes:
-        """The frame to write; what arrives from now on may be its answer."""
-        self._become(Event.SENT)
+        """The frame to write; bytes that arrive from now on may be its answer."""
+        self._become(ConnectionEvent.SENT)
         self._unit_id, self._request, self._reply = unit_id, request, b""
         self._head = bytes((unit_id,)) + request.reply_head
         self._exception_head = bytes((unit_id, request.function | 0x80))
@@ -72,10 +82,10 @@ class ClientProtocol:
         return self._framing.request(unit_id, request.pdu)
 
     def send_unconfirmed(self, unit_id: int, request: Request, now_s: float) -> bytes:
-        """The frame of a request whose answer is not waited for: it stays outstanding."""
+        """The frame of a request that is sent without waiting; its answer stays outstanding."""
         self._outstanding.add(reply_kind(unit_id, request), now_s)
         self._outstanding.add(exception_kind(unit_id, request), now_s)
-        self._become(Event.FAILED)
+        self._become(ConnectionEvent.FAILED)
         return self._framing.request(unit_id, request.pdu)
 
     def receive(self, data: bytes, now_s: float) -> Outcome | None:
@@ -93,29 +103,29 @@ class ClientProtocol:
         return self._concluded(Outcome(Verdict.SILENT, self._reply), now_s)
 
     def may_be_mistaken(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Whether an outstanding frame is of the kind of this request's reply: it must not be sent then."""
+        """Whether an outstanding frame is of the kind of this request's reply; the request must not be sent then."""
         return bool(self._outstanding) and self._outstanding.holds(reply_kind(unit_id, request), now_s)
 
     def needs_probe(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Whether a probe must go first, or should: it costs one sure reply, and an exception can be believed then."""
+        """Whether a probe goes first: a reply could be mistaken, or an exception could be an older one."""
         if self.may_be_mistaken(unit_id, request, now_s):
             return True
         doubtful = self._exception_is_doubtful(unit_id, request, now_s)
         return doubtful and next(self._clean(unit_id, request, self._known(unit_id), now_s), None) is not None
 
     def probe_request(self, unit_id: int, request: Request, attempt: int, now_s: float) -> Request | None:
-        """A read whose reply no outstanding frame can be mistaken for, at best one that was answered before.
+        """A read whose reply differs from every outstanding frame, preferably one that was answered before.
 
-        None when there is none: the unit owes too many replies.
+        None when no such read exists, because too many replies of the unit are outstanding.
         """
         others = () if attempt == 0 else _other_functions(request)
         tries = chain(self._known(unit_id), others, _other_lengths(request))
         return next(self._clean(unit_id, request, tries, now_s), None)
 
     def sync_request(self, unit_id: int, request: Request, now_s: float) -> Request:
-        """A read of another kind than `request` whose answer is of the kind that arrived longest ago, or never.
+        """A read of another kind than `request`; its answer is of the kind that arrived longest ago, or never.
 
-        One that is certain to be answered by a reply is taken if its kind has not been among the last `FRESH` arrivals.
+        A read that was answered before is taken if its kind has not been among the last `FRESH` arrivals.
         """
         known = list(self._clean(unit_id, request, self._known(unit_id), now_s))
         sure = min(known, key=lambda one: self._last_arrival(unit_id, one), default=None)
@@ -126,7 +136,7 @@ class ClientProtocol:
         return min([*known, *tries], key=lambda one: self._last_arrival(unit_id, one), default=request)
 
     def stays_silent(self, unit_id: int, request: Request) -> bool:
-        """Note that nothing answered this sync; whether the device may be one that answers only what it knows."""
+        """Note that this sync was not answered; whether silence is normal: the unit never answered such a read."""
         self._silent.add(reply_kind(unit_id, request))
         return not any(request.pdu[:3] == one.pdu[:3] for kind, one in self._answered.items() if kind[0] == unit_id)
 
@@ -153,7 +163,7 @@ class ClientProtocol:
         return Outcome(Verdict.FOREIGN, reply)
 
     def _whole(self, reply: bytes, size: int, arrived: Verdict, now_s: float) -> Outcome | None:
-        """What a reply of the right head is, once it has its `size`."""
+        """The outcome of a reply with the right head, once it has its `size`."""
         if len(reply) < size and not self._framing.numbered:
             return None
         if len(reply) != size:
@@ -168,13 +178,16 @@ class ClientProtocol:
                 return Outcome(verdict, reply, code=0 if arrived is Verdict.ANSWERED else reply[2])
 
     def _is_outstanding(self, arrived: Verdict, now_s: float) -> bool:
-        """Whether a frame of the kind that arrived may be that of an earlier request."""
+        """Whether the frame that arrived may belong to an earlier request."""
         if arrived is Verdict.ANSWERED:
             return self.may_be_mistaken(self._unit_id, self._request, now_s)
         return self._exception_is_doubtful(self._unit_id, self._request, now_s)
 
     def _exception_is_doubtful(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Numbers prove an exception. They do not prove a reply: a gateway may number a late one of its serial line."""
+        """Whether an outstanding exception looks like this one. Transaction numbers exclude it for exceptions.
+
+        They do not exclude it for replies: a gateway may number a late reply of its serial line.
+        """
         if self._framing.numbered or not self._outstanding:
             return False
         return self._outstanding.holds(exception_kind(unit_id, request), now_s)
@@ -191,12 +204,12 @@ class ClientProtocol:
         if outcome.verdict is Verdict.ANSWERED and not self._request.writes:
             self._answered[reply_kind(self._unit_id, self._request)] = self._request
         if self._framing.numbered:
-            self._framing.skip(b"")  # what came with the reply came before the next request
+            self._framing.skip(b"")  # bytes behind the reply came before the next request
         self._become(consequence.event)
         return outcome
 
     def _note_arrival(self, verdict: Verdict, now_s: float) -> None:
-        """Keep when a kind of frame last arrived."""
+        """Keep the number and the time of the last arrival of this kind of frame."""
         self._arrivals += 1
         if verdict is Verdict.ANSWERED:
             kind = reply_kind(self._unit_id, self._request)
@@ -204,14 +217,14 @@ class ClientProtocol:
         elif verdict in (Verdict.REFUSED, Verdict.DEFERRED):
             self._arrived[exception_kind(self._unit_id, self._request)] = self._arrivals
 
-    def _become(self, event: Event) -> None:
+    def _become(self, event: ConnectionEvent) -> None:
         state = TRANSITIONS[self.state, event]
-        if self._framing.numbered and state in (State.SUSPECT, State.READY):
-            state = State.OUT_OF_STEP if self._framing.out_of_step else State.READY
+        if self._framing.numbered and state in (ConnectionState.SUSPECT, ConnectionState.READY):
+            state = ConnectionState.OUT_OF_STEP if self._framing.out_of_step else ConnectionState.READY
         self.state = state
 
     def _last_arrival(self, unit_id: int, one: Request) -> int:
-        """The number of the last arrival that could be the answer to it: its reply, or an exception."""
+        """The number of the last arrival that could be an answer to this read: its reply, or an exception."""
         kinds = reply_kind(unit_id, one), exception_kind(unit_id, one)
         return max(self._arrived.get(kind, NEVER) for kind in kinds)
 
@@ -219,7 +232,7 @@ class ClientProtocol:
         return reply_kind(unit_id, one) not in self._silent
 
     def _clean(self, unit_id: int, request: Request, tries: Iterable[Request], now_s: float) -> Iterator[Request]:
-        """Those whose replies are certain to be their own, and cannot be mistaken for that to `request`."""
+        """The reads whose replies differ from every outstanding frame and from the reply to `request`."""
         own = reply_kind(unit_id, request)
         kinds = ((one, reply_kind(unit_id, one)) for one in tries)
         return (one for one, kind in kinds if kind != own and not self._outstanding.holds(kind, now_s))
@@ -240,7 +253,7 @@ def _other_lengths(request: Request) -> Iterator[Request]:
 
 
 def _other_functions(request: Request) -> Iterator[Request]:
-    """One read by each other function. A device that lacks the function refuses, which proves as much as a reply."""
+    """One read by each other function. A device without the function refuses, which proves as much as a reply."""
     address = requests.read_like(request, 1).address
     reads = (requests.read_holding, requests.read_input, requests.read_discrete, requests.read_coils)
     for read in reads:

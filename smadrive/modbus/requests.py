@@ -1,8 +1,8 @@
-"""Requests, and what the reply to each must look like.
+"""Requests, and the shape of the right reply to each.
 
 A right reply starts with bytes that are known before it is sent (function and byte count of a read, the echo of a
-write) and has a known length. So a request is its PDU, the head and the size of the right reply: comparing the head
-checks function, byte count, register count and echoed address in one step, and two requests whose heads and sizes
+write) and has a known length. So a request consists of its PDU, and the head and the size of the right reply. Comparing
+the head checks function, byte count, register count and echoed address in one step. Two requests whose heads or sizes
 differ can never be answered by each other's reply.
 
 Limits of the standard (application protocol V1.1b3, section 6) are checked when the request is made.
@@ -61,12 +61,12 @@ def read_discrete(address: int, count: int) -> Request:
 
 
 def read_count(request: Request) -> int:
-    """How many addresses a read (FC01 to FC04) asks for."""
+    """The number of addresses that a read (FC01 to FC04) asks for."""
     return int.from_bytes(request.pdu[3:5], "big")
 
 
 def read_like(request: Request, count: int) -> Request:
-    """A read of `count` addresses where `request` reads; FC03 where that writes."""
+    """A read of `count` addresses at the address and by the function of `request`; by FC03 where `request` writes."""
     read = _READS.get(request.function, read_holding)
     return read(min(request.address, 0x10000 - count), count)
 

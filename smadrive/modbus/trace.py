@@ -1,13 +1,12 @@
 """A bus trace that a person can read, and a program can serve again as a device (`firmware-sim --replay`).
 
     # smadrive bus trace 1: rtu
-    # seconds, > sent or < received or x discarded, the bytes, what they say
+    # seconds, > sent or < received or x discarded, the bytes, their meaning
         0.200431 > 01 03 00 00 00 02 C4 0B | unit 1: read 2 holding registers from 0
         0.203120 < 01 03 04 53 4D 00 01 ... | unit 1: 21325 1
 
-One line a frame; a reply that came in pieces is one line, at the time of its last piece. What does not come has no
-line: a request without an answer below it was not answered. A board that speaks text gives a trace too, of its lines,
-which is for people only.
+Each frame is one line. A reply that came in pieces is one line, at the time of its last piece. A request without an
+answer below it was not answered. A board that speaks text gives a trace of its lines, which cannot be served again.
 """
 
 from __future__ import annotations
@@ -31,7 +30,7 @@ _MARKS: dict[Direction, str] = {"sent": ">", "received": "<", "discarded": "x"}
 _DIRECTIONS = {mark: direction for direction, mark in _MARKS.items()}
 
 
-class Line(NamedTuple):
+class TraceLine(NamedTuple):
     """One line of a trace."""
 
     time_s: float
@@ -40,10 +39,10 @@ class Line(NamedTuple):
 
 
 class TraceFile:
-    """Writes what passes on the bus of `transport`: `ModbusClient(transport, trace=TraceFile(path, transport))`.
+    """Writes every frame on the bus of `transport`: `ModbusClient(transport, trace=TraceFile(path, transport))`.
 
     A context manager. Times are seconds since the trace began. A line is written after its frame has passed. A trace
-    that cannot be written any more (a full disk) ends there; leaving it logs a warning that says when and why.
+    that cannot be written any more (a full disk) ends there; leaving it logs a warning with time and reason.
     `speaks_text`: lines of text pass there, no frames.
     """
 
@@ -58,20 +57,20 @@ class TraceFile:
         try:
             self._file = path.open("x", encoding="ascii", buffering=1)
         except FileExistsError:
-            raise ConfigError(f"{path}: is there already: trace to another folder, or remove it") from None
+            raise ConfigError("exists already", where=path, cure="trace to another folder, or remove it") from None
         except OSError as error:
-            raise ConfigError(f"{path}: the trace cannot be written ({error.strerror})") from None
+            raise _unwritable(path, error) from None
         kind = "text" if speaks_text else "tcp" if self._numbered else "rtu"
         try:
             self._file.write(f"{HEADER} {kind}, {transport.name}\n")
-            self._file.write("# seconds, > sent or < received or x discarded, the bytes, what they say\n")
+            self._file.write("# seconds, > sent or < received or x discarded, the bytes, their meaning\n")
         except OSError as error:
             with suppress(OSError):
                 self._file.close()
-            raise ConfigError(f"{path}: the trace cannot be written ({error.strerror})") from None
+            raise _unwritable(path, error) from None
 
     def __call__(self, time_s: float, direction: Direction, data: bytes) -> None:
-        """One frame."""
+        """Write one frame."""
         if self._ended is not None:
             return
         meaning = self._meaning(direction, data)
@@ -86,14 +85,14 @@ class TraceFile:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        with suppress(OSError):  # of what could not be written
+        with suppress(OSError):  # of bytes that could not be written
             self._file.close()
         if self._ended is not None:
             _LOG.warning(self._ended)
 
     def _meaning(self, direction: Direction, data: bytes) -> str:
         if direction == "discarded":
-            return "nobody asked for it"
+            return "not requested"
         if self._speaks_text:
             return data.decode("ascii", "backslashreplace").strip()
         content = content_of(data, numbered=self._numbered)
@@ -102,21 +101,21 @@ class TraceFile:
         unit_id, pdu = content
         if direction == "sent":
             self._asked = pdu
-        said = pdu_description.of_request(pdu) if direction == "sent" else pdu_description.of_reply(pdu, self._asked)
-        return f"unit {unit_id}: {said}"
+            return f"unit {unit_id}: {pdu_description.of_request(pdu)}"
+        return f"unit {unit_id}: {pdu_description.of_reply(pdu, self._asked)}"
 
 
-def read_trace(path: Path) -> tuple[bool, list[Line]]:
-    """Whether the frames are numbered (Modbus TCP), and the lines; ConfigError tells which line is none."""
+def read_trace(path: Path) -> tuple[bool, list[TraceLine]]:
+    """Whether the frames are numbered (Modbus TCP), and the lines; ConfigError names a line that cannot be read."""
     try:
         head, *rows = path.read_text(encoding="ascii").splitlines() or [""]
     except (OSError, UnicodeDecodeError) as error:
-        raise ConfigError(f"{path}: cannot be read ({error})") from None
+        raise ConfigError("cannot be read", where=path, value=error) from None
     if not head.startswith(HEADER):
-        raise ConfigError(f"{path}: is no bus trace: the first line must begin with '{HEADER}'")
+        raise ConfigError(f"not a bus trace, its first line does not begin with '{HEADER}'", where=path)
     kind = head.removeprefix(HEADER).partition(",")[0].strip()
     if kind not in ("rtu", "tcp"):
-        raise ConfigError(f"{path}: is a trace of '{kind}': only those of Modbus, rtu and tcp, can be served again")
+        raise ConfigError("a trace of this kind cannot be served again", where=path, value=kind, limit="rtu or tcp")
     return kind == "tcp", [_line(path, number, row) for number, row in enumerate(rows, 2) if row and row[0] != "#"]
 
 
@@ -128,9 +127,15 @@ def content_of(frame: bytes, *, numbered: bool) -> tuple[int, bytes] | None:
     return (mbap.Header.of(frame).unit_id, frame[mbap.HEADER_SIZE :]) if whole else None
 
 
-def _line(path: Path, number: int, row: str) -> Line:
+def _line(path: Path, number: int, row: str) -> TraceLine:
     try:
         time_s, mark, data = row.partition("|")[0].split(maxsplit=2)
-        return Line(float(time_s), _DIRECTIONS[mark], bytes.fromhex(data))
+        return TraceLine(float(time_s), _DIRECTIONS[mark], bytes.fromhex(data))
     except (ValueError, KeyError):
-        raise ConfigError(f"{path}, line {number}: '{row}' is none of a trace: time, one of > < x, bytes") from None
+        raise ConfigError(
+            "not a line of a trace", where=f"{path}, line {number}", value=row, cure="write time, one of > < x, bytes"
+        ) from None
+
+
+def _unwritable(path: Path, error: OSError) -> ConfigError:
+    return ConfigError("the trace cannot be written", where=path, value=error.strerror)

@@ -1,7 +1,7 @@
-"""What arrived for a request, and what that leaves behind: the rules of the client as tables.
+"""The rules of the client as tables: the verdict on what arrived, its consequences, the states of the connection.
 
-A reply counts only if unit, function, byte count (or echo), length and CRC are those of the request. Frames that belong
-to an earlier request are told by their transaction number (Modbus TCP) or by their kind (RTU, see outstanding.py):
+A reply counts only if unit, function, byte count (or echo), length and CRC are those of the request. A frame of an
+earlier request is recognised by its transaction number (Modbus TCP) or by its kind (RTU, see outstanding.py):
 
     arrived                      nothing of that kind outstanding     such a frame outstanding
     the reply                    ANSWERED                             STALE
@@ -12,16 +12,16 @@ to an earlier request are told by their transaction number (Modbus TCP) or by th
     no frame of the protocol     MALFORMED                            MALFORMED
     nothing, or half a frame     SILENT                               SILENT
 
-What a verdict leaves behind (`CONSEQUENCES`): only ANSWERED ends the matter. After a failure both the reply and an
-exception may still arrive. Behind an exception the real reply may come: a busy device or a gateway answers later after
-all (DEFERRED), and a second copy of an older exception looks like this one. So the reply stays outstanding, and a lag
-by one reply cannot begin. A final exception of the device proves that it is past its older requests.
+The consequences of a verdict (`CONSEQUENCES`): only after ANSWERED nothing is outstanding. After a failure both the
+reply and an exception may still arrive. After an exception the real reply may come: a busy device or a gateway may
+answer later (DEFERRED), and a second copy of an older exception looks like this one. So the reply stays outstanding,
+and a lag by one reply cannot begin. A final exception of the device proves that it is past its older requests.
 
 The states of the connection (`TRANSITIONS`):
 
     READY         a request may go out
     WAITING       a request is out
-    SUSPECT       bytes may be on their way that nobody waits for: silence must come first (RTU only)
+    SUSPECT       bytes of an earlier request may be on their way: silence must come first (RTU only)
     OUT_OF_STEP   a frame was left unfinished in a stream: only a new connection helps (TCP only)
 """
 
@@ -35,7 +35,7 @@ FINAL_CODES = frozenset((1, 2, 3, 4, 7, 8))
 
 
 class Verdict(Enum):
-    """What arrived for a request."""
+    """The verdict on what arrived for a request; see the head of this file."""
 
     ANSWERED = auto()
     REFUSED = auto()
@@ -48,8 +48,8 @@ class Verdict(Enum):
     SILENT = auto()
 
 
-class State(Enum):
-    """Whether a request may go out."""
+class ConnectionState(Enum):
+    """The state of the connection: whether a request may go out."""
 
     READY = auto()
     WAITING = auto()
@@ -57,8 +57,8 @@ class State(Enum):
     OUT_OF_STEP = auto()
 
 
-class Event(Enum):
-    """What changes the state."""
+class ConnectionEvent(Enum):
+    """An event that changes the state of the connection."""
 
     SENT = auto()
     DONE = auto()
@@ -69,12 +69,12 @@ class Event(Enum):
 
 
 class Consequence(NamedTuple):
-    """`proves`: the unit is past its older requests. What may still arrive of this one. `event`: of the state."""
+    """`proves`: the unit is past its older requests. `..._remains`: it may still arrive. `event` changes the state."""
 
     proves: bool
     reply_remains: bool
     exception_remains: bool
-    event: Event
+    event: ConnectionEvent
 
 
 VERDICTS = {
@@ -85,13 +85,17 @@ VERDICTS = {
     (Verdict.DEFERRED, False): Verdict.DEFERRED,
     (Verdict.DEFERRED, True): Verdict.STALE,
 }
-"""By what arrived, and whether such a frame is outstanding; every other arrival is its own verdict."""
+"""The verdict by what arrived and whether such a frame is outstanding; every other arrival is its own verdict."""
 
-_FAILED = Consequence(proves=False, reply_remains=True, exception_remains=True, event=Event.FAILED)
+_FAILED = Consequence(proves=False, reply_remains=True, exception_remains=True, event=ConnectionEvent.FAILED)
 CONSEQUENCES = {
-    Verdict.ANSWERED: Consequence(proves=True, reply_remains=False, exception_remains=False, event=Event.DONE),
-    Verdict.REFUSED: Consequence(proves=True, reply_remains=True, exception_remains=False, event=Event.DONE),
-    Verdict.DEFERRED: Consequence(proves=False, reply_remains=True, exception_remains=False, event=Event.DONE),
+    Verdict.ANSWERED: Consequence(
+        proves=True, reply_remains=False, exception_remains=False, event=ConnectionEvent.DONE
+    ),
+    Verdict.REFUSED: Consequence(proves=True, reply_remains=True, exception_remains=False, event=ConnectionEvent.DONE),
+    Verdict.DEFERRED: Consequence(
+        proves=False, reply_remains=True, exception_remains=False, event=ConnectionEvent.DONE
+    ),
     Verdict.STALE: _FAILED,
     Verdict.FOREIGN: _FAILED,
     Verdict.WRONG_SIZE: _FAILED,
@@ -101,22 +105,22 @@ CONSEQUENCES = {
 }
 
 TRANSITIONS = {
-    (State.READY, Event.SENT): State.WAITING,
-    (State.WAITING, Event.DONE): State.READY,
-    (State.WAITING, Event.FAILED): State.SUSPECT,
-    (State.READY, Event.FAILED): State.SUSPECT,
-    (State.READY, Event.STRAY): State.SUSPECT,
-    (State.SUSPECT, Event.STRAY): State.SUSPECT,
-    (State.SUSPECT, Event.FAILED): State.SUSPECT,
-    (State.SUSPECT, Event.SILENCE): State.READY,
-    (State.READY, Event.SILENCE): State.READY,
-    **{(state, Event.NEW_CONNECTION): State.SUSPECT for state in State},
+    (ConnectionState.READY, ConnectionEvent.SENT): ConnectionState.WAITING,
+    (ConnectionState.WAITING, ConnectionEvent.DONE): ConnectionState.READY,
+    (ConnectionState.WAITING, ConnectionEvent.FAILED): ConnectionState.SUSPECT,
+    (ConnectionState.READY, ConnectionEvent.FAILED): ConnectionState.SUSPECT,
+    (ConnectionState.READY, ConnectionEvent.STRAY): ConnectionState.SUSPECT,
+    (ConnectionState.SUSPECT, ConnectionEvent.STRAY): ConnectionState.SUSPECT,
+    (ConnectionState.SUSPECT, ConnectionEvent.FAILED): ConnectionState.SUSPECT,
+    (ConnectionState.SUSPECT, ConnectionEvent.SILENCE): ConnectionState.READY,
+    (ConnectionState.READY, ConnectionEvent.SILENCE): ConnectionState.READY,
+    **{(state, ConnectionEvent.NEW_CONNECTION): ConnectionState.SUSPECT for state in ConnectionState},
 }
-"""Of RTU; in a numbered stream SUSPECT is READY, or OUT_OF_STEP where a frame was left unfinished."""
+"""The next state on RTU. In a numbered stream SUSPECT is READY, or OUT_OF_STEP where a frame was left unfinished."""
 
 
 class Outcome(NamedTuple):
-    """A verdict; the payload of a reply, the code of an exception, or the bytes that prove the reply wrong."""
+    """A verdict, with the payload of a reply, the code of an exception, or the bytes of a wrong reply."""
 
     verdict: Verdict
     data: bytes = b""

@@ -14,15 +14,15 @@ from pathlib import Path
 from typing import NamedTuple
 
 from smadrive.clock import Clock
-from smadrive.devices.any_device import AnyDevice
 from smadrive.devices.device import Device
-from smadrive.devices.guardian.client import Guard
+from smadrive.devices.guardian.client import GuardianClient
 from smadrive.devices.guardian.task import GuardedDevice, Task
 from smadrive.devices.heater import Heater
 from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits, HeatSource
 from smadrive.devices.heating.supply import BenchSupply
-from smadrive.devices.heating.tclab import TCLab, TCLabBoard
+from smadrive.devices.heating.tclab import TCLab
+from smadrive.devices.heating.tclab_board import TCLabBoard
 from smadrive.devices.profile.profile import Profile, load_profile
 from smadrive.devices.sensor import PolledSensor
 from smadrive.devices.state.key import DeviceKey, key_at
@@ -43,9 +43,9 @@ class RigDevices(NamedTuple):
     """
 
     heater: Heater
-    by_name: Mapping[str, AnyDevice]
+    by_name: Mapping[str, Device | TCLabBoard]
     clock: Clock
-    source: AnyDevice
+    source: Device | TCLabBoard
     port_key: DeviceKey | None
 
     def key(self) -> DeviceKey | None:
@@ -74,8 +74,8 @@ def open_devices(
     connections = Connections(stack, trace_folder)
     guard = None
     if not (simulated or _source_type(profiles[roles.heater.name]).has_watchdog):
-        guard = Guard(_guardian_task(roles.heater, config.limits), connections.lose)
-        connections.lease = guard.hold
+        guard = GuardianClient(_guardian_task(roles.heater, config.limits), connections.disconnect)
+        connections.port_access = guard.heartbeat
     for url in {device.url for device in config.devices if not device.url.startswith(SIMULATED)}:
         _check_line(url, [device for device in config.devices if device.url == url], profiles)
     devices = {

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from smadrive.clock import VirtualClock
 from smadrive.devices.device import Device
-from smadrive.devices.heating.tclab import TCLabBoard
+from smadrive.devices.heating.tclab_board import TCLabBoard
 from smadrive.devices.profile.profile import Profile, load_profile
 from smadrive.devices.retry import PAUSES_S
 from smadrive.devices.state.key import key_at
@@ -35,11 +35,11 @@ PATIENCE = 1.5
 class Connections:
     """One client per address, and one text line; a trace of each is named after the first device there.
 
-    `stack` closes what is opened. A `lease` that is set before that is asked at every use of a connection. The line of
+    `stack` closes what is opened. A `port_access` set before that is asked at every use of a connection. The line of
     a serial port, or of a device that heats, is locked; `insists`: one that cannot be locked is used all the same.
     """
 
-    lease: PortAccess | None = None
+    port_access: PortAccess | None = None
 
     def __init__(self, stack: ExitStack, trace_folder: Path | None, *, insists: bool = False) -> None:
         self._stack = stack
@@ -68,10 +68,10 @@ class Connections:
         lines = lines_of(key_at(device.url, profile, device.unit_id))
         return [self._locks[line] for line in lines if line in self._locks]
 
-    def lose(self) -> None:
+    def disconnect(self) -> None:
         """Let every connection go; the next request on it opens it again."""
         for transport in self._connected:
-            transport.lose()
+            transport.disconnect()
 
     def check_patience(self, watchdog_s: float) -> None:
         """ConfigError when a guardian could take a driver for dead that waits for a reply, or between two tries."""
@@ -110,7 +110,7 @@ class Connections:
         return self._opened(given or self._connect(device, profile))
 
     def _connect(self, device: DeviceConfig, profile: Profile) -> Transport:
-        transport = open_transport(device.url, profile.serial_settings(), lease=self.lease)
+        transport = open_transport(device.url, profile.serial_settings(), port_access=self.port_access)
         self._connected.append(transport)
         wait_s = profile.timing.response_timeout_ms / 1e3 + transport.latency_s
         self._longest_wait_s = max(self._longest_wait_s, wait_s)

@@ -30,8 +30,8 @@ from firmware_sim.fault_script import FaultScript
 from smadrive.clock import VirtualClock
 from smadrive.errors import SmadriveError, TransportError
 from smadrive.modbus import requests
-from smadrive.modbus.bus import BusTiming
-from smadrive.modbus.client import NEVER_SILENT_S, PROBES, ModbusClient
+from smadrive.modbus.bus import NEVER_SILENT_S, BusTiming
+from smadrive.modbus.client import PROBES, ModbusClient
 from smadrive.modbus.transports.connect import open_transport
 from smadrive.modbus.transports.in_process import InProcessTransport
 from smadrive.modbus.transports.transport import SerialSettings

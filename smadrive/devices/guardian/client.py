@@ -1,4 +1,9 @@
-"""The driver's end of the guardian: starts it, keeps it informed, gives way to it when it has taken over."""
+"""The driver's end of the guardian: starts it, sends it heartbeats, frees the ports when it has taken over.
+
+STANDING_BY    the guardian does not watch: nothing heats, or the source is confirmed off
+WATCHED        the guardian watches: the driver heats and sends heartbeats
+TAKEN_OVER     the driver was silent for too long: the guardian uses the ports
+"""
 
 from __future__ import annotations
 
@@ -10,11 +15,12 @@ import time
 from collections.abc import Callable, Iterable
 from contextlib import suppress
 from dataclasses import replace
+from enum import Enum, auto
 from types import TracebackType
 from typing import IO, Self
 
 from smadrive.devices.guardian.duty import relieve
-from smadrive.devices.guardian.task import BEAT, FREE, GIVES_WAY, READY, REST, TAKEN, WATCH, SharedLock, Task
+from smadrive.devices.guardian.task import FREE, GIVES_WAY, HEARTBEAT, READY, STAND_DOWN, TAKEN, WATCH, SharedLock, Task
 from smadrive.devices.identity import Identity
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import key_at
@@ -25,25 +31,33 @@ STARTS_WITHIN_S = 20.0
 ENDS_WITHIN_S = 5.0
 FREES_WITHIN_S = 5.0
 PATIENCE = 2.0
-"""So many times its own patience with the driver is the driver's with it."""
+"""The driver waits for an answer of the guardian so many times as long as the guardian waits for the driver."""
 MANY = 4096
-GONE = "the guardian is gone or stands still: heating without it is refused"
+COMMAND = (sys.executable, "-P", "-m", "smadrive.devices.guardian.process")
+"""-P: no file of the present folder runs instead."""
 
 
-class Guard:
+class WatchState(Enum):
+    """The state of the guardian as the driver knows it; see the head of this file."""
+
+    STANDING_BY = auto()
+    WATCHED = auto()
+    TAKEN_OVER = auto()
+
+
+class GuardianClient:
     """A guardian process for `task`, a context manager: leaving it ends the guardian, unless heat may still flow.
 
-    `give_way` lets all connections of the driver go: some devices have room for one only, and it may be the guardian's.
+    `give_way` closes all connections of the driver: some devices accept one only, and the guardian may need it.
     """
 
     def __init__(self, task: Task, give_way: Callable[[], None]) -> None:
         self._task = task
         self._give_way = give_way
         self._locks: list[LineLock] = []
-        self._watching = False
-        self._taken = False
+        self._state = WatchState.STANDING_BY
         self._gone = False
-        self._heard_s = 0.0
+        self._answered_s = 0.0
 
     def share(self, locks: Iterable[LineLock]) -> None:
         """Let the guardian inherit the locks of the line, before it is started."""
@@ -52,23 +66,18 @@ class Guard:
     def __enter__(self) -> Self:
         """Start the guardian, which comes up while the driver connects."""
         self._process = subprocess.Popen(
-            [
-                sys.executable,
-                "-P",
-                "-m",
-                "smadrive.devices.guardian.process",
-            ],  # -P: no file of the present folder runs instead
+            COMMAND,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
-            start_new_session=True,  # Ctrl-C is the driver's
+            start_new_session=True,  # Ctrl-C is for the driver
             pass_fds=[lock.descriptor for lock in self._locks],
         )
         self._to, self._from = _piped(self._process.stdin), _piped(self._process.stdout)
         return self
 
-    def brief(self, identity: Identity) -> None:
-        """Tell the guardian which device it guards, which is confirmed off now, and wait until it is ready.
+    def configure(self, identity: Identity) -> None:
+        """Send the guardian its task, with the identity of the device, which is confirmed off; wait until it is ready.
 
         Guardians of earlier runs that wait for this very device end. SafetyError when the guardian does not come up.
         """
@@ -76,14 +85,15 @@ class Guard:
         profile = load_profile(device.profile)
         relieve(key_at(device.url, profile, device.unit_id).with_identity(profile, identity))
         shared = tuple(SharedLock(lock.line, lock.descriptor) for lock in self._locks)
-        with suppress(OSError):  # told below
+        with suppress(OSError):  # then READY does not come either
             self._to.write(replace(self._task, device=device, locks=shared).to_json())
         ready, _, _ = select.select((self._from,), (), (), STARTS_WITHIN_S)
         if not ready or self._from.read(1) != READY:
             self._process.kill()
             raise SafetyError(
-                "the guardian did not start: heating a source without a watchdog is refused without it; is smadrive "
-                "installed, or on PYTHONPATH?"
+                "did not start, and without it a source without a watchdog must not heat",
+                where="guardian",
+                cure="install smadrive, or set PYTHONPATH to it",
             )
         os.set_blocking(self._to.fileno(), False)
         os.set_blocking(self._from.fileno(), False)
@@ -94,7 +104,7 @@ class Guard:
         """Close the pipes: the guardian ends, at once when the source is confirmed off."""
         self._to.close()
         self._from.close()
-        if self._watching:
+        if self._state is not WatchState.STANDING_BY:
             return
         try:
             self._process.wait(ENDS_WITHIN_S)
@@ -102,76 +112,80 @@ class Guard:
             self._end()
 
     def watch(self) -> None:
-        """Heating begins; SafetyError when nobody is there to watch."""
-        self._from.read(MANY)  # of the last watch
-        self._heard_s = time.monotonic()
-        if not self._told(WATCH):
-            raise SafetyError(GONE)
-        self._watching = True
+        """Tell the guardian that heating begins; SafetyError when it is gone."""
+        self._from.read(MANY)  # answers of the last watch
+        self._answered_s = time.monotonic()
+        if not self._send(WATCH):
+            raise _gone()
+        if self._state is WatchState.STANDING_BY:  # a take-over ends by `take_back` alone
+            self._state = WatchState.WATCHED
 
-    def hold(self) -> None:
-        """The driver lives and is about to use a port, or has just used it.
-
-        TakenOverError when the guardian has the ports.
-        """
-        if self._watching:
-            heard = self._from.read(MANY)  # None: nothing new, empty: nobody there
-            self._gone = heard == b""
-            if TAKEN in (heard or b""):
-                self._taken = True
-                self._give_way()
-                self._told(GIVES_WAY)
-            if self._taken:
-                raise TakenOverError(
-                    f"the driver stood still for more than {self._task.timeout_s:g} s and the guardian has taken over"
-                )
-            if heard:
-                self._heard_s = time.monotonic()
-            self._told(BEAT)
+    def heartbeat(self) -> None:
+        """Send a heartbeat, before and after every use of a port; TakenOverError when the guardian has the ports."""
+        if self._state is WatchState.STANDING_BY:
+            return
+        answer = self._from.read(MANY)  # None: nothing new, empty: the guardian is gone
+        self._gone = answer == b""
+        if TAKEN in (answer or b""):
+            self._state = WatchState.TAKEN_OVER
+            self._give_way()
+            self._send(GIVES_WAY)
+        if self._state is WatchState.TAKEN_OVER:
+            raise TakenOverError(
+                "the guardian has taken over, because the driver stood still", limit=f"{self._task.timeout_s:g} s"
+            )
+        if answer:
+            self._answered_s = time.monotonic()
+        self._send(HEARTBEAT)
 
     def check(self) -> None:
-        """The driver is about to command: SafetyError when the guardian does not answer any more; as of `hold`."""
-        self.hold()
-        if self._watching and (self._gone or time.monotonic() - self._heard_s > PATIENCE * self._task.timeout_s):
-            raise SafetyError(GONE)
+        """Send a heartbeat before a command; SafetyError when the guardian does not answer any more."""
+        self.heartbeat()
+        silent_s = time.monotonic() - self._answered_s
+        if self._state is WatchState.WATCHED and (self._gone or silent_s > PATIENCE * self._task.timeout_s):
+            raise _gone()
 
     def take_back(self) -> None:
-        """Where the guardian has taken over, let it end its work, and have the ports again.
+        """After a take-over, let the guardian end its work, and have the ports again.
 
         SafetyError when it does not come to an end; it goes on then.
         """
-        if self._taken:
-            if not self._freed():
+        if self._state is WatchState.TAKEN_OVER:
+            if not self._is_freed():
                 raise SafetyError("the guardian has taken over, and could not confirm yet that the heater is off")
-            self._taken = self._watching = False
+            self._state = WatchState.STANDING_BY
 
-    def rest(self) -> None:
-        """The driver has confirmed the source off; should the guardian come in this moment, it is awaited."""
-        if self._watching:
-            self._watching = self._taken = False
-            if not self._freed():
-                self._end()  # it stands still, and would wake up beside another program at the ports
+    def stand_down(self) -> None:
+        """End the watch after the driver has confirmed the source off; a guardian that takes over now is awaited."""
+        if self._state is not WatchState.STANDING_BY:
+            self._state = WatchState.STANDING_BY
+            if not self._is_freed():
+                self._end()  # it stands still: when it wakes it would use the ports beside another program
 
     def _end(self) -> None:
         self._process.kill()
         self._process.wait()
 
-    def _freed(self) -> bool:
-        """Ask the guardian for the ports and await them; one that is gone has left them."""
+    def _is_freed(self) -> bool:
+        """Ask the guardian for the ports and wait for them; a guardian that is gone has left them."""
         give_up_s = time.monotonic() + FREES_WITHIN_S
-        self._told(REST)
+        self._send(STAND_DOWN)
         while (left_s := give_up_s - time.monotonic()) > 0:
             select.select((self._from,), (), (), left_s)
-            heard = self._from.read(MANY)
-            if heard == b"" or FREE in (heard or b""):
+            answer = self._from.read(MANY)
+            if answer == b"" or FREE in (answer or b""):
                 return True
         return False
 
-    def _told(self, what: bytes) -> bool:
-        """Whether it could be told: it may be gone, or stand still."""
+    def _send(self, signal: bytes) -> bool:
+        """Whether the signal could be written; the guardian may be gone, or stand still."""
         with suppress(OSError):
-            return bool(self._to.write(what))
+            return bool(self._to.write(signal))
         return False
+
+
+def _gone() -> SafetyError:
+    return SafetyError("is gone or stands still, and without it the source must not heat", where="guardian")
 
 
 def _piped(end: IO[bytes] | None) -> IO[bytes]:

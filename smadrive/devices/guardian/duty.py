@@ -1,8 +1,8 @@
-"""The duty of a guardian, as a file: which device it guards, and whether it still waits for it.
+"""The duty of a guardian, as a file: the device that it guards, and whether it still waits for it.
 
-The file is locked (flock) by the guardian as long as it lives, so that a device has one guardian. `smadrive probe` and
-`off` show whose guardian waits. A new driver, or `off`, that has confirmed the same device off relieves the guardian by
-a file beside it; the guardian then ends without using a port.
+The guardian locks the file (flock) as long as it lives, so that a device has one guardian. `smadrive probe` and `off`
+show the guardians that wait. A new driver, or `off`, that has confirmed the same device off relieves the guardian by a
+second file; the guardian then ends without using a port.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from smadrive.errors import DataError
 from smadrive.files.kinds import check_regular
 
 FREE_WITHIN_S = 5.0
-"""A relieved guardian has ended after this time."""
+"""Longest time until a relieved guardian has ended."""
 LOOK_AGAIN_S = 0.05
 
 
 class Duty(BaseModel):
-    """What the file says. `waiting` is what keeps the guardian from its device; None: its driver still lives."""
+    """The content of the file. `waiting`: the reason why the guardian waits; None: its driver still lives."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -42,7 +42,7 @@ class Duty(BaseModel):
 
     @property
     def key(self) -> DeviceKey:
-        """That of the guarded device."""
+        """The key of the guarded device."""
         return DeviceKey(self.names, self.unit_id, self.serial_number)
 
     def __str__(self) -> str:
@@ -69,7 +69,7 @@ class HeldDuty:
 
     @classmethod
     def take(cls, device: str, key: DeviceKey) -> Self | None:
-        """The duty; None: another guardian keeps it, though relieved ones were awaited."""
+        """The duty; None: another guardian still has it after `FREE_WITHIN_S`."""
         give_up_s = time.monotonic() + FREE_WITHIN_S
         while (descriptor := _locked(_file(key))) is None:
             if time.monotonic() >= give_up_s:
@@ -79,14 +79,14 @@ class HeldDuty:
 
     @property
     def relieved(self) -> bool:
-        """Whether a new driver or `off` has confirmed the device off since this guardian waits."""
+        """Whether a new driver or `off` has confirmed the device off since this guardian began to wait."""
         try:
             return self._duty.waiting is not None and _relief(self._file).exists()
         except OSError:  # the state folder cannot be read
             return False
 
     def wait(self, problem: str) -> None:
-        """The driver has ended; `problem` keeps the guardian from its device."""
+        """Note that the driver has ended and the guardian waits, with `problem` as the reason."""
         if self._duty.waiting is None:
             with suppress(OSError):
                 _relief(self._file).unlink(missing_ok=True)
@@ -118,7 +118,7 @@ def waiting_duties() -> list[Duty]:
 
 
 def relieve(key: DeviceKey) -> None:
-    """The device with this key has been confirmed off: the guardians that wait for it end.
+    """End the guardians that wait for the device with this key, which has been confirmed off.
 
     SafetyError when the state folder cannot be read.
     """

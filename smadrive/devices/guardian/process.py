@@ -1,32 +1,32 @@
 """The guardian: a process that outlives the driver and switches the heat source off when the driver no longer can.
 
-A bench supply without a watchdog heats on when its driver is killed, stands still or crashes. So the driver starts this
-process beside itself and writes it a byte at every use of a port, through a pipe:
+A bench supply without a watchdog keeps heating when its driver is killed, stands still or crashes. So the driver starts
+this process, and writes a byte to it at every use of a port, through a pipe:
 
-    w   watch: heating begins        b   a beat: the driver lives        r   rest: the driver needs no guardian now
-    g   gives way: the driver has heard that it is taken over, and has let its connections go
+    w   watch: heating begins        b   heartbeat: the driver lives       r   stand down: no guardian is needed now
+    g   gives way: the driver has read that it is taken over, and has closed its connections
 
-Every byte is echoed, so that the driver knows that the guardian lives too. While it watches, no byte for `timeout_s`,
-or the end of the pipe, means that the driver is gone: the guardian opens the port itself and writes the safe state
-until the device has confirmed it; takeover.py has the states of that. Two clients on one line would take each other's
-replies for their own: a driver that only stood still finds `t` (taken over) in the other pipe when it wakes, before it
-uses a port. It lets its connections go and says `g`, then `r`, and waits; the guardian looks once more, in case one
-last command slipped through. Every `r` is answered by `f` (free): the ports are the driver's, and the guardian is ready
-to watch again.
+Every byte is echoed, so that the driver knows that the guardian lives too. While the guardian watches, a silence of
+`timeout_s` or the end of the pipe means that the driver is dead or stands still. Then the guardian opens the port
+itself and writes the safe state until the device has confirmed it (states.py has the table). Two clients on one line
+would take each other's replies for their own. A driver that only stood still finds `t` (taken over) in the other pipe
+when it wakes, before it uses a port. It closes its connections, sends `g`, then `r`, and waits. The guardian confirms
+once more, in case one last command went out. Every `r` is answered by `f` (free): the driver may use the ports, and the
+guardian is ready to watch again.
 
-A serial port can be opened beside a driver that stands still, whose lock of the line the guardian shares (lock.py). A
-device or gateway behind a socket may have room for one client only, and that is the driver as long as it lives. Where
-the guardian fails there, it waits `timeout_s` more: a driver that wakes gives way in that time, also where its guardian
-stood still with it (a wait so interrupted goes on for what was left of it). One that says nothing is ended (SIGKILL),
-whatever else lives in its process, and the guardian takes the freed socket. A device that is unplugged looks the same
-from here, and the driver is ended in vain; but were it spared, it would still hold the way in when the plug is back.
-Only the parent is ended, and only while it is that: the guardian of a driver that has ended is another's child, and the
-driver's number may be a stranger's.
+A serial port can be opened beside a driver that stands still; the guardian shares that driver's lock of the line
+(lock.py). A device or gateway behind a socket may accept one client only, and that is the driver as long as it lives.
+If the guardian fails there, it waits `timeout_s` more. A driver that wakes gives way in that time, also where its
+guardian stood still with it (an interrupted wait goes on for the rest of its time). A silent driver is killed
+(SIGKILL), with everything else in its process, and the guardian takes the free socket. An unplugged device looks the
+same from here, and the driver is killed in vain; otherwise it would still hold the connection when the device is
+plugged in again. Only the parent process is killed, and only while it is the parent: after the end of the driver its
+process id may belong to another program.
 
-When the driver has ended and the device cannot be reached, the guardian waits for it without end, at the ports that
-search.py names. It tells what remains to be done, and leaves the line to every other program. It ends when the device
-has confirmed, when another driver or `smadrive off` has confirmed the same device off (duty.py), or when its
-pseudo-terminal has ended.
+When the driver has ended and the device cannot be reached, the guardian waits for it without limit, at the ports that
+search.py names. It prints what the user has to do, and leaves the line to every other program between attempts. It ends
+when the device has confirmed, when another driver or `smadrive off` has confirmed the same device off (duty.py), or
+when its pseudo-terminal has ended.
 
     python -m smadrive.devices.guardian.process        its task, a JSON object, is the first line of standard input
 """
@@ -41,27 +41,32 @@ import threading
 import time
 
 from smadrive.devices.guardian.duty import HeldDuty
-from smadrive.devices.guardian.search import Search
-from smadrive.devices.guardian.states import Action, Heard, Outcome, State, run
-from smadrive.devices.guardian.switch import Access, Result, Switch
-from smadrive.devices.guardian.task import BEAT, ECHO, FREE, GIVES_WAY, READY, REST, TAKEN, WATCH, Task
+from smadrive.devices.guardian.search import PortSearch
+from smadrive.devices.guardian.states import Action, AttemptOutcome, DriverSignal, GuardianState, run
+from smadrive.devices.guardian.switch import AttemptResult, LineAccess, OffSwitch
+from smadrive.devices.guardian.task import ECHO, FREE, GIVES_WAY, HEARTBEAT, READY, STAND_DOWN, TAKEN, WATCH, Task
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import key_at
 from smadrive.devices.state.lock import Role
 
 DRIVER_FD, TERMINAL_FD = 1, 2
-HEARD = {WATCH: Heard.BEAT, BEAT: Heard.BEAT, REST: Heard.REST, GIVES_WAY: Heard.GIVES_WAY}
+SIGNALS = {
+    WATCH: DriverSignal.HEARTBEAT,
+    HEARTBEAT: DriverSignal.HEARTBEAT,
+    STAND_DOWN: DriverSignal.STAND_DOWN,
+    GIVES_WAY: DriverSignal.GIVES_WAY,
+}
 ANSWERS = {Action.ECHO: ECHO, Action.FREE: FREE, Action.TAKE: TAKEN}
 
 TERMINAL_WITHIN_S = 0.2
 REMIND_S = 600.0
-"""A guardian that waits for its device says so again after this time."""
+"""A guardian that waits for its device prints its message again after this time."""
 
 
-class Driver:
-    """The parent process: what it says through a pipe, without waiting longer than told, and its end.
+class DriverProcess:
+    """The parent process: its signals through a pipe, and its end.
 
-    To be made before READY is told: the driver, which waits for that, is certainly the parent then.
+    Make it before READY is sent: the driver waits for READY, so the parent is certainly the driver until then.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -70,56 +75,58 @@ class Driver:
         self.ended = False
 
     def read_line(self) -> bytes:
-        """The first line, byte by byte: what follows it belongs to the watch."""
+        """The first line, read byte by byte: the bytes behind it are signals."""
         line = b""
         while not line.endswith(b"\n") and (byte := os.read(self._descriptor, 1)):
             line += byte
         return line
 
-    def listen(self, within_s: float) -> Heard:
-        """The last thing that the driver says within this time; once it has ended, silence."""
+    def listen(self, within_s: float) -> DriverSignal:
+        """The last signal of the driver within this time; after its end, SILENCE after this time."""
         if self.ended:
             time.sleep(within_s)
-            return Heard.SILENCE
+            return DriverSignal.SILENCE
         ready, _, _ = select.select((self._descriptor,), (), (), within_s)
         if not ready:
-            return Heard.SILENCE
+            return DriverSignal.SILENCE
         data = os.read(self._descriptor, 4096)
         self.ended = not data
-        return HEARD.get(data[-1:], Heard.BEAT) if data else Heard.CLOSED
+        return SIGNALS.get(data[-1:], DriverSignal.HEARTBEAT) if data else DriverSignal.CLOSED
 
     def end(self) -> None:
-        """End the process, if it is still the parent."""
+        """Kill the process, if it is still the parent."""
         if os.getppid() == self.pid:
-            _say(f"the driver gives no sign of life and may hold the only connection: ending it (process {self.pid})")
+            _print(f"the driver gives no sign of life and may hold the only connection: ending it (process {self.pid})")
             with contextlib.suppress(OSError):
                 os.kill(self.pid, signal.SIGKILL)
 
 
 class Guardian:
-    """What the table of states asks for, done: attempts, answers to the driver, and what the terminal shows."""
+    """Carries out the table of states: attempts, answers to the driver, messages to the terminal."""
 
-    def __init__(self, driver: Driver, switch: Switch, access: Access, duty: HeldDuty, timeout_s: float) -> None:
+    def __init__(
+        self, driver: DriverProcess, switch: OffSwitch, access: LineAccess, duty: HeldDuty, timeout_s: float
+    ) -> None:
         self._driver = driver
         self._switch = switch
         self._access = access
         self._duty = duty
         self._timeout_s = timeout_s
-        self._last: Outcome | None = None
-        self._said_s = 0.0
+        self._last: AttemptOutcome | None = None
+        self._printed_s = 0.0
 
-    def attempt(self, state: State) -> Outcome:
+    def attempt(self, state: GuardianState) -> AttemptOutcome:
         """Try to switch the device off; see run."""
-        waits = state is State.WAITING_FOR_DEVICE
+        waits = state is GuardianState.WAITING_FOR_DEVICE
         if waits and self._duty.relieved:
-            _say("another driver, or `smadrive off`, has confirmed the heater off: this guardian ends")
-            return Outcome.RELIEVED
+            _print("another driver, or `smadrive off`, has confirmed the heater off: this guardian ends")
+            return AttemptOutcome.RELIEVED
         result = self._switch.off(alone=waits)
         if waits:
-            self._access.share_no_more()
-        if waits and result.outcome is not Outcome.CONFIRMED:
+            self._access.release_shared()
+        if waits and result.outcome is not AttemptOutcome.CONFIRMED:
             self._duty.wait(result.text)
-        self._tell(result, waits=waits)
+        self._report(result, waits=waits)
         return result.outcome
 
     def act(self, action: Action) -> None:
@@ -132,38 +139,38 @@ class Guardian:
         if action is Action.FREE:
             self._access.hold_as(Role.DRIVER, self._driver.pid)
             self._last = None
-        _tell(ANSWERS[action])
+        _answer(ANSWERS[action])
 
-    def _tell(self, result: Result, *, waits: bool) -> None:
-        """What has changed since the last attempt; while it waits, again from time to time."""
+    def _report(self, result: AttemptResult, *, waits: bool) -> None:
+        """Print what has changed since the last attempt; while it waits, again every `REMIND_S`."""
         if self._last is None:
             reason = "ended" if self._driver.ended else f"stood still for {self._timeout_s:g} s"
-            _say(f"the driver {reason} while heating: taking over")
-        reminds = waits and time.monotonic() - self._said_s > REMIND_S
+            _print(f"the driver {reason} while heating: taking over")
+        reminds = waits and time.monotonic() - self._printed_s > REMIND_S
         if result.outcome is not self._last or reminds:
-            _say(_news(result, waits=waits))
-            self._said_s = time.monotonic()
+            _print(_message(result, waits=waits))
+            self._printed_s = time.monotonic()
         self._last = result.outcome
 
 
-def _news(result: Result, *, waits: bool) -> str:
-    if result.outcome is Outcome.CONFIRMED:
+def _message(result: AttemptResult, *, waits: bool) -> str:
+    if result.outcome is AttemptOutcome.CONFIRMED:
         return result.text
-    if result.outcome is Outcome.GONE:
+    if result.outcome is AttemptOutcome.GONE:
         return f"the heater was NOT confirmed off ({result.text}): this guardian ends"
-    news = f"the heater is NOT confirmed off yet ({result.text}): cut its supply"
+    message = f"the heater is NOT confirmed off yet ({result.text}): cut its supply"
     if not waits:
-        return news
-    return f"{news}, or connect it again. This guardian waits for it; when it is cut for good, kill -9 {os.getpid()}"
+        return message
+    return f"{message}, or connect it again. This guardian waits for it; when it is cut for good, kill -9 {os.getpid()}"
 
 
-def _tell(what: bytes) -> None:
+def _answer(what: bytes) -> None:
     with contextlib.suppress(OSError):  # the driver is gone, or does not listen
         os.write(DRIVER_FD, what)
 
 
-def _say(text: str) -> None:
-    """To the terminal, which may be gone, or stalled: nobody waits for it for long."""
+def _print(text: str) -> None:
+    """Print to the terminal, and wait at most `TERMINAL_WITHIN_S`: it may be gone or stalled."""
     line = f"smadrive guardian: {text}\n".encode()
 
     def write() -> None:
@@ -175,19 +182,19 @@ def _say(text: str) -> None:
     writer.join(TERMINAL_WITHIN_S)
 
 
-def guard(task: Task, driver: Driver) -> None:
-    """Say that the guardian is ready, and guard until the work is done."""
+def guard(task: Task, driver: DriverProcess) -> None:
+    """Report READY to the driver, and guard until the work is done."""
     device, profile = task.device, load_profile(task.device.profile)
     key = key_at(device.url, profile, device.unit_id).with_identity(profile, device.identity)
     duty = HeldDuty.take(f"{device.profile} at {device.url}", key)
     if duty is None:
-        _say(f"another guardian of {device.profile} at {device.url} does not end: end it first")
+        _print(f"another guardian of {device.profile} at {device.url} does not end: end it first")
         return
     with duty:
-        access = Access(task.locks)
-        switch = Switch(device, profile, Search(device.url, key.names, time.monotonic), access)
+        access = LineAccess(task.locks)
+        switch = OffSwitch(device, profile, PortSearch(device.url, key.names, time.monotonic), access)
         guardian = Guardian(driver, switch, access, duty, task.timeout_s)
-        _tell(READY)
+        _answer(READY)
         run(driver.listen, guardian.attempt, guardian.act, task.timeout_s)
 
 
@@ -196,8 +203,8 @@ def main() -> None:
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
         signal.signal(number, signal.SIG_IGN)  # it ends when the driver does
     os.set_blocking(DRIVER_FD, False)
-    driver = Driver(0)
-    if line := driver.read_line():  # else the driver ended before it knew whom to guard
+    driver = DriverProcess(0)
+    if line := driver.read_line():  # else the driver ended before it sent a task
         guard(Task.from_json(line), driver)
 
 

@@ -1,6 +1,6 @@
-"""Where a guardian looks for its device: under every name of its port that stays, never at a port of another adapter.
+"""The ports at which a guardian looks for its device: each permanent name of its port, never another adapter's port.
 
-A port that has proved several times to hold another device is left alone for a while: it belongs to somebody else.
+A port at which another device has answered several times is left alone for a while: another program may use it.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from smadrive.devices.state.key import TERMINALS, port_names
 from smadrive.modbus.transports.connect import port_of
 
 AGREEING = 3
-"""One identity can be a late reply of the line: so many in a row prove another device."""
+"""Identities in a row that prove another device: a single one can be a late reply of the line."""
 ASK_AGAIN_S = 10.0
-"""A port that holds another device is asked again after this time."""
+"""A port with another device is tried again after this time."""
 
 
-class Search:
-    """The ports at which the device of `url`, once found at the port with these names, may be now."""
+class PortSearch:
+    """The ports at which a device may be now that was found at the port of `url`, with these names."""
 
     def __init__(self, url: str, names: frozenset[str], now_s: Callable[[], float]) -> None:
         self._url = url
@@ -37,13 +37,13 @@ class Search:
                 found.setdefault(_place(url), url)
         return [url for place, url in found.items() if not self._is_left_alone(place)]
 
-    def heard_another(self, url: str) -> None:
-        """Another device answered there."""
+    def note_other_device(self, url: str) -> None:
+        """Note that another device answered there."""
         count, _ = self._foreign.get(place := _place(url), (0, 0.0))
         self._foreign[place] = count + 1, self._now_s() + ASK_AGAIN_S
 
-    def heard_none(self, url: str) -> None:
-        """No device proved anything there."""
+    def note_no_device(self, url: str) -> None:
+        """Note that no device proved its identity there."""
         self._foreign.pop(_place(url), None)
 
     @property
@@ -56,7 +56,7 @@ class Search:
         return not terminals & port_names(self._url)
 
     def _at(self, name: str) -> str:
-        """The URL of the same settings at a path among the names."""
+        """The URL with the same settings at a path among the names."""
         query = urlsplit(self._url).query
         return f"serial://{name}?{query}" if query else f"serial://{name}"
 
@@ -75,7 +75,7 @@ class Search:
 
 
 def _place(url: str) -> str:
-    """The port that a URL leads to now; a port that was plugged in anew is another place."""
+    """The port that a URL leads to now, with the time of its creation: a port that was plugged in anew differs."""
     port = port_of(url)
     if port.startswith("serial:"):
         with suppress(OSError):

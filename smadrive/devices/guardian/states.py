@@ -1,13 +1,13 @@
 """The states of a guardian, as a table without processes, ports or time.
 
     IDLE                 the driver lives, nothing heats
-    WATCHING             the driver heats; its silence means that it no longer can
+    WATCHING             the driver heats; after too long a silence the guardian takes over
     TAKING_OVER          the driver is silent; the heater is not confirmed off
     BARRED               the same behind a network, where the driver may hold the only connection
-    ENDING_DRIVER        a driver that holds the only connection has been ended; its end is awaited
-    WAITING_FOR_DRIVER   the heater is confirmed off, again and again: the driver may wake and send one last command
-    GIVEN_WAY            the driver woke and let its connections go
-    RELEASING            the driver waits for its ports: once more confirmed off, it gets them
+    ENDING_DRIVER        a driver that holds the only connection has been killed; the guardian waits for its end
+    WAITING_FOR_DRIVER   the heater is confirmed off repeatedly: the driver may wake and send one last command
+    GIVEN_WAY            the driver woke and closed its connections
+    RELEASING            the driver waits for its ports; it gets them after one more confirmation
     WAITING_FOR_DEVICE   the driver has ended; the heater is not confirmed off since then
     DONE                 the guardian ends
 
@@ -22,10 +22,11 @@ from enum import Enum, auto
 from typing import NamedTuple
 
 LOOK_AGAIN_S = 0.5
+"""Pause between two attempts."""
 
 
-class State(Enum):
-    """See the head of this file."""
+class GuardianState(Enum):
+    """A state of the guardian; see the head of this file."""
 
     IDLE = auto()
     WATCHING = auto()
@@ -39,18 +40,18 @@ class State(Enum):
     DONE = auto()
 
 
-class Heard(Enum):
-    """What the driver's pipe brings."""
+class DriverSignal(Enum):
+    """A signal of the driver through the pipe, or its silence, or the end of the pipe."""
 
-    BEAT = auto()
+    HEARTBEAT = auto()
     GIVES_WAY = auto()
-    REST = auto()
+    STAND_DOWN = auto()
     SILENCE = auto()
     CLOSED = auto()
 
 
-class Outcome(Enum):
-    """What an attempt to switch the heater off comes to."""
+class AttemptOutcome(Enum):
+    """The outcome of an attempt to switch the heater off."""
 
     CONFIRMED = auto()
     UNREACHABLE = auto()
@@ -65,107 +66,123 @@ class Outcome(Enum):
     """A pseudo-terminal that has ended: it never comes back."""
 
 
-Event = Heard | Outcome
+Event = DriverSignal | AttemptOutcome
 
 
 class Action(Enum):
-    """What the guardian does on its way into the next state."""
+    """An action of the guardian between two states."""
 
     ECHO = auto()
     FREE = auto()
-    """Tell the driver that it has its ports."""
+    """Tell the driver that the ports are free."""
     TAKE = auto()
     """Tell the driver that its ports are taken."""
     END_DRIVER = auto()
 
 
-class Step(NamedTuple):
-    """The next state, and what is done on the way."""
+class Transition(NamedTuple):
+    """The next state, and the action before it."""
 
-    state: State
+    state: GuardianState
     action: Action | None = None
 
 
 ATTEMPTS = frozenset(
-    {State.TAKING_OVER, State.WAITING_FOR_DRIVER, State.GIVEN_WAY, State.RELEASING, State.WAITING_FOR_DEVICE}
+    {
+        GuardianState.TAKING_OVER,
+        GuardianState.WAITING_FOR_DRIVER,
+        GuardianState.GIVEN_WAY,
+        GuardianState.RELEASING,
+        GuardianState.WAITING_FOR_DEVICE,
+    }
 )
-PATIENT = frozenset({State.IDLE, State.WATCHING, State.BARRED})
-"""In these a driver may be silent for `timeout_s`; in the others the guardian looks again soon."""
+PATIENT = frozenset({GuardianState.IDLE, GuardianState.WATCHING, GuardianState.BARRED})
+"""States in which the driver may be silent for `timeout_s`; in the others the guardian waits `LOOK_AGAIN_S`."""
 
-_TAKING_OVER, _WAITING = Step(State.TAKING_OVER), Step(State.WAITING_FOR_DEVICE)
-_DONE, _BARRED = Step(State.DONE), Step(State.BARRED)
+_TAKING_OVER, _WAITING = Transition(GuardianState.TAKING_OVER), Transition(GuardianState.WAITING_FOR_DEVICE)
+_DONE, _BARRED = Transition(GuardianState.DONE), Transition(GuardianState.BARRED)
 
-_WITH_A_SILENT_DRIVER: dict[Event, Step] = {
-    Heard.BEAT: _TAKING_OVER,
-    Heard.GIVES_WAY: Step(State.GIVEN_WAY),
-    Heard.REST: Step(State.RELEASING),
-    Heard.SILENCE: _TAKING_OVER,
-    Heard.CLOSED: _WAITING,
+_WITH_A_SILENT_DRIVER: dict[Event, Transition] = {
+    DriverSignal.HEARTBEAT: _TAKING_OVER,
+    DriverSignal.GIVES_WAY: Transition(GuardianState.GIVEN_WAY),
+    DriverSignal.STAND_DOWN: Transition(GuardianState.RELEASING),
+    DriverSignal.SILENCE: _TAKING_OVER,
+    DriverSignal.CLOSED: _WAITING,
 }
-_ATTEMPTED: dict[Event, Step] = {
-    **dict.fromkeys(Outcome, _TAKING_OVER),
-    Outcome.CONFIRMED: Step(State.WAITING_FOR_DRIVER),
-    Outcome.UNREACHABLE_REMOTE: _BARRED,
+_ATTEMPTED: dict[Event, Transition] = {
+    **dict.fromkeys(AttemptOutcome, _TAKING_OVER),
+    AttemptOutcome.CONFIRMED: Transition(GuardianState.WAITING_FOR_DRIVER),
+    AttemptOutcome.UNREACHABLE_REMOTE: _BARRED,
 }
 
 
-def _stays(state: State, *events: Event) -> dict[Event, Step]:
-    return {event: Step(state) for event in events}
+def _stays(state: GuardianState, *events: Event) -> dict[Event, Transition]:
+    return {event: Transition(state) for event in events}
 
 
-TABLE: dict[State, dict[Event, Step]] = {
-    State.IDLE: {
-        Heard.BEAT: Step(State.WATCHING, Action.ECHO),
-        Heard.GIVES_WAY: Step(State.IDLE, Action.ECHO),
-        Heard.REST: Step(State.IDLE, Action.FREE),
-        Heard.SILENCE: Step(State.IDLE),
-        Heard.CLOSED: _DONE,
+TABLE: dict[GuardianState, dict[Event, Transition]] = {
+    GuardianState.IDLE: {
+        DriverSignal.HEARTBEAT: Transition(GuardianState.WATCHING, Action.ECHO),
+        DriverSignal.GIVES_WAY: Transition(GuardianState.IDLE, Action.ECHO),
+        DriverSignal.STAND_DOWN: Transition(GuardianState.IDLE, Action.FREE),
+        DriverSignal.SILENCE: Transition(GuardianState.IDLE),
+        DriverSignal.CLOSED: _DONE,
     },
-    State.WATCHING: {
-        Heard.BEAT: Step(State.WATCHING, Action.ECHO),
-        Heard.GIVES_WAY: Step(State.IDLE, Action.ECHO),
-        Heard.REST: Step(State.IDLE, Action.FREE),
-        Heard.SILENCE: Step(State.TAKING_OVER, Action.TAKE),
-        Heard.CLOSED: _WAITING,
+    GuardianState.WATCHING: {
+        DriverSignal.HEARTBEAT: Transition(GuardianState.WATCHING, Action.ECHO),
+        DriverSignal.GIVES_WAY: Transition(GuardianState.IDLE, Action.ECHO),
+        DriverSignal.STAND_DOWN: Transition(GuardianState.IDLE, Action.FREE),
+        DriverSignal.SILENCE: Transition(GuardianState.TAKING_OVER, Action.TAKE),
+        DriverSignal.CLOSED: _WAITING,
     },
-    State.TAKING_OVER: _WITH_A_SILENT_DRIVER | _ATTEMPTED,
-    State.BARRED: _WITH_A_SILENT_DRIVER | {Heard.SILENCE: Step(State.ENDING_DRIVER, Action.END_DRIVER)},
-    State.ENDING_DRIVER: dict(_WITH_A_SILENT_DRIVER),
-    State.WAITING_FOR_DRIVER: _WITH_A_SILENT_DRIVER
+    GuardianState.TAKING_OVER: _WITH_A_SILENT_DRIVER | _ATTEMPTED,
+    GuardianState.BARRED: _WITH_A_SILENT_DRIVER
+    | {DriverSignal.SILENCE: Transition(GuardianState.ENDING_DRIVER, Action.END_DRIVER)},
+    GuardianState.ENDING_DRIVER: dict(_WITH_A_SILENT_DRIVER),
+    GuardianState.WAITING_FOR_DRIVER: _WITH_A_SILENT_DRIVER
     | _ATTEMPTED
-    | _stays(State.WAITING_FOR_DRIVER, Heard.BEAT, Heard.SILENCE),
-    State.GIVEN_WAY: _stays(State.GIVEN_WAY, Heard.BEAT, Heard.GIVES_WAY, Heard.SILENCE, *Outcome)
-    | {Heard.REST: Step(State.RELEASING), Heard.CLOSED: _WAITING},
-    State.RELEASING: _stays(State.RELEASING, Heard.BEAT, Heard.GIVES_WAY, Heard.REST, Heard.SILENCE, *Outcome)
-    | {Outcome.CONFIRMED: Step(State.IDLE, Action.FREE), Heard.CLOSED: _WAITING},
-    State.WAITING_FOR_DEVICE: _stays(State.WAITING_FOR_DEVICE, *Heard, *Outcome)
-    | {Outcome.CONFIRMED: _DONE, Outcome.RELIEVED: _DONE, Outcome.GONE: _DONE},
+    | _stays(GuardianState.WAITING_FOR_DRIVER, DriverSignal.HEARTBEAT, DriverSignal.SILENCE),
+    GuardianState.GIVEN_WAY: _stays(
+        GuardianState.GIVEN_WAY, DriverSignal.HEARTBEAT, DriverSignal.GIVES_WAY, DriverSignal.SILENCE, *AttemptOutcome
+    )
+    | {DriverSignal.STAND_DOWN: Transition(GuardianState.RELEASING), DriverSignal.CLOSED: _WAITING},
+    GuardianState.RELEASING: _stays(
+        GuardianState.RELEASING,
+        DriverSignal.HEARTBEAT,
+        DriverSignal.GIVES_WAY,
+        DriverSignal.STAND_DOWN,
+        DriverSignal.SILENCE,
+        *AttemptOutcome,
+    )
+    | {AttemptOutcome.CONFIRMED: Transition(GuardianState.IDLE, Action.FREE), DriverSignal.CLOSED: _WAITING},
+    GuardianState.WAITING_FOR_DEVICE: _stays(GuardianState.WAITING_FOR_DEVICE, *DriverSignal, *AttemptOutcome)
+    | {AttemptOutcome.CONFIRMED: _DONE, AttemptOutcome.RELIEVED: _DONE, AttemptOutcome.GONE: _DONE},
 }
 """By state and event: the next state and the action. The driver's pipe stays closed in WAITING_FOR_DEVICE."""
 
 
 def run(
-    listen: Callable[[float], Heard],
-    attempt: Callable[[State], Outcome],
+    listen: Callable[[float], DriverSignal],
+    attempt: Callable[[GuardianState], AttemptOutcome],
     act: Callable[[Action], None],
     timeout_s: float,
 ) -> None:
-    """Guard until the work is done.
+    """Run the table of states until DONE.
 
     `listen(within_s)` waits at most so long for the driver; once its pipe is closed it only waits. `attempt(state)`
-    tries to switch the heater off, `act` does what the table says. `timeout_s` of silence mean that a driver that heats
-    no longer can.
+    tries to switch the heater off, `act` carries an action out. A driver that heats counts as dead after a
+    silence of `timeout_s`.
     """
-    state = State.IDLE
+    state = GuardianState.IDLE
 
-    def take(event: Event) -> State:
+    def take(event: Event) -> GuardianState:
         step = TABLE[state][event]
         if step.action is not None:
             act(step.action)
         return step.state
 
-    while state is not State.DONE:
+    while state is not GuardianState.DONE:
         if state in ATTEMPTS:
             state = take(attempt(state))
-        if state is not State.DONE:
+        if state is not GuardianState.DONE:
             state = take(listen(timeout_s if state in PATIENT else LOOK_AGAIN_S))

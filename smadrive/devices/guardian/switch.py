@@ -1,4 +1,4 @@
-"""How a guardian switches its device off: the right to use the line, then the safe state, confirmed by read-back."""
+"""The guardian's attempt to switch its device off: access to the line, then the safe state, confirmed by read-back."""
 
 from __future__ import annotations
 
@@ -6,37 +6,40 @@ from collections.abc import Collection, Iterable, Iterator
 from contextlib import ExitStack, contextmanager
 from typing import NamedTuple
 
-from smadrive.devices.any_device import device_on
-from smadrive.devices.guardian.search import Search
-from smadrive.devices.guardian.states import Outcome
+from smadrive.devices.device import Device
+from smadrive.devices.guardian.search import PortSearch
+from smadrive.devices.guardian.states import AttemptOutcome
 from smadrive.devices.guardian.task import GuardedDevice, SharedLock
+from smadrive.devices.heating.tclab_board import TCLabBoard
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.state.key import key_at
 from smadrive.devices.state.lock import LineLock, Role, lines_of, lock_line
 from smadrive.errors import BusyError, IdentityError
+from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.connect import is_remote, open_transport
+from smadrive.modbus.transports.transport import Transport
 
 
-class Access:
-    """The right to use a line: with the driver as long as that lives, then for one attempt at a time."""
+class LineAccess:
+    """Access to the line: shared with the driver while that lives, afterwards locked for one attempt at a time."""
 
     def __init__(self, shared: Iterable[SharedLock]) -> None:
         self._shared = [LineLock(*lock) for lock in shared]
 
     def hold_as(self, role: Role, pid: int) -> None:
-        """Name the holder of the shared locks."""
+        """Write the holder into the files of the shared locks."""
         for lock in self._shared:
             lock.hold_as(role, pid)
 
-    def share_no_more(self) -> None:
-        """The driver has ended and the device is not there: let others use the line."""
+    def release_shared(self) -> None:
+        """Release the shared locks: the driver has ended, and other programs may use the line between attempts."""
         for lock in self._shared:
             lock.release()
         self._shared = []
 
     @contextmanager
     def to(self, lines: Collection[str], *, alone: bool) -> Iterator[bool]:
-        """Use the line with these names; whether its port is for the guardian only.
+        """Use the line with these names; yields whether its port is for the guardian only.
 
         One shared name is enough: a look-up may give other addresses than that of the driver. BusyError when another
         program has the line.
@@ -50,63 +53,69 @@ class Access:
             yield True
 
 
-class Result(NamedTuple):
-    """What an attempt came to, and what to tell of it."""
+class AttemptResult(NamedTuple):
+    """The outcome of an attempt, and its text for the user."""
 
-    outcome: Outcome
+    outcome: AttemptOutcome
     text: str
 
 
-class Switch:
-    """Switches the guarded device off, wherever it is."""
+class OffSwitch:
+    """Switches the guarded device off, at the port where it is now."""
 
-    def __init__(self, device: GuardedDevice, profile: Profile, search: Search, access: Access) -> None:
+    def __init__(self, device: GuardedDevice, profile: Profile, search: PortSearch, access: LineAccess) -> None:
         self._device = device
         self._profile = profile
         self._search = search
         self._access = access
 
-    def off(self, *, alone: bool) -> Result:
+    def off(self, *, alone: bool) -> AttemptResult:
         """Try every port at which the device may be; `alone`: no driver holds the line any more.
 
-        What goes wrong is told, whatever it is: nothing may end the guardian.
+        Every error becomes an outcome with a text: no error may end the guardian.
         """
         try:
             return self._off_anywhere(alone=alone)
         except Exception as error:  # noqa: BLE001
-            return Result(Outcome.UNREACHABLE, str(error))
+            return AttemptResult(AttemptOutcome.UNREACHABLE, str(error))
 
-    def _off_anywhere(self, *, alone: bool) -> Result:
+    def _off_anywhere(self, *, alone: bool) -> AttemptResult:
         if alone and self._search.is_gone:
-            return Result(Outcome.GONE, "its pseudo-terminal has ended, and the device with it")
-        result = Result(Outcome.UNREACHABLE, "none of its ports is there, or another device is")
+            return AttemptResult(AttemptOutcome.GONE, "its pseudo-terminal has ended, and the device with it")
+        result = AttemptResult(AttemptOutcome.UNREACHABLE, "none of its ports exists, or another device answers there")
         for url in self._search.urls():
             result = self._off_at(url, alone=alone)
-            if result.outcome is Outcome.CONFIRMED:
+            if result.outcome is AttemptOutcome.CONFIRMED:
                 break
         return result
 
-    def _off_at(self, url: str, *, alone: bool) -> Result:
-        """The safe state, confirmed, or what went wrong."""
+    def _off_at(self, url: str, *, alone: bool) -> AttemptResult:
+        """Enter the safe state at this port; the outcome."""
         try:
             with self._access.to(self._lines(url) if alone else (), alone=alone) as exclusive:
                 self._write_safe_state(url, exclusive=exclusive)
         except IdentityError as error:
-            self._search.heard_another(url)
-            return Result(Outcome.ANOTHER_DEVICE, str(error))
+            self._search.note_other_device(url)
+            return AttemptResult(AttemptOutcome.ANOTHER_DEVICE, str(error))
         except BusyError as error:
-            return Result(Outcome.BUSY, str(error))
+            return AttemptResult(AttemptOutcome.BUSY, str(error))
         except Exception as error:  # noqa: BLE001
-            self._search.heard_none(url)
-            outcome = Outcome.UNREACHABLE_REMOTE if is_remote(url) else Outcome.UNREACHABLE
-            return Result(outcome, str(error))
-        return Result(Outcome.CONFIRMED, "heater off, confirmed by read-back")
+            self._search.note_no_device(url)
+            outcome = AttemptOutcome.UNREACHABLE_REMOTE if is_remote(url) else AttemptOutcome.UNREACHABLE
+            return AttemptResult(outcome, str(error))
+        return AttemptResult(AttemptOutcome.CONFIRMED, "heater off, confirmed by read-back")
 
     def _write_safe_state(self, url: str, *, exclusive: bool) -> None:
         with open_transport(url, self._profile.serial_settings(), exclusive=exclusive) as transport:
-            device = device_on(transport, self._profile, self._device.unit_id, self._device.identity)
+            device = self._device_on(transport)
             device.check_identity()
             device.enter_safe_state()
+
+    def _device_on(self, transport: Transport) -> Device | TCLabBoard:
+        if not self._profile.has_registers:
+            return TCLabBoard(self._profile, transport)
+        client = ModbusClient(transport)
+        return Device(self._profile, client, self._device.unit_id, identity=self._device.identity)
 
     def _lines(self, url: str) -> tuple[str, ...]:
         return lines_of(key_at(url, self._profile, self._device.unit_id))

@@ -1,4 +1,4 @@
-"""What a driver and its guardian say to each other: the task, as the first line of a pipe, then single bytes."""
+"""The messages between a driver and its guardian: the task, as the first line of a pipe, then single bytes."""
 
 from __future__ import annotations
 
@@ -8,23 +8,23 @@ from typing import NamedTuple
 
 from smadrive.devices.identity import Identity
 
-WATCH, BEAT, REST, GIVES_WAY = b"w", b"b", b"r", b"g"
+WATCH, HEARTBEAT, STAND_DOWN, GIVES_WAY = b"w", b"b", b"r", b"g"
 READY, ECHO, TAKEN, FREE = b"y", b"e", b"t", b"f"
 
 
 @dataclass(frozen=True)
 class GuardedDevice:
-    """The device to bring to its safe state, as the rig file names it."""
+    """The device that the guardian switches off, by its entry in the rig file."""
 
     profile: str
     url: str
     unit_id: int | None
     identity: Identity = field(default_factory=dict)
-    """What the driver found it to be: no other confirms anything."""
+    """The identity that the driver has proved: no other device can confirm the safe state."""
 
 
 class SharedLock(NamedTuple):
-    """A lock that the driver has of its line, inherited as an open file."""
+    """A lock of the driver's line, inherited as an open file."""
 
     line: str
     descriptor: int
@@ -32,19 +32,19 @@ class SharedLock(NamedTuple):
 
 @dataclass(frozen=True)
 class Task:
-    """What the guardian is told at its start."""
+    """The task that the driver sends at the start: device, longest silence of the driver, shared locks."""
 
     device: GuardedDevice
     timeout_s: float
     locks: tuple[SharedLock, ...] = ()
 
     def to_json(self) -> bytes:
-        """One line."""
+        """The task as one line of JSON."""
         return json.dumps(asdict(self)).encode() + b"\n"
 
     @classmethod
     def from_json(cls, line: bytes) -> Task:
-        """What `to_json` wrote."""
+        """The task in a line that `to_json` wrote."""
         task = json.loads(line)
         locks = tuple(SharedLock(*lock) for lock in task["locks"])
         return cls(GuardedDevice(**task["device"]), task["timeout_s"], locks)

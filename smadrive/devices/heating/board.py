@@ -1,10 +1,10 @@
 """A heater board: command and all measurements in one transaction.
 
-One exchange is one FC23: it writes the command (a new sequence number, current, enable) and reads all measurements,
-in which the device echoes the sequence number. The echo proves that the measurements are younger than the command.
+One exchange is one FC23: it writes the command (a new sequence number, current, enable) and reads all measurements
+with the echo of the sequence number. The echo proves that the measurements are younger than the command.
 
-The sequence starts at random and is never a small number. Beside the echo stand state, faults and limits, which are
-small: in a reply that is shifted by one register they would otherwise pass for the echo.
+The sequence starts at random and is never a small number. The registers next to the echo (state, faults, limits) hold
+small numbers: in a reply that is shifted by one register one of them could otherwise be taken for the echo.
 """
 
 from __future__ import annotations
@@ -16,13 +16,14 @@ from smadrive.clock import Clock
 from smadrive.devices.device import Device
 from smadrive.devices.heating.heat_source import HeaterLimits, Sample, Supplied
 from smadrive.devices.identity import Identity
-from smadrive.devices.profile.readings import Reading, problem_of
+from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ProtocolError, SafetyError
 
-STALE_S = 0.5  # the device converts at least every 0.1 s; a counter that stands still this long is a dead sensor
+STALE_S = 0.5
+"""The device converts at least every 0.1 s: when its counter stands still for so long, the sensor is dead."""
 
 SEQUENCES = range(0x0100, 0x10000)
-"""Greater than what the registers beside the echo may hold."""
+"""Numbers above those that the registers next to the echo may hold."""
 
 _MEASURED = (
     "sequence_echo",
@@ -86,11 +87,11 @@ class HeaterBoard:
         self.device.write(profile.role("current_max"), limits.current_max_a)
 
     def arm(self) -> None:
-        """Turn the key; SafetyError when the board does not arm."""
-        self._turn_key("arm")
+        """Write the arm key; SafetyError when the board does not arm."""
+        self._write_key("arm")
         status = self._names["status"]
         if "armed" not in (words := self.device.read((status,), proved=True)[status].words):
-            raise SafetyError(f"not armed: the device stays in state {', '.join(words)}")
+            raise SafetyError("not armed, the device stays in its state", where=status, value=", ".join(words))
         self._armed = True
 
     def exchange(self, current_a: float, *, proved: bool = True) -> Supplied:  # noqa: ARG002  (the echo always proves it)
@@ -117,17 +118,18 @@ class HeaterBoard:
 
     def clear_faults(self) -> None:
         """Clear the faults whose cause is gone."""
-        self._turn_key("fault_clear")
+        self._write_key("fault_clear")
 
-    def _check_echo(self, echo: Reading) -> None:
+    def _check_echo(self, echo: RegisterReading) -> None:
         if echo.raw != self._sequence:
             self.device.client.distrust()
             raise ProtocolError(
-                f"unit {self.device.unit_id}: the reply echoes sequence {echo.raw}, {self._sequence} was sent: a stale "
-                "reply, discarded"
+                "discarded, the reply is stale: it echoes another sequence number than was sent",
+                where=f"unit {self.device.unit_id}",
+                value=f"{echo.raw}, sent {self._sequence}",
             )
 
-    def _supplied(self, now_s: float, readings: dict[str, Reading]) -> Supplied:
+    def _supplied(self, now_s: float, readings: dict[str, RegisterReading]) -> Supplied:
         problem = self._temperature_fault(now_s, readings)
         armed = "armed" in readings["status"].words
         self._armed = self._armed and armed
@@ -142,8 +144,8 @@ class HeaterBoard:
             problem_of(readings, ("measured_current", "measured_voltage")),
         )
 
-    def _temperature_fault(self, now_s: float, readings: dict[str, Reading]) -> str | None:
-        """Why the temperature cannot be used: the device says so, or its sensor stopped converting."""
+    def _temperature_fault(self, now_s: float, readings: dict[str, RegisterReading]) -> str | None:
+        """The reason why the temperature is invalid: a fault of the device, or no new conversion; None: it is valid."""
         counter = readings["sample_counter"].value
         if isfinite(counter) and counter != self._counter:
             self._counter, self._counter_since_s = counter, now_s
@@ -154,8 +156,8 @@ class HeaterBoard:
         stale_s = now_s - self._counter_since_s
         return f"no new conversion for {stale_s:.2f} s" if stale_s > STALE_S else None
 
-    def _turn_key(self, role: str) -> None:
-        """Write the only value that a key register takes."""
+    def _write_key(self, role: str) -> None:
+        """Write the only value that a key register accepts."""
         name = self.device.profile.role(role)
         (key,) = self.device.profile.register(name).enum
         self.device.write(name, key)

@@ -1,4 +1,4 @@
-"""What can heat a wire: a heater board or a bench supply, seen alike."""
+"""The interface of a heat source: heater board, bench supply or TCLab."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from smadrive.errors import ConfigError
 
 
 class Sample(NamedTuple):
-    """A quantity as a sensor gave it at `time_s`; NaN, and `problem` says why, when it has no value to give."""
+    """The value of a sensor at `time_s`; NaN, with the reason in `problem`, when it has no valid value."""
 
     value: float
     time_s: float
@@ -20,27 +20,31 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class HeaterLimits:
-    """What the host never commands beyond, whatever the device would allow."""
+    """Limits that the host never exceeds, also where the device would allow more."""
 
     current_max_a: float
     temperature_max_c: float
     voltage_max_v: float = inf
 
     def __post_init__(self) -> None:
-        """Refuse limits that limit nothing."""
+        """ConfigError for limits that limit nothing."""
         if not (isfinite(self.current_max_a) and self.current_max_a > 0):
-            raise ConfigError(f"current_max_a is {self.current_max_a}; it must be a positive number of amperes")
+            raise _no_limit("current_max_a", self.current_max_a, "a positive number of amperes")
         if not isfinite(self.temperature_max_c):
-            raise ConfigError(f"temperature_max_c is {self.temperature_max_c}; it must be a number of degrees Celsius")
+            raise _no_limit("temperature_max_c", self.temperature_max_c, "a number of degrees Celsius")
         if not self.voltage_max_v > 0:
-            raise ConfigError(f"voltage_max_v is {self.voltage_max_v}; it must be a positive number of volts")
+            raise _no_limit("voltage_max_v", self.voltage_max_v, "a positive number of volts")
+
+
+def _no_limit(name: str, value: float, needed: str) -> ConfigError:
+    return ConfigError("limits nothing", where=name, value=value, cure=f"set it to {needed}")
 
 
 class Supplied(NamedTuple):
-    """What a heat source says after a command: what it drove in the period that ends, and how it stands.
+    """The answer of a heat source to a command: current and voltage of the period that ends, and its present state.
 
-    `armed` is what it says of itself now, whoever armed it. `temperature` and `displacement` are None where the source
-    measures no such thing. A current or voltage that the source cannot tell is NaN, and `problem` says why.
+    `armed` is the present state of the device, also when another program armed it. `temperature` and `displacement` are
+    None where the source does not measure them. An unknown current or voltage is NaN, with the reason in `problem`.
     """
 
     current_a: float = nan
@@ -56,24 +60,24 @@ class Supplied(NamedTuple):
 class HeatSource(Protocol):
     """A device that drives current through the wire. `Heater` is the only caller of `exchange`.
 
-    Methods raise TransportError, ProtocolError or DeviceError when the talk with the device fails.
+    Methods raise TransportError, ProtocolError or DeviceError when the communication with the device fails.
     """
 
     measures: frozenset[str]
-    """Which of the quantities temperature and displacement it measures by itself."""
+    """The quantities that it measures itself: temperature, displacement, both or none."""
     has_watchdog: bool
-    """Whether it switches off by itself when nobody talks to it."""
+    """Whether it switches off by itself when no request arrives."""
     settle_s: float
-    """How long its output takes to reach a new command."""
+    """Time that its output takes to reach a new command."""
 
     @property
     def identity(self) -> Identity:
-        """What tells it from its twins, once it is connected; empty where nothing does."""
+        """The registers that distinguish it from its twin, once it is connected; empty where no register does."""
         ...
 
     @property
     def armed(self) -> bool:
-        """Whether it was armed at every exchange since `arm`: one that was not takes an `arm` to heat again."""
+        """Whether it was armed at every exchange since `arm`. If not, it heats again only after another `arm`."""
         ...
 
     def connect(self) -> None:
@@ -81,15 +85,15 @@ class HeatSource(Protocol):
         ...
 
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:
-        """Give it its limits and its watchdog, confirmed by read-back; ConfigError when it cannot have such ones."""
+        """Set its limits and its watchdog, confirmed by read-back; ConfigError when it cannot take them."""
         ...
 
     def arm(self) -> None:
-        """Let it heat, at zero current; SafetyError when it does not arm."""
+        """Arm it at zero current; SafetyError when it does not arm."""
         ...
 
     def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
-        """Command `current_a` (zero while it is not armed) and measure; `proved`: no older reply is taken for this."""
+        """Command `current_a` (zero while it is not armed) and measure; `proved`: the reply cannot be an older one."""
         ...
 
     def enter_safe_state(self) -> None:

@@ -1,9 +1,9 @@
 """A bench supply as heat source: current limit, voltage limit, output switch.
 
-A supply has no watchdog, measures no temperature and answers slowly; its current is a setting that anyone may also turn
-at its front panel. So every exchange begins by reading the setting back, together with the measurements that belong to
-it, and a setting that is not the commanded one is an error. Its voltage limit is given by the rig, and read back as
-well: with a wire that comes off its clamps a supply goes to that voltage.
+A supply has no watchdog, measures no temperature and answers slowly. Its current is a setting that can also be changed
+at its front panel. So every exchange first reads the setting back, together with the measurements that belong to it; a
+setting that differs from the command is an error. The rig gives its voltage limit, which is read back as well: when a
+wire comes off its clamps, the supply goes to that voltage.
 """
 
 from __future__ import annotations
@@ -13,17 +13,17 @@ from math import inf, isfinite
 from smadrive.devices.device import Device
 from smadrive.devices.heating.heat_source import HeaterLimits, Supplied
 from smadrive.devices.identity import Identity
-from smadrive.devices.profile.readings import Reading, problem_of
+from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ConfigError, ReadBackError, SafetyError
 
 _NEEDED = ("heater_current", "heater_enable", "measured_current", "measured_voltage")
 _OPTIONAL = ("heater_voltage", "regulation", "faults")
 
 AT_LIMIT = 0.98
-"""Part of the voltage limit from which a supply without a CC/CV flag is taken to hold the voltage."""
+"""Part of the voltage limit above which a supply without a CC/CV flag counts as holding the voltage."""
 
 PROTECTION = 1.1
-"""How far above the limits of the rig the supply's own protections are set."""
+"""Factor from the limits of the rig to the supply's own protections."""
 
 
 class BenchSupply:
@@ -45,7 +45,7 @@ class BenchSupply:
         self._measured = self._names["measured_current"], self._names["measured_voltage"]
         self._armed = False
         self._voltage_max_v = inf
-        self._voltage_set: Reading | None = None
+        self._voltage_set: RegisterReading | None = None
 
     @property
     def identity(self) -> Identity:
@@ -72,11 +72,14 @@ class BenchSupply:
         """Switch the output on; SafetyError when it stays off."""
         self.device.write(self._names["heater_enable"], 1)
         if not self._on(self.device.read(self._reads, proved=True)):
-            raise SafetyError("not armed: the supply's output stays off: is it locked or in a protection?")
+            raise SafetyError(
+                "not armed, the output of the supply stays off",
+                cure="check whether it is locked or in a protection",
+            )
         self._armed = True
 
     def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
-        """Measure what came of the limit in force, then set the next; ReadBackError when it is not what was set."""
+        """Measure under the limit in force, then set the next one; ReadBackError when the setting differs."""
         readings = self.device.command(self._names["heater_current"], current_a, self._reads, proved=proved)
         self._check_voltage_limit(readings)
         on = self._on(readings)
@@ -98,24 +101,27 @@ class BenchSupply:
         self.device.enter_safe_state()
 
     def clear_faults(self) -> None:
-        """Reset the protection where the supply lets it be written; others are reset at their panel."""
+        """Reset the protection where it can be written; other supplies are reset at their panel."""
         name = self._names.get("faults")
         if name is not None and self.device.profile.register(name).writable:
             self.device.write(name, 0)
 
     def _limit_voltage(self, limit_v: float) -> None:
-        """ConfigError when a supply that can be limited is given no limit, or one that cannot is given one."""
+        """Set the voltage limit. ConfigError: the limit is missing, or the supply cannot take one."""
         profile, is_limited = self.device.profile, isfinite(limit_v)
         name = self._names.get("heater_voltage")
         if name is None and is_limited:
             raise ConfigError(
-                f"'{profile.profile.id}' binds no heater_voltage, so that voltage_max_v = {limit_v:g} would limit "
-                "nothing: bind it in [roles], or set the limit at the supply and leave voltage_max_v out"
+                f"would limit nothing, '{profile.profile.id}' has no register for heater_voltage",
+                where="voltage_max_v",
+                value=f"{limit_v:g} V",
+                cure="add heater_voltage to [roles], or set the limit at the supply and leave voltage_max_v out",
             )
         if name is not None and not is_limited:
             raise ConfigError(
-                f"'{profile.profile.id}' needs a voltage limit: set voltage_max_v in [limits], some 1.25 times what "
-                "current_max_a needs across the wire"
+                f"is missing, '{profile.profile.id}' needs a voltage limit",
+                where="voltage_max_v",
+                cure="set it in [limits], to about 1.25 times the voltage of the wire at current_max_a",
             )
         if name is not None:
             self._protect("ovp", limit_v)
@@ -123,35 +129,37 @@ class BenchSupply:
             self._voltage_max_v = limit_v
             self._voltage_set = self.device.read((name,))[name]
 
-    def _check_voltage_limit(self, readings: dict[str, Reading]) -> None:
-        """ReadBackError when somebody changed it since it was set."""
+    def _check_voltage_limit(self, readings: dict[str, RegisterReading]) -> None:
+        """ReadBackError when the voltage limit has changed since it was set."""
         if self._voltage_set is None:
             return
         name = self._names["heater_voltage"]
         if readings[name].raw != self._voltage_set.raw:
             raise ReadBackError(
-                f"unit {self.device.unit_id}, register '{name}': the voltage limit was set to "
-                f"{self._voltage_set.value:g} V, reads back {readings[name].value:g} V: did somebody turn its knob?"
+                "the voltage limit reads back another value than was set",
+                where=f"unit {self.device.unit_id}, register '{name}'",
+                value=f"{readings[name].value:g} V, set to {self._voltage_set.value:g} V",
+                cure="check whether its knob was turned",
             )
 
     def _protect(self, role: str, limit: float) -> None:
-        """Let the supply itself switch off above the limit, where it can."""
+        """Set the supply's own protection above the limit, where it has one."""
         name = getattr(self.device.profile.roles, role)
         if name is not None:
             highest = self.device.profile.register(name).max
             self.device.write(name, min(PROTECTION * limit, inf if highest is None else highest))
 
-    def _on(self, readings: dict[str, Reading]) -> bool:
+    def _on(self, readings: dict[str, RegisterReading]) -> bool:
         return readings[self._names["heater_enable"]].raw == 1
 
-    def _faults(self, readings: dict[str, Reading]) -> tuple[str, ...]:
-        """The protection that has cut in; raw 0 is a supply at rest."""
+    def _faults(self, readings: dict[str, RegisterReading]) -> tuple[str, ...]:
+        """The protection that has switched the output off; empty for raw 0."""
         name = self._names.get("faults")
         if name is None or not readings[name].raw:
             return ()
         return readings[name].words or (f"protection {readings[name].raw}",)
 
-    def _limits_voltage(self, readings: dict[str, Reading], voltage_v: float) -> bool:
-        """Whether it holds the voltage, not the current: it says so, or it stands at its limit."""
+    def _limits_voltage(self, readings: dict[str, RegisterReading], voltage_v: float) -> bool:
+        """Whether it holds the voltage instead of the current, by its CC/CV flag or by a voltage near the limit."""
         name = self._names.get("regulation")
         return "cv" in readings[name].words if name is not None else voltage_v >= AT_LIMIT * self._voltage_max_v

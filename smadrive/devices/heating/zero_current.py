@@ -1,4 +1,4 @@
-"""Whether the heat has ended: the measured current must be gone, whatever a device says of itself."""
+"""The proof that the heat has ended: the measured current is zero, whatever state the device reports."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from smadrive.devices.heating.heat_source import HeatSource, Supplied
 from smadrive.errors import DeviceError, ProtocolError, SafetyError, TransportError
 
 CURRENT_ZERO_A = 0.05
-"""Less than this is the noise of a current sense."""
+"""A current below this is the noise of the current sense."""
 ZERO_SHARE = 0.1
-"""And no more than this part of current_max_a, for thin wires."""
+"""For thin wires the bound is this part of current_max_a."""
 CURRENT_GONE_S = 0.2
-"""How long after switching off, beside the time in which the source settles, current may still be seen."""
+"""Time after switching off, on top of the settling time of the source, in which current may still be measured."""
 LOOK_AGAIN_S = 0.05
 
 
 def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock) -> Supplied:
-    """What `source`, in its safe state, says when no current flows any more.
+    """The answer of `source`, in its safe state, once no current flows.
 
-    SafetyError when some does all the same, or it claims to be armed still.
+    SafetyError when current still flows after the time allowed, or the source still reports that it is armed.
     """
     give_up_s = clock.now_s() + source.settle_s + CURRENT_GONE_S
     while True:
@@ -35,14 +35,18 @@ def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock
         if not (flows or supplied.armed):
             return supplied
         if clock.now_s() >= give_up_s:
-            raise SafetyError(f"{_remaining(supplied, flows=flows)} although the heater is off: cut its supply")
+            raise SafetyError(
+                "the heater was switched off, but the heat has not ended",
+                value=_remaining(supplied, flows=flows),
+                cure="cut its supply",
+            )
         clock.sleep_until(clock.now_s() + LOOK_AGAIN_S)
 
 
 def _remaining(supplied: Supplied, *, flows: bool) -> str:
-    """Why `supplied` does not show that the heat has ended."""
+    """The reason why `supplied` does not prove that the heat has ended."""
     if not flows:
-        return "the device claims to be armed"
+        return "the device reports that it is armed"
     if isnan(supplied.current_a):
         return f"the current is unknown ({supplied.problem or 'no reading'})"
-    return f"{supplied.current_a:.3f} A still flow"
+    return f"{supplied.current_a:.3f} A"

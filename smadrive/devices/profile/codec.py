@@ -1,4 +1,4 @@
-"""Raw 16-bit words <-> a value in engineering units, as one register's entry in the profile tells.
+"""Raw 16-bit words <-> a value in engineering units, by the entry of one register in the profile.
 
     value = raw · scale + offset        raw = round((value − offset) / scale), refused outside [min, max] and the type
 
@@ -6,10 +6,10 @@ Sentinels ("sensor open") are compared on the raw pattern, before any arithmetic
 Raw numbers are the register's own type: signed for int16, so −30000 and 0x8AD0 are the same pattern; both may be
 written in a profile.
 
-What other registers say of this one (its sign, its decimals, its unit) comes in as a `Context`: `companions.py`.
+Sign, scale, unit and validity that other registers give come in as a `Context` (dependent_registers.py).
 
-A codec is made once, of plain attributes: it is asked for every register of every exchange, and an attribute of a
-pydantic model costs six times as much.
+A codec is made once, of plain attributes: it converts every register of every exchange, and an attribute of a pydantic
+model costs six times as much.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ from functools import lru_cache
 from math import isfinite, nan
 
 from smadrive.devices.profile import register_types
-from smadrive.devices.profile.readings import ALONE, Context, Reading
+from smadrive.devices.profile.readings import ALONE, Context, RegisterReading
 from smadrive.devices.profile.register_types import Kind, Order
 from smadrive.errors import ConfigError
 
 Limits = tuple[float | None, float | None]
 
 STATES = 64
-"""So many patterns of a register of states or flags are remembered: to name one takes longer than to read it."""
+"""Number of cached patterns of a register of states or flags: naming a pattern takes longer than reading it."""
 
 
 class Codec:
@@ -59,37 +59,37 @@ class Codec:
         ends = self._lowest * scale + offset, self._highest * scale + offset
         always_finite = kind not in register_types.NOT_A_NUMBER and all(map(isfinite, ends))
         self._is_plain = always_finite and not self._has_states and valid == (None, None)
-        """Every pattern that is no sentinel is a number, and every number a value."""
+        """Every pattern but a sentinel is a number, and every number is a valid value."""
         self._state = lru_cache(STATES)(lambda words: self._decoded(words, ALONE))
 
-    def decode(self, words: Sequence[int], context: Context = ALONE) -> Reading:
-        """The reading in `words`, as they come from the bus."""
+    def decode(self, words: Sequence[int], context: Context = ALONE) -> RegisterReading:
+        """The reading of `words`, in the order of the bus."""
         if context is ALONE:
             if self._is_plain and not (self._sentinels and tuple(words) in self._sentinels):
                 raw = self._unpack(words)
-                return Reading(raw, raw * self._scale + self._offset)
+                return RegisterReading(raw, raw * self._scale + self._offset)
             if self._has_states:
                 return self._state(tuple(words))
         return self._decoded(words, context)
 
     def encode(self, value: float, name: str, context: Context = ALONE) -> tuple[int, ...]:
-        """The words that carry `value`; ConfigError when not finite, outside [min, max] or no state of the enum."""
+        """The words that carry `value`; ConfigError: not finite, outside [min, max] or not a state of the enum."""
+        where = f"register '{name}'"
         if not isfinite(value):
-            raise ConfigError(f"register '{name}': {value} cannot be written; give a finite number")
+            raise ConfigError("is not finite", where=where, value=value, cure="give a finite number")
         if self._min is not None and self._max is not None and not self._min <= value <= self._max:
-            raise ConfigError(
-                f"register '{name}': {value:g} {self._unit} is outside the limits {self._min:g} to {self._max:g}"
-            )
+            limit = f"{self._min:g} to {self._max:g}"
+            raise ConfigError("is outside the limits", where=where, value=f"{value:g} {self._unit}", limit=limit)
         raw = self._raw_of(value, context)
         if not self._lowest <= raw <= self._highest:
-            raise ConfigError(f"register '{name}': {self._overflow(value, raw)}")
+            raise ConfigError(self._overflow(value, raw), where=where)
         if self._enum and raw not in self._enum:
             states = ", ".join(f"{number} = {word}" for number, word in self._enum.items())
-            raise ConfigError(f"register '{name}': {value:g} is no state of it; there are: {states}")
+            raise ConfigError("is not a state of the register", where=where, value=f"{value:g}", limit=states)
         return self.pack(raw)
 
     def saturated(self, value: float, context: Context = ALONE) -> tuple[int, ...]:
-        """The words by which a device shows `value`: at the end of the type's range when it exceeds it."""
+        """The words by which a device shows `value`; a value outside the type's range is held at its end."""
         raw = self._raw_of(value, context)
         if not self._lowest <= raw <= self._highest:
             raw = min(max(raw, self._lowest), self._highest)
@@ -106,20 +106,20 @@ class Codec:
             raise ValueError(self._overflow(value, raw))
 
     def number(self, pattern: int) -> float:
-        """What a raw pattern would mean if it were a number."""
+        """The value of a raw pattern read as a number, also of a sentinel."""
         return self._value_of(self._unpack(self.pattern(pattern)), ALONE)
 
-    def _decoded(self, words: Sequence[int], context: Context) -> Reading:
-        """By all the rules there are."""
+    def _decoded(self, words: Sequence[int], context: Context) -> RegisterReading:
+        """The reading by all rules: text, sentinels, context, valid range, states and bits."""
         if self._kind == "string":
-            return Reading(0, nan, None, (register_types.text(words),))
+            return RegisterReading(0, nan, None, (register_types.text(words),))
         raw = self._unpack(words)
         if self._sentinels and (reason := self._sentinels.get(tuple(words))):
-            return Reading(raw, nan, reason)
+            return RegisterReading(raw, nan, reason)
         value = self._value_of(raw, context)
         if (problem := context.problem or self._implausible(value)) is not None:
-            return Reading(raw, nan, problem)
-        return self._named(raw, value) if self._has_states else Reading(raw, value)
+            return RegisterReading(raw, nan, problem)
+        return self._named(raw, value) if self._has_states else RegisterReading(raw, value)
 
     def _value_of(self, raw: float, context: Context) -> float:
         if context is ALONE:
@@ -142,7 +142,7 @@ class Codec:
         )
 
     def _implausible(self, value: float) -> str | None:
-        """Why `value` is none."""
+        """The reason why `value` is not valid; None when it is."""
         if not isfinite(value):
             return "not a number"
         if self._valid_min is not None and value < self._valid_min:
@@ -151,12 +151,12 @@ class Codec:
             return f"{value:g} {self._unit} is above the valid range, {self._valid_max:g}"
         return None
 
-    def _named(self, raw: float, value: float) -> Reading:
+    def _named(self, raw: float, value: float) -> RegisterReading:
         number = int(raw)
         if self._bits:
             width = 32 if register_types.is_wide(self._kind) else 16
             named = tuple(self._bits.get(bit, f"bit {bit}") for bit in range(width) if number >> bit & 1)
-            return Reading(raw, value, words=named)
+            return RegisterReading(raw, value, words=named)
         if number not in self._enum:
-            return Reading(raw, nan, f"unknown state {number}")
-        return Reading(raw, value, words=(self._enum[number],))
+            return RegisterReading(raw, nan, f"unknown state {number}")
+        return RegisterReading(raw, value, words=(self._enum[number],))

@@ -1,8 +1,8 @@
-"""What other registers say of one: its sign, its scale, its unit, and whether it is valid at all.
+"""Dependent registers: other registers give their sign, scale, unit or validity.
 
 sign_register   0: positive, 1: negative (sign and magnitude in two registers)
 scale_from      a register whose enum names the factors: { 0 = "1", 1 = "0.1" }
-unit_from       a register whose enum names the units: °C passes, °F is converted, any other unit is no value
+unit_from       a register whose enum names the units: °C passes, °F is converted, another unit makes it invalid
 valid_when      { quality = [0, 1] }: valid only while the register `quality` holds one of these raw numbers
 """
 
@@ -10,16 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from smadrive.devices.profile.readings import ALONE, Context, Reading
+from smadrive.devices.profile.readings import ALONE, Context, RegisterReading
 from smadrive.devices.profile.register import Register
 from smadrive.files.spelling import nearest
 
 CELSIUS, FAHRENHEIT = "degC", "degF"
 
 
-def context_of(register: Register, readings: Mapping[str, Reading]) -> Context:
-    """What the companions of `register`, all among `readings`, say of it."""
-    if not register.companions:
+def context_of(register: Register, readings: Mapping[str, RegisterReading]) -> Context:
+    """The context of `register` from the registers on which it depends, all among `readings`."""
+    if not register.depends_on:
         return ALONE
     sign = _word(register.sign_register, readings)
     scale = _word(register.scale_from, readings)
@@ -27,7 +27,7 @@ def context_of(register: Register, readings: Mapping[str, Reading]) -> Context:
     problem = _doubt(register, readings)
     for name, word in ((register.scale_from, scale), (register.unit_from, unit), (register.sign_register, sign)):
         if name is not None and word is None:
-            problem = f"'{name}' is {readings[name].raw:g}, a state that is not known"
+            problem = f"'{name}' is {readings[name].raw:g}, an unknown state"
     if unit not in (None, CELSIUS, FAHRENHEIT):
         problem = f"the device gives it in '{unit}'"
     if sign not in (None, "0", "1"):
@@ -40,15 +40,17 @@ def context_of(register: Register, readings: Mapping[str, Reading]) -> Context:
     )
 
 
-def check_companions(name: str, register: Register, registers: Mapping[str, Register]) -> None:
-    """ValueError when a companion does not exist or cannot say what it should."""
-    for companion in register.companions:
-        if companion not in registers:
+def check_dependencies(name: str, register: Register, registers: Mapping[str, Register]) -> None:
+    """ValueError when a register on which `register` depends does not exist or cannot give what is needed."""
+    for dependency in register.depends_on:
+        if dependency not in registers:
             raise ValueError(
-                f"registers.{name} names the unknown register '{companion}'{nearest(companion, registers)}"
+                f"registers.{name} names the unknown register '{dependency}'{nearest(dependency, registers)}"
             )
-        if registers[companion].companions or not registers[companion].access.startswith("r"):
-            raise ValueError(f"registers.{name}: '{companion}' must be readable and need no other register itself")
+        if registers[dependency].depends_on or not registers[dependency].access.startswith("r"):
+            raise ValueError(
+                f"registers.{name}: '{dependency}' must be readable and must not depend on another register"
+            )
     if register.scale_from is not None:
         _check_scales(name, registers[register.scale_from].enum)
     if register.unit_from is not None and (
@@ -66,8 +68,8 @@ def _check_scales(name: str, enum: Mapping[int, str]) -> None:
         raise ValueError(f"registers.{name}.scale_from needs a register whose enum names factors, as {{ 1 = '0.1' }}")
 
 
-def _word(name: str | None, readings: Mapping[str, Reading]) -> str | None:
-    """The state of the register `name`: its enum's word, else its number."""
+def _word(name: str | None, readings: Mapping[str, RegisterReading]) -> str | None:
+    """The state of the register `name`: the word of its enum, else its number."""
     if name is None:
         return None
     reading = readings[name]
@@ -76,7 +78,7 @@ def _word(name: str | None, readings: Mapping[str, Reading]) -> str | None:
     return reading.words[0] if reading.words else f"{reading.raw:g}"
 
 
-def _doubt(register: Register, readings: Mapping[str, Reading]) -> str | None:
+def _doubt(register: Register, readings: Mapping[str, RegisterReading]) -> str | None:
     for name, allowed in register.valid_when.items():
         if readings[name].raw not in allowed:
             return f"{name}: {_word(name, readings) or format(readings[name].raw, 'g')}"

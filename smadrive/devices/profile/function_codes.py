@@ -1,4 +1,4 @@
-"""Which function code reaches which table: the first of these that the device knows.
+"""The function code that reads or writes each table: the first that the device knows.
 
 Some devices (Delta DTB) read their coils by FC02, and some know either the single write or the multiple one.
 """
@@ -21,28 +21,28 @@ _BUILD_READ = {
 }
 
 
-def read_function(table: str, known: Collection[int]) -> int | None:
+def read_function(table: str, codes: Collection[int]) -> int | None:
     """The function that reads `table`; None when the device has none."""
-    return next((code for code in _READS[table] if code in known), None)
+    return next((code for code in _READS[table] if code in codes), None)
 
 
-def write_function(table: str, count: int, known: Collection[int]) -> int | None:
+def write_function(table: str, count: int, codes: Collection[int]) -> int | None:
     """The function that writes `count` addresses of `table`; None when the device has none."""
     usable = (5, 15) if table == "coil" else (6, 16)
-    return next((code for code in usable[count > 1 :] if code in known), None)
+    return next((code for code in usable[count > 1 :] if code in codes), None)
 
 
-def read_request(table: str, address: int, count: int, known: Collection[int]) -> Request:
-    """The request that reads `count` addresses of `table`, which the device must be able to."""
-    function = read_function(table, known)
+def read_request(table: str, address: int, count: int, codes: Collection[int]) -> Request:
+    """The request that reads `count` addresses of `table`; ValueError when the device has no function for it."""
+    function = read_function(table, codes)
     if function is None:
-        raise ValueError(f"no function among {sorted(known)} reads the table '{table}'")
+        raise ValueError(f"no function among {sorted(codes)} reads the table '{table}'")
     return _BUILD_READ[function](address, count)
 
 
-def write_request(table: str, address: int, words: Sequence[int], known: Collection[int]) -> Request:
-    """The request that writes `words` into `table`, which the device must be able to."""
-    match write_function(table, len(words), known):
+def write_request(table: str, address: int, words: Sequence[int], codes: Collection[int]) -> Request:
+    """The request that writes `words` into `table`; ValueError when the device has no function for it."""
+    match write_function(table, len(words), codes):
         case 5:
             return requests.write_coil(address, bool(words[0]))
         case 6:
@@ -51,11 +51,11 @@ def write_request(table: str, address: int, words: Sequence[int], known: Collect
             return requests.write_coils(address, [bool(word) for word in words])
         case 16:
             return requests.write_registers(address, words)
-    raise ValueError(f"no function among {sorted(known)} writes {len(words)} addresses of the table '{table}'")
+    raise ValueError(f"no function among {sorted(codes)} writes {len(words)} addresses of the table '{table}'")
 
 
 def words_of(table: str, payload: bytes, count: int) -> tuple[int, ...]:
-    """The words that a read's payload carries; a coil or discrete input is one word, 0 or 1."""
+    """The words in the payload of a read; a coil or discrete input is one word, 0 or 1."""
     if table in ("coil", "discrete"):
         return tuple(int(bit) for bit in requests.bits_of(payload, count))
     return requests.registers_of(payload)

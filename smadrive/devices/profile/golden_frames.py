@@ -1,4 +1,4 @@
-"""Golden frames against the register map: a profile that contradicts its own captured frames is not loaded."""
+"""Checks golden frames against the register map: a profile that contradicts its captured frames is not loaded."""
 
 from __future__ import annotations
 
@@ -7,35 +7,35 @@ from typing import NamedTuple
 
 from smadrive.devices.profile.function_codes import words_of
 from smadrive.devices.profile.register import Register
-from smadrive.devices.profile.schema import Vector
+from smadrive.devices.profile.schema import GoldenFrame
 from smadrive.modbus import requests
 from smadrive.modbus.framing import rtu
 
 _TABLES = {1: "coil", 2: "discrete", 3: "holding", 4: "input", 5: "coil", 6: "holding", 15: "coil", 16: "holding"}
 
 
-class Span(NamedTuple):
-    """What a request addresses."""
+class AddressRange(NamedTuple):
+    """The addresses of a request, and its function."""
 
     function: int
     address: int
     size: int
 
 
-def check_vector(vector: Vector, registers: Mapping[str, Register]) -> None:
-    """ValueError when a CRC is wrong, the response is not one to the request, or `means` is not what they carry."""
-    request = _frame(vector.request)
-    span = _addressed(request)
-    words: Sequence[int] = _written(span, request)
-    if vector.response is not None:
-        payload = _payload(request, span, _frame(vector.response))
-        words = words or words_of(_TABLES[span.function], payload, span.size)
-    for name, value in vector.means.items():
+def check_golden_frame(golden: GoldenFrame, registers: Mapping[str, Register]) -> None:
+    """ValueError: a wrong CRC, a response to another request, or values that differ from `means`."""
+    request = _frame(golden.request)
+    addressed = _addressed(request)
+    words: Sequence[int] = _written(addressed, request)
+    if golden.response is not None:
+        payload = _payload(request, addressed, _frame(golden.response))
+        words = words or words_of(_TABLES[addressed.function], payload, addressed.size)
+    for name, value in golden.means.items():
         if name not in registers:
-            raise ValueError(f"vectors: '{vector.request}' means the unknown register '{name}'")
-        carried = _carried(registers[name], span, words)
+            raise ValueError(f"vectors: '{golden.request}' means the unknown register '{name}'")
+        carried = _carried(registers[name], addressed, words)
         if carried is None or abs(carried - value) > 1e-6 * abs(registers[name].scale):
-            raise ValueError(f"vectors: '{vector.request}': {name} is {carried} in these frames, not {value:g}")
+            raise ValueError(f"vectors: '{golden.request}': {name} is {carried} in these frames, not {value:g}")
 
 
 def _frame(text: str) -> bytes:
@@ -49,39 +49,39 @@ def _frame(text: str) -> bytes:
     return frame
 
 
-def _addressed(request: bytes) -> Span:
+def _addressed(request: bytes) -> AddressRange:
     function, address = request[1], int.from_bytes(request[2:4], "big")
     if function not in _TABLES or rtu.request_size(request) != len(request):
         raise ValueError(f"vectors: '{request.hex(' ')}' is no complete request of functions 1 to 6, 15 or 16")
     count = 1 if function in (5, 6) else int.from_bytes(request[4:6], "big")
-    return Span(function, address, count)
+    return AddressRange(function, address, count)
 
 
-def _written(span: Span, request: bytes) -> tuple[int, ...]:
-    """The words that the request itself carries; none for a read."""
-    match span.function:
+def _written(addressed: AddressRange, request: bytes) -> tuple[int, ...]:
+    """The words in the request; empty for a read."""
+    match addressed.function:
         case 5:
             return (1 if request[4:6] == b"\xff\x00" else 0,)
         case 6:
             return requests.registers_of(request[4:6])
         case 15 | 16:
-            return words_of(_TABLES[span.function], request[7:-2], span.size)
+            return words_of(_TABLES[addressed.function], request[7:-2], addressed.size)
     return ()
 
 
-def _payload(request: bytes, span: Span, response: bytes) -> bytes:
-    """What follows the head of a read's response; ValueError when it is no response to the request."""
-    if span.function > 4:
+def _payload(request: bytes, addressed: AddressRange, response: bytes) -> bytes:
+    """The payload of the response; ValueError when it does not answer the request."""
+    if addressed.function > 4:
         head, size = request[:6], 0
     else:
-        size = 2 * span.size if span.function in (3, 4) else (span.size + 7) // 8
+        size = 2 * addressed.size if addressed.function in (3, 4) else (addressed.size + 7) // 8
         head = request[:2] + bytes((size,))
     if not response.startswith(head) or len(response) != len(head) + size + 2:
         raise ValueError(f"vectors: '{response.hex(' ')}' does not answer '{request.hex(' ')}'")
     return response[len(head) : -2]
 
 
-def _carried(register: Register, span: Span, words: Sequence[int]) -> float | None:
-    at = register.address - span.address
-    inside = register.table == _TABLES[span.function] and at >= 0 and at + register.size <= len(words)
+def _carried(register: Register, addressed: AddressRange, words: Sequence[int]) -> float | None:
+    at = register.address - addressed.address
+    inside = register.table == _TABLES[addressed.function] and at >= 0 and at + register.size <= len(words)
     return register.codec.decode(words[at : at + register.size]).value if inside else None

@@ -1,7 +1,7 @@
-"""A device profile: everything a driver must know of one type of device, in one TOML file.
+"""A device profile: everything that a driver needs to know about one type of device, in one TOML file.
 
-The same file drives the real device and the simulated one. What could lead to a wrong value or a harmful write is
-refused when the file is loaded, for every variant of the device.
+The same file drives the real device and the simulated one. Everything that could lead to a wrong value or a harmful
+write is refused when the file is loaded, for every variant of the device.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from typing import Any, Literal, Self
 from pydantic import Field, field_validator, model_validator
 
 from smadrive.devices.profile import validation
-from smadrive.devices.profile.dependent_registers import check_companions
-from smadrive.devices.profile.golden_frames import check_vector
+from smadrive.devices.profile.dependent_registers import check_dependencies
+from smadrive.devices.profile.golden_frames import check_golden_frame
 from smadrive.devices.profile.register import Register
 from smadrive.devices.profile.schema import (
+    DeviceTiming,
     Forbidden,
+    GoldenFrame,
     Head,
-    Identify,
+    IdentityRegister,
     Roles,
     SafeWrite,
     Serial,
     Tcp,
-    Timing,
     Variant,
-    Vector,
     WriteOrder,
 )
 from smadrive.devices.profile.variants import applied, expanded, refuse_ambiguity
@@ -48,15 +48,15 @@ class Profile(Section):
     profile: Head
     serial: Serial | None = None
     tcp: Tcp | None = None
-    timing: Timing
-    identify: tuple[Identify, ...] = ()
+    timing: DeviceTiming
+    identify: tuple[IdentityRegister, ...] = ()
     roles: Roles = Roles()
     registers: dict[str, Register] = Field(default_factory=dict)
     variants: tuple[Variant, ...] = ()
     forbidden: tuple[Forbidden, ...] = ()
     write_order: tuple[WriteOrder, ...] = ()
     safe_state: tuple[SafeWrite, ...] = ()
-    vectors: tuple[Vector, ...] = ()
+    golden_frames: tuple[GoldenFrame, ...] = Field(default=(), alias="vectors")
 
     @field_validator("identify", mode="before")
     @classmethod
@@ -82,7 +82,7 @@ class Profile(Section):
 
     @property
     def has_registers(self) -> bool:
-        """Whether the device is spoken to by registers, as Modbus has them; else a class of its own speaks to it."""
+        """Whether the device has Modbus registers; a device without them has a class of its own."""
         return self.profile.protocol.startswith("modbus")
 
     def _check_map(self) -> None:
@@ -90,12 +90,12 @@ class Profile(Section):
         refuse_ambiguity(self.variants)
         for registers in (self.registers, *(applied(self.registers, variant) for variant in self.variants)):
             self._check_registers(registers)
-        for vector in self.vectors:
-            check_vector(vector, self.registers)
+        for golden in self.golden_frames:
+            check_golden_frame(golden, self.registers)
 
     @property
     def proves_type(self) -> bool:
-        """Whether something tells a device of this type from others."""
+        """Whether the type of the device can be proved."""
         return not self.has_registers or any(proof.ranges for proof in self.identify)
 
     @property
@@ -106,30 +106,28 @@ class Profile(Section):
 
     @property
     def unit_id(self) -> int:
-        """The unit id that the device has when it leaves the factory."""
+        """The factory setting of the unit id."""
         line = self.tcp if self.profile.protocol == "modbus-tcp" else self.serial
         assert line is not None  # checked at load
         return line.unit_id
 
     def register(self, name: str) -> Register:
-        """The register `name`; ConfigError names the nearest one there is."""
+        """The register `name`; ConfigError names the nearest one."""
         try:
             return self.registers[name]
         except KeyError:
-            raise ConfigError(
-                f"profile '{self.profile.id}' has no register '{name}'{nearest(name, self.registers)}"
-            ) from None
+            raise ConfigError(f"no register '{name}'{nearest(name, self.registers)}", where=self._where) from None
 
     def role(self, role: str) -> str:
-        """The name of the register that plays `role`; ConfigError when none does."""
+        """The name of the register that is bound to `role`; ConfigError when none is."""
         name: str | None = getattr(self.roles, role)
         if name is None:
-            raise ConfigError(f"profile '{self.profile.id}' binds no register to the role '{role}': add it to [roles]")
+            raise ConfigError(f"no register for the role '{role}'", where=self._where, cure="add it to [roles]")
         return name
 
     def as_variant(self, variant: Variant) -> Profile:
         """The profile of this variant alone: its registers, and its `match` as part of the identity."""
-        proofs = tuple(Identify(register=name, ranges=[span]) for name, span in variant.match.items())
+        proofs = tuple(IdentityRegister(register=name, ranges=[span]) for name, span in variant.match.items())
         others = tuple(proof for proof in self.identify if proof.register_ not in variant.match)
         return self.model_copy(
             update={"registers": applied(self.registers, variant), "identify": others + proofs, "variants": ()}
@@ -141,11 +139,11 @@ class Profile(Section):
             return self._pinned(choice)
         known = {variant.choice: variant for variant in self.variants if variant.choice}
         if choice not in known:
-            raise ConfigError(f"profile '{self.profile.id}' has no choice '{choice}'{nearest(choice, map(str, known))}")
+            raise ConfigError(f"no choice '{choice}'{nearest(choice, map(str, known))}", where=self._where)
         return self.as_variant(known[choice])
 
     def bus_timing(self) -> BusTiming:
-        """The timing as a client wants it."""
+        """The timing for a client, in seconds."""
         timing = self.timing
         return BusTiming(
             response_timeout_s=timing.response_timeout_ms / 1e3,
@@ -157,36 +155,44 @@ class Profile(Section):
         )
 
     def serial_settings(self) -> SerialSettings | None:
-        """The serial line as a transport wants it; None for a device without one."""
+        """The serial settings for a transport; None for a device without a serial line."""
         line = self.serial
         return None if line is None else SerialSettings(line.baudrate, line.parity, line.stopbits)
 
     def _pinned(self, choice: str) -> Profile:
-        """The model whose registers hold `NAME=RAW,...`, which it must then prove."""
+        """The profile of the model whose registers hold `NAME=RAW,...`; the device must prove these values."""
         raws = dict(_raw_of(pair, choice) for pair in choice.split(","))
         for name, raw in raws.items():
             self.register(name)
             allowed = [span for proof in self.identify if proof.register_ == name for span in proof.ranges]
             if allowed and not any(first <= raw <= last for first, last in allowed):
-                raise ConfigError(f"profile '{self.profile.id}': there is no model of it with {name} = {raw}")
+                raise ConfigError("no model has this value", where=self._where, value=f"{name} = {raw}")
         near = [one for one in self.variants if all(one.holds(name, raw) for name, raw in raws.items())]
         for name in (name for variant in near for name in variant.match if name not in raws):
-            raise ConfigError(f"profile '{self.profile.id}': which model is it? Add ,{name}=RAW to '{choice}'")
+            raise ConfigError(
+                f"'{choice}' fits several models", where=self._where, cure=f"add ,{name}=RAW to '{choice}'"
+            )
         model = self.as_variant(near[0]) if near else self.model_copy(update={"variants": ()})
         others = tuple(proof for proof in model.identify if proof.register_ not in raws)
-        proofs = tuple(Identify(register=name, ranges=[(raw, raw)]) for name, raw in raws.items())
+        proofs = tuple(IdentityRegister(register=name, ranges=[(raw, raw)]) for name, raw in raws.items())
         return model.model_copy(update={"identify": others + proofs})
+
+    @property
+    def _where(self) -> str:
+        return f"profile '{self.profile.id}'"
 
     def _check_names(self) -> None:
         for proof in self.identify:
-            validation.known(proof.register_, self.registers, "identify.register")
+            validation.find_register(proof.register_, self.registers, "identify.register")
             if not proof.ranges and self.registers[proof.register_].writable:
-                raise ValueError(f"identify: {proof.register_} can be written, and so tells no device: give it ranges")
+                raise ValueError(
+                    f"identify: {proof.register_} can be written, so that its value proves nothing: give it ranges"
+                )
         for variant in self.variants:
             for name in variant.match:
-                validation.known(name, self.registers, "variants.match")
+                validation.find_register(name, self.registers, "variants.match")
         for role, bound in self.roles.model_dump(exclude_none=True).items():
-            validation.known(bound, self.registers, f"roles.{role}")
+            validation.find_register(bound, self.registers, f"roles.{role}")
         if self.profile.role in ("heater", "supply") and not self.safe_state:
             raise ValueError(f"a {self.profile.role} needs [[safe_state]]: the writes that end all heating")
 
@@ -196,7 +202,7 @@ class Profile(Section):
         validation.refuse_unreachable(registers, self.timing)
         validation.refuse_torn_blocks(registers, self.timing)
         for name, register in registers.items():
-            check_companions(name, register, registers)
+            check_dependencies(name, register, registers)
         validation.check_order(self.write_order, registers)
         validation.check_safe_state(self.safe_state, self.write_order, registers)
 
@@ -204,7 +210,7 @@ class Profile(Section):
 def load_profile(name_or_path: str | Path) -> Profile:
     """The profile at a path (`*.toml`), or the shipped one of that name; ConfigError names file, key and cure.
 
-    `NAME:CHOICE` is a variant that no register tells, such as the thermocouple type of `adam-6018:J`;
+    `NAME:CHOICE` is a variant that no register shows, such as the thermocouple type of `adam-6018:J`;
     `NAME:REGISTER=RAW` is the model of a family that holds these raw values, as in `riden-rd60xx:model_id=60120`.
     """
     name, _, choice = str(name_or_path).partition(":")
@@ -217,4 +223,9 @@ def _raw_of(pair: str, choice: str) -> tuple[str, int]:
     try:
         return name.strip(), parse_whole(raw)
     except ValueError:
-        raise ConfigError(f"'{choice}': write REGISTER=RAW, several with commas, raw values as whole numbers") from None
+        raise ConfigError(
+            "cannot be read",
+            where=f"'{choice}'",
+            value=pair,
+            cure="write REGISTER=RAW, several with commas, raw values as whole numbers",
+        ) from None

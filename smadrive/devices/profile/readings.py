@@ -1,4 +1,4 @@
-"""What a register says when it is read, and what others say of it."""
+"""The reading of a register, and the context that other registers give it."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Iterable, Mapping
 from typing import NamedTuple
 
 
-class Reading(NamedTuple):
-    """A register as read. `value` is NaN and `invalid` says why when the device has no value to give.
+class RegisterReading(NamedTuple):
+    """The reading of a register. Without a valid value, `value` is NaN and `invalid` is the reason.
 
-    A value that is not finite is none: whoever finds `invalid` None has a finite `value`, unless it is a text.
+    Where `invalid` is None, `value` is finite, except for a text.
     `words` are the names of an enum's state or of the bits that are set, or the text of a string (whose value is NaN).
     """
 
@@ -20,7 +20,7 @@ class Reading(NamedTuple):
 
 
 class Context(NamedTuple):
-    """What other registers say of one: sign of its magnitude, its scale, whether it is in °F, why it is invalid."""
+    """Given by other registers: sign of the magnitude, scale, whether it is in °F, reason why it is invalid."""
 
     sign: int = 1
     scale: float | None = None
@@ -31,7 +31,7 @@ class Context(NamedTuple):
 ALONE = Context()
 
 
-def problem_of(readings: Mapping[str, Reading], names: Iterable[str]) -> str | None:
-    """Why registers of these names have no value, each by its name; None when all have one."""
+def problem_of(readings: Mapping[str, RegisterReading], names: Iterable[str]) -> str | None:
+    """The reasons why registers of these names have no value, each by its name; None when all have one."""
     invalid = [f"{name}: {readings[name].invalid}" for name in names if readings[name].invalid is not None]
     return "; ".join(invalid) or None

@@ -1,6 +1,6 @@
-"""One register of a device, as its profile describes it: where it is, what it means, what may be written.
+"""One register of a device by its profile: table and address, conversion, limits of writing.
 
-Everything that can be wrong with such a description is refused when it is loaded. `codec.py` converts by it.
+A wrong description is refused when the profile is loaded. `codec.py` converts by it.
 """
 
 from __future__ import annotations
@@ -86,29 +86,29 @@ class Register(Section):
         return self.access != "r"
 
     @cached_property
-    def companions(self) -> tuple[str, ...]:
-        """The registers that say what this one means."""
+    def depends_on(self) -> tuple[str, ...]:
+        """The registers that give its scale, sign, unit or validity."""
         named = (self.scale_from, self.sign_register, self.unit_from, *self.valid_when)
         return tuple(name for name in named if name is not None)
 
     @cached_property
     def exchangeable(self) -> bool:
-        """Whether it may be written again and again, together with others, without a look at any other register."""
-        return not (self.nonvolatile or self.companions or self.block)
+        """Whether it may be written at every exchange, together with others, without reading another register."""
+        return not (self.nonvolatile or self.depends_on or self.block)
 
     @cached_property
     def size(self) -> int:
-        """How many addresses it spans."""
+        """The number of its addresses."""
         return self.length or (2 if register_types.is_wide(self.type) else 1)
 
     @cached_property
     def addresses(self) -> range:
-        """The addresses it spans."""
+        """Its addresses."""
         return range(self.address, self.address + self.size)
 
     @cached_property
     def codec(self) -> Codec:
-        """Its words <-> what they mean."""
+        """The conversion of its words."""
         return Codec(
             self.type,
             self.word_order,
@@ -123,7 +123,7 @@ class Register(Section):
         )
 
     def _check_writable(self) -> None:
-        """What is written must be able to be right, and unable to do harm."""
+        """ValueError when a write could be harmful, or could never be correct."""
         limits = self.min is not None and self.max is not None
         if not (limits or self.enum or self.bits or self.type == "bool"):
             raise ValueError("a writable register needs min and max, so that nothing harmful can be written")
@@ -132,12 +132,14 @@ class Register(Section):
         if self.type == "string" or self.sign_register is not None:
             raise ValueError("a string or a sign-magnitude pair is not written; access must be 'r'")
         if self.evidence == "uncertain":
-            raise ValueError("what is uncertain is not written; access must be 'r' until evidence is 'one' or 'two'")
+            raise ValueError(
+                "an uncertain register is not written; access must be 'r' until evidence is 'one' or 'two'"
+            )
         if self.min is not None and self.max is not None and self.min > self.max:
             raise ValueError(f"min {self.min:g} exceeds max {self.max:g}")
 
     def _check_sentinel(self, bits: int, reason: str) -> None:
-        """A sentinel that is a valid value as well would make a true reading disappear."""
+        """ValueError when a sentinel is also a valid value: a true reading would become invalid."""
         value = self.codec.number(bits)
         for low, high in ((self.valid_min, self.valid_max), (self.min, self.max)):
             stated = low is not None or high is not None

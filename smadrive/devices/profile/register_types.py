@@ -28,7 +28,7 @@ RANGES: dict[Kind, tuple[float, float]] = {
 }
 
 NOT_A_NUMBER: tuple[Kind, ...] = ("float32", "string")
-"""Types of which some pattern, or each, is none."""
+"""Types with patterns that are not numbers."""
 
 
 def is_wide(kind: Kind) -> bool:
@@ -37,7 +37,7 @@ def is_wide(kind: Kind) -> bool:
 
 
 def unpacker(kind: Kind, order: Order) -> Callable[[Sequence[int]], int | float]:
-    """What finds the raw number in words, as they come from the bus."""
+    """The function that returns the raw number of words in the order of the bus."""
     if kind in _WIDE:
         join, number, step = _PAIR.pack, _WIDE[kind].unpack, 1 if order == "big" else -1
         return lambda words: number(join(*words[::step]))[0]
@@ -47,7 +47,7 @@ def unpacker(kind: Kind, order: Order) -> Callable[[Sequence[int]], int | float]
 
 
 def packer(kind: Kind, order: Order) -> Callable[[float], tuple[int, ...]]:
-    """What makes the words of a raw number that lies within the type's range."""
+    """The function that returns the words of a raw number within the type's range."""
     if kind in _WIDE:
         part, number, step = _PAIR.unpack, _WIDE[kind].pack, 1 if order == "big" else -1
         return lambda raw: part(number(raw))[::step]

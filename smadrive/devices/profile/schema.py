@@ -1,4 +1,4 @@
-"""The tables of a profile beside its registers. docs/device-profiles.md tells every key, with an example."""
+"""The tables of a profile besides its registers. docs/device-profiles.md explains every key, with an example."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from smadrive.modbus.transports.transport import Parity
 
 
 class Head(Section):
-    """What the device is; `evidence` tells how well the map is known (own, two sources, one source)."""
+    """Name, role, protocol and vendor; `evidence`: the sources of the map (own, two, one)."""
 
     id: str
     role: Literal["heater", "supply", "temperature", "displacement"]
@@ -24,7 +24,7 @@ class Head(Section):
 
 
 class Serial(Section):
-    """The device's factory settings of its serial line; a connection URL may overrule all but `bytesize`."""
+    """Factory settings of the serial line; a connection URL may override all but `bytesize`."""
 
     baudrate: int = Field(ge=50, le=12_000_000)
     bytesize: Literal[8] = 8
@@ -34,13 +34,13 @@ class Serial(Section):
 
 
 class Tcp(Section):
-    """How a device with a network port of its own is addressed; the port stands in the connection URL."""
+    """Address of a device with a network port of its own; the port is in the connection URL."""
 
     unit_id: int = Field(default=255, ge=0, le=255)
 
 
-class Timing(Section):
-    """What the device needs of a client, in milliseconds; the simulated device insists on it."""
+class DeviceTiming(Section):
+    """Timing that the device needs from a client, in milliseconds; the simulated device enforces it."""
 
     response_timeout_ms: float = Field(gt=0, le=60_000)
     min_gap_ms: float = Field(default=0.0, ge=0, le=60_000)
@@ -65,15 +65,15 @@ class Timing(Section):
         return codes
 
 
-class Identify(Section):
-    """A register whose raw value proves who the device is: it lies in one of `ranges`, or any, as a serial number."""
+class IdentityRegister(Section):
+    """A register that proves the identity: its raw value lies in `ranges`; without them any value, a serial number."""
 
     register_: str = Field(alias="register")
     ranges: list[tuple[int, int]] = Field(default_factory=list)
 
 
 class Roles(Section):
-    """Which register plays which part for the driver."""
+    """The register of each quantity and command of the driver."""
 
     temperature: str | None = None
     cold_junction: str | None = None
@@ -101,7 +101,7 @@ class Roles(Section):
 
 
 class Override(Section):
-    """What a variant changes of a register."""
+    """The keys of a register that a variant changes."""
 
     address: int | None = Field(default=None, ge=0, le=0xFFFF)
     scale: float | None = None
@@ -113,7 +113,7 @@ class Override(Section):
 
 
 class Variant(Section):
-    """A model of the family: found by the raw values of registers (`match`), or chosen by its user (`choice`)."""
+    """A model of the family: recognised by raw values of registers (`match`), or chosen by the user (`choice`)."""
 
     match: dict[str, tuple[int, int]] = Field(default_factory=dict)
     choice: str | None = None
@@ -127,12 +127,12 @@ class Variant(Section):
         return self
 
     def holds(self, name: str, raw: float) -> bool:
-        """Whether a register of this model may hold `raw`, and tells the models apart."""
+        """Whether the register `name` decides about the model, and holds `raw` in this one."""
         return name in self.match and self.match[name][0] <= raw <= self.match[name][1]
 
 
 class Forbidden(Section):
-    """Addresses that are never written, and why."""
+    """Addresses that are never written, and the reason."""
 
     table: Table
     first: int = Field(ge=0, le=0xFFFF)
@@ -149,14 +149,14 @@ class WriteOrder(Section):
 
 
 class SafeWrite(Section):
-    """One write on the way to the safe state."""
+    """One write of the safe state."""
 
     register_: str = Field(alias="register")
     value: float
 
 
-class Vector(Section):
-    """A golden frame, CRC included, in hexadecimal, and what it `means`: the values it writes, or its reply reads."""
+class GoldenFrame(Section):
+    """A golden frame in hexadecimal with its CRC; `means`: the values that it writes, or that its reply carries."""
 
     request: str
     response: str | None = None

@@ -1,4 +1,4 @@
-"""What is refused when a profile is loaded: whatever could lead to a wrong value or a harmful write."""
+"""Checks of a profile at load: everything that could lead to a wrong value or a harmful write is refused."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from itertools import pairwise
 
 from smadrive.devices.profile.function_codes import read_function, write_function
 from smadrive.devices.profile.register import Register
-from smadrive.devices.profile.schema import Forbidden, SafeWrite, Timing, WriteOrder
+from smadrive.devices.profile.schema import DeviceTiming, Forbidden, SafeWrite, WriteOrder
 from smadrive.errors import ConfigError
 from smadrive.files.spelling import nearest
 
@@ -15,7 +15,7 @@ Registers = Mapping[str, Register]
 
 
 def refuse_overlaps(registers: Registers) -> None:
-    """Two registers at one address, or one beyond the last."""
+    """ValueError: two registers at one address, or one beyond the last address."""
     for table in ("holding", "input", "coil", "discrete"):
         ordered = sorted((register.address, name) for name, register in registers.items() if register.table == table)
         for (_, before), (address, after) in pairwise(ordered):
@@ -30,7 +30,7 @@ def refuse_overlaps(registers: Registers) -> None:
 
 
 def refuse_forbidden(registers: Registers, forbidden: tuple[Forbidden, ...]) -> None:
-    """A writable register in a range that is never written."""
+    """ValueError: a writable register in a forbidden range."""
     for zone in forbidden:
         for name, register in registers.items():
             inside = register.address <= zone.last and register.addresses[-1] >= zone.first
@@ -41,8 +41,8 @@ def refuse_forbidden(registers: Registers, forbidden: tuple[Forbidden, ...]) -> 
                 )
 
 
-def refuse_unreachable(registers: Registers, timing: Timing) -> None:
-    """A register that no function of the device reads or writes, or that is longer than its longest request."""
+def refuse_unreachable(registers: Registers, timing: DeviceTiming) -> None:
+    """ValueError: a register that no function of the device reads or writes, or that is longer than a request."""
     codes = timing.function_codes
     for name, register in registers.items():
         if register.access != "w" and read_function(register.table, codes) is None:
@@ -62,8 +62,8 @@ def refuse_unreachable(registers: Registers, timing: Timing) -> None:
             )
 
 
-def refuse_torn_blocks(registers: Registers, timing: Timing) -> None:
-    """A block that one request cannot read: in two tables, with a gap, too long."""
+def refuse_torn_blocks(registers: Registers, timing: DeviceTiming) -> None:
+    """ValueError: a block that one request cannot read: in two tables, with a gap, or too long."""
     for block in sorted({register.block for register in registers.values() if register.block}):
         members = sorted((one for one in registers.values() if one.block == block), key=lambda one: one.address)
         gaps = any(before.addresses.stop != after.address for before, after in pairwise(members))
@@ -75,19 +75,19 @@ def refuse_torn_blocks(registers: Registers, timing: Timing) -> None:
             )
 
 
-def known(name: str, registers: Registers, key: str) -> Register:
-    """The register that `key` names."""
+def find_register(name: str, registers: Registers, key: str) -> Register:
+    """The register that `key` names; ValueError when there is none."""
     if name not in registers:
         raise ValueError(f"{key} names the unknown register '{name}'{nearest(name, registers)}")
     return registers[name]
 
 
 def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
-    """Rules about registers that cannot be written, read back, or hold the value."""
+    """ValueError: a rule about a register that cannot be written, read back, or hold the value."""
     for rule in rules:
         if rule.before != "*":
-            known(rule.before, registers, "write_order.before")
-        register = known(rule.write, registers, "write_order.write")
+            find_register(rule.before, registers, "write_order.before")
+        register = find_register(rule.write, registers, "write_order.write")
         if register.access != "rw":
             raise ValueError(f"write_order.write '{rule.write}' has access '{register.access}': it needs 'rw'")
         if rule.value is not None:
@@ -97,9 +97,9 @@ def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
 
 
 def check_safe_state(steps: tuple[SafeWrite, ...], rules: tuple[WriteOrder, ...], registers: Registers) -> None:
-    """A step that cannot be confirmed, cannot hold the value, or must wait for another write."""
+    """ValueError: a step that cannot be confirmed, cannot hold the value, or must wait for another write."""
     for step in steps:
-        register = known(step.register_, registers, "safe_state.register")
+        register = find_register(step.register_, registers, "safe_state.register")
         if register.access != "rw":
             raise ValueError(
                 f"safe_state.register '{step.register_}' has access '{register.access}': a safe state must be "

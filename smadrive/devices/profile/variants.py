@@ -1,6 +1,6 @@
 """Models of one family whose registers differ: other scales, limits, addresses.
 
-A channel array `tc` of count 8 is eight registers `tc_0` to `tc_7`; what a variant says of `tc` holds for all of them.
+A channel array `tc` of count 8 is eight registers `tc_0` to `tc_7`; an override of `tc` applies to all of them.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from smadrive.files.spelling import nearest
 
 
 def expanded(registers: Mapping[str, Register]) -> dict[str, Register]:
-    """Every channel of every array as a register of its own, numbered from 0."""
+    """The registers with every channel of every array as a register of its own, numbered from 0."""
     channels = {}
     for name, register in registers.items():
         step = register.stride or register.size
@@ -27,7 +27,7 @@ def expanded(registers: Mapping[str, Register]) -> dict[str, Register]:
 
 
 def applied(registers: Mapping[str, Register], variant: Variant) -> dict[str, Register]:
-    """The registers as this variant has them; ValueError when it names none, or makes one impossible."""
+    """The registers of this variant; ValueError when it overrides an unknown register, or makes one invalid."""
     changed = dict(registers)
     for target, override in variant.registers.items():
         names = [name for name, register in registers.items() if target in (name, _array_of(name, register))]
@@ -72,7 +72,7 @@ def refuse_ambiguity(variants: Sequence[Variant]) -> None:
             raise ValueError(f"variants: {one.match} and {other.match} match the same device: make the ranges differ")
     choices = [variant.choice for variant in variants if variant.choice]
     if len(set(choices)) < len(choices):
-        raise ValueError(f"variants: a choice is there twice among {', '.join(choices)}")
+        raise ValueError(f"variants: a choice occurs twice among {', '.join(choices)}")
 
 
 def _overlap(one: tuple[int, int], other: tuple[int, int]) -> bool:

@@ -1,4 +1,4 @@
-"""The folder in which driver, guardian and `off` keep what must outlive them: trips, locks, duties."""
+"""The folder of driver, guardian and `off` for state that outlives a process: trips, locks, duties."""
 
 from __future__ import annotations
 
@@ -16,13 +16,15 @@ def state_dir() -> Path:
         return Path(folder) / "smadrive"
     try:
         return Path.home() / ".local" / "state" / "smadrive"
-    except RuntimeError:  # a user without a home: neither this nor a lock may keep a heater from being switched off
+    except RuntimeError:  # a user without a home must be able to switch a heater off
         return WITHOUT_HOME
 
 
 def unreadable(error: OSError) -> SafetyError:
-    """The error of a program that must know what the folder holds, and cannot list it."""
+    """The error of a program that needs the content of the folder and cannot list it."""
     return SafetyError(
-        f"the state folder cannot be read: {error.filename or state_dir()} ({error.strerror}): give it to your user "
-        f"(`sudo chown -R $USER {state_dir()}`), or set XDG_STATE_HOME to a folder of your own"
+        "the state folder cannot be read",
+        where=error.filename or state_dir(),
+        value=error.strerror,
+        cure=f"give it to your user (`sudo chown -R $USER {state_dir()}`), or set XDG_STATE_HOME to your own folder",
     )

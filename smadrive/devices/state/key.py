@@ -1,13 +1,13 @@
-"""The key of a device: what says that it is the same device as in an earlier run, or another one.
+"""The key of a device: it decides whether a device is the same as in an earlier run, or another one.
 
 The kernel numbers ports in the order in which they appear: `ttyUSB0` and `pts/7` name another device after a replug.
-So a key holds the names of the port that stay, and the device's serial number, which is known once it has answered:
+So a key holds the permanent names of the port, and the serial number of the device, known once it has answered:
 
     USB adapter              its links in /dev/serial/by-id and by-path, and its place on the USB bus
     link of the user's own   the path of the link (a udev rule, `firmware-sim --pty PATH`, `socat link=PATH`)
     on-board serial port     its path
-    network                  host and port, as written and by each address of the host; see hostnames.py
-    pseudo-terminal          no name that stays. While it exists, its number and its time of creation count; when it
+    network                  host and port, as written and by each address of the host; see host_names.py
+    pseudo-terminal          no permanent name. While it exists, its number and its time of creation count; when it
                              is gone it never comes back, and only the serial number of the device counts
 
 Devices that share a line have different unit ids. `APPLIES` states when a trip of one key holds for another.
@@ -35,13 +35,13 @@ BY_ID = Path("/dev/serial/by-id")
 BY_PATH = Path("/dev/serial/by-path")
 TERMINALS = "/dev/pts/"
 NUMBERED = re.compile(r"tty(USB|ACM)\d+|rfcomm\d+")
-"""Ports that the kernel numbers in the order in which they appear."""
+"""Names of ports that the kernel numbers in the order in which they appear."""
 UNPROGRAMMED = (0, 0xFFFF, 0xFFFF_FFFF)
-"""Raw serial numbers of a device to which nobody gave one."""
+"""Raw serial numbers of devices that were never given one."""
 
 
 class Match(Enum):
-    """How a part of two keys compares."""
+    """The comparison of one part of two keys."""
 
     SAME = "same"
     DIFFERENT = "different"
@@ -58,16 +58,16 @@ APPLIES = {
     (Match.DIFFERENT, Match.UNKNOWN): False,
     (Match.UNKNOWN, Match.SAME): True,
     (Match.UNKNOWN, Match.DIFFERENT): False,
-    (Match.UNKNOWN, Match.UNKNOWN): True,  # nothing says that it is another device
+    (Match.UNKNOWN, Match.UNKNOWN): True,  # nothing proves another device
 }
-"""Whether a trip of one device holds for the device that is there now."""
+"""Whether a trip of one device applies to the device that is there now."""
 
 
 @dataclass(frozen=True)
 class DeviceKey:
-    """`names` of the port that stay (empty: none known), unit id (None: a device without one), serial number.
+    """Permanent `names` of the port (empty: unknown), unit id (None: a device without one), serial number.
 
-    `port` is what the port is called at present, as a URL: it tells no device from another.
+    `port` is the present name of the port, as a URL; it does not distinguish devices.
     """
 
     names: frozenset[str]
@@ -92,7 +92,7 @@ class DeviceKey:
         return Match.SAME if self.serial_number == other.serial_number else Match.DIFFERENT
 
     def applies_to(self, other: DeviceKey) -> bool:
-        """Whether a trip of this device holds for `other`; see APPLIES."""
+        """Whether a trip of this device applies to `other`; see APPLIES."""
         return APPLIES[self.port_match(other), self.serial_match(other)]
 
     def proves(self, other: DeviceKey) -> bool:
@@ -110,20 +110,20 @@ class DeviceKey:
 
 
 def key_at(url: str, profile: Profile, unit_id: int | None) -> DeviceKey:
-    """The key of a device that has not been asked yet. ConfigError when the URL names no port."""
+    """The key of a device before it has answered. ConfigError when the URL names no port."""
     unit = (profile.unit_id if unit_id is None else unit_id) if profile.has_registers else None
     return DeviceKey(port_names(url), unit, port=port_of(url))
 
 
 def serial_number(profile: Profile, identity: Identity) -> str | None:
-    """The values of the registers that the profile identifies by without `ranges`; None: it has no serial number."""
+    """The values of the `[[identify]]` registers without `ranges`; None: the device has no serial number."""
     names = sorted(proof.register_ for proof in profile.identify if not proof.ranges)
     values = [identity[name] for name in names if identity.get(name, UNPROGRAMMED[0]) not in UNPROGRAMMED]
     return " ".join(str(value) for value in values) or None
 
 
 def port_names(url: str) -> frozenset[str]:
-    """The names of the port that stay after a replug, found from whatever leads to it; empty: it has none."""
+    """The names of the port that stay after a replug; empty: it has none."""
     port = port_of(url)
     if urlsplit(url).scheme != "serial":
         return names_of(port)
@@ -131,7 +131,7 @@ def port_names(url: str) -> frozenset[str]:
 
 
 def _is_link(path: Path) -> bool:
-    """Whether the path is a link; one in a folder that this user may not enter is not known as one."""
+    """Whether the path is a link; False for a path in a folder that this user may not enter."""
     try:
         return path.is_symlink()
     except OSError:
@@ -139,7 +139,7 @@ def _is_link(path: Path) -> bool:
 
 
 def _serial_names(written: Path, port: Path) -> Iterator[str]:
-    """`written` is the path in the rig file, `port` what it leads to."""
+    """The permanent names of a serial port: `written` is the path in the rig file, `port` its target."""
     if _is_link(written) or written.parent in (BY_ID, BY_PATH):
         yield f"{os.path.realpath(written.parent)}/{written.name}"
     for folder in (BY_ID, BY_PATH):

@@ -1,10 +1,10 @@
-"""The trip latch: what ended the last run stays latched until the user clears it, also over a new start.
+"""The trip latch: a trip stays latched until the user clears it, also over a new start of the driver.
 
-A board latches its own faults. A fault that only the driver sees, and every fault of a supply, would end with the
-process; so it is written to a file in the user's folder for state, with the key of the heat source (key.py). A record
-that cannot be read counts as a trip of every device. `--clear-faults` removes the records that apply.
+A board latches its own faults. A fault that only the driver sees, and every fault of a supply, would be lost with the
+process. So it is written to a file in the user's state folder, with the key of the heat source (key.py). A record that
+cannot be read counts as a trip of every device. `--clear-faults` removes the records that apply.
 
-smadrive 0.1 named its records by the address in the rig file, `ADDRESS.tripped`. Such a record is taken over by the
+smadrive 0.1 named its records by the address in the rig file, `ADDRESS.tripped`. Such a record gets the key of the
 first device that is found at this address.
 """
 
@@ -30,7 +30,7 @@ LONGEST_OLD_NAME = 230
 
 
 class _Record(BaseModel):
-    """A trip and the key of the device that it belongs to, as a file holds them."""
+    """The content of a file: a trip, and the key of its device."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -44,29 +44,29 @@ class _Record(BaseModel):
         return DeviceKey(self.names, self.unit_id, self.serial_number)
 
 
-class _Found(NamedTuple):
-    """A record that applies: its file and what it says."""
+class _FoundRecord(NamedTuple):
+    """A record that applies: its file and its trip."""
 
     file: Path
     trip: str
 
 
 class TripLatch:
-    """The trip of the heat source with this key; without a `key` (a simulated one) it lasts as long as the process."""
+    """The trip of the heat source with this key; without a `key` (simulated source) it ends with the process."""
 
     def __init__(self, key: DeviceKey | None) -> None:
         self._key = key
         self._trip: str | None = None
 
     def read(self) -> str | None:
-        """What tripped, its cause and its remedy; None when nothing is latched."""
+        """The latched trip, with cause and remedy; None when nothing is latched."""
         if self._trip is None and self._key is not None:
             _take_over_old(self._key)
             self._trip = next((found.trip for found in _applying(self._key)), None)
         return self._trip
 
     def latch(self, trip: TripError) -> None:
-        """Keep the trip; one that cannot be written says so, and lasts as long as the process."""
+        """Latch the trip; where it cannot be written, it gets a note and ends with the process."""
         self._trip = str(trip)
         if self._key is None:
             return
@@ -82,36 +82,39 @@ class TripLatch:
                 found.file.unlink(missing_ok=True)
             except OSError as error:
                 raise SafetyError(
-                    f"not cleared: {found.file} cannot be removed ({error.strerror}): remove it by hand"
+                    "not cleared, the record cannot be removed",
+                    where=found.file,
+                    value=error.strerror,
+                    cure="remove it by hand",
                 ) from None
         self._trip = None
 
 
-def _applying(key: DeviceKey) -> Iterator[_Found]:
+def _applying(key: DeviceKey) -> Iterator[_FoundRecord]:
     """The records that apply to the device with this key."""
     try:
         files = sorted(file for file in state_dir().iterdir() if file.match(RECORDS))
     except FileNotFoundError:
         return
     except OSError as error:
-        yield _Found(state_dir(), f"a trip of unknown cause: {unreadable(error)}")
+        yield _FoundRecord(state_dir(), f"a trip of unknown cause: {unreadable(error)}")
         return
     for file in files:
         yield from _applying_in(file, key)
     yield from _old_records(key)
 
 
-def _applying_in(file: Path, key: DeviceKey) -> Iterator[_Found]:
+def _applying_in(file: Path, key: DeviceKey) -> Iterator[_FoundRecord]:
     """The record in the file, if it applies or cannot be read."""
     try:
         record = _Record.model_validate_json(_text(file))
     except FileNotFoundError:
         return
     except (OSError, UnicodeDecodeError, DataError, ValidationError) as error:
-        yield _Found(file, _unreadable(file, error))
+        yield _FoundRecord(file, _unreadable(file, error))
         return
     if record.key.applies_to(key):
-        yield _Found(file, record.trip or f"a trip of unknown cause: {file} names none")
+        yield _FoundRecord(file, record.trip or f"a trip of unknown cause: {file} names none")
 
 
 def _write(key: DeviceKey, trip: str) -> None:
@@ -124,7 +127,7 @@ def _write(key: DeviceKey, trip: str) -> None:
 
 
 def _take_over_old(key: DeviceKey) -> None:
-    """Give the records of 0.1 at this port the key of the device that is there now; one that resists stays."""
+    """Give the records of 0.1 at this port the key of the device that is there now; on an error they stay."""
     for file, trip in _old_records(key):
         with suppress(OSError, DataError):
             if file.is_file():
@@ -132,20 +135,20 @@ def _take_over_old(key: DeviceKey) -> None:
                 file.unlink()
 
 
-def _old_records(key: DeviceKey) -> Iterator[_Found]:
+def _old_records(key: DeviceKey) -> Iterator[_FoundRecord]:
     for address in _old_addresses(key):
         file = state_dir() / f"{_old_name(address)}.tripped"
         try:
-            if not _tells_of_older_terminal(file, address):
-                yield _Found(file, _text(file).strip() or f"a trip of unknown cause: {file} is empty")
+            if not _is_of_older_terminal(file, address):
+                yield _FoundRecord(file, _text(file).strip() or f"a trip of unknown cause: {file} is empty")
         except FileNotFoundError:
             continue
         except (OSError, UnicodeDecodeError, DataError) as error:
-            yield _Found(file, _unreadable(file, error))
+            yield _FoundRecord(file, _unreadable(file, error))
 
 
 def _old_addresses(key: DeviceKey) -> Iterator[str]:
-    """How 0.1 called a device at this port: its unit id counted only where the rig file gave one."""
+    """The names by which 0.1 knew a device at this port; a unit id was part of it only if the rig file gave one."""
     by_id = sorted(f"serial://{name}" for name in key.names if name.startswith(str(BY_ID)))
     for port in (*by_id, key.port):
         yield port
@@ -153,7 +156,7 @@ def _old_addresses(key: DeviceKey) -> Iterator[str]:
             yield f"{port} unit {key.unit_id}"
 
 
-def _tells_of_older_terminal(file: Path, address: str) -> bool:
+def _is_of_older_terminal(file: Path, address: str) -> bool:
     """Whether the record is older than the pseudo-terminal that has this number now."""
     path = Path(address.removeprefix("serial://").partition(" ")[0])
     return str(path).startswith(TERMINALS) and file.stat().st_mtime_ns < path.stat().st_ctime_ns

@@ -1,13 +1,12 @@
 """Exclusive access to a line: two clients on one line would take each other's replies for their own.
 
-A line is a serial port under its present name, or one unit behind a network address; one behind a host with several
-names is locked under each. Its lock is an flock on a file in
-the user's folder for state; the kernel releases it when the process ends, however that happens. The file names the
-holder. A driver shares its lock with its guardian, which inherits the open file: together they have the line until both
-have let it go. A guardian whose driver has ended holds the lock only while it tries to switch off, so that a new driver
-or `smadrive off` gets in between two attempts.
+A line is a serial port under its present name, or one unit behind a network address; a line behind a host with several
+names is locked under each. Its lock is an flock on a file in the user's state folder; the kernel releases it when the
+process ends, also after a kill. The file names the holder. A driver shares its lock with its guardian, which inherits
+the open file: they hold the line until both have released it. A guardian whose driver has ended holds the lock only
+during an attempt to switch off, so that a new driver or `smadrive off` can use the line between two attempts.
 
-Where the folder cannot be written there are no locks: a heater must still be switched off.
+Where the folder cannot be written there are no locks: it must still be possible to switch a heater off.
 """
 
 from __future__ import annotations
@@ -27,13 +26,13 @@ from smadrive.errors import BusyError, DataError
 from smadrive.files.kinds import check_regular
 
 GUARDIAN_WITHIN_S = 10.0
-"""A guardian that tries to switch off lets the line go in this time."""
+"""Longest time for which a guardian holds the line during an attempt to switch off."""
 LOOK_AGAIN_S = 0.05
 NO_DESCRIPTOR = -1
 
 
 class Role(StrEnum):
-    """Who holds a line."""
+    """The holder of a line: a driver or a guardian."""
 
     DRIVER = "driver"
     GUARDIAN = "guardian"
@@ -61,7 +60,7 @@ class LineLock:
                 os.pwrite(self.descriptor, f"{role} {pid}\n".encode(), 0)
 
     def release(self) -> None:
-        """Let the line go; a guardian that shares the lock keeps it. Releasing twice does no harm."""
+        """Release the line; a guardian that shares the lock keeps it. Releasing twice does no harm."""
         if self.descriptor != NO_DESCRIPTOR:
             os.close(self.descriptor)
             self.descriptor = NO_DESCRIPTOR
@@ -82,7 +81,7 @@ def lines_of(key: DeviceKey) -> tuple[str, ...]:
 
 
 def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> LineLock:
-    """The lock of `line`; a guardian at work there is awaited for `within_s`. BusyError names the holder."""
+    """The lock of `line`, after waiting up to `within_s` for a guardian at work there. BusyError names the holder."""
     give_up_s = time.monotonic() + within_s
     while (lock := _try_lock(line)) is None:
         holder = holder_of(line)
@@ -127,7 +126,7 @@ def _try_lock(line: str) -> LineLock | None:
 
 
 def _is_driving(holder: Holder | None) -> bool:
-    """Whether a driver that still lives holds the line: it may do so for hours."""
+    """Whether a living driver holds the line; waiting is useless, it may last for hours."""
     if holder is None or holder.role is not Role.DRIVER:
         return False
     try:
@@ -142,13 +141,16 @@ def _is_driving(holder: Holder | None) -> bool:
 def _busy(line: str, holder: Holder | None) -> BusyError:
     if holder is not None and holder.role is Role.GUARDIAN:
         return BusyError(
-            f"{line}: busy: a guardian (process {holder.pid}) has taken over from its driver and switches off a device "
-            "there: end that driver if it still lives, and try again"
+            f"busy, a guardian (process {holder.pid}) has taken over from its driver and switches off a device there",
+            where=line,
+            cure="end that driver if it still lives, and try again",
         )
-    who, kill = "another smadrive", "`kill` of it"
+    name, kill = "another smadrive", "`kill` of it"
     if holder is not None:
-        who, kill = f"process {holder.pid}", f"`kill {holder.pid}`"
+        name, kill = f"process {holder.pid}", f"`kill {holder.pid}`"
     return BusyError(
-        f"{line}: busy: {who} holds the port: close it. A smadrive that runs or tunes there switches the heater off at "
-        f"Ctrl-C in its terminal, at {kill}, or at OFF (POST /off) of its page"
+        f"busy, {name} holds the port",
+        where=line,
+        cure="close it. A smadrive that runs or tunes there switches the heater off at Ctrl-C in its terminal, at "
+        f"{kill}, or at OFF (POST /off) of its page",
     )

@@ -1,7 +1,7 @@
 """Two ways to carry a PDU: RTU frames and Modbus TCP frames.
 
-RTU frames have neither number nor length: the client knows how long the right reply is, and must see to it that no
-late reply takes its place. Modbus TCP frames have both: a reply with another number than the last request's is dropped
+RTU frames have neither number nor length. The client knows the length of the right reply, and must keep a late reply
+from taking its place. Modbus TCP frames have both. A reply with another number than that of the last request is dropped
 here.
 """
 
@@ -16,16 +16,16 @@ from smadrive.errors import ProtocolError
 from smadrive.modbus.framing import mbap, rtu
 
 REMEMBERED = 1024
-"""So many unanswered transaction numbers are kept from being used again."""
+"""Number of unanswered transaction numbers that are not used again."""
 NEAR = 16
-"""A far end that counts by itself may be ahead or behind by so many transactions."""
+"""A server that counts by itself may be ahead or behind by so many transactions."""
 
 
 class Framing(Protocol):
     """The frames of one connection. `tail_size`: bytes that follow the PDU of a reply.
 
-    `numbered`: replies carry the number of their request and their length; so a late one cannot be mistaken, and what
-    `reply` gives is whole.
+    `numbered`: replies carry the number of their request and their length. So a late reply cannot be mistaken, and
+    `reply` returns whole frames only.
     """
 
     numbered: bool
@@ -33,23 +33,23 @@ class Framing(Protocol):
 
     @property
     def out_of_step(self) -> bool:
-        """Whether it is no longer known where the next frame begins: only a new connection helps."""
+        """Whether the beginning of the next frame is unknown: only a new connection helps."""
         ...
 
     def restart(self) -> None:
-        """The connection is a new one: forget what came through the old one."""
+        """Forget the bytes of the old connection: a new one is open."""
         ...
 
     def request(self, unit_id: int, pdu: bytes) -> bytes:
-        """The frame to send; what arrives from now on may be its reply."""
+        """The frame to send; bytes that arrive from now on may be its reply."""
         ...
 
     def reply(self, data: bytes) -> bytes:
-        """Unit id, PDU and tail of the reply, as far as they have come with `data`."""
+        """Unit id, PDU and tail of the reply, as far as they have arrived with `data`."""
         ...
 
     def skip(self, data: bytes) -> None:
-        """Take `data` that arrived before a request: it answers nothing, but a stream goes on behind it."""
+        """Skip `data` that arrived before a request: it answers nothing, but a stream goes on behind it."""
         ...
 
     def intact(self, reply: bytes) -> bool:
@@ -58,7 +58,7 @@ class Framing(Protocol):
 
 
 class RtuFraming:
-    """Unit id, PDU, CRC. Silence parts the frames, so it never gets out of step."""
+    """Unit id, PDU, CRC. Silence separates the frames, so it never gets out of step."""
 
     numbered = False
     tail_size = 2
@@ -68,7 +68,7 @@ class RtuFraming:
         self._reply = b""
 
     def restart(self) -> None:
-        """Nothing to forget: every request begins anew."""
+        """Do nothing: every request begins anew."""
 
     def request(self, unit_id: int, pdu: bytes) -> bytes:
         """The frame to send."""
@@ -81,7 +81,7 @@ class RtuFraming:
         return self._reply
 
     def skip(self, data: bytes) -> None:
-        """Nothing to remember: the silence that must follow parts the frames."""
+        """Do nothing: the silence that follows separates the frames."""
 
     def intact(self, reply: bytes) -> bool:
         """Whether the CRC holds."""
@@ -91,8 +91,8 @@ class RtuFraming:
 class TcpFraming:
     """Transaction number, length, unit id, PDU. TCP itself guards against damage.
 
-    Transaction numbers are random, so that no frame that was made up or delayed before the request carries the right
-    one. A number is neither near the one before it nor that of a request that is still unanswered.
+    Transaction numbers are random, so that no delayed or forged frame from before the request carries the right one. A
+    number is neither near the previous one nor that of a request that is still unanswered.
     """
 
     numbered = True
@@ -107,16 +107,16 @@ class TcpFraming:
 
     @property
     def out_of_step(self) -> bool:
-        """Whether a frame was left unfinished: nothing in a stream marks the beginning of the next."""
+        """Whether a frame was left unfinished: a stream has no mark at the beginning of the next one."""
         return bool(self._pending)
 
     def restart(self) -> None:
-        """Forget the unfinished frame and the unanswered requests: nothing of them comes through a new connection."""
+        """Forget the unfinished frame and the unanswered requests: their bytes cannot come through a new connection."""
         self._pending = b""
         self._unanswered.clear()
 
     def request(self, unit_id: int, pdu: bytes) -> bytes:
-        """The frame to send, with a new transaction number; it counts as unanswered until its reply is there."""
+        """The frame to send, with a new transaction number; it counts as unanswered until its reply has arrived."""
         while self._is_taken(number := self._random.getrandbits(16)):
             pass
         self._transaction = number
@@ -124,9 +124,9 @@ class TcpFraming:
         return mbap.seal(number, unit_id, pdu)
 
     def reply(self, data: bytes) -> bytes:
-        """Unit id and PDU of the whole reply; empty until it is there. Replies to earlier requests are dropped.
+        """Unit id and PDU of the whole reply; empty until it has arrived. Replies to earlier requests are dropped.
 
-        ProtocolError when what arrives is no Modbus TCP.
+        ProtocolError when the bytes are not Modbus TCP.
         """
         self._pending += data
         while (frame := self._frame()) is not None:
@@ -137,24 +137,24 @@ class TcpFraming:
         return b""
 
     def skip(self, data: bytes) -> None:
-        """Drop the whole frames; what follows them is the beginning of another. Of no Modbus TCP nothing is known."""
+        """Drop the whole frames; the bytes behind them begin another frame. Other bytes stay pending."""
         self._pending += data
         with suppress(ProtocolError):
             while self._frame() is not None:
                 self.dropped += 1
 
     def intact(self, _reply: bytes) -> bool:
-        """TCP has seen to it."""
+        """True: TCP guards against damage."""
         return True
 
     def _frame(self) -> bytes | None:
-        """The next whole frame that has arrived; ProtocolError when it is none."""
+        """The next whole frame that has arrived, None before that; ProtocolError when the bytes are not Modbus TCP."""
         size = mbap.frame_size(self._pending)
         if size is None:
             return None
         header = mbap.Header.of(self._pending)
         if size == mbap.NO_FRAME or header.protocol != mbap.PROTOCOL:
-            raise ProtocolError(f"not a Modbus TCP frame: protocol {header.protocol}, length {header.length}")
+            raise ProtocolError("not a Modbus TCP frame", value=f"protocol {header.protocol}, length {header.length}")
         if len(self._pending) < size:
             return None
         frame, self._pending = self._pending[:size], self._pending[size:]

@@ -1,4 +1,4 @@
-"""Modbus TCP frames: the header that takes the place of the CRC (messaging guide V1.0b, section 3.1.3).
+"""Modbus TCP frames: a header instead of the CRC (messaging guide V1.0b, section 3.1.3).
 
     frame = transaction (2) | protocol, 0 (2) | length (2) | unit id (1) | PDU (1..253)
 
@@ -19,7 +19,7 @@ _LENGTHS = range(2, 255)
 
 
 class Header(NamedTuple):
-    """What stands before the PDU."""
+    """The header before the PDU."""
 
     transaction: int
     protocol: int
@@ -38,7 +38,7 @@ def seal(transaction: int, unit_id: int, pdu: bytes) -> bytes:
 
 
 def frame_size(head: bytes) -> int | None:
-    """Bytes of the frame that begins with `head`: None while it cannot be told, NO_FRAME when none has that length."""
+    """Bytes of the frame that begins with `head`: None while it is too short, NO_FRAME for an impossible length."""
     if len(head) < HEADER_SIZE:
         return None
     length = Header.of(head).length

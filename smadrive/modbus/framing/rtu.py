@@ -2,8 +2,8 @@
 
     frame = unit id (1 byte) | PDU: function (1), data (0..252) | CRC-16 (2, low byte first)      4..256 bytes
 
-A frame carries no length: pymodbus tells, from the function and the byte count inside, how long a request is.
-Who reads replies knows their length from the request, so replies need no such guess.
+A frame carries no length. pymodbus computes the length of a request from its function and byte count. The length of a
+reply follows from its request, so replies need no such computation.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ def seal(unit_id: int, pdu: bytes) -> bytes:
 
 
 def crc_holds(frame: bytes) -> bool:
-    """Whether the last two bytes are the CRC of all before them."""
+    """Whether the last two bytes are the CRC of all bytes before them."""
     return len(frame) >= MIN_FRAME and crc(frame[:-2]) == frame[-2:]
 
 
 def request_size(head: bytes) -> int | None:
-    """Bytes of the request frame that begins with `head`: None for an unknown function, 0 while it cannot be told."""
+    """Bytes of the request frame that begins with `head`: None for an unknown function, 0 while it is too short."""
     if len(head) < 2:
         return 0
     if head[1] & 0x80:

@@ -4,7 +4,7 @@ serial:///dev/ttyUSB0?baudrate=115200&parity=N&stopbits=1
 tcp://host:502                  Modbus TCP; without a port, 502
 rtu+tcp://host:port             RTU frames through a gateway; ?baudrate= is that of the line behind it
 
-&latency_ms=200 at any of them: by how much the way there and back may delay a reply, beyond what the device may take.
+&latency_ms=200 at any of them: the longest delay of a reply by the connection, on top of the time of the device.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from smadrive.modbus.transports.transport import Parity, PortAccess, SerialSetti
 
 MODBUS_TCP_PORT = 502
 MOST_CHARACTERS = 1000
-"""Of a URL: longer than any path or name."""
+"""Longest URL that is read: longer than any path or name."""
 
 _FORMS = "serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port"
 _PARITIES: dict[str, Parity] = {"N": "N", "E": "E", "O": "O"}
@@ -35,33 +35,33 @@ _ALLOWED = {
     "latency_ms": "latency_ms=<0 to 5000>",
 }
 BAUDRATES = (50, 12_000_000)
-"""The slowest line that Linux knows, and the fastest adapter on sale."""
+"""Lowest rate that Linux knows, and highest rate of an adapter on sale."""
 
 _NO_PATH = (errno.ELOOP, errno.ENAMETOOLONG)
-"""Errors of a path that can lead nowhere; a missing or a forbidden port may be there later."""
+"""Errors of a path that can never be a port; a missing or a forbidden port may be there later."""
 
 MOST_LATENCY_MS = 5000
-"""A reply that comes still later is not waited for, and not remembered as owed for much longer."""
+"""Longest latency that can be set: outstanding replies are forgotten after 10 s."""
 
 
 def open_transport(
-    url: str, defaults: SerialSettings | None = None, *, exclusive: bool = True, lease: PortAccess | None = None
+    url: str, defaults: SerialSettings | None = None, *, exclusive: bool = True, port_access: PortAccess | None = None
 ) -> Transport:
-    """The connection of a URL.
+    """The connection of a URL, open.
 
-    `defaults` (a profile's) hold for what the URL leaves open. `exclusive`: a serial port is for this process alone,
-    and refused when another has it so. `lease` is asked at every use of the connection.
-    ConfigError: the URL makes no sense; TransportError: the port is missing, busy or forbidden, the host unknown,
-    silent or refusing.
+    `defaults` (of a profile) apply where the URL sets nothing. `exclusive`: a serial port is for this process alone,
+    and refused when another process has it so. `port_access` is called at every use of the connection.
+    ConfigError: the URL cannot be used; TransportError: the port is missing, busy or forbidden, or the host is unknown,
+    silent or refuses.
     """
     transport = _opened(url, defaults or SerialSettings(), exclusive=exclusive)
-    transport.lease = lease
+    transport.port_access = port_access
     return transport
 
 
 def port_of(url: str) -> str:
-    """The port that a URL leads to now, however it is spelled: without query, links resolved, host in lower case
-    without the dot that may end it. A network port has further names (see hostnames.py).
+    """The port that a URL leads to now, in one spelling: without query, links resolved, host in lower case without a
+    final dot. A network port has further names (see host_names.py).
 
     ConfigError when the URL names no port.
     """
@@ -73,7 +73,7 @@ def port_of(url: str) -> str:
 
 
 def is_remote(url: str) -> bool:
-    """Whether the far end may have room for one client only; a port of this machine can be opened a second time."""
+    """Whether the URL leads over a network, where a device may accept one client only; a local port can open twice."""
     return _split(url).scheme in ("tcp", "rtu+tcp")
 
 
@@ -91,35 +91,35 @@ def _opened(url: str, line: SerialSettings, *, exclusive: bool) -> DescriptorTra
             host, port = _address(url, parts, None)
             settings, latency_s = _options(url, parts.query, line, allowed=("baudrate", "latency_ms"))
             return SocketTransport(host, port, RtuFraming(), settings.baudrate, latency_s)
-    raise ConfigError(f"connection {shortened(url, 200)}: unknown scheme {shortened(parts.scheme)}; write {_FORMS}")
+    raise ConfigError("unknown scheme", where=_named(url), value=shortened(parts.scheme), cure=f"write {_FORMS}")
 
 
 def _split(url: str) -> SplitResult:
-    """The parts of a URL. ConfigError when it has a character that no address has, or brackets without an address."""
+    """The parts of a URL. ConfigError: a control character, too many characters, or brackets without an address."""
     wrong = "" if url.isprintable() else "it has a control character"
     if len(url) > MOST_CHARACTERS:
-        wrong = f"it has {len(url)} characters, at most {MOST_CHARACTERS} are read"
+        wrong = f"it has {len(url)} characters, limit {MOST_CHARACTERS}"
     try:
         parts = urlsplit(url)
     except ValueError as error:
         wrong = wrong or str(error)
     if wrong:
-        raise ConfigError(f"connection {shortened(url, 200)}: {wrong}; write {_FORMS}")
+        raise ConfigError("cannot be read", where=_named(url), value=wrong, cure=f"write {_FORMS}")
     return parts
 
 
 def _port_path(url: str, parts: SplitResult) -> str:
     if parts.netloc or not parts.path.strip("/"):
-        raise ConfigError(
-            f"connection {shortened(url, 200)}: names no port; write three slashes, as in serial:///dev/ttyUSB0"
-        )
+        raise ConfigError("names no port", where=_named(url), cure="write three slashes, as in serial:///dev/ttyUSB0")
     try:
-        os.stat(parts.path)  # noqa: PTH116  (its errors are what counts)
+        os.stat(parts.path)  # noqa: PTH116  (called for its errors)
     except OSError as error:
         if error.errno in _NO_PATH:
             raise ConfigError(
-                f"connection {shortened(url, 200)}: is no path ({error.strerror}); write one, as in "
-                "serial:///dev/ttyUSB0"
+                "cannot be a path",
+                where=_named(url),
+                value=error.strerror,
+                cure="write a path, as in serial:///dev/ttyUSB0",
             ) from None
     return parts.path
 
@@ -128,12 +128,10 @@ def _address(url: str, parts: SplitResult, default_port: int | None) -> tuple[st
     try:
         host, port = parts.hostname, parts.port or default_port
         (host or "").encode("idna")  # as the look-up of names does
-    except ValueError:  # a port that is no number, or too great; a name with an empty or too long part
+    except ValueError:  # a port that is not a number or too large; a name with an empty or too long part
         host, port = None, None
     if not host or port is None or parts.path.strip("/"):
-        raise ConfigError(
-            f"connection {shortened(url, 200)}: names no host and port; write {parts.scheme}://192.168.1.10:502"
-        )
+        raise ConfigError("names no host and port", where=_named(url), cure=f"write {parts.scheme}://192.168.1.10:502")
     return host, port
 
 
@@ -150,8 +148,12 @@ def _options(url: str, query: str, defaults: SerialSettings, allowed: tuple[str,
             latency_s = int(text) / 1e3
         else:
             cure = "allowed are " + ", ".join(_ALLOWED[name] for name in allowed)
-            raise ConfigError(f"connection {shortened(url, 200)}: cannot use {shortened(f'{key}={text}')}; {cure}")
+            raise ConfigError("cannot be used", where=_named(url), value=shortened(f"{key}={text}"), cure=cure)
     return settings, latency_s
+
+
+def _named(url: str) -> str:
+    return f"connection {shortened(url, 200)}"
 
 
 def _is_whole(text: str, least: int, most: int) -> bool:

@@ -1,7 +1,7 @@
 """The names of a network port: one device answers at `localhost`, `127.0.0.1`, `127.1` and `[::ffff:127.0.0.1]`.
 
-A port has the name that the user wrote, and one for each address that the look-up of the host gives. Two ports with a
-common name are one. Where a look-up failed, the names do not tell two ports apart.
+A port has the name that the user wrote, and one name for each address that the look-up of the host returns. Two ports
+with a common name are one. After a failed look-up the names cannot prove that two ports differ.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def may_be_one(names: frozenset[str], others: frozenset[str]) -> bool:
 
 
 def _addresses(host: str) -> set[str]:
-    """The addresses of a host, each in its canonical form; none: they cannot be found in time."""
+    """The addresses of a host, each in its canonical form; empty when they cannot be found in time."""
     found: set[str] = set()
 
     def look_up() -> None:
@@ -44,7 +44,7 @@ def _addresses(host: str) -> set[str]:
 
 
 def _canonical(text: str) -> str:
-    """One form for each address; the kernel takes an unspecified one for the loopback of its family."""
+    """One form for each address; an unspecified address means the loopback of its family, as for the kernel."""
     address = ip_address(text)
     if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
         address = address.ipv4_mapped

@@ -1,7 +1,7 @@
-"""A transport without a wire: real frames to a responder in the same process, on whatever clock the test or demo has.
+"""A transport without a wire: real frames to a responder in the same process, on the clock of the test or demo.
 
-On a virtual clock waiting for a reply *is* what makes time pass, so timeouts, late replies and watchdogs happen
-exactly and at once.
+A virtual clock advances when the client waits for a reply. So timeouts, late replies and watchdogs happen exactly and
+at once.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from smadrive.modbus.framing.framing import Framing, RtuFraming, TcpFraming
 
 
 class Peer(Protocol):
-    """The other end of the wire."""
+    """The responder at the other end."""
 
     def receive(self, data: bytes, time_s: float) -> list[tuple[float, bytes]]:
-        """Take the bytes that arrive at `time_s`; the answers, each with the time at which it arrives."""
+        """Take the bytes that arrive at `time_s`; returns the answers, each with the time of its arrival."""
         ...
 
 
@@ -26,7 +26,7 @@ class InProcessTransport:
     """Talks to `peer` as if through a serial line, or, where `baudrate` is None, through a TCP connection."""
 
     def __init__(self, peer: Peer, clock: Clock, baudrate: int | None = 115200, latency_s: float = 0.0) -> None:
-        """`baudrate` only sets the silences that the standard derives from it: bytes take no time here."""
+        """`baudrate` only sets the pauses that the standard derives from it: bytes take no time here."""
         self.clock = clock
         self.name = "in process"
         self.reconnects = False
@@ -41,7 +41,7 @@ class InProcessTransport:
         self._return_s = 0.0
 
     def deliver(self, due_s: float, data: bytes) -> None:
-        """Let `data` arrive at `due_s`; a lost connection loses it."""
+        """Let `data` arrive at `due_s`; on a lost connection it is dropped."""
         if not self._lost:
             self._order += 1
             heapq.heappush(self._arriving, (due_s, self._order, data))
@@ -64,7 +64,7 @@ class InProcessTransport:
         return heapq.heappop(arriving)[2]
 
     def discard(self) -> bytes:
-        """Take away what has arrived."""
+        """Remove and return the bytes that have arrived."""
         self._check_open()
         discarded = b""
         now_s = self.clock.now_s()
@@ -77,23 +77,23 @@ class InProcessTransport:
         """Whether nothing can pass before `reopen`."""
         return self._lost
 
-    def lose(self, return_s: float = 0.0) -> None:
-        """Let the connection go, with what is on its way; it cannot be opened again before `return_s`."""
+    def disconnect(self, return_s: float = 0.0) -> None:
+        """Close the connection and drop the bytes on their way; it cannot be opened again before `return_s`."""
         self._lost = True
         self._return_s = return_s
         self._arriving.clear()
 
     def reopen(self, _deadline_s: float) -> None:
-        """Open a lost connection again; TransportError when it has not returned, or was closed on purpose."""
+        """Open a lost connection again; TransportError when it is still gone, or was closed on purpose."""
         if self._closed:
-            raise TransportError("the in-process connection is closed: open a new one")
+            raise TransportError("the connection is closed", where=self.name, cure="open a new one")
         if self.clock.now_s() < self._return_s:
-            raise TransportError(f"the in-process connection is gone until {self._return_s:g} s of its clock")
+            raise TransportError("the connection is gone", where=self.name, limit=f"{self._return_s:g} s of its clock")
         self._lost = False
 
     def close(self) -> None:
-        """Nothing passes any more; closing twice does no harm."""
-        self.lose()
+        """Close for good; closing twice does no harm."""
+        self.disconnect()
         self._closed = True
 
     def __enter__(self) -> Self:
@@ -104,4 +104,4 @@ class InProcessTransport:
 
     def _check_open(self) -> None:
         if self._lost:
-            raise TransportError("the in-process connection is lost, or was closed: open a new one")
+            raise TransportError("the connection is lost or closed", where=self.name, cure="open a new one")

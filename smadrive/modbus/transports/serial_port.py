@@ -23,25 +23,25 @@ class SerialTransport(DescriptorTransport):
     """An open serial port; `exclusive`: for this process alone (a second smadrive is refused)."""
 
     end = "the port is readable and has no data"
-    suspicion = "is the adapter plugged in and the device powered?"
+    cure = "check that the adapter is plugged in and the device powered"
     reconnects = False  # opening a port resets many boards
     empty_reads_at_end = 3  # another process that opens the port flushes what was about to be read
 
     def __init__(self, port: str, settings: SerialSettings, *, exclusive: bool = True, latency_s: float = 0.0) -> None:
-        """Open `port`; TransportError tells whether it is missing, busy or forbidden, and the cure."""
+        """Open `port`; TransportError when it is missing, busy or forbidden."""
         self._settings = settings
         self._exclusive = exclusive
         super().__init__(port, RtuFraming(), settings.baudrate, timeout_s=0.0, latency_s=latency_s)
 
-    def lose(self) -> None:
-        """Let the port go, and its lock, which a forked child would keep."""
+    def disconnect(self) -> None:
+        """Close the port and release its lock, which a forked child would keep."""
         if not self.lost:
             with suppress(OSError):
                 fcntl.flock(self._descriptor, fcntl.LOCK_UN)
-        super().lose()
+        super().disconnect()
 
-    def _channel(self, _timeout_s: float) -> serial.Serial:
-        """The port; it opens at once or not at all."""
+    def _open_port(self, _timeout_s: float) -> serial.Serial:
+        """The open port; it opens at once or not at all."""
         try:
             port = serial.Serial(
                 self.name,
@@ -57,42 +57,49 @@ class SerialTransport(DescriptorTransport):
             OSError,
             ValueError,
         ) as error:  # a port that vanishes while it opens
-            raise TransportError(_cure(self.name, error)) from None
+            raise _failure(self.name, error) from None
         with suppress(ValueError, OSError, AttributeError):  # USB adapters then deliver after 1 ms, not after 16
             port.set_low_latency_mode(True)
         return port
 
 
 def _is_pseudo_terminal(port: str) -> bool:
-    """Whether no line is behind it, so that it has no parity: Linux refuses one when it is set again."""
+    """Whether it is a pseudo-terminal. It has no line and no parity: Linux refuses a parity that is set again."""
     return os.path.realpath(port).startswith("/dev/pts/")
 
 
-def _cure(port: str, error: Exception) -> str:
-    """Why `port` does not open, and what to do about it."""
+def _failure(port: str, error: Exception) -> TransportError:
+    """The error of a port that does not open."""
     code = getattr(error, "errno", None)
     if code == errno.ENOENT:
         present = ", ".join(sorted(found.device for found in list_ports.comports())) or "none"
-        return (
-            f"{port}: no such port; serial ports present: {present}: is the adapter plugged in, or does firmware-sim "
-            "serve there (--pty)? A replugged adapter may come back with another number: its name in /dev/serial/by-id "
-            "stays"
+        return TransportError(
+            "no such port",
+            where=port,
+            value=f"serial ports present: {present}",
+            cure="plug the adapter in, or let firmware-sim serve there (--pty). A replugged adapter may have another "
+            "number: use its name in /dev/serial/by-id, which stays",
         )
     if code in (errno.EACCES, errno.EPERM):
-        group = _group_of(port)
-        return f"{port}: not permitted; join the group that owns it: sudo usermod -aG {group} $USER, then log in again"
+        return TransportError(
+            "not permitted",
+            where=port,
+            cure=f"join the group that owns it: sudo usermod -aG {_group_of(port)} $USER, then log in again",
+        )
     if code in (errno.EAGAIN, errno.EBUSY):
         pid = _locked_by(port)
-        who, kill = ("another program", "`kill` of it") if pid is None else (f"process {pid}", f"`kill {pid}`")
-        return (
-            f"{port}: busy: {who} holds the port: close it. A smadrive that runs or tunes there switches the heater "
-            f"off at Ctrl-C in its terminal, at {kill}, or at OFF (POST /off) of its page"
+        holder, kill = ("another program", "`kill` of it") if pid is None else (f"process {pid}", f"`kill {pid}`")
+        return TransportError(
+            f"busy, {holder} holds the port",
+            where=port,
+            cure="close it. A smadrive that runs or tunes there switches the heater off at Ctrl-C in its terminal, at "
+            f"{kill}, or at OFF (POST /off) of its page",
         )
-    return f"{port}: cannot be opened as a serial port ({error})"
+    return TransportError("cannot be opened as a serial port", where=port, value=error)
 
 
 def _locked_by(port: str) -> int | None:
-    """Which process has the lock of `port`, where Linux tells it."""
+    """The process that has the lock of `port`; None when /proc/locks does not list one."""
     try:
         found = Path(port).stat()
         place = f"{os.major(found.st_dev):02x}:{os.minor(found.st_dev):02x}:{found.st_ino}"

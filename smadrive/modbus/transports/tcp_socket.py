@@ -1,11 +1,11 @@
 """A TCP connection as a transport: Modbus TCP, or RTU frames through a serial-to-network gateway.
 
-A TCP connection can be dead without a sign: the gateway restarted, a router forgot it. Three things end that:
+A TCP connection can be dead without a sign: the gateway restarted, a router dropped it from its table. Three measures:
 
-- the client drops a socket that missed a deadline and opens another (`reconnects`);
-- keep-alive and user timeout let the kernel find out about an idle one within `DEAD_AFTER_S`;
-- a dropped socket is reset. A plain close would let the kernel send again what it had not delivered: a command to heat
-  could arrive after the new connection has switched off.
+- the client closes a socket that missed a deadline and opens another (`reconnects`);
+- with keep-alive and user timeout the kernel detects a dead idle connection within `DEAD_AFTER_S`;
+- such a socket is reset. After a plain close the kernel would send undelivered bytes again: a command to heat could
+  arrive after the new connection has switched off.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from smadrive.modbus.framing.framing import Framing
 from smadrive.modbus.transports.descriptor import DescriptorTransport
 
 CONNECT_TIMEOUT_S = 3.0
-"""How long the first connection is tried."""
+"""Time limit of the first connection."""
 ATTEMPT_S = 0.5
-"""How long one attempt to connect takes at most."""
+"""Time limit of one attempt to connect."""
 DEAD_AFTER_S = 2
-"""After so long without an acknowledgement the kernel takes a connection for dead."""
-_SHORTEST_TIMEOUT_S = 1e-3  # 0 would mean not to wait for the far end at all
+"""Time without an acknowledgement after which the kernel ends a connection."""
+_SHORTEST_TIMEOUT_S = 1e-3  # 0 would not wait at all
 _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 _OPTIONS = (
     (socket.IPPROTO_TCP, "TCP_NODELAY", 1),  # a request is a packet, at once
@@ -41,26 +41,26 @@ class SocketTransport(DescriptorTransport):
     """An open connection to `host`:`port`."""
 
     end = "closed by the far end"
-    suspicion = "is the device powered, does another client hold it?"
+    cure = "check that the device is powered, and that no other client is connected to it"
     reconnects = True
 
     def __init__(self, host: str, port: int, framing: Framing, baudrate: int | None, latency_s: float = 0.0) -> None:
         """Connect; `baudrate` is that of a serial line behind a gateway, None where there is none.
 
-        TransportError tells whether the host is unknown, refuses or is silent, and the cure.
+        TransportError when the host is unknown, refuses or is silent.
         """
         self._host = host
         self._address = (host, port)
         super().__init__(f"{host}:{port}", framing, baudrate, CONNECT_TIMEOUT_S, latency_s)
 
-    def lose(self) -> None:
-        """Let the connection go; unless it is closed on purpose, what it has not delivered yet is not sent again."""
+    def disconnect(self) -> None:
+        """Close the connection; unless it is closed on purpose, undelivered bytes are not sent again."""
         if not (self.lost or self._closed):
             with suppress(OSError):
                 self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)
-        super().lose()
+        super().disconnect()
 
-    def _channel(self, timeout_s: float) -> socket.socket:
+    def _open_port(self, timeout_s: float) -> socket.socket:
         give_up_s = time.monotonic() + timeout_s
         while True:
             left_s = max(min(give_up_s - time.monotonic(), ATTEMPT_S), _SHORTEST_TIMEOUT_S)
@@ -68,7 +68,7 @@ class SocketTransport(DescriptorTransport):
                 self._connection = socket.create_connection(self._address, left_s)
             except OSError as error:
                 if not isinstance(error, TimeoutError) or time.monotonic() >= give_up_s:
-                    raise TransportError(_cure(self.name, self._host, timeout_s, error)) from None
+                    raise _failure(self.name, self._host, timeout_s, error) from None
             else:
                 break
         self._address = self._connection.getpeername()[:2]  # the name server may be gone when it is opened anew
@@ -79,12 +79,24 @@ class SocketTransport(DescriptorTransport):
         return self._connection
 
 
-def _cure(name: str, host: str, timeout_s: float, error: OSError) -> str:
-    """Why the connection does not open, and what to do about it."""
+def _failure(name: str, host: str, timeout_s: float, error: OSError) -> TransportError:
+    """The error of a connection that does not open."""
     if isinstance(error, socket.gaierror):
-        return f"{name}: no host of the name '{host}' is known. Write its address, as in tcp://192.168.1.10:502"
+        return TransportError(
+            "no host of this name is known",
+            where=name,
+            value=host,
+            cure="write its address, as in tcp://192.168.1.10:502",
+        )
     if isinstance(error, ConnectionRefusedError):
-        return f"{name}: refused: nobody listens there. Check the port, and that Modbus TCP is switched on"
+        return TransportError(
+            "refused, nothing listens there", where=name, cure="check the port, and that Modbus TCP is switched on"
+        )
     if isinstance(error, TimeoutError):
-        return f"{name}: no answer within {timeout_s:g} s. Check that the device is powered and on this network"
-    return f"{name}: cannot be reached ({error}). Check address and network"
+        return TransportError(
+            "no answer",
+            where=name,
+            limit=f"{timeout_s:g} s",
+            cure="check that the device is powered and on this network",
+        )
+    return TransportError("cannot be reached", where=name, value=error, cure="check address and network")

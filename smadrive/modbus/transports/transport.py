@@ -1,7 +1,7 @@
-"""Bytes to a bus and back, whatever carries them.
+"""The interface of a transport: bytes to a bus and back.
 
-A transport brings its clock, so that a deadline means the same to the transport that waits and to the client that
-set it: real time on a serial port, virtual time in process.
+A transport has a clock, so that a deadline means the same to the transport that waits and to the client that set it:
+real time on a serial port, virtual time in process.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from smadrive.modbus.framing.framing import Framing
 
 Parity = Literal["N", "E", "O"]
 PortAccess = Callable[[], None]
-"""Asked before and after every use of a connection: raises when it is another's now."""
+"""Called before and after every use of a connection; raises when another process uses the port now."""
 
 
 class Transport(Protocol):
-    """What a client needs of a connection. Every method raises TransportError when the connection is lost."""
+    """A connection as a client needs it. Every method raises TransportError when the connection is lost."""
 
     @property
     def clock(self) -> Clock:
@@ -28,7 +28,7 @@ class Transport(Protocol):
 
     @property
     def name(self) -> str:
-        """What error messages call it."""
+        """Its name in error messages."""
         ...
 
     @property
@@ -38,17 +38,17 @@ class Transport(Protocol):
 
     @property
     def latency_s(self) -> float:
-        """By how much the connection may delay a reply, beyond what the device may take."""
+        """Longest delay of a reply by the connection, on top of the device's response timeout."""
         ...
 
     @property
     def reconnects(self) -> bool:
-        """Whether silence may mean a dead connection, which only a new one mends: so behind a socket."""
+        """Whether silence may mean a dead connection that must be opened anew: true for a socket."""
         ...
 
     @property
     def framing(self) -> Framing:
-        """How requests and replies are packed."""
+        """The frames of requests and replies."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -60,7 +60,7 @@ class Transport(Protocol):
         ...
 
     def discard(self) -> bytes:
-        """Take away what has arrived, without waiting."""
+        """Remove and return the bytes that have arrived, without waiting."""
         ...
 
     @property
@@ -68,16 +68,16 @@ class Transport(Protocol):
         """Whether nothing can pass before `reopen`."""
         ...
 
-    def lose(self) -> None:
-        """Let the connection go; what is on its way is gone."""
+    def disconnect(self) -> None:
+        """Close the connection; bytes on their way are gone."""
         ...
 
     def reopen(self, deadline_s: float) -> None:
-        """Open a lost connection again, before `deadline_s` of the clock or not at all."""
+        """Open a lost connection again before `deadline_s` of the clock; TransportError when that fails."""
         ...
 
     def close(self) -> None:
-        """Release the connection; closing twice does no harm."""
+        """Close for good; closing twice does no harm."""
         ...
 
     def __enter__(self) -> Self: ...
@@ -87,7 +87,7 @@ class Transport(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SerialSettings:
-    """How a serial line is set; RTU always has 8 data bits."""
+    """Settings of a serial line; RTU always has 8 data bits."""
 
     baudrate: int = 115200
     parity: Parity = "N"

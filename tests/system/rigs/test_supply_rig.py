@@ -109,7 +109,7 @@ def test_an_unused_device_that_is_silent_is_found_by_asking_every_device(bench):
 
 
 @pytest.mark.parametrize("code", [1, 2, 4, 6])
-def test_an_exception_reply_of_a_sensor_is_no_news_of_it_and_refuses_no_command(bench, code):
+def test_exception_reply_of_a_sensor_keeps_its_last_reading(bench, code):
     with bench.rig as rig:
         rig.heater.arm(1.0)
         (before,) = bench.heat(rig, 0.25, 1)
@@ -122,7 +122,7 @@ def test_an_exception_reply_of_a_sensor_is_no_news_of_it_and_refuses_no_command(
         assert "no new temperature" in bench.heat(rig, 0.25, 12)[-1].temperature_fault
 
 
-def test_a_supply_is_told_only_what_changes_and_read_back_every_time(bench):
+def test_supply_gets_only_changed_settings_and_is_read_back_each_time(bench):
     with bench.rig as rig:
         rig.heater.arm(1.0)
         bench.heat(rig, 0.25, 2)
@@ -134,7 +134,7 @@ def test_a_supply_is_told_only_what_changes_and_read_back_every_time(bench):
         assert counters.requests == before + 6
 
 
-def test_what_is_measured_belongs_to_the_command_before(bench):
+def test_measurement_belongs_to_the_previous_command(bench):
     with bench.rig as rig:
         rig.heater.arm(1.0)
         bench.heat(rig, 0.25, 2)
@@ -170,12 +170,12 @@ def test_its_wire_is_identified_and_tracked_from_cold(tmp_path):
 @pytest.mark.parametrize(
     ("name", "turned"), [("i_set", {"heater_current": 0.55}), ("v_set", {"heater_voltage": 16.0, "ovp": 60.0})]
 )
-def test_a_knob_that_somebody_turned_is_an_error(bench, name, turned):
+def test_turned_knob_trips(bench, name, turned):
     def record(tick):
         if tick.time_s > 5.0:
             bench.devices["supply"].firmware.write(turned)
 
-    with pytest.raises(TripError, match=rf"{name}.*did somebody turn its knob") as caught, bench.rig as rig:
+    with pytest.raises(TripError, match=f"'{name}'.* knob") as caught, bench.rig as rig:
         rig.excite(rig.excitation(22.0), record)
     assert caught.value.number == Fault.COMMAND_REFUSED.number
     assert bench.devices["supply"].firmware.current_a == 0.0
@@ -233,7 +233,7 @@ def test_a_rate_that_the_devices_cannot_keep_is_refused_with_the_one_they_can():
     [
         (devices()[1:], "one device that heats, of role 'heater' or 'supply'; this one has none"),
         (devices(reader={"profile": "hanmatek-hm30x"}), "this one has 'supply', 'reader'"),
-        ([devices()[0], devices()[2]], "nothing measures the wire's temperature"),
+        ([devices()[0], devices()[2]], "no device measures the temperature"),
         (devices(laser={"profile": "delta-dtb"}), "'reader', 'laser' all measure the temperature: say which one"),
         (devices(laser={"measures": ["temperature"]}), "profile 'baumer-om20' binds none"),
         (devices(laser={"url": "sim://other"}), "stand on one bench"),
@@ -241,12 +241,12 @@ def test_a_rate_that_the_devices_cannot_keep_is_refused_with_the_one_they_can():
     ],
     ids=["no heat", "two heaters", "no thermometer", "two thermometers", "cannot measure", "two benches", "same name"],
 )
-def test_devices_that_make_up_no_rig_are_refused_by_name(changed, says):
+def test_devices_that_form_no_rig_are_refused_by_name(changed, says):
     with pytest.raises(Exception, match=says), Rig(rig_of(changed)):
         pass
 
 
-def test_two_thermometers_are_one_too_many_until_the_rig_says_which_counts():
+def test_unused_second_thermometer_is_allowed():
     both = [*devices(), {"name": "spare", "profile": "delta-dtb", "url": "sim://flexinol-lt-0.15mm", "measures": []}]
     with Rig(rig_of(both)) as rig:
         assert rig.heater.exchange(0.0).temperature_c == pytest.approx(22.0, abs=1.0)
@@ -255,8 +255,9 @@ def test_two_thermometers_are_one_too_many_until_the_rig_says_which_counts():
 def test_a_supply_without_a_voltage_limit_does_not_heat():
     config = rig_of(devices())
     config = config.model_copy(update={"limits": config.limits.model_copy(update={"voltage_max_v": None})})
-    with pytest.raises(ConfigError, match="needs a voltage limit: set voltage_max_v"), Rig(config) as rig:
+    with pytest.raises(ConfigError) as error, Rig(config) as rig:
         rig.heater.arm(1.0)
+    assert error.value.where == "voltage_max_v"
 
 
 @pytest.mark.parametrize("profile", ["riden-rd60xx", "xy-sk-family", "hanmatek-hm30x", "juntek-dpm86xx"])
@@ -303,16 +304,17 @@ def test_a_twin_that_comes_back_at_the_supplys_port_confirms_nothing(bench):
             rig.heater.arm(1.0)
             bench.heat(rig, 0.25, 4)
             plug.device = twin
-            port.lose()
+            port.disconnect()
             bench.heat(rig, 0.25, 1)
 
-    with pytest.raises(IdentityError, match="another one answers than before: serial_number is 2, ") as caught:
+    with pytest.raises(IdentityError) as caught:
         swapped_while_it_heats()
+    assert caught.value.value.startswith("serial_number = 2, was ")
     assert any("could NOT be confirmed off" in note for note in caught.value.__notes__)
     assert bench.devices["supply"].firmware.current_a > 0.0
 
 
-def test_a_laser_that_is_silent_is_told_at_once(bench):
+def test_silent_laser_raises_at_once(bench):
     bench.devices["laser"].faults.drop(1_000_000)
     with pytest.raises(DeadlineError), bench.rig:
         pass

@@ -85,8 +85,9 @@ def test_its_lines_are_traced_for_people_and_not_served_again(tmp_path):
     lines = (tmp_path / "board.trace").read_text().splitlines()
     assert lines[0] == "# smadrive bus trace 1: text, in process"
     assert {line.partition("| ")[2] for line in lines} >= {"VER", "TCLab Firmware 2.0.1 Arduino Uno"}
-    with pytest.raises(ConfigError, match="a trace of 'text': only those of Modbus"):
+    with pytest.raises(ConfigError) as error:
         Replay(tmp_path / "board.trace")
+    assert error.value.value == "text"
     assert Replay(tmp_path / "laser.trace").units
 
 
@@ -113,7 +114,7 @@ def bench():
     ],
     ids=["open", "frozen", "broken wire", "power", "restart", "silence", "unplugged"],
 )
-def test_whatever_goes_wrong_it_ends_without_heat(bench, fault, number):
+def test_every_fault_ends_without_heat(bench, fault, number):
     bench, rig = bench
     begun = []
 
@@ -130,7 +131,7 @@ def test_whatever_goes_wrong_it_ends_without_heat(bench, fault, number):
 @pytest.mark.parametrize(
     ("devices", "says"),
     [
-        ([BOARD | {"full_scale_a": 0.5}], "current_max_a = 0.6 is more than the board gives"),
+        ([BOARD | {"full_scale_a": 0.5}], r"current_max_a: .*\(0.6 A, "),
         (
             [{k: v for k, v in BOARD.items() if k != "full_scale_v"}],
             "commanded by duty: set full_scale_a and full_scale_v",
@@ -140,7 +141,7 @@ def test_whatever_goes_wrong_it_ends_without_heat(bench, fault, number):
     ],
     ids=["too weak", "no scale", "another board", "shared line"],
 )
-def test_a_rig_file_that_cannot_be_is_refused_with_its_cure(devices, says):
+def test_contradictory_rig_file_is_refused_with_its_cure(devices, says):
     with pytest.raises(ConfigError, match=says), Rig(rig_of(*devices)) as rig:
         rig.excite(rig.excitation(22.0), lambda _tick: None)
 

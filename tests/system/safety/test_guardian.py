@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 import pytest
 from supply_rig import RIG
 
-from smadrive.devices.guardian.client import Guard
+from smadrive.devices.guardian.client import GuardianClient
 from smadrive.devices.guardian.task import GuardedDevice, Task
 from smadrive.errors import UNCONFIRMED, ConfigError, SafetyError, TakenOverError
 from smadrive.rig.config import load_rig
@@ -86,7 +86,11 @@ def children(pid):
 
 def guardians(pid):
     """Of the children of a process."""
-    return [one for one in children(pid) if b"device.guardian" in Path(f"/proc/{one}/cmdline").read_bytes()]
+    return [
+        one
+        for one in children(pid)
+        if b"smadrive.devices.guardian.process" in Path(f"/proc/{one}/cmdline").read_bytes()
+    ]
 
 
 def lives(pid):
@@ -172,7 +176,7 @@ def one_client(url):
 
 
 @pytest.mark.parametrize("way_in", ["--rtu-tcp", "--tcp"])
-def test_a_driver_that_stands_still_in_the_only_way_in_is_ended_and_its_heat_too(tmp_path, way_in):
+def test_stopped_driver_with_the_only_connection_is_killed_and_its_heater_switched_off(tmp_path, way_in):
     with driven(tmp_path, "stopped", way_in, "0", through=one_client) as (driver, supply):
         driver.send_signal(signal.SIGSTOP)
         assert supply.stderr.readline().endswith("output off\n")
@@ -182,7 +186,7 @@ def test_a_driver_that_stands_still_in_the_only_way_in_is_ended_and_its_heat_too
         assert said.endswith("heater off, confirmed by read-back\n")
 
 
-def test_a_driver_is_spared_where_the_guardian_gets_in_beside_it(tmp_path):
+def test_driver_is_not_killed_where_the_guardian_can_connect(tmp_path):
     with driven(tmp_path, "stopped", "--rtu-tcp", "0") as (driver, supply):
         driver.send_signal(signal.SIGSTOP)
         assert supply.stderr.readline().endswith("output off\n")
@@ -192,7 +196,7 @@ def test_a_driver_is_spared_where_the_guardian_gets_in_beside_it(tmp_path):
         assert "ending it" not in said
 
 
-def test_a_driver_that_wakes_in_the_only_way_in_gives_way_and_is_spared(tmp_path):
+def test_driver_that_wakes_gives_up_the_only_connection_and_is_not_killed(tmp_path):
     with driven(tmp_path, "stopped", "--rtu-tcp", "0", through=one_client) as (driver, supply):
         driver.send_signal(signal.SIGSTOP)
         assert "taking over" in driver.stderr.readline()
@@ -246,7 +250,7 @@ def test_a_driver_whose_guardian_stands_still_switches_off(tmp_path):
         os.kill(guardian, signal.SIGSTOP)
         assert supply.stderr.readline().endswith("output off\n")
         said = driver.communicate(timeout=30)[1]
-        assert "SafetyError: the guardian is gone or stands still" in said
+        assert "SafetyError: guardian: is gone or stands still" in said
         assert "TimeoutExpired" not in said
         assert not lives(guardian)
 
@@ -257,7 +261,7 @@ def test_a_driver_whose_guardian_is_killed_switches_off_and_knows_that_it_is_off
         os.kill(guardian, signal.SIGKILL)
         assert supply.stderr.readline().endswith("output off\n")
         said = driver.communicate(timeout=30)[1]
-        assert "SafetyError: the guardian is gone or stands still" in said
+        assert "SafetyError: guardian: is gone or stands still" in said
         assert "could NOT be confirmed off" not in said
 
 
@@ -286,7 +290,7 @@ def test_after_a_takeover_the_driver_has_its_ports_again_and_may_heat_again_unde
         assert said.count("heater off, confirmed by read-back") == 2
 
 
-def test_a_guardian_that_could_not_await_a_reply_is_refused(tmp_path):
+def test_watchdog_shorter_than_a_reply_is_refused(tmp_path):
     with served("riden-rd60xx") as (_, supply_url), served("delta-dtb") as (_, reader_url):
         rig = tmp_path / "rig.toml"
         rig.write_text(RIG.format(supply=supply_url, reader=reader_url).replace("watchdog_s = 1.0", "watchdog_s = 0.6"))
@@ -296,7 +300,7 @@ def test_a_guardian_that_could_not_await_a_reply_is_refused(tmp_path):
             Rig(load_rig(str(rig))).__enter__()
 
 
-def test_a_supply_can_be_switched_off_whatever_its_rig_says_of_heating(tmp_path):
+def test_off_ignores_the_limits_of_heating(tmp_path):
     with served("riden-rd60xx") as (_, supply_url), served("delta-dtb") as (_, reader_url):
         rig = tmp_path / "rig.toml"
         text = RIG.format(supply=supply_url, reader=reader_url).replace("watchdog_s = 1.0", "watchdog_s = 0.6")
@@ -306,27 +310,27 @@ def test_a_supply_can_be_switched_off_whatever_its_rig_says_of_heating(tmp_path)
         subprocess.run([sys.executable, "-m", "smadrive", "off", str(rig)], check=True)
 
 
-def test_a_driver_gives_way_to_its_guardian_and_waits_for_it_also_where_it_noticed_nothing():
+def test_driver_gives_way_to_its_guardian_and_waits_for_it():
     gave_way = []
     with served("riden-rd60xx") as (_, url):
         task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
-        with Guard(task, lambda: gave_way.append(True)) as guard:
-            guard.brief({})
+        with GuardianClient(task, lambda: gave_way.append(True)) as guard:
+            guard.configure({})
             guard.watch()
             time.sleep(1.0)
             for _ in range(2):
                 with pytest.raises(TakenOverError):
-                    guard.hold()
+                    guard.heartbeat()
             guard.take_back()
             assert gave_way
             guard.watch()
             guard.check()
             time.sleep(1.0)
-            guard.rest()
+            guard.stand_down()
             guard.watch()
             for _ in range(3):
                 guard.check()
-            guard.rest()
+            guard.stand_down()
 
 
 @pytest.mark.parametrize("name", ["select.py", "smadrive.py"])
@@ -334,35 +338,36 @@ def test_no_file_of_the_present_folder_runs_in_place_of_the_guardian(tmp_path, m
     (tmp_path / name).write_text("raise RuntimeError")
     monkeypatch.chdir(tmp_path)
     task = Task(GuardedDevice("riden-rd60xx", "serial:///dev/null", None), timeout_s=0.3)
-    with Guard(task, lambda: None) as guard:
-        guard.brief({})
+    with GuardianClient(task, lambda: None) as guard:
+        guard.configure({})
         guard.watch()
         guard.check()
-        guard.rest()
+        guard.stand_down()
 
 
-def test_a_guardian_that_stands_still_when_the_driver_rests_is_ended():
+def test_stopped_guardian_is_killed_at_stand_down():
     with served("riden-rd60xx") as (_, url):
         task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
-        with Guard(task, lambda: None) as guard:
-            guard.brief({})
+        with GuardianClient(task, lambda: None) as guard:
+            guard.configure({})
             guard.watch()
             (process,) = guardians(os.getpid())
             os.kill(process, signal.SIGSTOP)
-            guard.rest()
-            with pytest.raises(SafetyError, match="gone"):
+            guard.stand_down()
+            with pytest.raises(SafetyError) as error:
                 guard.watch()
+            assert error.value.where == "guardian"
 
 
-def test_a_guardian_confirms_nothing_on_another_device_than_the_one_that_heated():
+def test_guardian_confirms_only_on_the_device_that_heated():
     with served("riden-rd60xx") as (_, url):
         task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
-        with Guard(task, lambda: None) as guard:
-            guard.brief({"serial_number": 2})
+        with GuardianClient(task, lambda: None) as guard:
+            guard.configure({"serial_number": 2})
             guard.watch()
             time.sleep(1.0)
             with pytest.raises(TakenOverError):
-                guard.hold()
-            with pytest.raises(SafetyError, match="could not confirm yet"):
+                guard.heartbeat()
+            with pytest.raises(SafetyError):
                 guard.take_back()
-            guard.rest()
+            guard.stand_down()

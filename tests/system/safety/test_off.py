@@ -50,7 +50,7 @@ def is_off(process):
     return "output off" in process.stderr.readline()
 
 
-def test_the_heat_ends_first_and_then_it_is_told_that_a_sensor_is_missing(hot):
+def test_heater_is_off_before_a_missing_sensor_is_reported(hot):
     process, rig, _ = hot
     done = off(rig, "--json")
     assert is_off(process)
@@ -70,7 +70,7 @@ def test_the_heat_ends_first_and_then_it_is_told_that_a_sensor_is_missing(hot):
         ("high_c = ", "high_c = 9"),
     ],
 )
-def test_what_else_is_wrong_in_the_file_does_not_matter(hot, right, wrong):
+def test_off_ignores_other_errors_of_the_rig_file(hot, right, wrong):
     process, rig, _ = hot
     text = rig.read_text()
     assert right in text
@@ -105,7 +105,7 @@ def test_bad_address_of_one_device_keeps_no_other_from_being_switched_off(hot, u
     ],
     ids=["no port", "no profile", "no TOML", "empty", "nothing heats", "no file"],
 )
-def test_whatever_keeps_it_from_being_done_the_heater_is_not_said_to_be_off(tmp_path, text, code):
+def test_failed_off_does_not_report_the_heater_off(tmp_path, text, code):
     rig = tmp_path / "rig.toml"
     if text is not None:
         rig.write_text(text)
@@ -122,7 +122,7 @@ def test_a_controller_that_could_heat_too_is_made_safe_although_the_supply_is_go
     with served("--profile", "delta-dtb") as (_, url), open_transport(url, profile.serial_settings()) as port:
         controller, step = Device(profile, ModbusClient(port)), profile.safe_state[0]
         controller.write(step.register_, 1 - step.value)
-        port.lose()
+        port.disconnect()
         rig = tmp_path / "rig.toml"
         rig.write_text(
             SHIPPED.replace("autonics-tk", "delta-dtb").replace(SUPPLY_URL[:-1] + "1", url).partition("[limits]")[0]
@@ -177,7 +177,7 @@ def switching_off_in_silence(hot):
         yield switching
 
 
-def test_who_interrupts_it_three_times_is_not_told_that_the_heater_is_off(hot):
+def test_off_interrupted_three_times_does_not_report_the_heater_off(hot):
     process, rig, _ = hot
     with switching_off_in_silence(hot) as switching:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):

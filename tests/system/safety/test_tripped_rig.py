@@ -51,7 +51,7 @@ def off(rig_file, *options):
     return json.loads(smadrive("off", rig_file, "--json", *options))
 
 
-def test_probe_and_off_tell_what_is_latched_and_off_clears_it(tmp_path):
+def test_probe_and_off_show_the_latched_trip_and_off_clears_it(tmp_path):
     rig_file = tmp_path / "rig.toml"
     shipped = (configs_dir() / "rigs" / "simulated.toml").read_text()
     with served() as (_, url):

@@ -14,9 +14,9 @@ from served import COMMAND
 from supply_rig import RIG
 
 from smadrive.devices.guardian.duty import waiting_duties
-from smadrive.devices.guardian.search import AGREEING, Search
-from smadrive.devices.guardian.states import Outcome
-from smadrive.devices.guardian.switch import Access, Switch
+from smadrive.devices.guardian.search import AGREEING, PortSearch
+from smadrive.devices.guardian.states import AttemptOutcome
+from smadrive.devices.guardian.switch import LineAccess, OffSwitch
 from smadrive.devices.guardian.task import GuardedDevice
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import key_at, port_names
@@ -83,7 +83,7 @@ class Stage:
         guardians += children(driver.pid)
         return driver
 
-    def lose(self, driver, supply):
+    def disconnect(self, driver, supply):
         """Driver and supply end in the same moment; the guardian that waits, which does not outlive the test."""
         supply.terminate()
         supply.wait()
@@ -134,7 +134,7 @@ def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_wai
     at = str(stage.folder / "port") if way_in == "--pty" else "0"
     supply, url = stage.serve("riden-rd60xx", 77, way_in, at)
     driver = stage.heat(url)
-    guardian = stage.lose(driver, supply)
+    guardian = stage.disconnect(driver, supply)
     at = at if way_in == "--pty" else url.rpartition(":")[2]
     other, _ = stage.serve("riden-rd60xx", 78, way_in, at)
     for _ in range(5):
@@ -155,16 +155,16 @@ def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_wai
 def test_the_supply_that_heated_is_switched_off_when_it_is_back(stage):
     port = str(stage.folder / "port")
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", port)
-    guardian = stage.lose(stage.heat(url), supply)
+    guardian = stage.disconnect(stage.heat(url), supply)
     stage.serve("riden-rd60xx", 77, "--pty", port)
     until(lambda: not lives(guardian))
     assert waiting_duties() == []
 
 
 @pytest.mark.parametrize("command", ["probe", "off"])
-def test_a_device_that_is_away_is_told_with_the_guardian_that_waits_for_it(stage, command):
+def test_absent_device_is_reported_with_its_waiting_guardian(stage, command):
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", str(stage.folder / "port"))
-    guardian = stage.lose(stage.heat(url), supply)
+    guardian = stage.disconnect(stage.heat(url), supply)
     ended = stage.smadrive(command)
     assert ended.returncode == 3
     assert f"process {guardian}" in ended.stderr
@@ -174,7 +174,7 @@ def test_a_device_that_is_away_is_told_with_the_guardian_that_waits_for_it(stage
 def test_a_program_that_confirms_the_same_supply_off_relieves_the_guardian(stage, command):
     port = str(stage.folder / "port")
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", port)
-    guardian = stage.lose(stage.heat(url), supply)
+    guardian = stage.disconnect(stage.heat(url), supply)
     os.kill(guardian, signal.SIGSTOP)  # else it would be the first to find the supply
     again, _ = stage.serve("riden-rd60xx", 77, "--pty", port)
     ended = stage.smadrive(command, "--json")
@@ -227,25 +227,25 @@ def switch_for(url, identity, search=None):
     """How a guardian switches off the supply that its driver knew by this identity."""
     profile = load_profile("riden-rd60xx")
     device = GuardedDevice("riden-rd60xx", url, None, identity)
-    return Switch(device, profile, search or Search(url, port_names(url), time.monotonic), Access(()))
+    return OffSwitch(device, profile, search or PortSearch(url, port_names(url), time.monotonic), LineAccess(()))
 
 
 @pytest.mark.parametrize("way_in", ["--pty", "--rtu-tcp", "--tcp"])
-def test_an_attempt_leaves_a_line_alone_that_another_program_has(stage, way_in):
+def test_attempt_does_not_use_a_line_that_another_program_holds(stage, way_in):
     _, url = stage.serve("riden-rd60xx", 77, way_in, str(stage.folder / "port") if way_in == "--pty" else "0")
     switch = switch_for(url, {"serial_number": 77})
     line = lines_of(key_at(url, load_profile("riden-rd60xx"), None))[0]
     with lock_line(line, Role.DRIVER):
-        assert switch.off(alone=True).outcome is Outcome.BUSY
-        assert switch.off(alone=False).outcome is Outcome.CONFIRMED  # its own driver still has the line
-    assert switch.off(alone=True).outcome is Outcome.CONFIRMED
+        assert switch.off(alone=True).outcome is AttemptOutcome.BUSY
+        assert switch.off(alone=False).outcome is AttemptOutcome.CONFIRMED  # its own driver still has the line
+    assert switch.off(alone=True).outcome is AttemptOutcome.CONFIRMED
 
 
-def test_an_attempt_asks_a_port_with_another_device_no_more_for_a_while(stage):
+def test_attempt_does_not_try_a_port_with_another_device_for_a_while(stage):
     _, url = stage.serve("riden-rd60xx", 78)
-    search = Search(url, port_names(url), lambda: 0.0)
+    search = PortSearch(url, port_names(url), lambda: 0.0)
     switch = switch_for(url, {"serial_number": 77}, search)
     outcomes = [switch.off(alone=True).outcome for _ in range(AGREEING)]
-    assert outcomes == [Outcome.ANOTHER_DEVICE] * AGREEING
+    assert outcomes == [AttemptOutcome.ANOTHER_DEVICE] * AGREEING
     assert search.urls() == []
-    assert switch.off(alone=True).outcome is Outcome.UNREACHABLE
+    assert switch.off(alone=True).outcome is AttemptOutcome.UNREACHABLE

@@ -28,7 +28,7 @@ FAULTS = st.lists(
 
 @given(FAULTS)
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
-def test_whatever_the_bus_does_no_wrong_value_is_taken_and_the_heater_ends_off(plan):
+def test_bad_bus_gives_no_wrong_value_and_ends_with_the_heater_off(plan):
     """Every measurement is the rig's of this very exchange; afterwards zero current, by read-back or by watchdog."""
     clock = VirtualClock()
     rig = simulated_device(load_sim("flexinol-lt-0.15mm"))

@@ -36,7 +36,7 @@ def test_it_heats_only_when_armed(heater, run, rig):
     assert rig.firmware.current_a == pytest.approx(0.3)
 
 
-def test_a_measurement_is_the_rigs(heater, run, rig, clock):
+def test_measurement_has_the_values_of_the_bench(heater, run, rig, clock):
     heater.connect()
     heater.arm(0.5)
     last = run(0.35, 1.5)[-1]
@@ -57,7 +57,7 @@ def test_a_tick_is_one_transaction(heater, run, device):
 
 
 @pytest.mark.parametrize(("asked_a", "limits"), [(0.59, ()), (0.6 - 1e-15, ("current_max",)), (9.9, ("current_max",))])
-def test_a_command_at_the_limit_is_told_as_limited(heater, run, asked_a, limits):
+def test_command_at_the_limit_is_reported_as_limited(heater, run, asked_a, limits):
     heater.connect()
     heater.arm(0.5)
     assert run(asked_a, 0.2)[-1].host_limits == limits
@@ -76,8 +76,9 @@ def test_a_current_that_is_no_number_is_sent_as_zero_and_refused(heater, run, ri
     heater.connect()
     heater.arm(0.5)
     run(0.3, 0.2)
-    with pytest.raises(SafetyError, match="zero was sent"):
+    with pytest.raises(SafetyError) as error:
         heater.exchange(command)
+    assert error.value.where == "current_a"
     assert rig.firmware.commanded_a == 0.0
 
 
@@ -91,16 +92,18 @@ def test_arming_sets_watchdog_and_limits_on_the_device(heater, rig):
 
 def test_a_watchdog_that_the_device_cannot_have_is_refused(heater, rig):
     heater.connect()
-    with pytest.raises(ConfigError, match=r"watchdog_s.*0.05 to 10"):
+    with pytest.raises(ConfigError) as error:
         heater.arm(60.0)
+    assert (error.value.where, error.value.limit) == ("register 'watchdog_s'", "0.05 to 10")
     assert rig.firmware.state == 0
 
 
 def test_limits_above_the_boards_own_are_refused(device, clock):
     heater = Heater(HeaterBoard(device, clock), HeaterLimits(current_max_a=0.5, temperature_max_c=200.0), clock)
     heater.connect()
-    with pytest.raises(ExceptionReply, match=r"temperature_max.*200"):
+    with pytest.raises(ExceptionReply) as error:
         heater.arm(0.5)
+    assert error.value.where.endswith("register 'temperature_max' = 200 degC")
 
 
 @pytest.mark.parametrize(("current", "temperature"), [(0.0, 100.0), (-1.0, 100.0), (math.nan, 100.0), (1.0, math.inf)])
@@ -125,8 +128,9 @@ def test_a_fault_needs_an_explicit_clear_and_a_new_arming(heater, run, rig, cloc
     heater.connect()
     heater.arm(0.5)
     clock.sleep_until(clock.now_s() + 1.0)
-    with pytest.raises(SafetyError, match=r"not armed, latched on the device: watchdog: remove the cause"):
+    with pytest.raises(SafetyError) as error:
         heater.arm(0.5)
+    assert error.value.value == "watchdog"
     assert heater.clear_faults().device_faults == ()
     run(0.3, 0.2)
     assert rig.firmware.current_a == 0.0
@@ -139,8 +143,9 @@ def test_a_cause_that_persists_cannot_be_cleared(heater, rig):
     heater.connect()
     rig.bench.sensors.faults.short_thermocouple()
     rig.bench.advance_to(rig.bench.time_s + 0.1)
-    with pytest.raises(SafetyError, match=r"not cleared, the cause persists: thermocouple_short"):
+    with pytest.raises(SafetyError) as error:
         heater.clear_faults()
+    assert error.value.value == "thermocouple_short"
 
 
 @pytest.mark.parametrize(
@@ -164,11 +169,13 @@ def test_the_host_heats_no_further_at_its_maximum(device, clock, rig):
     heater.connect()
     rig.bench.plant.temperature_c = 140.0
     rig.bench.advance_to(rig.bench.time_s + 1.0)
-    with pytest.raises(SafetyError, match=r"the temperature does not allow it: \d+\.\d °C, the limit is 100 °C"):
+    with pytest.raises(SafetyError) as error:
         heater.arm(0.5)
+    assert float(error.value.value.removesuffix(" °C")) > 100.0
+    assert error.value.limit == "100 °C"
 
 
-def test_a_converter_that_stands_still_is_not_believed(heater, run, rig):
+def test_frozen_converter_makes_the_temperature_invalid(heater, run, rig):
     heater.connect()
     heater.arm(0.5)
     run(0.2, 0.5)
@@ -181,7 +188,7 @@ def test_a_converter_that_stands_still_is_not_believed(heater, run, rig):
     assert run(0.0, 0.05)[-1].host_limits == ()
 
 
-def test_a_device_that_restarts_is_not_heated_on(heater, run, rig):
+def test_restarted_device_is_not_heated(heater, run, rig):
     heater.connect()
     heater.arm(0.5)
     run(0.3, 0.5)
@@ -203,14 +210,15 @@ def test_a_lost_reply_costs_one_tick_and_heating_goes_on(heater, run, rig, clock
     assert run(0.3, 0.5)[-1].armed
 
 
-def test_a_stale_exchange_is_refused_by_its_sequence(heater, run, rig):
+def test_stale_exchange_is_rejected_by_its_sequence_number(heater, run, rig):
     """A device that answers with an old block, as a gateway that caches might."""
     heater.connect()
     heater.arm(0.5)
     run(0.3, 0.2)
     rig.faults.stale()
-    with pytest.raises(ProtocolError, match="a stale reply, discarded"):
+    with pytest.raises(ProtocolError) as error:
         heater.exchange(0.3)
+    assert error.value.where == "unit 1"
     run(0.3, 0.05)
     assert rig.firmware.commanded_a == 0.0  # nothing known of the temperature: one tick without heat
     run(0.3, 0.05)
@@ -260,7 +268,7 @@ class Shifted:
 
 @pytest.mark.parametrize("shift", [1, 2])
 @pytest.mark.parametrize("draw", range(3))
-def test_a_reply_of_the_registers_beside_is_never_taken_for_the_echo(rig, clock, shift, draw):
+def test_reply_of_adjacent_registers_is_not_taken_for_the_echo(rig, clock, shift, draw):
     """State, faults and limits stand there: small numbers, which a sequence that starts small would meet."""
     transport = InProcessTransport(Shifted(rig.line, shift), clock)
     board = HeaterBoard(Device(load_profile("sma-reference"), ModbusClient(transport)), clock)
@@ -270,7 +278,7 @@ def test_a_reply_of_the_registers_beside_is_never_taken_for_the_echo(rig, clock,
             board.exchange(0.0)
 
 
-def test_the_sequence_starts_at_random_and_stays_above_what_stands_beside_its_echo(rig, clock):
+def test_sequence_starts_at_random_above_the_registers_next_to_its_echo(rig, clock):
     def board():
         return HeaterBoard(Device(load_profile("sma-reference"), ModbusClient(rig.transport(clock))), clock)
 
@@ -306,5 +314,5 @@ def test_a_profile_without_the_roles_is_refused(rig, clock):
     profile = load_profile("sma-reference")
     roles = profile.roles.model_copy(update={"sequence": None})
     device = Device(profile.model_copy(update={"roles": roles}), ModbusClient(rig.transport(clock)))
-    with pytest.raises(ConfigError, match="role 'sequence'"):
+    with pytest.raises(ConfigError, match="'sequence'"):
         Heater(HeaterBoard(device, clock), HeaterLimits(0.5, 100.0), clock)

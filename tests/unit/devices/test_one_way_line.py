@@ -9,7 +9,8 @@ from smadrive.devices.device import Device
 from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits
 from smadrive.devices.heating.supply import BenchSupply
-from smadrive.devices.heating.tclab import TCLab, TCLabBoard
+from smadrive.devices.heating.tclab import TCLab
+from smadrive.devices.heating.tclab_board import TCLabBoard
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import DeadlineError
 from smadrive.modbus.client import ModbusClient
@@ -64,7 +65,7 @@ def heating(request):
 
 @pytest.mark.parametrize("lost", LOST_REQUESTS)
 @pytest.mark.parametrize("exchanges", [0, 2], ids=["at once", "after lost exchanges"])
-def test_the_heater_is_switched_off_and_not_called_confirmed(heating, lost, exchanges):
+def test_one_way_line_switches_off_without_confirmation(heating, lost, exchanges):
     source, device, line = heating
     line.broken = True
     for _ in range(exchanges):

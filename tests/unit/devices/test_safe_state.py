@@ -38,9 +38,7 @@ def failing(failure, counted):
 
 @pytest.mark.parametrize("failure", FAILURES, ids=lambda failure: type(failure).__name__)
 @pytest.mark.parametrize("place", [0, 1])
-def test_a_step_that_fails_by_whatever_exception_keeps_no_other_from_being_tried(
-    hot, device, rig, clock, failure, place
-):
+def test_failed_step_does_not_prevent_the_others(hot, device, rig, clock, failure, place):
     counted = []
     steps = [partial(device.write, "heater_enable", 0)]
     steps.insert(place, failing(failure, counted))
@@ -54,14 +52,14 @@ def test_a_step_that_fails_by_whatever_exception_keeps_no_other_from_being_tried
 @pytest.mark.parametrize(
     "error", [TakenOverError("the guardian has the line"), KeyboardInterrupt()], ids=lambda error: type(error).__name__
 )
-def test_a_takeover_and_an_interruption_end_the_tries_at_once(clock, error):
+def test_take_over_and_interruption_end_the_attempts_at_once(clock, error):
     counted = []
     with pytest.raises(type(error)):
         retry_all([failing(error, counted)], clock)
     assert len(counted) == 1
 
 
-def test_a_device_that_is_busy_when_its_current_is_looked_at_is_asked_again(hot, rig, clock):
+def test_device_busy_at_the_current_check_is_asked_again(hot, rig, clock):
     hot.source.enter_safe_state()
     rig.faults.refuse(code=6, replies=1)
     assert not wait_for_zero_current(hot.source, 0.6, clock).armed
@@ -88,7 +86,7 @@ def test_a_sink_on_the_bus_that_fails_for_a_while_does_not_keep_the_heater_on(ri
     assert rig.firmware.current_a == 0.0
 
 
-def test_a_device_that_never_answers_is_told_by_its_first_error(hot, rig):
+def test_silent_device_raises_its_first_error(hot, rig):
     rig.faults.drop(10_000)
     with pytest.raises(DeadlineError):
         hot.enter_safe_state()

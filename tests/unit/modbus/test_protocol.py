@@ -7,7 +7,7 @@ from smadrive.modbus.framing import mbap, rtu
 from smadrive.modbus.framing.framing import RtuFraming, TcpFraming
 from smadrive.modbus.outstanding import LATEST_REPLY_S
 from smadrive.modbus.protocol import ClientProtocol
-from smadrive.modbus.verdict import CONSEQUENCES, FINAL_CODES, TRANSITIONS, Event, State, Verdict
+from smadrive.modbus.verdict import CONSEQUENCES, FINAL_CODES, TRANSITIONS, ConnectionEvent, ConnectionState, Verdict
 
 READ = requests.read_holding(10, 2)
 SAME_KIND = requests.read_holding(500, 2)
@@ -97,13 +97,13 @@ def test_the_verdict_on_tcp(outstanding, arrives, verdict):
     assert outcome.verdict is numbered.get(arrives, verdict)
 
 
-def test_what_is_no_modbus_tcp_is_malformed_and_needs_a_new_connection():
+def test_bytes_that_are_not_modbus_tcp_need_a_new_connection():
     protocol = ClientProtocol(TcpFraming())
     protocol.send(1, READ)
     assert protocol.receive(rtu.seal(1, PDUS["reply"]), 0.0).verdict is Verdict.MALFORMED
-    assert protocol.state is State.OUT_OF_STEP
+    assert protocol.state is ConnectionState.OUT_OF_STEP
     protocol.new_connection()
-    assert protocol.state is State.READY
+    assert protocol.state is ConnectionState.READY
 
 
 class Drawn:
@@ -116,7 +116,7 @@ class Drawn:
         return next(self._numbers)
 
 
-def test_a_frame_that_came_with_the_reply_before_does_not_answer_the_next_request():
+def test_frame_behind_a_reply_does_not_answer_the_next_request():
     """It has the number that the next request will draw."""
     early, reply = mbap.seal(5000, 1, bytes.fromhex("03 04 DEAD DEAD")), mbap.seal(1000, 1, PDUS["reply"])
     protocol = ClientProtocol(TcpFraming(Drawn(0, 1000, 5000)))
@@ -127,11 +127,11 @@ def test_a_frame_that_came_with_the_reply_before_does_not_answer_the_next_reques
 def test_half_a_frame_behind_a_reply_needs_a_new_connection():
     protocol = ClientProtocol(TcpFraming(Drawn(0, 1000)))
     assert outcome_of(protocol, READ, mbap.seal(1000, 1, PDUS["reply"]) + b"\x13\x88").verdict is Verdict.ANSWERED
-    assert protocol.state is State.OUT_OF_STEP
+    assert protocol.state is ConnectionState.OUT_OF_STEP
 
 
 @pytest.mark.parametrize("arrives", VERDICTS)
-def test_what_a_verdict_leaves_outstanding(arrives):
+def test_outstanding_frames_after_each_verdict(arrives):
     """Of the request itself, and of an older one of the same unit."""
     protocol = ready()
     unanswered(protocol, ANOTHER_FUNCTION)
@@ -139,14 +139,16 @@ def test_what_a_verdict_leaves_outstanding(arrives):
     consequence = CONSEQUENCES[verdict]
     assert protocol.may_be_mistaken(1, READ, 2.0) is consequence.reply_remains
     assert protocol.may_be_mistaken(1, ANOTHER_FUNCTION, 2.0) is not consequence.proves
-    assert protocol.state is (State.READY if consequence.event is Event.DONE else State.SUSPECT)
+    assert protocol.state is (
+        ConnectionState.READY if consequence.event is ConnectionEvent.DONE else ConnectionState.SUSPECT
+    )
     protocol.silence()
     exception = outcome_of(protocol, SAME_FUNCTION, rtu.seal(1, b"\x83\x02")).verdict
     assert (exception is Verdict.STALE) is consequence.exception_remains
 
 
 @pytest.mark.parametrize("code", range(1, 12))
-def test_only_a_final_exception_of_the_device_proves_that_nothing_older_comes(code):
+def test_final_exception_clears_outstanding_replies(code):
     protocol = ready()
     unanswered(protocol, ANOTHER_FUNCTION)
     outcome = outcome_of(protocol, READ, rtu.seal(1, bytes((0x83, code))))
@@ -155,7 +157,7 @@ def test_only_a_final_exception_of_the_device_proves_that_nothing_older_comes(co
     assert protocol.may_be_mistaken(1, ANOTHER_FUNCTION, 2.0) is (code not in FINAL_CODES)
 
 
-def test_another_unit_owes_its_reply_all_the_same():
+def test_reply_of_another_unit_stays_outstanding():
     protocol = ready()
     protocol.send(2, READ)
     protocol.give_up(0.0)
@@ -164,23 +166,23 @@ def test_another_unit_owes_its_reply_all_the_same():
     assert protocol.may_be_mistaken(2, READ, 2.0)
 
 
-def test_an_outstanding_reply_is_forgotten_when_it_can_no_longer_come():
+def test_outstanding_reply_expires():
     protocol = ready()
     unanswered(protocol, READ, now_s=0.0)
     assert protocol.may_be_mistaken(1, READ, 0.99 * LATEST_REPLY_S)
     assert not protocol.may_be_mistaken(1, READ, LATEST_REPLY_S)
 
 
-def test_every_state_has_an_answer_to_what_can_happen_in_it():
+def test_every_state_has_a_transition_for_each_possible_event():
     """A request goes out in READY alone; silence, strays and new connections come at any time between requests."""
-    assert {state for state, event in TRANSITIONS if event is Event.SENT} == {State.READY}
-    assert {state for state, event in TRANSITIONS if event is Event.DONE} == {State.WAITING}
-    for event in (Event.STRAY, Event.SILENCE, Event.FAILED):
-        assert {State.READY, State.SUSPECT} <= {state for state, one in TRANSITIONS if one is event}
-    assert {state for state, event in TRANSITIONS if event is Event.NEW_CONNECTION} == set(State)
+    assert {state for state, event in TRANSITIONS if event is ConnectionEvent.SENT} == {ConnectionState.READY}
+    assert {state for state, event in TRANSITIONS if event is ConnectionEvent.DONE} == {ConnectionState.WAITING}
+    for event in (ConnectionEvent.STRAY, ConnectionEvent.SILENCE, ConnectionEvent.FAILED):
+        assert {ConnectionState.READY, ConnectionState.SUSPECT} <= {state for state, one in TRANSITIONS if one is event}
+    assert {state for state, event in TRANSITIONS if event is ConnectionEvent.NEW_CONNECTION} == set(ConnectionState)
 
 
-def test_a_probe_is_a_read_that_has_been_answered_and_whose_reply_nothing_resembles():
+def test_probe_is_an_answered_read_with_a_unique_reply():
     protocol = ready()
     outcome_of(protocol, ANOTHER_FUNCTION, rtu.seal(1, bytes.fromhex("04 06 0001 0002 0003")))
     unanswered(protocol, READ)

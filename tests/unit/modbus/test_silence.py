@@ -23,7 +23,7 @@ def test_the_pause_between_frames_is_that_of_the_standard(bus, script, baudrate,
     assert times_s[2] == times_s[1]
 
 
-def test_a_device_may_want_a_longer_pause(bus, script):
+def test_profile_may_require_a_longer_pause(bus, script):
     far = script([(0.0, RIGHT)], [(0.0, RIGHT)])
     client = bus(far)
     for _ in range(2):

@@ -80,7 +80,7 @@ def test_a_right_reply_in_pieces_is_put_together(tcp):
     ],
     ids=["unit", "function", "short", "long", "head", "exception", "protocol", "length"],
 )
-def test_a_wrong_reply_is_refused_at_once(tcp, frame):
+def test_wrong_reply_is_rejected_at_once(tcp, frame):
     client = tcp([(0.0, frame)])
     with pytest.raises(ProtocolError):
         client.execute(1, READ, TIMING)
@@ -88,7 +88,7 @@ def test_a_wrong_reply_is_refused_at_once(tcp, frame):
     assert client.counters.wrong_replies == 1
 
 
-def test_a_reply_with_another_number_is_dropped_and_the_right_one_behind_it_taken(tcp):
+def test_reply_with_another_number_is_dropped(tcp):
     stale = numbered(bytes.fromhex("03 04 DEAD DEAD"), ahead=-1)
     client = tcp([(0.0, lambda number: stale(number) + numbered(RIGHT)(number))])
     assert requests.registers_of(client.execute(1, READ, TIMING)) == (10, 11)
@@ -98,7 +98,7 @@ def test_a_reply_with_another_number_is_dropped_and_the_right_one_behind_it_take
 
 
 @pytest.mark.parametrize("delay_s", [0.0, 0.02], ids=["before the request", "before the reply"])
-def test_an_early_reply_with_the_next_number_is_not_taken(tcp, delay_s):
+def test_early_reply_with_the_next_number_is_rejected(tcp, delay_s):
     early = numbered(bytes.fromhex("03 04 DEAD DEAD"), ahead=1)
     client = tcp([(0.0, numbered(RIGHT)), (delay_s, early)], [(0.05, numbered(RIGHT))])
     for _ in range(2):
@@ -106,7 +106,7 @@ def test_an_early_reply_with_the_next_number_is_not_taken(tcp, delay_s):
     assert client.transport.framing.dropped == 1
 
 
-def test_bytes_that_arrived_before_the_request_are_discarded_whatever_their_number(tcp):
+def test_bytes_before_the_request_are_discarded(tcp):
     framing = TcpFraming(Random(1))
     framing.skip(b"".join(mbap.seal(number, 1, RIGHT) for number in range(100)))
     assert framing.dropped == 100
@@ -118,7 +118,7 @@ def test_bytes_that_arrived_before_the_request_are_discarded_whatever_their_numb
     assert client.counters.reopenings == 1  # half a frame: where the next one begins is not known
 
 
-def test_numbers_are_random_and_never_near_the_last_or_one_that_is_unanswered():
+def test_transaction_numbers_are_random_and_not_near_the_last():
     framing = TcpFraming(Random(1))
     numbers = [mbap.Header.of(framing.request(1, READ.pdu)).transaction for _ in range(REMEMBERED)]
     assert len(set(numbers)) == REMEMBERED
@@ -127,7 +127,7 @@ def test_numbers_are_random_and_never_near_the_last_or_one_that_is_unanswered():
     assert max(steps) < 0x10000 - NEAR
 
 
-def test_a_refusal_carries_its_code(tcp):
+def test_exception_reply_has_its_code(tcp):
     with pytest.raises(ExceptionReply) as refusal:
         tcp([(0.0, numbered(b"\x83\x0b"))]).execute(1, READ, TIMING)
     assert refusal.value.code == 0x0B
@@ -164,7 +164,7 @@ class Registers:
     asked=st.lists(st.tuples(st.integers(0, 50), st.integers(1, 3)), min_size=5, max_size=20),
 )
 @settings(max_examples=200, deadline=None)
-def test_a_late_reply_never_answers_another_request(delays_s, asked):
+def test_late_reply_is_rejected(delays_s, asked):
     client = ModbusClient(InProcessTransport(Registers(delays_s), VirtualClock(), baudrate=None))
     for first, count in asked:
         try:
@@ -187,9 +187,11 @@ def test_a_connection_that_the_far_end_closes_is_lost(listener):
         assert transport.read(transport.clock.now_s() + 5) == b"abc"
         assert transport.read(transport.clock.now_s()) == b""
         far.close()
-        with pytest.raises(TransportError, match=r"connection is lost .*closed by the far end"):
+        with pytest.raises(TransportError) as error:
             transport.read(transport.clock.now_s() + 5)
-    with pytest.raises(TransportError, match="connection is lost"):
+        assert str(error.value.value) == transport.end
+        assert transport.lost
+    with pytest.raises(TransportError):
         transport.write(b"x")
 
 
@@ -209,10 +211,13 @@ def test_rtu_frames_pass_through_a_gateway(listener):
     assert requests.registers_of(payload) == (500, 5000)
 
 
-def test_what_does_not_open_is_told_with_its_cure(listener):
+def test_connection_that_does_not_open_has_a_cure(listener):
     port = listener.getsockname()[1]
     listener.close()
-    with pytest.raises(TransportError, match="refused"):
+    with pytest.raises(TransportError) as refused:
         open_transport(f"tcp://127.0.0.1:{port}")
-    with pytest.raises(TransportError, match=r"no-such-host\.invalid"):
+    assert refused.value.where == f"127.0.0.1:{port}"
+    assert refused.value.cure.startswith("check the port")
+    with pytest.raises(TransportError) as unknown:
         open_transport("tcp://no-such-host.invalid")
+    assert unknown.value.value == "no-such-host.invalid"

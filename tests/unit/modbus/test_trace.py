@@ -37,7 +37,7 @@ def traced(path, far, baudrate, timing, runs):
     return path.read_text(encoding="ascii").splitlines()
 
 
-def test_a_person_reads_what_passed_and_what_it_means(tmp_path, script, timing):
+def test_trace_has_frames_and_their_meaning(tmp_path, script, timing):
     write = requests.write_register(32, 7)
     far = script(
         [(0.01, RIGHT[:4]), (0.02, RIGHT[4:])],
@@ -48,7 +48,7 @@ def test_a_person_reads_what_passed_and_what_it_means(tmp_path, script, timing):
     lines = traced(tmp_path / "bus.trace", far, 115200, timing, [READ, READ, write, requests.read_input(5, 1)])
     assert lines == [
         "# smadrive bus trace 1: rtu, in process",
-        "# seconds, > sent or < received or x discarded, the bytes, what they say",
+        "# seconds, > sent or < received or x discarded, the bytes, their meaning",
         "    1.000000 > 01 03 00 0A 00 02 E4 09 | unit 1: read 2 holding registers from 10",
         "    1.020000 < 01 03 04 00 0A 00 0B 9B F6 | unit 1: 10 11",
         "    1.021750 > 01 03 00 0A 00 02 E4 09 | unit 1: read 2 holding registers from 10",
@@ -60,10 +60,10 @@ def test_a_person_reads_what_passed_and_what_it_means(tmp_path, script, timing):
     ]
 
 
-def test_what_nobody_asked_for_is_told(tmp_path, script, timing):
+def test_unrequested_bytes_are_marked(tmp_path, script, timing):
     far = script([(0.0, RIGHT), (0.001, b"\x55")], [(0.0, RIGHT)])
     lines = traced(tmp_path / "bus.trace", far, 115200, timing, [READ, READ])
-    assert [line[13:] for line in lines[4:6]] == ["x 55 | nobody asked for it", lines[2][13:]]
+    assert [line[13:] for line in lines[4:6]] == ["x 55 | not requested", lines[2][13:]]
 
 
 def test_modbus_tcp_is_traced_with_its_header(tmp_path, script, timing):
@@ -72,7 +72,7 @@ def test_modbus_tcp_is_traced_with_its_header(tmp_path, script, timing):
     assert lines[3].endswith(" 00 00 00 07 01 03 04 00 0A 00 0B | unit 1: 10 11")
 
 
-def test_a_program_reads_the_same(tmp_path, script, timing):
+def test_trace_reads_back_as_the_same_frames(tmp_path, script, timing):
     path = tmp_path / "bus.trace"
     traced(path, script([(0.02, RIGHT)]), 115200, timing, [READ, READ])
     numbered, lines = read_trace(path)
@@ -99,41 +99,44 @@ def test_a_program_reads_the_same(tmp_path, script, timing):
         (requests.exchange(32, [1, 2], 16, 3), "write registers from 32: 1 2, read 3 from 16"),
     ],
 )
-def test_every_request_has_words(request_, said):
+def test_every_request_has_a_description(request_, said):
     assert pdu_description.of_request(request_.pdu) == said
 
 
-def test_replies_have_words_and_what_is_none_does_no_harm():
+def test_replies_and_malformed_frames_have_a_description():
     read = requests.read_coils(0, 3).pdu
     assert pdu_description.of_reply(bytes.fromhex("01 01 05"), read) == "101"
     assert pdu_description.of_reply(bytes.fromhex("81 02"), read) == "exception 2, illegal data address"
     assert pdu_description.of_reply(bytes.fromhex("04 02 0001"), read) == "a reply to function 4"
     assert pdu_description.of_reply(requests.write_register(1, 2).pdu, requests.write_register(1, 2).pdu) == "done"
-    assert pdu_description.of_request(b"\x03\x00") == "a request that is none"
+    assert pdu_description.of_request(b"\x03\x00") == "malformed request"
     assert pdu_description.of_request(b"\x63\x00\x00\x00\x00") == "function 99"
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "place", "value"),
     [
-        ("", "is no bus trace"),
-        ("# smadrive bus trace 1: rtu\n0.1 > 01 0g", "line 2: .* is none of a trace"),
-        ("# smadrive bus trace 1: rtu\n# x\n0.1 ? 01", "line 3: "),
+        ("", "t", None),
+        ("# smadrive bus trace 1: rtu\n0.1 > 01 0g", "t, line 2", "0.1 > 01 0g"),
+        ("# smadrive bus trace 1: rtu\n# x\n0.1 ? 01", "t, line 3", "0.1 ? 01"),
+        ("# smadrive bus trace 1: text, port", "t", "text"),
     ],
 )
-def test_what_is_no_trace_is_refused(tmp_path, text, says):
+def test_file_that_is_no_trace_is_refused(tmp_path, text, place, value):
     path = tmp_path / "t"
     path.write_text(text, encoding="ascii")
-    with pytest.raises(ConfigError, match=says):
+    with pytest.raises(ConfigError) as error:
         read_trace(path)
+    assert (error.value.where, error.value.value) == (f"{tmp_path}/{place}", value)
 
 
-def test_a_trace_that_cannot_be_kept_is_refused(tmp_path, script):
-    with pytest.raises(ConfigError, match="the trace cannot be written"):
+def test_trace_that_cannot_be_written_is_refused(tmp_path, script):
+    with pytest.raises(ConfigError) as error:
         TraceFile(tmp_path / "no" / "t", InProcessTransport(script(), VirtualClock()))
+    assert error.value.where == str(tmp_path / "no" / "t")
 
 
-def test_a_full_disk_ends_the_trace_and_nothing_else(tmp_path, script, timing, caplog):
+def test_full_disk_ends_only_the_trace(tmp_path, script, timing, caplog):
     """The limit of the file's size stands for the full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     far = script(*[[(0.0, RIGHT)]] * 50)

@@ -38,7 +38,7 @@ def test_a_device_has_one_guardian():
         assert later is not None
 
 
-def test_the_same_device_relieves_wherever_it_is_and_another_one_does_not():
+def test_only_the_same_device_relieves_the_guardian():
     with HeldDuty.take("riden", KEY) as held:
         held.wait("no answer")
         for other in (TWIN, DeviceKey(KEY.names, 1)):
@@ -65,7 +65,7 @@ def test_a_relief_of_an_earlier_guardian_does_not_count():
         assert not held.relieved
 
 
-def test_without_a_folder_for_state_the_guardian_works_all_the_same(state_home):
+def test_guardian_works_without_a_state_folder(state_home):
     (state_home / "smadrive").write_text("a file where the folder should be")
     with HeldDuty.take("riden", KEY) as held:
         held.wait("no answer")

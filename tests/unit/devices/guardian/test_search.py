@@ -4,7 +4,7 @@ import os
 
 import pytest
 
-from smadrive.devices.guardian.search import AGREEING, ASK_AGAIN_S, Search
+from smadrive.devices.guardian.search import AGREEING, ASK_AGAIN_S, PortSearch
 from smadrive.devices.state import key as keys
 from smadrive.devices.state.key import port_names
 
@@ -42,7 +42,7 @@ def plug(by_id, number, name):
 
 def test_a_device_that_comes_back_under_another_number_is_found_and_another_adapter_is_not_touched(by_id, now):
     url = f"serial://{plug(by_id, 0, 'usb-1a86')}?baudrate=9600"
-    search = Search(url, port_names(url), now)
+    search = PortSearch(url, port_names(url), now)
     assert search.urls() == [url]
     (by_id / "usb-1a86").unlink()
     plug(by_id, 0, "usb-cafe")
@@ -54,39 +54,39 @@ def test_a_device_that_comes_back_under_another_number_is_found_and_another_adap
 def test_a_port_without_a_name_is_tried_as_it_is_written(by_id, now):
     port = by_id.parent / "ttyUSB0"
     port.touch()
-    search = Search(f"serial://{port}", frozenset(), now)
+    search = PortSearch(f"serial://{port}", frozenset(), now)
     assert search.urls() == [f"serial://{port}"]
     port.unlink()
     assert search.urls() == []
 
 
-def test_a_port_that_holds_another_device_is_left_alone_for_a_while(now):
+def test_port_with_another_device_is_not_tried_for_a_while(now):
     url = "tcp://gateway:502"
-    search = Search(url, port_names(url), now)
+    search = PortSearch(url, port_names(url), now)
     for _ in range(AGREEING):
         assert search.urls() == [url]
-        search.heard_another(url)
+        search.note_other_device(url)
     assert search.urls() == []
     now.now_s += ASK_AGAIN_S
     assert search.urls() == [url]
-    search.heard_another(url)
+    search.note_other_device(url)
     assert search.urls() == []
 
 
-def test_one_wrong_identity_does_not_drive_it_away(now):
+def test_one_wrong_identity_does_not_exclude_a_port(now):
     url = "tcp://gateway:502"
-    search = Search(url, port_names(url), now)
+    search = PortSearch(url, port_names(url), now)
     for _ in range(3 * AGREEING):
-        search.heard_another(url)
-        search.heard_none(url)
+        search.note_other_device(url)
+        search.note_no_device(url)
         assert search.urls() == [url]
 
 
 def test_a_port_that_is_plugged_in_anew_is_asked_at_once(by_id, now):
     url = f"serial://{plug(by_id, 0, 'usb-1a86')}"
-    search = Search(url, port_names(url), now)
+    search = PortSearch(url, port_names(url), now)
     for _ in range(AGREEING):
-        search.heard_another(url)
+        search.note_other_device(url)
     assert search.urls() == []
     plug(by_id, 1, "usb-1a86")
     assert search.urls() == [f"serial://{by_id / 'usb-1a86'}"]
@@ -97,7 +97,10 @@ def test_only_a_pseudo_terminal_without_a_name_is_gone_for_good(tmp_path, now):
     url, link = f"serial://{os.ttyname(far)}", tmp_path / "folder" / "port"
     link.parent.mkdir()
     link.symlink_to(os.ttyname(far))
-    bare, named = Search(url, port_names(url), now), Search(f"serial://{link}", port_names(f"serial://{link}"), now)
+    bare, named = (
+        PortSearch(url, port_names(url), now),
+        PortSearch(f"serial://{link}", port_names(f"serial://{link}"), now),
+    )
     assert [bare.is_gone, named.is_gone] == [False, False]
     os.close(near)
     os.close(far)
@@ -106,4 +109,4 @@ def test_only_a_pseudo_terminal_without_a_name_is_gone_for_good(tmp_path, now):
     link.unlink()
     link.parent.rmdir()
     assert named.is_gone
-    assert not Search("tcp://gateway:502", port_names("tcp://gateway:502"), now).is_gone
+    assert not PortSearch("tcp://gateway:502", port_names("tcp://gateway:502"), now).is_gone

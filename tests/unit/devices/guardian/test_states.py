@@ -2,7 +2,16 @@
 
 import pytest
 
-from smadrive.devices.guardian.states import ATTEMPTS, LOOK_AGAIN_S, TABLE, Action, Heard, Outcome, State, run
+from smadrive.devices.guardian.states import (
+    ATTEMPTS,
+    LOOK_AGAIN_S,
+    TABLE,
+    Action,
+    AttemptOutcome,
+    DriverSignal,
+    GuardianState,
+    run,
+)
 
 TIMEOUT_S = 3.0
 
@@ -24,11 +33,11 @@ class Script:
 
     def listen(self, within_s):
         self.listened_s.append(within_s)
-        return self.take(Heard)
+        return self.take(DriverSignal)
 
     def attempt(self, state):
         self.attempts.append(state)
-        return self.take(Outcome)
+        return self.take(AttemptOutcome)
 
     def run(self):
         run(self.listen, self.attempt, self.actions.append, TIMEOUT_S)
@@ -36,91 +45,98 @@ class Script:
         return self
 
 
-BEAT, GIVES_WAY, REST, SILENCE, CLOSED = Heard
-OFF, UNREACHABLE, BARRED, ANOTHER, BUSY, RELIEVED, GONE = Outcome
+HEARTBEAT, GIVES_WAY, STAND_DOWN, SILENCE, CLOSED = DriverSignal
+OFF, UNREACHABLE, BARRED, ANOTHER, BUSY, RELIEVED, GONE = AttemptOutcome
 
 
-@pytest.mark.parametrize("state", [state for state in State if state is not State.DONE])
+@pytest.mark.parametrize("state", [state for state in GuardianState if state is not GuardianState.DONE])
 def test_every_event_that_can_occur_has_an_entry(state):
-    expected = {*Heard, *Outcome} if state in ATTEMPTS else {*Heard}
+    expected = {*DriverSignal, *AttemptOutcome} if state in ATTEMPTS else {*DriverSignal}
     assert set(TABLE[state]) == expected
 
 
 def test_every_state_but_the_first_can_be_reached_and_every_one_can_end():
     following = {state: {step.state for step in steps.values()} for state, steps in TABLE.items()}
-    assert set().union(*following.values()) == set(State)
-    ends = {State.DONE}
-    for _ in State:
+    assert set().union(*following.values()) == set(GuardianState)
+    ends = {GuardianState.DONE}
+    for _ in GuardianState:
         ends |= {state for state, after in following.items() if after & ends}
-    assert ends == set(State)
+    assert ends == set(GuardianState)
 
 
 @pytest.mark.parametrize("state", sorted(ATTEMPTS, key=str))
-@pytest.mark.parametrize("outcome", [one for one in Outcome if one not in (OFF, RELIEVED, GONE)])
+@pytest.mark.parametrize("outcome", [one for one in AttemptOutcome if one not in (OFF, RELIEVED, GONE)])
 def test_the_guardian_never_ends_while_heat_may_flow(state, outcome):
-    assert TABLE[state][outcome].state not in (State.DONE, State.IDLE)
+    assert TABLE[state][outcome].state not in (GuardianState.DONE, GuardianState.IDLE)
 
 
-@pytest.mark.parametrize("state", sorted(ATTEMPTS - {State.WAITING_FOR_DEVICE}, key=str))
-def test_a_driver_that_lives_is_told_that_it_has_its_ports_only_after_a_confirmed_switch_off(state):
+@pytest.mark.parametrize("state", sorted(ATTEMPTS - {GuardianState.WAITING_FOR_DEVICE}, key=str))
+def test_ports_are_freed_only_after_a_confirmed_switch_off(state):
     freeing = {event for event, step in TABLE[state].items() if step.action is Action.FREE}
     assert freeing <= {OFF}
 
 
-def test_a_driver_is_only_ended_after_a_whole_silence_behind_a_network():
+def test_driver_behind_a_network_is_killed_only_after_a_whole_silence():
     ending = [
         (state, event) for state in TABLE for event in TABLE[state] if TABLE[state][event].action is Action.END_DRIVER
     ]
-    assert ending == [(State.BARRED, SILENCE)]
-    assert {s for s in TABLE for e in TABLE[s] if TABLE[s][e].state is State.BARRED} <= ATTEMPTS
+    assert ending == [(GuardianState.BARRED, SILENCE)]
+    assert {s for s in TABLE for e in TABLE[s] if TABLE[s][e].state is GuardianState.BARRED} <= ATTEMPTS
 
 
-def test_a_driver_that_rests_and_ends_needs_nothing():
-    story = Script(BEAT, BEAT, REST, SILENCE, CLOSED).run()
+def test_driver_that_stands_down_and_ends_needs_no_attempt():
+    story = Script(HEARTBEAT, HEARTBEAT, STAND_DOWN, SILENCE, CLOSED).run()
     assert story.attempts == []
     assert story.actions == [Action.ECHO, Action.ECHO, Action.FREE]
     assert set(story.listened_s) == {TIMEOUT_S}
 
 
-def test_a_driver_that_is_killed_is_switched_off_behind():
-    story = Script(BEAT, CLOSED, OFF).run()
-    assert story.attempts == [State.WAITING_FOR_DEVICE]
+def test_heater_of_a_killed_driver_is_switched_off():
+    story = Script(HEARTBEAT, CLOSED, OFF).run()
+    assert story.attempts == [GuardianState.WAITING_FOR_DEVICE]
 
 
-def test_a_driver_that_wakes_gets_its_ports_after_one_more_look():
-    story = Script(BEAT, SILENCE, OFF, SILENCE, OFF, GIVES_WAY, OFF, REST, OFF, BEAT, REST, CLOSED).run()
-    assert story.attempts == [State.TAKING_OVER, State.WAITING_FOR_DRIVER, State.GIVEN_WAY, State.RELEASING]
+def test_driver_that_wakes_gets_its_ports_after_one_more_confirmation():
+    story = Script(
+        HEARTBEAT, SILENCE, OFF, SILENCE, OFF, GIVES_WAY, OFF, STAND_DOWN, OFF, HEARTBEAT, STAND_DOWN, CLOSED
+    ).run()
+    assert story.attempts == [
+        GuardianState.TAKING_OVER,
+        GuardianState.WAITING_FOR_DRIVER,
+        GuardianState.GIVEN_WAY,
+        GuardianState.RELEASING,
+    ]
     assert story.actions == [Action.ECHO, Action.TAKE, Action.FREE, Action.ECHO, Action.FREE]
 
 
-def test_a_driver_that_bars_the_only_way_in_is_ended_after_its_patience():
-    story = Script(BEAT, SILENCE, BARRED, SILENCE, CLOSED, OFF).run()
+def test_silent_driver_with_the_only_connection_is_killed():
+    story = Script(HEARTBEAT, SILENCE, BARRED, SILENCE, CLOSED, OFF).run()
     assert story.actions == [Action.ECHO, Action.TAKE, Action.END_DRIVER]
     assert story.listened_s == [TIMEOUT_S, TIMEOUT_S, TIMEOUT_S, LOOK_AGAIN_S]
 
 
-def test_a_driver_that_gives_way_in_the_only_way_in_is_spared():
-    story = Script(BEAT, SILENCE, BARRED, GIVES_WAY, BARRED, SILENCE, BARRED, REST, OFF, CLOSED).run()
+def test_driver_that_gives_up_the_only_connection_is_not_killed():
+    story = Script(HEARTBEAT, SILENCE, BARRED, GIVES_WAY, BARRED, SILENCE, BARRED, STAND_DOWN, OFF, CLOSED).run()
     assert Action.END_DRIVER not in story.actions
 
 
-def test_a_driver_that_does_not_end_is_ended_again():
-    story = Script(BEAT, SILENCE, BARRED, SILENCE, SILENCE, BARRED, SILENCE, CLOSED, OFF).run()
+def test_driver_that_survives_is_killed_again():
+    story = Script(HEARTBEAT, SILENCE, BARRED, SILENCE, SILENCE, BARRED, SILENCE, CLOSED, OFF).run()
     assert story.actions.count(Action.END_DRIVER) == 2
 
 
 @pytest.mark.parametrize("last", [OFF, RELIEVED, GONE])
-def test_a_device_that_is_away_is_awaited_for_as_long_as_it_takes(last):
+def test_absent_device_is_waited_for_without_limit(last):
     away = [UNREACHABLE, SILENCE, ANOTHER, SILENCE, BUSY, SILENCE, BARRED, SILENCE]
-    story = Script(BEAT, CLOSED, *(away * 5000), last).run()
+    story = Script(HEARTBEAT, CLOSED, *(away * 5000), last).run()
     assert len(story.attempts) == 20_001
 
 
 def test_heat_that_returns_while_the_driver_sleeps_is_taken_over_again():
-    story = Script(BEAT, SILENCE, OFF, SILENCE, UNREACHABLE, SILENCE, OFF, CLOSED, OFF).run()
+    story = Script(HEARTBEAT, SILENCE, OFF, SILENCE, UNREACHABLE, SILENCE, OFF, CLOSED, OFF).run()
     assert story.attempts == [
-        State.TAKING_OVER,
-        State.WAITING_FOR_DRIVER,
-        State.TAKING_OVER,
-        State.WAITING_FOR_DEVICE,
+        GuardianState.TAKING_OVER,
+        GuardianState.WAITING_FOR_DRIVER,
+        GuardianState.TAKING_OVER,
+        GuardianState.WAITING_FOR_DEVICE,
     ]

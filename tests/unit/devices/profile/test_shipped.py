@@ -16,8 +16,10 @@ MODELS = {
     for name, profile in PROFILES.items()
     for number in range(len(profile.variants) + 1)
 }
-VECTORS = [(name, vector) for name, profile in PROFILES.items() for vector in profile.vectors]
-READ_REPLIES = [(name, vector) for name, vector in VECTORS if vector.response and bytes.fromhex(vector.request)[1] <= 4]
+GOLDEN_FRAMES = [(name, golden) for name, profile in PROFILES.items() for golden in profile.golden_frames]
+READ_REPLIES = [
+    (name, golden) for name, golden in GOLDEN_FRAMES if golden.response and bytes.fromhex(golden.request)[1] <= 4
+]
 
 
 def test_all_eight_devices_and_the_reference_are_there():
@@ -35,25 +37,25 @@ def test_all_eight_devices_and_the_reference_are_there():
     ]
 
 
-@pytest.mark.parametrize(("name", "vector"), VECTORS, ids=lambda value: getattr(value, "request", value))
-def test_the_encoder_makes_the_golden_frames(name, vector):
+@pytest.mark.parametrize(("name", "golden"), GOLDEN_FRAMES, ids=lambda value: getattr(value, "request", value))
+def test_the_encoder_makes_the_golden_frames(name, golden):
     profile = PROFILES[name]
-    request = bytes.fromhex(vector.request)
-    if request[1] <= 4 or not vector.means:
+    request = bytes.fromhex(golden.request)
+    if request[1] <= 4 or not golden.means:
         assert rtu.seal(request[0], request[1:-2]) == request
         return
-    registers = sorted((profile.register(name) for name in vector.means), key=lambda register: register.address)
-    values = {profile.register(name).address: value for name, value in vector.means.items()}
+    registers = sorted((profile.register(name) for name in golden.means), key=lambda register: register.address)
+    values = {profile.register(name).address: value for name, value in golden.means.items()}
     words = [word for register in registers for word in register.codec.encode(values[register.address], "golden")]
     made = write_request(registers[0].table, registers[0].address, words, (request[1],))
     assert rtu.seal(request[0], made.pdu) == request
 
 
-@pytest.mark.parametrize(("name", "vector"), READ_REPLIES, ids=lambda value: getattr(value, "request", value))
-def test_the_decoder_reads_the_golden_replies(name, vector):
-    request, response = bytes.fromhex(vector.request), bytes.fromhex(vector.response)
+@pytest.mark.parametrize(("name", "golden"), READ_REPLIES, ids=lambda value: getattr(value, "request", value))
+def test_the_decoder_reads_the_golden_replies(name, golden):
+    request, response = bytes.fromhex(golden.request), bytes.fromhex(golden.response)
     words = words_of("input", response[3:-2], request[5])
-    for meant, value in vector.means.items():
+    for meant, value in golden.means.items():
         register = PROFILES[name].register(meant)
         at = register.address - int.from_bytes(request[2:4], "big")
         assert register.codec.decode(words[at : at + register.size]).value == pytest.approx(value)

@@ -20,7 +20,7 @@ DEVICES = configs_dir() / "devices"
             "riden-rd60xx",
             'register = "serial_number"',
             'register = "output"',
-            "output can be written, and so tells no device",
+            "output can be written",
         ),
         ("riden-rd60xx", "current_range = [0, 0]", "current_rnge = [0, 0]", r"variants.match .*mean 'current_range'"),
         ("riden-rd60xx", 'sign_register = "temp_int_sign"', 'sign_register = "sign"', r"temp_int names the unknown"),
@@ -46,7 +46,7 @@ DEVICES = configs_dir() / "devices"
         ("xy-sk-family", 'write = "ovp"', 'write = "opv"', "write_order.write names the unknown register 'opv'"),
         ("xy-sk-family", 'before = "v_set"', 'before = "*"', r"before '\*' needs a value"),
         ("xy-sk-family", 'before = "v_set"', 'before = "output"', "must wait for another write"),
-        ("delta-dtb", "value = 1\n", "value = 2\n", "write_order: register 'comm_write_enable': 2"),
+        ("delta-dtb", "value = 1\n", "value = 2\n", "write_order: register 'comm_write_enable': 2 "),
         ("delta-dtb", 'write = "comm_write_enable"', 'write = "pv"', "'pv' has access 'r'"),
         ("autonics-tk", 'enum = { 0 = "1", 1 = "0.1"', 'enum = { 0 = "one", 1 = "0.1"', "whose enum names factors"),
         ("autonics-tk", 'unit = "degC"', 'unit = "K"', "unit_from needs unit = 'degC'"),
@@ -54,12 +54,12 @@ DEVICES = configs_dir() / "devices"
         ("baumer-om20", "[timing]", "[timing]\nmax_read_registers = 12", r"(has 16 words|cannot be read in one)"),
         ("baumer-om20", "quality = [0, 1]", "qualty = [0, 1]", r"unknown register 'qualty'; did you mean 'quality'"),
         ("adam-6018", "[tcp]\nunit_id = 1", "", r"'modbus-tcp' needs the table \[tcp\]"),
-        ("adam-6018", 'choice = "J"', 'choice = "T"', "a choice is there twice"),
+        ("adam-6018", 'choice = "J"', 'choice = "T"', "a choice occurs twice"),
         ("adam-6018", 'choice = "J"', 'choice = "J"\nmatch = { tc_0 = [0, 1] }', "either match .* or choice"),
         ("adam-6018", "address = 16", "address = 65530", "ends at 65537, beyond 65535"),
     ],
 )
-def test_what_is_wrong_is_named(tmp_path, device, old, new, says):
+def test_wrong_entry_is_refused(tmp_path, device, old, new, says):
     text = (DEVICES / f"{device}.toml").read_text(encoding="utf-8")
     assert old in text
     path = tmp_path / "bad.toml"
@@ -82,5 +82,5 @@ def test_channels_may_stand_apart_but_not_overlap(tmp_path):
 def test_a_choice_holds_for_every_channel_and_a_wrong_one_is_named():
     assert load_profile("adam-6018:T").register("tc_5").codec.decode((0,)).value == -100.0
     assert load_profile("adam-6018").register("tc_5").codec.decode((65535,)).value == pytest.approx(1370.0)
-    with pytest.raises(ConfigError, match="has no choice 'K'; known are: E, J, T"):
+    with pytest.raises(ConfigError, match="no choice 'K'; known are: E, J, T"):
         load_profile("adam-6018:K")

@@ -79,7 +79,7 @@ def test_an_adapter_that_comes_back_under_another_number_is_the_same(udev):
     assert not port_names(f"serial://{udev(5, 'usb-cafe', 'pci-2')}") & before
 
 
-def test_the_number_that_the_kernel_gives_is_no_name(udev):
+def test_kernel_number_is_not_a_permanent_name(udev):
     assert port_names(f"serial://{udev(0, None, None)}") == frozenset()
 
 
@@ -168,5 +168,5 @@ def test_a_url_that_names_no_port_is_refused():
         ("tclab", {}, None),
     ],
 )
-def test_a_serial_number_is_what_the_profile_identifies_by_without_limits(profile, identity, number):
+def test_serial_number_is_the_identify_register_without_ranges(profile, identity, number):
     assert serial_number(load_profile(profile), identity) == number

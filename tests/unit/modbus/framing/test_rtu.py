@@ -102,12 +102,12 @@ def test_bit_requests_agree_with_pymodbus(first, states):
         lambda: requests.write_register(-1, 0),
     ],
 )
-def test_what_the_standard_does_not_allow_is_refused_before_it_is_sent(make):
+def test_request_outside_the_standard_is_refused(make):
     with pytest.raises(ValueError, match=r"the standard allows|address space"):
         make()
 
 
-def test_size_of_an_unfinished_request_is_unknown_and_of_an_unknown_function_untellable():
+def test_size_of_unfinished_and_of_unknown_requests():
     whole = rtu.seal(1, requests.write_registers(0, [1, 2]).pdu)
     assert rtu.request_size(b"\x01") == 0
     assert rtu.request_size(whole[:6]) == 0

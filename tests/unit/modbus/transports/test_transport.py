@@ -20,40 +20,48 @@ def terminal():
     os.close(near)
 
 
+SCHEMES = "serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port"
+
+
 @pytest.mark.parametrize(
-    ("url", "says"),
+    ("url", "value", "cure"),
     [
-        ("/dev/ttyUSB0", "unknown scheme ''; write serial:///dev/ttyUSB0"),
-        ("udp://host:502", "unknown scheme 'udp'"),
-        ("tcp://", "names no host and port"),
-        ("tcp://host:x", "names no host and port"),
-        ("tcp://host:502/unit", "names no host and port"),
-        ("rtu+tcp://host", "names no host and port"),
-        ("tcp://host?baudrate=9600", "cannot use 'baudrate=9600'; allowed are latency_ms=<0 to 5000>"),
-        ("rtu+tcp://host:4001?parity=E", "cannot use 'parity=E'; allowed are baudrate="),
-        ("serial://dev/ttyUSB0", "three slashes"),
-        ("serial:///", "names no port"),
-        ("serial:///dev/x?baud=9600", "cannot use 'baud=9600'; allowed are baudrate="),
-        ("serial:///dev/x?baudrate=fast", "cannot use 'baudrate=fast'"),
-        ("serial:///dev/x?baudrate=0", "cannot use 'baudrate=0'"),
-        ("serial:///dev/x?parity=even", r"cannot use 'parity=even'.*N\|E\|O"),
-        ("serial:///dev/x?stopbits=3", "cannot use 'stopbits=3'"),
-        ("serial:///dev/x?latency_ms=5001", "cannot use 'latency_ms=5001'; .*latency_ms=<0 to 5000>"),
-        ("tcp://host?latency_ms=-1", "cannot use 'latency_ms=-1'"),
+        ("/dev/ttyUSB0", "", SCHEMES),
+        ("udp://host:502", "udp", SCHEMES),
+        ("tcp://", None, "tcp://192.168.1.10:502"),
+        ("tcp://host:x", None, "tcp://192.168.1.10:502"),
+        ("tcp://host:502/unit", None, "tcp://192.168.1.10:502"),
+        ("rtu+tcp://host", None, "rtu+tcp://192.168.1.10:502"),
+        ("tcp://host?baudrate=9600", "baudrate=9600", "allowed are latency_ms=<0 to 5000>"),
+        ("rtu+tcp://host:4001?parity=E", "parity=E", "allowed are baudrate="),
+        ("serial://dev/ttyUSB0", None, "three slashes"),
+        ("serial:///", None, "three slashes"),
+        ("serial:///dev/x?baud=9600", "baud=9600", "allowed are baudrate="),
+        ("serial:///dev/x?baudrate=fast", "baudrate=fast", "baudrate=<50 to 12000000>"),
+        ("serial:///dev/x?baudrate=0", "baudrate=0", "baudrate=<50 to 12000000>"),
+        ("serial:///dev/x?parity=even", "parity=even", "parity=N|E|O"),
+        ("serial:///dev/x?stopbits=3", "stopbits=3", "stopbits=1|2"),
+        ("serial:///dev/x?latency_ms=5001", "latency_ms=5001", "latency_ms=<0 to 5000>"),
+        ("tcp://host?latency_ms=-1", "latency_ms=-1", "latency_ms=<0 to 5000>"),
     ],
 )
-def test_a_url_that_makes_no_sense_is_refused(url, says):
-    with pytest.raises(ConfigError, match=says):
+def test_malformed_url_is_refused(url, value, cure):
+    with pytest.raises(ConfigError) as error:
         open_transport(url)
+    assert url in error.value.where
+    assert (error.value.value or "").strip("'") == (value or "")
+    assert cure in error.value.cure
 
 
-def test_a_missing_port_names_those_present():
-    cure = r"/dev/ttyNone: no such port; serial ports present: .*plugged in, .* its name in /dev/serial/by-id stays"
-    with pytest.raises(TransportError, match=cure):
+def test_missing_port_is_refused_with_the_ports_present():
+    with pytest.raises(TransportError) as error:
         open_transport("serial:///dev/ttyNone")
+    assert error.value.where == "/dev/ttyNone"
+    assert error.value.value.startswith("serial ports present: ")
+    assert "/dev/serial/by-id" in error.value.cure
 
 
-def test_a_forbidden_port_names_the_group_to_join(terminal):
+def test_forbidden_port_is_refused_with_the_group_to_join(terminal):
     _, path = terminal
     Path(path).chmod(0)
     group = grp.getgrgid(Path(path).stat().st_gid).gr_name
@@ -61,11 +69,13 @@ def test_a_forbidden_port_names_the_group_to_join(terminal):
     if is_root:
         os.seteuid(65534)  # root may open anything
     try:
-        with pytest.raises(TransportError, match=rf"{path}: not permitted; join .*: sudo usermod -aG {group} \$USER"):
+        with pytest.raises(TransportError) as error:
             open_transport(f"serial://{path}")
     finally:
         if is_root:
             os.seteuid(0)
+    assert error.value.where == path
+    assert f"sudo usermod -aG {group} $USER" in error.value.cure
 
 
 def test_a_forked_child_does_not_keep_the_port_locked(terminal):
@@ -88,19 +98,20 @@ def test_a_pseudo_terminal_has_no_parity_and_is_opened_again_and_again(terminal)
 def test_a_file_is_no_port(tmp_path):
     file = tmp_path / "file"
     file.touch()
-    with pytest.raises(TransportError, match="cannot be opened as a serial port"):
+    with pytest.raises(TransportError) as error:
         open_transport(f"serial://{file}")
+    assert error.value.where == str(file)
 
 
 def test_a_port_in_use_is_refused_and_free_again_after_close(terminal):
     _, path = terminal
     with (
         open_transport(f"serial://{path}"),
-        pytest.raises(
-            TransportError, match=rf"busy: process {os.getpid()} .* Ctrl-C .*`kill {os.getpid()}`.*POST /off"
-        ),
+        pytest.raises(TransportError) as error,
     ):
         open_transport(f"serial://{path}")
+    assert f"process {os.getpid()}" in error.value.what
+    assert all(way in error.value.cure for way in ("Ctrl-C", f"`kill {os.getpid()}`", "POST /off"))
     open_transport(f"serial://{path}").close()
 
 
@@ -131,9 +142,11 @@ def test_a_vanished_port_is_a_lost_connection():
     with open_transport(f"serial://{os.ttyname(far)}") as transport:
         os.close(far)
         os.close(near)
-        with pytest.raises(TransportError, match=r"connection is lost.*plugged in"):
+        with pytest.raises(TransportError) as error:
             transport.read(transport.clock.now_s() + 5)
-        with pytest.raises(TransportError, match="connection is lost"):
+        assert "plugged in" in error.value.cure
+        assert transport.lost
+        with pytest.raises(TransportError):
             transport.write(b"x")
 
 
@@ -144,18 +157,20 @@ def test_a_port_that_has_come_back_is_opened_again_but_not_one_that_was_closed(t
     with open_transport(f"serial://{link}") as transport:
         os.close(far)
         os.close(near)
-        with pytest.raises(TransportError, match="connection is lost"):
+        with pytest.raises(TransportError):
             transport.write(b"x")
         assert transport.lost
         link.unlink()
-        with pytest.raises(TransportError, match="no such port"):
+        with pytest.raises(TransportError) as error:
             transport.reopen(transport.clock.now_s())
+        assert error.value.value.startswith("serial ports present: ")
         link.symlink_to(terminal[1])
         transport.reopen(transport.clock.now_s())
         transport.write(b"x")
         assert os.read(terminal[0], 10) == b"x"
-    with pytest.raises(TransportError, match="closed: open a new one"):
+    with pytest.raises(TransportError) as closed:
         transport.reopen(transport.clock.now_s())
+    assert closed.value.cure == "open a new one"
 
 
 def test_a_closed_port_is_a_lost_connection_and_closing_twice_does_no_harm(terminal):
@@ -163,21 +178,22 @@ def test_a_closed_port_is_a_lost_connection_and_closing_twice_does_no_harm(termi
     transport.close()
     transport.close()
     for use in (lambda: transport.write(b"x"), transport.discard, lambda: transport.read(transport.clock.now_s())):
-        with pytest.raises(TransportError, match="connection is lost"):
+        with pytest.raises(TransportError):
             use()
+        assert transport.lost
 
 
-def test_a_connection_that_is_another_s_now_sends_nothing_and_believes_nothing(terminal):
-    """The lease is lost once while it waits for an answer, then before it asks."""
+def test_lost_port_access_sends_and_returns_nothing(terminal):
+    """The access to the port is lost once while it waits for an answer, then before it asks."""
     asked = []
 
-    def lease():
+    def port_access():
         asked.append(len(asked))
         if len(asked) > 2:
             raise TakenOverError("the guardian has the line")
 
     near, path = terminal
-    with open_transport(f"serial://{path}", lease=lease) as transport:
+    with open_transport(f"serial://{path}", port_access=port_access) as transport:
         transport.write(b"x")
         assert os.read(near, 10) == b"x"
         os.write(near, b"the answer to another's question")

@@ -1,0 +1,161 @@
+"""TCLab on its serial line: an Arduino that heats by pulses and reads a thermometer, commanded by lines of text.
+
+    command   reply                               meaning
+    VER       TCLab Firmware 2.0.1 Arduino Uno    firmware and board
+    Q1 12.60  12.600                              duty of heater 1 in %, 0 to 100
+    R1        12.600                              duty of heater 1, read back
+    T1        21.875                              temperature, °C
+    P1 200    200.00                              pulse width at 100 % duty, of 255
+    LED 0.07  0.07                                brightness of its lamp for 10 s: a token, see text_line.py
+
+Replies have no checksum. So the board must say a command's value back, and give a measured value twice. After any
+failure the line is out of step, and the board is greeted before the next command (text_line.py).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from functools import partial
+
+from smadrive.devices.heating.text_line import Exchange, TextLine
+from smadrive.devices.identity import UNKNOWN, Proof
+from smadrive.devices.profile.profile import Profile
+from smadrive.devices.retry import retry_all
+from smadrive.errors import (
+    DeadlineError,
+    IdentityError,
+    ProtocolError,
+    ReadBackError,
+    SmadriveError,
+    TransportError,
+)
+from smadrive.modbus.bus import Trace
+from smadrive.modbus.transports.transport import Transport
+
+GREETING = Exchange("VER", re.compile(r"TCLab Firmware (1\.4|2\.\d{1,2})\.\d{1,2} [A-Za-z][A-Za-z /]*"))
+"""Older firmware rounds the duty to whole percents, so it is refused."""
+NUMBER = re.compile(r"-?\d{1,3}\.\d{2,3}")
+AGREE_C = 1.0
+"""Largest difference between two readings of the temperature: three steps of the converter."""
+
+
+class TCLabBoard:
+    """The board, alone on its line: commands, each confirmed. `profile` gives its line settings and timing."""
+
+    def __init__(self, profile: Profile, transport: Transport, trace: Trace | None = None) -> None:
+        """Nothing is sent yet."""
+        self.profile = profile
+        self.identity = UNKNOWN
+        self.clock = transport.clock
+        self._line = TextLine(transport, profile.timing.response_timeout_ms / 1e3, GREETING, _token, trace)
+        self._name = transport.name
+        self._identified = False
+
+    @property
+    def proof(self) -> Proof:
+        """How far the type of the device is proved."""
+        return Proof.PROVED if self._identified else Proof.NOT_ASKED
+
+    def check_identity(self) -> None:
+        """Prove that the device is a TCLab. A board that starts gets `boot_ms`; IdentityError: another device."""
+        give_up_s = self.clock.now_s() + self.profile.timing.boot_ms / 1e3
+        while not self._identified:
+            try:
+                self._line.greet()
+                self._identified = True
+            except (DeadlineError, ProtocolError) as error:
+                if self.clock.now_s() >= give_up_s:
+                    raise _unidentified(self._name, error) from None
+
+    def read(self, command: str, *, proved: bool = False) -> float:
+        """The number that answers `command`; `proved`: the board says a token back first, after every older reply."""
+        if proved:
+            self._line.distrust()
+        return float(self._line.ask(command, NUMBER))
+
+    def read_twice(self, command: str) -> float:
+        """The second of two answers to `command`; ProtocolError when they differ by more than `AGREE_C`."""
+        first, second = self.read(command), self.read(command)
+        if abs(first - second) > AGREE_C:
+            self._line.distrust()
+            raise ProtocolError(
+                "two readings differ, both are discarded",
+                where=f"{self._name}: '{command}'",
+                value=f"{first:g}, then {second:g}",
+                limit=f"{AGREE_C:g} °C apart",
+            )
+        return second
+
+    def read_back(self, command: str, expected: Sequence[float], *, proved: bool = False) -> float:
+        """The number that answers `command`; asked for once more if it is not among the `expected` ones."""
+        number = self.read(command, proved=proved)
+        if number in expected:
+            return number
+        self._line.distrust()
+        return self.read(command)
+
+    def heat(self, heater: int, duty: float) -> None:
+        """Set the duty of heater 1 or 2, confirmed; ReadBackError when the board has another duty."""
+        if not self._says_back(f"Q{heater}", duty):
+            self._line.distrust()
+            if (found := self.read(f"R{heater}")) != duty:
+                raise ReadBackError(
+                    "another duty reads back than was set",
+                    where=f"{self._name}: heater {heater}",
+                    value=f"{found:g} %, set to {duty:g} %",
+                )
+
+    def limit_pulses(self, steps: int) -> None:
+        """Set the pulse width at 100 % duty of heater 1, confirmed; ReadBackError when it did not arrive."""
+        if not self._says_back("P1", steps):
+            self._line.distrust()
+            raise ReadBackError(
+                "the pulse width cannot be set",
+                where=f"{self._name}: P1",
+                value=steps,
+                cure="check the firmware of the board",
+            )
+
+    def enter_safe_state(self) -> None:
+        """Switch both heaters off, confirmed by read-back; see `retry_all`."""
+        self.check_identity()
+        retry_all([partial(self._switch_off, heater) for heater in (1, 2)], self.clock)
+
+    def _switch_off(self, heater: int) -> None:
+        """Without an answer the command is sent once more: the line may carry it although no reply comes back."""
+        try:
+            self.heat(heater, 0.0)
+            self._confirm_off(f"R{heater}")
+        except (TransportError, ProtocolError):
+            if self._identified:
+                self._line.send_unconfirmed(f"Q{heater} 0.00")
+            raise
+
+    def _says_back(self, command: str, value: float) -> bool:
+        """Whether the board answers with the value that it was sent; nothing is sent to a device that is no TCLab."""
+        self.check_identity()
+        return self.read(f"{command} {value:.2f}") == value
+
+    def _confirm_off(self, command: str) -> None:
+        if (duty := self.read(command, proved=True)) != 0.0:
+            self._line.distrust()
+            raise ReadBackError(
+                "the heater still has a duty after it was set to 0",
+                where=f"{self._name}: '{command}'",
+                value=f"{duty:g} %",
+            )
+
+
+def _token(number: int) -> Exchange:
+    """One of ten thousand brightnesses of the lamp."""
+    text = f"{number % 10_000 / 100:.2f}"
+    return Exchange(f"LED {text}", re.compile(rf"{re.escape(text)}0?"))
+
+
+def _unidentified(name: str, error: SmadriveError) -> SmadriveError:
+    if isinstance(error, DeadlineError):
+        return error
+    return IdentityError(
+        "no TCLab of firmware 1.4 or 2 answers", where=name, value=error.what, cure="check profile and port of the rig"
+    )

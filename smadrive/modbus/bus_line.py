@@ -1,0 +1,181 @@
+"""The line of one bus: it is open, silent and empty before a request; every byte that passes is counted and traced.
+
+A lost connection is opened anew. Bytes that arrived before a request answer nothing and are discarded. On RTU a failure
+is followed by a quarantine: nothing is sent before the bus has been silent for one response timeout.
+
+A socket that missed a deadline may be dead without a sign (its gateway restarted, a router dropped it from its table).
+So it is closed, and opened anew for the next request. A device on a new connection may be another one: `connection` is
+another number then.
+
+A trace sees every frame after it has passed. A trace that fails is ended, and the traffic goes on without it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from smadrive.errors import TransportError
+from smadrive.modbus.bus import NEVER_SILENT_S, BusCounters, BusTiming, GuardedTrace, Trace, silence_s
+from smadrive.modbus.framing import rtu
+from smadrive.modbus.protocol import ClientProtocol
+from smadrive.modbus.requests import Request
+from smadrive.modbus.transports.transport import Transport
+from smadrive.modbus.verdict import ConnectionState, Outcome, Verdict
+
+REOPENS_WITHIN_S = 0.5
+"""One attempt to open a lost connection takes no longer."""
+TURNAROUND_S = 0.1  # after a broadcast, serial line V1.02 section 2.4.1
+
+
+class Transaction(NamedTuple):
+    """A request to one unit, and the timing of its device."""
+
+    unit_id: int
+    request: Request
+    timing: BusTiming
+
+
+class BusLine:
+    """Sends the requests of one client through `transport` and reads their replies; `protocol` judges the replies."""
+
+    def __init__(self, transport: Transport, protocol: ClientProtocol, trace: Trace | None) -> None:
+        self.clock = transport.clock
+        self.counters = BusCounters()
+        self.trace = GuardedTrace(trace)
+        self._transport = transport
+        self._protocol = protocol
+        self._tail_size = transport.framing.tail_size
+        self._silence_s = silence_s(transport.baudrate) if transport.baudrate else 0.0
+        self._character_s = 11 / transport.baudrate if transport.baudrate else 0.0
+        self._free_at_s = self.clock.now_s()
+        self._next_s: dict[int, float] = {}
+        self._received = b""
+        self._received_s = 0.0
+
+    @property
+    def connection(self) -> int:
+        """The number of the connection that the next request takes: a lost one is opened anew for it."""
+        return self.counters.reopenings + self._transport.lost
+
+    def settle(self, unit_id: int, timing: BusTiming) -> None:
+        """Return when the bus and the unit may be used: open, silent for long enough, and empty."""
+        if self._transport.lost:
+            self._reopen()
+        gap_s = max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)
+        self.clock.sleep_until(max(self._free_at_s + gap_s, self._next_s.get(unit_id, 0.0)))
+        if stray := self._discard():
+            self._count_discarded(stray)
+            self._protocol.stray(stray)
+        if self._protocol.state is ConnectionState.OUT_OF_STEP:
+            self._transport.disconnect()
+            self._reopen()
+        if self._protocol.state is ConnectionState.SUSPECT:
+            self._quarantine(timing, silent_since_s=self.clock.now_s() if stray else self._free_at_s)
+
+    def exchange(self, transaction: Transaction) -> Outcome:
+        """Send the request and read until its outcome is known, at the latest at the deadline. A dead socket is closed.
+
+        The deadline is the time on the wire, the device's response timeout and the latency of the connection.
+        """
+        unit_id, request, timing = transaction
+        frame = self._protocol.send(unit_id, request)
+        reply_size = 1 + len(request.reply_head) + request.payload_size + self._tail_size
+        on_wire_s = (len(request.pdu) + 3 + reply_size) * self._character_s
+        sent_s = self.clock.now_s()
+        try:
+            self._write(frame)
+            outcome = self._outcome(sent_s + on_wire_s + self._patience_s(timing))
+        except BaseException:  # Ctrl-C too leaves a reply on its way
+            if self._protocol.state is ConnectionState.WAITING:
+                self._protocol.give_up(self.clock.now_s())
+            raise
+        finally:
+            self._end_exchange(transaction)
+        if outcome.verdict is Verdict.SILENT and self._transport.reconnects:
+            self._transport.disconnect()
+        return outcome
+
+    def broadcast(self, request: Request, timing: BusTiming) -> None:
+        """Send a write to every device; returns after the turnaround delay of the standard."""
+        self.settle(rtu.BROADCAST, timing)
+        self._write(self._transport.framing.request(rtu.BROADCAST, request.pdu))
+        self.clock.sleep_until(self.clock.now_s() + TURNAROUND_S)
+
+    def send_unconfirmed(self, transaction: Transaction) -> None:
+        """Send a request without waiting for its reply, which stays outstanding; nothing on a lost connection."""
+        unit_id, request, timing = transaction
+        if self._transport.lost:
+            return
+        self.clock.sleep_until(self._free_at_s + max(self._silence_s, timing.min_gap_s))
+        self._write(self._protocol.send_unconfirmed(unit_id, request, self.clock.now_s()))
+        self._free_at_s = self.clock.now_s() + timing.post_write_s
+
+    def _outcome(self, deadline_s: float) -> Outcome:
+        """The outcome as soon as a byte is wrong or the reply is whole, at the latest at the deadline."""
+        protocol, read = self._protocol, self._transport.read
+        while data := read(deadline_s):
+            self._received_s = self.clock.now_s()
+            if self.trace.active:
+                self._received += data
+            outcome = protocol.receive(data, self._received_s)
+            if outcome is not None:
+                return outcome
+        return protocol.give_up(self.clock.now_s())
+
+    def _write(self, frame: bytes) -> None:
+        self._received = b""
+        self.counters.requests += 1
+        now_s = self.clock.now_s()
+        self._transport.write(frame)
+        self.trace(now_s, "sent", frame)
+
+    def _end_exchange(self, transaction: Transaction) -> None:
+        """Trace the reply, and note when bus and unit are free again; a stream out of step is closed."""
+        unit_id, request, timing = transaction
+        if self._received:
+            self.trace(self._received_s, "received", self._received)
+        now_s = self.clock.now_s()
+        self._free_at_s = now_s + (timing.post_write_s if request.writes else 0.0)
+        if timing.interval_s:
+            self._next_s[unit_id] = now_s + timing.interval_s
+        if self._protocol.state is ConnectionState.OUT_OF_STEP:
+            self._transport.disconnect()
+
+    def _discard(self) -> bytes:
+        """The bytes that arrived before the request; a connection that has ended meanwhile is opened anew."""
+        try:
+            return self._transport.discard()
+        except TransportError:
+            if not self._transport.lost:
+                raise
+            self._reopen()
+            return b""
+
+    def _reopen(self) -> None:
+        self._transport.reopen(self.clock.now_s() + REOPENS_WITHIN_S)
+        self.counters.reopenings += 1
+        self._protocol.new_connection()
+        self._free_at_s = self.clock.now_s()
+
+    def _patience_s(self, timing: BusTiming) -> float:
+        return timing.response_timeout_s + self._transport.latency_s
+
+    def _quarantine(self, timing: BusTiming, silent_since_s: float) -> None:
+        """Listen until the bus has been silent for one response timeout; TransportError when it never is."""
+        self.counters.quarantines += 1
+        quiet_s = max(self._patience_s(timing), self._silence_s)
+        give_up_s = self.clock.now_s() + NEVER_SILENT_S + quiet_s
+        while data := self._transport.read(silent_since_s + quiet_s):
+            self._count_discarded(data)
+            silent_since_s = self.clock.now_s()
+            if silent_since_s > give_up_s:
+                raise TransportError(
+                    "the bus is never silent",
+                    where=self._transport.name,
+                    cure="check that no other client talks on this line",
+                )
+        self._protocol.silence()
+
+    def _count_discarded(self, data: bytes) -> None:
+        self.counters.discarded_bytes += len(data)
+        self.trace(self.clock.now_s(), "discarded", data)
