@@ -7,6 +7,6 @@ from pathlib import Path
 
 def test_commands_take_damaged_files_well():
     """In a process of its own, which can be forked safely."""
-    command = [sys.executable, str(Path(__file__).parents[1] / "benchmarks" / "fuzz_files.py"), "2", "7"]
+    command = [sys.executable, str(Path(__file__).parents[2] / "benchmarks" / "fuzz_files.py"), "2", "7"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
