@@ -33,11 +33,12 @@ CUT = (
 
 
 class SmadriveError(Exception):
-    """Root of the tree: `<where>: <what> (<value>, limit <limit>). <Cure>.`
+    """Root of the tree. Its message: `<where>: <what> (<value>, limit <limit>). <Cure>.`
 
     what: what is wrong. where: the file, register, device or option. value: what was found there, with its unit.
-    limit: what it violates. cure: what the user does about it, as an imperative. All but `what` may be left out.
-    `exit_code` is what the command line returns for it.
+    limit: what it violates. cure: what the user does about it, an imperative or a question; a cure of several
+    sentences keeps its punctuation. All but `what` may be left out.
+    `exit_code` is the exit code of the command line for this error.
     """
 
     exit_code = 1
@@ -53,11 +54,21 @@ class SmadriveError(Exception):
         self.cure = cure
 
     def __str__(self) -> str:
-        facts = [] if self.value is None else [f"{self.value}"]
-        facts += [] if self.limit is None else [f"limit {self.limit}"]
+        facts = [] if self.value is None else [_text(self.value)]
+        facts += [] if self.limit is None else [f"limit {_text(self.limit)}"]
         text = f"{self.where}: {self.what}" if self.where else self.what
         text += f" ({', '.join(facts)})" if facts else ""
-        return f"{text}. {self.cure[0].upper()}{self.cure[1:]}." if self.cure else text
+        return f"{_sentence(text)} {_sentence(self.cure[0].upper() + self.cure[1:])}" if self.cure else text
+
+
+def _text(value: object) -> str:
+    """The value with the digits that matter."""
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _sentence(text: str) -> str:
+    """The text with a full stop, unless it ends with a mark of its own."""
+    return text if text.endswith((".", "?", "!")) else f"{text}."
 
 
 class ConfigError(SmadriveError):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import importlib
-from importlib.metadata import version
 from typing import Annotated
 
 import typer
@@ -26,7 +25,7 @@ COMMANDS = {
 
 
 def command_line(wanted: str) -> typer.Typer:
-    """All commands by name, with only the wanted one imported: help in no time, and no plots for a probe."""
+    """The command line with all commands by name. Only the module of the command `wanted` is imported."""
     app = typer.Typer(
         no_args_is_help=True,
         add_completion=False,
@@ -42,19 +41,21 @@ def command_line(wanted: str) -> typer.Typer:
     return app
 
 
-def _tell_version(wanted: bool) -> None:
+def _print_version(wanted: bool) -> None:
     if wanted:
+        from importlib.metadata import version  # noqa: PLC0415 (this import alone takes 20 ms)
+
         print(f"smadrive {version('smadrive')}")
         raise typer.Exit
 
 
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=_tell_version, help="Tell the version.")
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version.")
     ] = False,
 ) -> None:
-    """What stands before a command."""
+    """The options before a command."""
 
 
 def _not_imported() -> None:
-    """Stands in the list for a command that was not asked for."""
+    """Placeholder for a command that this process does not run."""

@@ -120,13 +120,12 @@ class _Session:
         return read_log(path)
 
     def identify(self, log: Log) -> WireFit:
-        with self.output.progress() as progress:
-            progress.add_task("identifying", total=None)
+        with self.output.progress("identifying"):
             return identify_wire(excitation_record(log), self.bench.nominal_balance)
 
     def track(self, name: str, inverse: DisplacementInverse, wire: WireFit) -> Arm:
         model, balance = wire.hysteresis.model, wire.thermal.balance
-        self.bench.rest(REST_S)
+        self.bench.cool_down(REST_S)
         experiment = _reference(*travel_mm(model)), model, balance, inverse
         path = self.folder / f"{name.replace(' ', '-')}.h5"
         with (
@@ -138,7 +137,7 @@ class _Session:
         return Arm(name, log, tracking_metrics(log, loop))
 
     def _temperature_c(self) -> float:
-        return self.bench.heater.exchange(0.0).temperature_c
+        return self.bench.measure().temperature_c
 
     def _watched(
         self, recorder: TickRecorder, title: str, duration_s: float

@@ -43,7 +43,7 @@ def main(
 
 def _recorded(log_file: Path, bench: Rig, *, quiet: bool) -> LoopMetrics:
     """Excite the wire, logged to `log_file`, shown unless `quiet`. TripError."""
-    found = bench.heater.exchange(0.0)
+    found = bench.measure()
     limit_a = bench.config.limits.current_max_a
     excitation = bench.excitation(found.temperature_c)
     check_may_excite(excitation, bench.nominal_balance, limit_a, found)

@@ -46,8 +46,7 @@ def main(
     check_output(model_file, MODEL, data)
     if plot is not None:
         check_output(plot, PAGE, data)
-    with output.progress() as progress:
-        progress.add_task(f"fitting {data.name}", total=None)
+    with output.progress(f"fitting {data.name}"):
         found = _fitted(data, (input_column, output_column), kind, sets)
     fit, thermal = found.fit, found.thermal
     balance = None if thermal is None else thermal.balance

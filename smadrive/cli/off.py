@@ -6,10 +6,10 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.guardians import names_waiting_guardians, waiting_guardians
 from smadrive.cli.options import RigFile
 from smadrive.cli.output import AsJson, Output
 from smadrive.errors import SafetyError
+from smadrive.rig.guardians import notes_waiting_guardians, waiting_guardians
 from smadrive.rig.switch_off import switch_off
 
 ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear latched faults, their cause removed.")]
@@ -18,7 +18,7 @@ ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear la
 def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = False) -> None:
     """Switch the heater of RIG off, confirmed by reading back. Its port must be free: end what runs there first."""
     output = Output(as_json)
-    with names_waiting_guardians():
+    with notes_waiting_guardians():
         off = switch_off(rig, clear_faults=clear_faults)
     waiting, warnings = _waiting(off.warnings)
     output.say(f"{off.rig}: heater off, confirmed by read-back ({', '.join(off.devices)})")

@@ -52,8 +52,7 @@ def main(
     output = Output(as_json)
     make_folder(folder)
     duhem = DuhemModel.table1()
-    with output.progress() as progress:
-        progress.add_task("fitting 22 rules three ways", total=None)
+    with output.progress("fitting 22 rules three ways"):
         models = rebuild(duhem)
     errors = [judge(name, model, duhem) for name, model in models.items()]
     report = folder / "report.html"

@@ -5,11 +5,11 @@ from __future__ import annotations
 import shlex
 from math import isfinite
 
-from smadrive.cli.guardians import names_waiting_guardians, waiting_guardians
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
 from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
+from smadrive.rig.guardians import notes_waiting_guardians, waiting_guardians
 from smadrive.rig.rig import Rig
 
 
@@ -17,8 +17,8 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
     """Connect to RIG, check the identity of every device and show its live values. The heater stays off."""
     output = Output(as_json)
     config = load_rig(rig)
-    with names_waiting_guardians(), Rig(config, trace_folder=trace) as open_rig:
-        measurement = open_rig.heater.exchange(0.0)
+    with notes_waiting_guardians(), Rig(config, trace_folder=trace) as open_rig:
+        measurement = open_rig.measure()
         identities = {name: str(identity) for name, identity in open_rig.identify().items()}
         tripped = open_rig.latch.read()
     waiting = waiting_guardians()

@@ -30,8 +30,7 @@ def main(
     log = read_log(log_file)
     output.warn(log.caveats)
     wire = None if model is None else _wire(model, log)
-    with output.progress() as progress:
-        progress.add_task(f"replaying {log_file.name}", total=None)
+    with output.progress(f"replaying {log_file.name}"):
         again = replay(log, wire)
     predictions = _predictions(log, again, wire)
     _tell(output, again, predictions)

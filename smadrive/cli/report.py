@@ -33,8 +33,7 @@ def main(
         check_output(csv_file, TABLE, log_file)
     log = read_log(log_file)
     output.warn(log.caveats)
-    with output.progress() as progress:
-        progress.add_task(f"drawing {log_file.name}", total=None)
+    with output.progress(f"drawing {log_file.name}"):
         summary = write_log_report(page, log)
         if csv_file is not None:
             write_table(csv_file, {}, log.columns)

@@ -92,7 +92,7 @@ def main(
 
 def _rehearsed(bench: Rig, wanted: Reference, wire: WireModel) -> tuple[Reference, Feasibility]:
     """What is wanted from where the wire is now, and how near the wire comes to it. Nothing is heated."""
-    measured = bench.heater.exchange(0.0)
+    measured = bench.measure()
     check_thermocouple(measured)
     start_mm = start_displacement_mm(wire.model, measured)
     given = wanted.with_approach(start_mm, APPROACH_S)

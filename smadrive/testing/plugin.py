@@ -19,12 +19,11 @@ import pytest
 
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
-from smadrive.clock import VirtualClock
-from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError
 from smadrive.files.spelling import nearest
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
+from smadrive.rig.simulation import SimulatedConnections
 
 RIG = "in-process"
 SIM = "flexinol-lt-0.15mm"
@@ -72,12 +71,8 @@ def sma_faults(request: pytest.FixtureRequest) -> SimulatedFaults:
 def sma_rig(request: pytest.FixtureRequest, sma_faults: SimulatedFaults) -> Iterator[Rig]:
     """A rig, connected to simulated devices whatever addresses its file names; in its safe state when the test ends."""
     config = load_rig(_said(request).get("rig", RIG))
-    clock = VirtualClock()
-    clock.follow(sma_faults.bench.advance_to)
-    transports = {
-        device.name: sma_faults.bench.attach(load_profile(device.profile), device.unit_id, device.name).transport(clock)
-        for device in config.devices
-    }
+    connections = SimulatedConnections(sma_faults.bench)
+    transports = {device.name: connections.transport(device) for device in config.devices}
     with Rig(config, transports=transports) as rig:
         yield rig
 

@@ -59,6 +59,6 @@ def test_nobody_is_an_error_with_its_cure_and_nonsense_is_refused():
     with served("sma-reference") as url:
         nobody = scan(f"{url}?baudrate=9600", "--units", "7-8")
     assert nobody.returncode == 3
-    assert "none of the units 7-8 answers: are they powered" in nobody.stderr
+    assert "none of the units 7-8 answers" in nobody.stderr
     for units in ("x", "5-1", "300", ""):
         assert scan("serial:///dev/ttyNONE", "--units", units).returncode == 2
