@@ -29,7 +29,7 @@ from pydantic import ConfigDict, Field, create_model
 from smadrive.errors import ConfigError
 from smadrive.files.config import Section, load_config, validate
 from smadrive.files.kinds import FAULTS, check_kind
-from smadrive.files.spelling import nearest
+from smadrive.files.spelling import suggestion_or_list
 
 Fault = Callable[..., None]
 _ROUNDING_S = 1e-9
@@ -97,7 +97,8 @@ def bound(script: FaultScript, known: Mapping[str, Fault]) -> list[Event]:
 
 def _event(number: int, entry: Entry, known: Mapping[str, Fault]) -> Event:
     if entry.name not in known:
-        raise ConfigError(f"[[faults]] {number}: no fault is called '{entry.name}'{nearest(entry.name, known)}")
+        hint = suggestion_or_list(entry.name, known)
+        raise ConfigError(f"[[faults]] {number}: no fault is called '{entry.name}'; {hint}")
     fault, given = known[entry.name], entry.model_extra or {}
     validate(given, _parameters(entry.name, fault), where=f"[[faults]] {number} ({entry.name})")
     told = ", ".join(f"{key} = {value}" for key, value in given.items())

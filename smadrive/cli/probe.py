@@ -1,4 +1,4 @@
-"""`smadrive probe`: is every device of the rig there, is it the right one, and what does it say?"""
+"""`smadrive probe`: check the identity of every device of a rig, and show live values."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from smadrive.rig.rig import Rig
 
 
 def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> None:
-    """Connect to RIG, check the identity of every device and show its live values. The heater stays off."""
+    """Connect to RIG, check the identity of every device and show live values. The heater stays off."""
     output = Output(as_json)
     config = load_rig(rig)
     with notes_waiting_guardians(), Rig(config, trace_folder=trace) as open_rig:
@@ -29,7 +29,7 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
     for fault in latched:
         output.say(f"latched: {fault}")
     if latched:
-        output.say(f"clear it once its cause is gone: smadrive off {shlex.quote(rig)} --clear-faults")
+        output.say(f"hint: remove the cause, then run smadrive off {shlex.quote(rig)} --clear-faults")
     for guardian in waiting:
         output.say(guardian)
     output.result(
@@ -48,7 +48,7 @@ def _rows(measurement: Measurement) -> list[tuple[str, str]]:
     displacement = (
         f"{measurement.displacement_mm:.4f} mm"
         if isfinite(measurement.displacement_mm)
-        else "not fitted, or out of range"
+        else "no sensor, or out of its range"
     )
     return [
         ("temperature", temperature),

@@ -1,13 +1,13 @@
-"""The limits of a rig against what its wire stands: each must be a limit for this wire, and in the unit of its name.
+"""Check of a rig's limits against its wire: each must be a limit for this wire, in the unit of its name.
 
-Temperature: no more than the wire file allows. Current: what holds the wire at `temperature_max_c`,
+Temperature: at most the limit of the wire file. Current: the current that holds the wire at `temperature_max_c`,
 
     I_held = sqrt(h A (T_max - T_amb) / R)
 
-tells how much it takes; a limit of `AMPLE` times as much limits nothing. Voltage: the limit is where a supply goes when
-a clamp opens, so it should lie little above R I_max. A supply that gives less than `LEAST_SHARE` of a commanded current
-is taken for a broken circuit by the supervisor: a lower voltage would trip it. Above, the leads and a current limit
-that is still set low for the first heat are allowed for: V <= `MOST_VOLTS` (R + R_leads) max(I_max, I_held).
+is the scale; `AMPLE` times as much limits nothing. Voltage: a supply goes to its voltage limit when a clamp opens, so
+the limit should be little above R I_max. The supervisor takes a supply that gives less than `LEAST_SHARE` of the
+commanded current for a broken circuit, so a lower voltage would trip it. The upper bound allows for the leads, and for
+a current limit that is still low for the first heating: V <= `MOST_VOLTS` (R + R_leads) max(I_max, I_held).
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from smadrive.wire.data_sheet import WireDataSheet
 from smadrive.wire.heat_balance import HeatBalance
 
 AMPLE = 20.0
-"""A limit of so many times the current that holds the wire at temperature_max_c is taken for one in another unit."""
+"""A limit of this many times the current that holds the wire at temperature_max_c must be in another unit."""
 
 LEAST_SHARE = 0.5
-"""Of current_max_a, through the nominal wire: less is a fault as soon as current_max_a is commanded."""
+"""The least voltage drives this share of current_max_a through the nominal wire; less would be a fault."""
 
 MOST_VOLTS = 4.0
-"""So many times the voltage that the circuit needs at its largest current are no limit any more."""
+"""The largest voltage, in multiples of the voltage that the circuit needs at its largest current."""
 
 LEADS_OHM = 0.5
-"""Leads and clamps: they matter beside a short thick wire."""
+"""Resistance of leads and clamps: it matters beside a short thick wire."""
 
 ZERO_C_IN_K = 273.15
 
@@ -42,34 +42,48 @@ def check_limits(config: RigConfig, wire: WireDataSheet) -> None:
 
 
 def _check_temperature(config: RigConfig, wire: WireDataSheet) -> None:
-    limit_c, stands_c = config.limits.temperature_max_c, wire.temperature_max_c
+    limit_c, wire_c = config.limits.temperature_max_c, wire.temperature_max_c
     if limit_c <= wire.ambient_c:
         raise ConfigError(
-            f"rig '{config.name}': limits.temperature_max_c = {limit_c:g} °C is not above ambient_c = "
-            f"{wire.ambient_c:g} °C of '{config.wire}': nothing could be heated: correct the one that is wrong"
+            f"limits.temperature_max_c is not above ambient_c of '{config.wire}', so nothing could be heated",
+            where=f"rig '{config.name}'",
+            value=f"{limit_c:g} °C",
+            limit=f"{wire.ambient_c:g} °C",
+            cure="correct the one that is wrong",
         )
-    if limit_c > stands_c:
-        meant_c = limit_c - ZERO_C_IN_K
-        kelvin = (
-            f" Is it in kelvin? {limit_c:g} K are {meant_c:.0f} °C." if wire.ambient_c < meant_c <= stands_c else ""
-        )
-        if "temperature_max_c" in wire.model_fields_set:
-            known, cure = "by temperature_max_c of its wire file", "lower it"
-        else:
-            known = "where nickel-titanium begins to age, as its wire file tells no temperature_max_c"
-            cure = "lower it, or set temperature_max_c in the wire file if its alloy stands more"
+    if limit_c > wire_c:
         raise ConfigError(
-            f"rig '{config.name}': limits.temperature_max_c = {limit_c:g} °C is more than '{config.wire}' stands, "
-            f"{stands_c:g} °C {known}: {cure}.{kelvin}"
+            f"limits.temperature_max_c is more than '{config.wire}' withstands",
+            where=f"rig '{config.name}'",
+            value=f"{limit_c:g} °C",
+            limit=f"{wire_c:g} °C",
+            cure=_temperature_cure(limit_c, wire),
         )
+
+
+def _temperature_cure(limit_c: float, wire: WireDataSheet) -> str:
+    """How to correct a limit above the wire's, which is that of the wire file or that of nickel-titanium."""
+    cure = "lower it"
+    if "temperature_max_c" not in wire.model_fields_set:
+        cure = (
+            "the wire file has no temperature_max_c, and nickel-titanium ages above that limit: lower it, or set "
+            "temperature_max_c in the wire file if its alloy withstands more"
+        )
+    from_kelvin_c = limit_c - ZERO_C_IN_K
+    if wire.ambient_c < from_kelvin_c <= wire.temperature_max_c:
+        cure += f". Is it in kelvin? {limit_c:g} K are {from_kelvin_c:.0f} °C"
+    return cure
 
 
 def _check_current(config: RigConfig, held_a: float) -> None:
-    limits = config.limits
-    if limits.current_max_a > AMPLE * held_a:
+    limit_a = config.limits.current_max_a
+    if limit_a > AMPLE * held_a:
         raise ConfigError(
-            f"rig '{config.name}': limits.current_max_a = {limits.current_max_a:g} is no limit for '{config.wire}', "
-            f"which {held_a:.2g} A hold at temperature_max_c = {limits.temperature_max_c:g}: is it in amperes?"
+            f"limits.current_max_a is far above the {held_a:.2g} A that hold '{config.wire}' at temperature_max_c",
+            where=f"rig '{config.name}'",
+            value=f"{limit_a:g} A",
+            limit=f"{AMPLE * held_a:.2g} A",
+            cure="is it in amperes?",
         )
 
 
@@ -82,9 +96,11 @@ def _check_voltage(config: RigConfig, balance: HeatBalance, held_a: float) -> No
     least_v = LEAST_SHARE * min(ends_ohm) * limits.current_max_a
     most_v = MOST_VOLTS * (max(ends_ohm) + LEADS_OHM) * max(limits.current_max_a, held_a)
     if not least_v <= limits.voltage_max_v <= most_v:
-        wrong = "too little to drive" if limits.voltage_max_v < least_v else "no limit for"
+        wrong = "too low to drive" if limits.voltage_max_v < least_v else "far above what is needed to drive"
         raise ConfigError(
-            f"rig '{config.name}': limits.voltage_max_v = {limits.voltage_max_v:g} is {wrong} current_max_a = "
-            f"{limits.current_max_a:g} through '{config.wire}', which takes {needed_v:.2g} V; allowed are "
-            f"{least_v:.2g} to {most_v:.2g} V: set it to some {1.25 * needed_v:.2g}; is it in volts?"
+            f"limits.voltage_max_v is {wrong} current_max_a through '{config.wire}', which takes {needed_v:.2g} V",
+            where=f"rig '{config.name}'",
+            value=f"{limits.voltage_max_v:g} V",
+            limit=f"{least_v:.2g} to {most_v:.2g} V",
+            cure=f"set it to about {1.25 * needed_v:.2g}. Is it in volts?",
         )

@@ -1,4 +1,4 @@
-"""A fitted hysteresis model on one page: loop and residuals beside the record, figures, rules or parameters."""
+"""The page of a fitted hysteresis model: loop, residuals, metrics, rules or parameters."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: st
             if certificate.holds
             else f"Not certified, the model may not drive a feedforward: {', '.join(certificate.shortcomings)}.",
         ),
-        *(State("odd", f"Beware: {caveat}.") for caveat in caveats),
+        *(State("odd", f"Warning: {caveat}.") for caveat in caveats),
         Tiles(
             [
                 (f"{fit.rms_percent:.3f} %", "RMS error, of the output span"),
                 (f"{fit.max_percent:.3f} %", "largest error"),
                 (
                     f"{certificate.contraction_rate:.3g}",
-                    "contraction, per unit of input; above 0 an unknown start is forgotten",
+                    "contraction, per unit of input; above 0 an initial error decays",
                 ),
                 (
                     f"{100 * certificate.invertible_share:.1f} %",
@@ -47,9 +47,9 @@ def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: st
         ),
         Plot("The loop", _loop(fit, measured, axes), "Grey: the record. Colours: the model on the same input."),
         Plot(
-            "What is left",
+            "Residuals",
             _residuals(fit, axes[0]),
-            "Model minus record, along the record and over the input. Structure here is what the model cannot say.",
+            "Model minus record, along the record and over the input. Structure here is an error of the model.",
         ),
         *_parameters(fit),
     ]

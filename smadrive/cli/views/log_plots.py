@@ -1,4 +1,4 @@
-"""The plots of one log: what was wanted, what the wire did, what it took, and whether the loop kept its time."""
+"""The plots of one log: tracking, heat, temperature and displacement, and the timing of the loop."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ Array = NDArray[np.float64]
 NOT_SCORED = "The approach (grey) brings the wire to the reference and is not scored."
 
 PLANE_POINTS = 6000
-"""The plane is drawn with at most this many of the recorded points."""
+"""The largest number of recorded points in the plot of temperature and displacement."""
 
 
 def log_plots(log: Log) -> Iterator[Plot]:
-    """Every plot that the log has something for."""
+    """The plots of the log; those without data are left out."""
     if "reference" in log.about:
         yield _tracking(log)
     yield _heat(log)
@@ -61,7 +61,7 @@ def _tracking(log: Log) -> Plot:
 
 
 def draw_error(ax: Axes, log: Log, colour: str) -> None:
-    """The error that is scored, and the approach, shaded, that is not."""
+    """Draw the scored error; the approach, which is not scored, is shaded."""
     line(ax, log.column("time_s"), error_percent(log), color=colour, lw=0.9)
     ax.axhline(0.0, color=WANTED, lw=0.6)
     ax.axvspan(0.0, logged_reference(log).scored_from_s, color="#f0f2f5", lw=0)
@@ -73,7 +73,7 @@ def _heat(log: Log) -> Plot:
     figure, (upper, lower) = panels((2.6, 1.9))
     line(upper, time_s, log.signal("temperature_c"), color=FAINT, lw=1.6, label="thermocouple")
     line(upper, time_s, log.signal("estimated_c"), color=ESTIMATED, lw=1.1, label="wire, estimated")
-    line(upper, time_s, log.signal("setpoint_c"), color=WANTED, ls="--", lw=0.8, label="wanted")
+    line(upper, time_s, log.signal("setpoint_c"), color=WANTED, ls="--", lw=0.8, label="setpoint")
     upper.axhline(limits.temperature_max_c, color=LIMIT, ls=":", lw=1.2, label="trip limit")
     upper.set_ylabel("temperature / °C")
     legend(upper)
@@ -86,7 +86,7 @@ def _heat(log: Log) -> Plot:
     return Plot(
         "Heat",
         figure,
-        "What the driver wanted, believed and measured, and the current it gave; shaded: it was at a limit.",
+        "Setpoint, estimate, measurement, and the current; shaded: the output was at a limit.",
     )
 
 
@@ -105,17 +105,17 @@ def _plane(log: Log) -> Plot:
         label="measured",
     )
     figure.colorbar(dots, ax=ax, label="time / s", pad=0.01, aspect=30).outline.set_visible(False)
-    caption = "The displacement that was measured over the temperature that the driver believed the wire had."
+    caption = "Measured displacement over the estimated temperature of the wire."
     if "wire" in log.about:
         _branches(ax, logged_wire(log)[0])
-        caption += " Lines: the major loop of its model; inside it run the minor loops."
+        caption += " Lines: the major loop of the model; the minor loops lie inside it."
         legend(ax)
     ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")
     return Plot("Temperature and displacement", figure, caption)
 
 
 def _branches(ax: Axes, model: HysteresisModel) -> None:
-    """The major loop, cut where nothing moves any more."""
+    """Draw the major loop, cut to the range in which its branches differ."""
     up = np.linspace(*model.input_range, 800)
     loop = model.simulate(np.concatenate((up, up[::-1])))
     heating, cooling = loop[:800], loop[800:][::-1]
@@ -137,19 +137,19 @@ def _timing(log: Log) -> Plot:
         ylabel="spacing / ms", xlabel="time / s", ylim=(0.0, 1.1e3 * np.diff(time_s).max(initial=0.001 * period_ms))
     )
     lateness = (
-        "Virtual time has no lateness: it waits for every tick. How far each measurement is from the one before"
+        "Virtual time waits for every tick, so no tick is late. Shown: the time between two measurements"
         if is_virtual(log)
-        else "How long after its deadline each tick began, and how far its measurement is from the one before"
+        else "The delay of each tick after its deadline, and the time between two measurements"
     )
     return Plot(
         "Loop timing",
         figure,
-        f"{lateness}: {period_ms:g} ms when all is well; a lost exchange leaves a gap of two periods.",
+        f"{lateness}, nominally {period_ms:g} ms; a lost exchange leaves a gap of two periods.",
     )
 
 
 def _shade(ax: Axes, time_s: Array, where: NDArray[np.bool_]) -> None:
-    """Shade the stretches of time in which something holds."""
+    """Shade the time ranges in which `where` is true."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], where, [False])).astype(np.int8)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         ax.axvspan(time_s[begin], time_s[min(end, time_s.size - 1)], color="#fdf0d5", lw=0)

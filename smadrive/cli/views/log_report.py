@@ -1,4 +1,4 @@
-"""The report of one log: how it ended, its figures, what the wire and the driver did, and all that it was run with."""
+"""The report of one log: its end, metrics, plots, events, and the configuration of the run."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ TITLES = {"excitation": "identification experiment", "tracking": "tracking run"}
 
 
 def write_log_report(path: Path, log: Log) -> RunMetrics:
-    """Write the page of `log` to `path`. DataError when the log tells too little, or the page cannot be written."""
+    """Write the page of `log` to `path`. DataError when the log lacks content, or the page cannot be written."""
     config, summary = logged_rig(log), run_summary(log)
     devices = ", ".join(f"{name}: {identity}" for name, identity in log.parsed("devices", _items))
     parts: list[Part] = [
@@ -39,8 +39,8 @@ def _state(log: Log, summary: RunMetrics) -> State:
     if not log.end_time:
         return State(
             "odd",
-            f"Nobody ended this log: its writer was killed, or still writes. It holds {summary.duration_s:.1f} s; "
-            "at most the last second before the end is missing.",
+            f"This log has no end: its writer was killed, or still writes. It holds {summary.duration_s:.1f} s; "
+            "at most the last second is missing.",
         )
     if not log.ended_by:
         return State("good", f"Complete: {summary.duration_s:.1f} s, ended at zero current.")
@@ -53,11 +53,9 @@ def _state(log: Log, summary: RunMetrics) -> State:
 
 def _caveats(log: Log) -> Iterator[State]:
     """Reasons to distrust the content or the metrics, as `run` prints them on the terminal."""
-    for caveat in log.caveats:
+    tracking = tracking_caveats(log) if "reference" in log.about else ()
+    for caveat in (*log.caveats, *tracking):
         yield State("odd", f"Warning: {caveat}.")
-    if "reference" in log.about:
-        for caveat in tracking_caveats(log):
-            yield State("odd", f"Beware: {caveat}.")
 
 
 def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator[tuple[str, str]]:
@@ -66,20 +64,18 @@ def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator
         yield f"{summary.max_percent:.2f} %", "largest error"
     yield f"{summary.temperature_max_c:.1f} °C", "hottest reading"
     yield f"{summary.current_max_a:.3f} A", f"largest current, limit {limit_a:g} A"
-    yield f"{summary.energy_j:.0f} J", "heat given"
+    yield f"{summary.energy_j:.0f} J", "electrical energy"
     rarely = 0.0 < summary.limited_percent < 0.1
     yield "< 0.1 %" if rarely else f"{summary.limited_percent:.1f} %", "of the time at a limit"
     yield f"{summary.ticks}", "ticks"
-    worst = "virtual time has none" if is_virtual else f"worst {1e3 * summary.late_max_s:.1f} ms"
+    worst = "none in virtual time" if is_virtual else f"worst {1e3 * summary.late_max_s:.1f} ms"
     yield f"{summary.missed_deadlines}", f"missed deadlines, {worst}"
 
 
 def _events(log: Log) -> Iterator[Grid]:
-    """Faults name their remedy themselves."""
+    """The events; the text of a fault includes its remedy."""
     rows = [(f"{event.time_s:.2f} s", event.message) for event in log.events]
-    yield Grid(
-        ("time", "what happened"), rows or [("", "nothing: no fault, no limit, no warning")], "Events", texts=True
-    )
+    yield Grid(("time", "event"), rows or [("", "none: no fault, no limit, no warning")], "Events", texts=True)
 
 
 def _provenance(log: Log) -> Grid:
@@ -98,10 +94,10 @@ def _provenance(log: Log) -> Grid:
 
 
 def _background(log: Log) -> Iterator[Part]:
-    """What one rarely needs, folded away."""
+    """The configuration of the run, folded."""
     yield Grid(("key", "value"), list(_flat(log.json("rig"))), "Rig file", texts=True, folded=True)
     if "wire" in log.about:
-        yield Listing("Wire: the model that tracked", log.text("wire"))
+        yield Listing("Wire: the model of the run", log.text("wire"))
     if "excitation" in log.about:
         yield Grid(("key", "value"), list(_flat(log.json("excitation"))), "Excitation", texts=True, folded=True)
     yield Grid(("key", "value"), list(_flat(log.json("nominal_balance"))), "Nominal heat balance", True, True)

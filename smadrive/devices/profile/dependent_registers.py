@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from smadrive.devices.profile.readings import ALONE, Context, Reading
 from smadrive.devices.profile.register import Register
-from smadrive.files.spelling import nearest
+from smadrive.files.spelling import suggestion_or_list
 
 CELSIUS, FAHRENHEIT = "degC", "degF"
 
@@ -45,7 +45,7 @@ def check_companions(name: str, register: Register, registers: Mapping[str, Regi
     for companion in register.companions:
         if companion not in registers:
             raise ValueError(
-                f"registers.{name} names the unknown register '{companion}'{nearest(companion, registers)}"
+                f"registers.{name} names the unknown register '{companion}'; {suggestion_or_list(companion, registers)}"
             )
         if registers[companion].companions or not registers[companion].access.startswith("r"):
             raise ValueError(f"registers.{name}: '{companion}' must be readable and need no other register itself")

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from smadrive.errors import DataError, SmadriveError
 from smadrive.files.kinds import LOG, check_kind
-from smadrive.files.spelling import nearest
+from smadrive.files.spelling import suggestion_or_list
 from smadrive.runs.log.content import Content, read_content
 from smadrive.runs.log.self_contained import ForeignContentError
 
@@ -69,7 +69,7 @@ class Log:
     def signal(self, name: str) -> Array:
         """The named column, NaN where nothing was measured; DataError when there is none."""
         if name not in self.columns:
-            raise DataError(f"{self.path}: no column '{name}'" + nearest(name, self.columns))
+            raise DataError(f"{self.path}: no column '{name}'; {suggestion_or_list(name, self.columns)}")
         return self.columns[name]
 
     def column(self, name: str) -> Array:
