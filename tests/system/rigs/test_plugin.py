@@ -47,7 +47,7 @@ def test_a_rig_file_of_ones_own_is_simulated_whatever_it_names(pytester):
     ("said", "told"),
     [
         ('rigg="in-process"', "*unknown part 'rigg'. Did you mean 'rig'?*"),
-        ('"in-process"', "*'in-process' has no name; write rig=, sim= or seed= before it*"),
+        ('"in-process"', "*'in-process' has no name. Write rig=, sim= or seed= before it*"),
     ],
 )
 def test_a_mistaken_marker_gives_no_rig_at_all(pytester, said, told):
