@@ -28,10 +28,9 @@ from smadrive.measurement import Measurement
 from smadrive.modbus.transports.transport import Transport
 from smadrive.rig.assembly import open_devices
 from smadrive.rig.config import RigConfig
+from smadrive.rig.config_checks import check_limits, check_same_wire
 from smadrive.rig.controllers import excitation_controller, tracking_controller
-from smadrive.rig.limits_check import check_limits
 from smadrive.rig.plan import STALE_PERIODS, plan_rig
-from smadrive.rig.wire_check import check_same_wire
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
@@ -140,9 +139,8 @@ class Rig:
 
     def excite(self, excitation: Excitation, record: Record) -> LoopMetrics:
         """Run the identification experiment; every tick goes to `record`."""
-        balance = self.nominal_balance
-        controller = excitation_controller(self.config, excitation, balance)
-        return self._run(controller, self._supervisor(balance), record)
+        controller = excitation_controller(self.config, excitation, self.nominal_balance)
+        return self._run(controller, self._supervisor(self.nominal_balance), record)
 
     def track(
         self,

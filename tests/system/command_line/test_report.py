@@ -175,7 +175,7 @@ def test_page_of_a_killed_run_shows_it_until_the_kill(logs):
     assert figures["report_file"] == "killed.html"
     assert figures["complete"] is False
     assert 43.0 < figures["duration_s"] < 45.0
-    assert "Nobody ended this log" in text
+    assert "This log has no end" in text
 
 
 def test_fault_is_shown_with_its_remedy(logs):

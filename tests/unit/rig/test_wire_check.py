@@ -12,8 +12,8 @@ from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import DuhemModel
 from smadrive.rig.config import load_rig
+from smadrive.rig.config_checks import check_same_wire
 from smadrive.rig.rig import Rig
-from smadrive.rig.wire_check import check_same_wire
 from smadrive.wire.data_sheet import load_data_sheet
 
 NAME = "flexinol-lt-0.15mm"

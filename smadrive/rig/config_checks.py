@@ -1,4 +1,6 @@
-"""Check of a rig's limits against its wire: each must be a limit for this wire, in the unit of its name.
+"""Checks of a rig against its wire, before anything is heated.
+
+**Limits**: each must be a limit for this wire, in the unit of its name.
 
 Temperature: at most the limit of the wire file. Current: the current that holds the wire at `temperature_max_c`,
 
@@ -8,6 +10,11 @@ is the scale; `AMPLE` times as much limits nothing. Voltage: a supply goes to it
 the limit should be little above R I_max. The supervisor takes a supply that gives less than `LEAST_SHARE` of the
 commanded current for a broken circuit, so a lower voltage would trip it. The upper bound allows for the leads, and for
 a current limit that is still low for the first heating: V <= `MOST_VOLTS` (R + R_leads) max(I_max, I_held).
+
+**Heat balance**: an identified one must lie near the nominal one of the rig's wire, because all that supervises a run
+relies on it: with a thermocouple lag in milliseconds instead of seconds no reading would be implausible, and with ten
+times the resistance nothing would be heated. The ranges allow for the differences of right values: published specific
+heats differ by a factor of 2.6, moving air doubles the loss, a bead of glue makes a thermocouple several times slower.
 """
 
 from __future__ import annotations
@@ -30,6 +37,17 @@ LEADS_OHM = 0.5
 """Resistance of leads and clamps: it matters beside a short thick wire."""
 
 ZERO_C_IN_K = 273.15
+
+FACTORS = {"heat_capacity_j_per_k": 3.0, "loss_w_per_k": 3.0, "resistance_cold_ohm": 2.0}
+"""An identified parameter may differ from the nominal one by this factor, up or down."""
+LATENT_FACTOR, LATENT_SPAN_K = 5.0, 20.0
+"""The most latent heat: a multiple of the nominal one, or the heat capacity times a span, whichever is more."""
+LAG_FACTOR, LAG_S = 5.0, 1.0
+"""The longest lag: a multiple of the nominal one, or a fixed time, whichever is longer."""
+AMBIENT_K = 20.0
+"""Largest difference of the ambient temperature."""
+RESISTANCE_CHANGE = 0.4
+"""Largest difference of the relative change of resistance, whose sign differs between wires."""
 
 
 def check_limits(config: RigConfig, wire: WireDataSheet) -> None:
@@ -104,3 +122,27 @@ def _check_voltage(config: RigConfig, balance: HeatBalance, held_a: float) -> No
             limit=f"{least_v:.2g} to {most_v:.2g} V",
             cure=f"set it to about {1.25 * needed_v:.2g}. Is it in volts?",
         )
+
+
+def check_same_wire(found: HeatBalance, nominal: HeatBalance, wire: str) -> None:
+    """ConfigError when `found` cannot be a heat balance of the wire file `wire`, whose nominal one is `nominal`."""
+    most_latent_j = max(LATENT_FACTOR * nominal.latent_heat_j, LATENT_SPAN_K * nominal.heat_capacity_j_per_k)
+    ranges = {name: (getattr(nominal, name) / by, getattr(nominal, name) * by) for name, by in FACTORS.items()} | {
+        "latent_heat_j": (0.0, most_latent_j),
+        "thermocouple_lag_s": (0.0, max(LAG_FACTOR * nominal.thermocouple_lag_s, LAG_S)),
+        "ambient_c": (nominal.ambient_c - AMBIENT_K, nominal.ambient_c + AMBIENT_K),
+        "resistance_change": (
+            nominal.resistance_change - RESISTANCE_CHANGE,
+            nominal.resistance_change + RESISTANCE_CHANGE,
+        ),
+    }
+    for name, (low, high) in ranges.items():
+        value = getattr(found, name)
+        if not low <= value <= high:
+            raise ConfigError(
+                f"{name} is not that of the rig's wire '{wire}', nominally {getattr(nominal, name):.4g}",
+                where="heat balance of the model",
+                value=f"{value:.4g}",
+                limit=f"{low:.3g} to {high:.3g}",
+                cure="identify this wire again, or correct the wire file",
+            )
