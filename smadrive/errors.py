@@ -1,23 +1,23 @@
-"""Everything smadrive raises.
+"""The errors of smadrive.
 
-The tree says whose fault it is; every message names what, where, the value, the limit and the cure.
+The class says where the cause lies; the message names what is wrong, where, the value, the limit and the cure.
 
     SmadriveError
     ├── ConfigError             the user's files and options                    exit code 2
     │   ├── DataError           a table of samples that cannot be used
-    │   └── ModelError          a hysteresis model that cannot be true
-    │       └── CertificateError    ... or that may not be used for feedforward
-    ├── TransportError          the talk failed: no port, port lost             exit code 3
-    │   ├── BusyError           another smadrive has the line
+    │   └── ModelError          a hysteresis model that is not valid
+    │       └── CertificateError    a model without the certificates of its use
+    ├── TransportError          the connection failed: no port, port lost       exit code 3
+    │   ├── BusyError           another process has locked the line
     │   └── DeadlineError       no complete reply before the deadline
     ├── ProtocolError           a reply that is not the answer to the request   exit code 3
-    ├── DeviceError             the device answered, and the answer is no       exit code 3
+    ├── DeviceError             the device rejects a request                    exit code 3
     │   ├── ExceptionReply      a Modbus exception code
     │   ├── IdentityError       another device than the profile describes
     │   └── ReadBackError       a written value that did not arrive
-    ├── SafetyError             heating refused, or stopped by the supervisor   exit code 4
+    ├── SafetyError             heating rejected, or stopped by the supervisor  exit code 4
     │   ├── TripError           a latched trip
-    │   ├── TakenOverError      the guardian has taken the heater over
+    │   ├── TakenOverError      the guardian has taken over the heater
     │   └── FrontSilentError    no process answers OFF of the tuning page
     └── IdentificationError     the data do not determine the model             exit code 5
 """
@@ -29,7 +29,7 @@ CUT = (
     "cut its supply by hand; when the device, or its simulator, answers again (is it stopped, or slow?), "
     "confirm it with `smadrive off RIG`"
 )
-"""How the note begins, and ends, of an error after which heat may flow."""
+"""The beginning and the end of the note of an error after which heat may flow."""
 
 
 class SmadriveError(Exception):
@@ -96,7 +96,7 @@ class TransportError(SmadriveError):
 
 
 class BusyError(TransportError):
-    """Another smadrive, a driver or a guardian, has the line."""
+    """Another process, a driver or a guardian, has locked the line."""
 
 
 class DeadlineError(TransportError):
@@ -110,7 +110,7 @@ class ProtocolError(SmadriveError):
 
 
 class DeviceError(SmadriveError):
-    """The device answered, and its answer is no."""
+    """The device rejects a request, or its answer is not the expected one."""
 
     exit_code = 3
 
@@ -132,7 +132,7 @@ class ReadBackError(DeviceError):
 
 
 class SafetyError(SmadriveError):
-    """Heating is refused, or was stopped."""
+    """Heating is rejected, or was stopped."""
 
     exit_code = 4
 
@@ -146,7 +146,7 @@ class TripError(SafetyError):
 
 
 class TakenOverError(SafetyError):
-    """The guardian has taken the heater over because the driver stood still; it is perhaps not off yet."""
+    """The guardian has taken over the heater because the driver stood still; the heater may not be off yet."""
 
 
 class FrontSilentError(SafetyError):

@@ -25,11 +25,7 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
     for name, identity in identities.items():
         output.say(f"{config.name}: {name} is a {identity}")
     output.table(("quantity", "value"), _rows(measurement))
-    latched = [*(f"{name} (on the device)" for name in measurement.device_faults), *filter(None, [tripped])]
-    for fault in latched:
-        output.say(f"latched: {fault}")
-    if latched:
-        output.say(f"hint: remove the cause, then run smadrive off {shlex.quote(rig)} --clear-faults")
+    _print_latched(output, measurement, tripped, rig)
     for guardian in waiting:
         output.say(guardian)
     output.result(
@@ -41,6 +37,15 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
             "waiting_guardians": waiting,
         }
     )
+
+
+def _print_latched(output: Output, measurement: Measurement, tripped: str | None, rig: str) -> None:
+    """Print the latched faults of the device and of the trip latch, and how to clear them."""
+    latched = [*(f"{name} (on the device)" for name in measurement.device_faults), *filter(None, [tripped])]
+    for fault in latched:
+        output.say(f"latched: {fault}")
+    if latched:
+        output.say(f"hint: remove the cause, then run smadrive off {shlex.quote(rig)} --clear-faults")
 
 
 def _rows(measurement: Measurement) -> list[tuple[str, str]]:

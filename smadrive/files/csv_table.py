@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -76,26 +76,38 @@ def read_table(path: Path) -> Table:
     if len(rows) < 2:
         raise DataError("no samples", where=path, cure="write a header line and at least one line of numbers")
     header = [name.strip() for name in rows[0][1]]
+    _check_separator(path, header)
+    for line, row in rows[1:]:
+        _check_length(path, line, row, header)
+    columns = [(name, [row[n] for _, row in rows[1:]]) for n, name in enumerate(header)]
+    named = [(name, cells) for name, cells in columns if name or any(cells)]  # spreadsheets leave empty columns behind
+    _check_names(path, [name for name, _ in named])
+    return Table(path, dict(named), [line for line, _ in rows[1:]])
+
+
+def _check_separator(path: Path, header: Sequence[str]) -> None:
     separator = next((sign for sign in OTHER_SEPARATORS if sign in header[0]), None)
     if len(header) == 1 and separator is not None:
         raise DataError(
             f"cells are separated by {separator!r}", where=path, cure="separate them by commas, and use decimal points"
         )
-    for line, row in rows[1:]:
-        if len(row) != len(header):
-            raise DataError(
-                "the line and the header differ in their number of cells",
-                where=f"{path}, line {line}",
-                value=len(row),
-                limit=len(header),
-                cure="repair the line",
-            )
-    columns = [(name, [row[n] for _, row in rows[1:]]) for n, name in enumerate(header)]
-    named = [(name, cells) for name, cells in columns if name or any(cells)]  # spreadsheets leave empty columns behind
-    twice = [name for name, times in Counter(name for name, _ in named).items() if times > 1]
+
+
+def _check_length(path: Path, line: int, row: Sequence[str], header: Sequence[str]) -> None:
+    if len(row) != len(header):
+        raise DataError(
+            "the line and the header differ in their number of cells",
+            where=f"{path}, line {line}",
+            value=len(row),
+            limit=len(header),
+            cure="repair the line",
+        )
+
+
+def _check_names(path: Path, names: Sequence[str]) -> None:
+    twice = [name for name, times in Counter(names).items() if times > 1]
     if twice:
         raise DataError(f"two columns are named {shortened(twice[0])}", where=path, cure="rename or remove one of them")
-    return Table(path, dict(named), [line for line, _ in rows[1:]])
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:

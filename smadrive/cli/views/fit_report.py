@@ -22,29 +22,10 @@ Array = NDArray[np.float64]
 def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: str, axes: tuple[str, str]) -> None:
     """Write the page; `axes` names input and output with their units, `caveats` are those of fit and record."""
     measured = fit.predicted - fit.residual
-    certificate = fit.certificate
     parts: list[Part] = [
-        State(
-            "good" if certificate.holds else "bad",
-            "Certified: contracting, bounded, and no branch turns."
-            if certificate.holds
-            else f"Not certified, the model may not drive a feedforward: {', '.join(certificate.shortcomings)}.",
-        ),
+        _verdict(fit),
         *(State("odd", f"Warning: {caveat}.") for caveat in caveats),
-        Tiles(
-            [
-                (f"{fit.rms_percent:.3f} %", "RMS error, of the output span"),
-                (f"{fit.max_percent:.3f} %", "largest error"),
-                (
-                    f"{certificate.contraction_rate:.3g}",
-                    "contraction, per unit of input; above 0 an initial error decays",
-                ),
-                (
-                    f"{100 * certificate.invertible_share:.1f} %",
-                    "of the loop has one input for an output; best is 100 %",
-                ),
-            ]
-        ),
+        _metrics(fit),
         Plot("The loop", _loop(fit, measured, axes), "Grey: the record. Colours: the model on the same input."),
         Plot(
             "Residuals",
@@ -54,6 +35,25 @@ def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: st
         *_parameters(fit),
     ]
     write_report(path, f"Hysteresis identified from {Path(source).name}", f"{len(measured)} samples.", parts)
+
+
+def _verdict(fit: AnyFit) -> State:
+    if fit.certificate.holds:
+        return State("good", "Certified: contracting, bounded, and no branch turns.")
+    shortcomings = ", ".join(fit.certificate.shortcomings)
+    return State("bad", f"Not certified, the model may not drive a feedforward: {shortcomings}.")
+
+
+def _metrics(fit: AnyFit) -> Tiles:
+    certificate = fit.certificate
+    return Tiles(
+        [
+            (f"{fit.rms_percent:.3f} %", "RMS error, of the output span"),
+            (f"{fit.max_percent:.3f} %", "largest error"),
+            (f"{certificate.contraction_rate:.3g}", "contraction, per unit of input; above 0 an initial error decays"),
+            (f"{100 * certificate.invertible_share:.1f} %", "of the loop has one input for an output; best is 100 %"),
+        ]
+    )
 
 
 def _loop(fit: AnyFit, measured: Array, axes: tuple[str, str]) -> Figure:
@@ -83,12 +83,18 @@ def _residuals(fit: AnyFit, input_name: str) -> Figure:
 
 def _parameters(fit: AnyFit) -> list[Part]:
     if isinstance(fit.model, TSFuzzyDuhem):
-        header = ("centre", "a rising", "b rising", "a falling", "b falling")
-        laws = zip(fit.model.sets.centres, *fit.model.heating_law, *fit.model.cooling_law, strict=True)
-        table = [tuple(f"{number + 0.0:.5g}" for number in row) for row in laws]
-        return [Grid(header, table, title="Rules"), Listing("The rules as sentences", fit.model.rules_text())]
-    if not isinstance(fit, DuhemFit):
-        return []
+        return _rules(fit.model)
+    return _duhem_parameters(fit) if isinstance(fit, DuhemFit) else []
+
+
+def _rules(model: TSFuzzyDuhem) -> list[Part]:
+    header = ("centre", "a rising", "b rising", "a falling", "b falling")
+    laws = zip(model.sets.centres, *model.heating_law, *model.cooling_law, strict=True)
+    table = [tuple(f"{number + 0.0:.5g}" for number in row) for row in laws]
+    return [Grid(header, table, title="Rules"), Listing("The rules as sentences", model.rules_text())]
+
+
+def _duhem_parameters(fit: DuhemFit) -> list[Part]:
     model, errors = fit.model, fit.standard_errors
     rows = []
     for name, mixture, spread in (
