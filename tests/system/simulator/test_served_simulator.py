@@ -178,9 +178,9 @@ def test_the_log_goes_to_a_file(tmp_path):
 @pytest.mark.parametrize(
     ("options", "says"),
     [
-        (["no-such-sim"], "'no-such-sim' is neither"),
+        (["no-such-sim"], "'no-such-sim': neither"),
         (["/nowhere/sim.toml"], "/nowhere/sim.toml: no such file"),
-        ([SIM, "--profile", "sma-referense"], "'sma-referense' is neither"),
+        ([SIM, "--profile", "sma-referense"], "'sma-referense': neither"),
         ([SIM, "--pty", "/nowhere/wire"], "--pty /nowhere/wire: cannot be made (No such file or directory)"),
         ([SIM, "--pty", "/dev/null"], "--pty /dev/null: cannot be made (File exists)"),
         ([SIM, "--tcp", "0", "--line-speed"], "--line-speed: Modbus TCP has no serial line"),

@@ -38,5 +38,5 @@ def test_what_is_wrong_is_named(tmp_path, old, new, says):
 
 
 def test_an_unknown_name_lists_the_known():
-    with pytest.raises(ConfigError, match=r"'flexinol' is neither .*sims: .*flexinol-lt-0.15mm"):
+    with pytest.raises(ConfigError, match=r"'flexinol': .*sims .*flexinol-lt-0.15mm"):
         load_sim("flexinol")
