@@ -29,7 +29,7 @@ from pydantic import ConfigDict, Field, create_model
 from smadrive.errors import ConfigError
 from smadrive.files.config import Section, load_config, validate
 from smadrive.files.kinds import FAULTS, check_kind
-from smadrive.files.spelling import nearest
+from smadrive.files.spelling import suggestion_or_list
 
 FaultMethod = Callable[..., None]
 _ROUNDING_S = 1e-9
@@ -99,7 +99,7 @@ def scheduled(script: FaultScript, methods: Mapping[str, FaultMethod]) -> list[S
 
 def _scheduled(where: str, entry: FaultEntry, methods: Mapping[str, FaultMethod]) -> ScheduledFault:
     if entry.name not in methods:
-        raise ConfigError(f"no fault is called '{entry.name}'{nearest(entry.name, methods)}", where=where)
+        raise ConfigError(f"no fault is called '{entry.name}'; {suggestion_or_list(entry.name, methods)}", where=where)
     method, parameters = methods[entry.name], entry.model_extra or {}
     validate(parameters, _parameter_table(entry.name, method), where=f"{where} ({entry.name})")
     text = ", ".join(f"{key} = {value}" for key, value in parameters.items())

@@ -1,1 +1,4 @@
-"""smadrive: the driver that makes a shape-memory-alloy wire move where it is told."""
+"""smadrive: a driver that moves a shape-memory-alloy wire to the displacement that is set.
+
+Subpackages hold the code; see docs/ for their map. This file imports nothing, so that `smadrive off` starts at once.
+"""

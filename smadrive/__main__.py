@@ -1,4 +1,4 @@
-"""`python -m smadrive` is the command `smadrive`."""
+"""Run the command `smadrive` as `python -m smadrive`."""
 
 from smadrive.cli import main
 

@@ -1,23 +1,23 @@
-"""Everything smadrive raises.
+"""The errors of smadrive.
 
-The tree says whose fault it is; every message names what, where, the value, the limit and the cure.
+The class says where the cause lies; the message names what is wrong, where, the value, the limit and the cure.
 
     SmadriveError
     ├── ConfigError             the user's files and options                    exit code 2
     │   ├── DataError           a table of samples that cannot be used
-    │   └── ModelError          a hysteresis model that cannot be true
-    │       └── CertificateError    ... or that may not be used for feedforward
-    ├── TransportError          the talk failed: no port, port lost             exit code 3
-    │   ├── BusyError           another smadrive has the line
+    │   └── ModelError          a hysteresis model that is not valid
+    │       └── CertificateError    a model without the certificates of its use
+    ├── TransportError          the connection failed: no port, port lost       exit code 3
+    │   ├── BusyError           another process has locked the line
     │   └── DeadlineError       no complete reply before the deadline
     ├── ProtocolError           a reply that is not the answer to the request   exit code 3
-    ├── DeviceError             the device answered, and the answer is no       exit code 3
+    ├── DeviceError             the device rejects a request                    exit code 3
     │   ├── ExceptionReply      a Modbus exception code
     │   ├── IdentityError       another device than the profile describes
     │   └── ReadBackError       a written value that did not arrive
-    ├── SafetyError             heating refused, or stopped by the supervisor   exit code 4
+    ├── SafetyError             heating rejected, or stopped by the supervisor  exit code 4
     │   ├── TripError           a latched trip
-    │   ├── TakenOverError      the guardian has taken the heater over
+    │   ├── TakenOverError      the guardian has taken over the heater
     │   └── FrontSilentError    no process answers OFF of the tuning page
     └── IdentificationError     the data do not determine the model             exit code 5
 """
@@ -29,15 +29,16 @@ CUT = (
     "cut its supply by hand; when the device, or its simulator, answers again (is it stopped, or slow?), "
     "confirm it with `smadrive off RIG`"
 )
-"""How the note begins, and ends, of an error after which heat may flow."""
+"""The beginning and the end of the note of an error after which heat may flow."""
 
 
 class SmadriveError(Exception):
-    """Root of the tree: `<where>: <what> (<value>, limit <limit>). <Cure>.`
+    """Root of the tree. Its message: `<where>: <what> (<value>, limit <limit>). <Cure>.`
 
     what: what is wrong. where: the file, register, device or option. value: what was found there, with its unit.
-    limit: what it violates. cure: what the user does about it, as an imperative. All but `what` may be left out.
-    `exit_code` is what the command line returns for it.
+    limit: what it violates. cure: what the user does about it, an imperative or a question; a cure of several
+    sentences keeps its punctuation. All but `what` may be left out.
+    `exit_code` is the exit code of the command line for this error.
     """
 
     exit_code = 1
@@ -53,11 +54,21 @@ class SmadriveError(Exception):
         self.cure = cure
 
     def __str__(self) -> str:
-        facts = [] if self.value is None else [f"{self.value}"]
-        facts += [] if self.limit is None else [f"limit {self.limit}"]
+        facts = [] if self.value is None else [_text(self.value)]
+        facts += [] if self.limit is None else [f"limit {_text(self.limit)}"]
         text = f"{self.where}: {self.what}" if self.where else self.what
         text += f" ({', '.join(facts)})" if facts else ""
-        return f"{text}. {self.cure[0].upper()}{self.cure[1:]}." if self.cure else text
+        return f"{_sentence(text)} {_sentence(self.cure[0].upper() + self.cure[1:])}" if self.cure else text
+
+
+def _text(value: object) -> str:
+    """The value with the digits that matter."""
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
+def _sentence(text: str) -> str:
+    """The text with a full stop, unless it ends with a mark of its own."""
+    return text if text.endswith((".", "?", "!")) else f"{text}."
 
 
 class ConfigError(SmadriveError):
@@ -85,7 +96,7 @@ class TransportError(SmadriveError):
 
 
 class BusyError(TransportError):
-    """Another smadrive, a driver or a guardian, has the line."""
+    """Another process, a driver or a guardian, has locked the line."""
 
 
 class DeadlineError(TransportError):
@@ -99,7 +110,7 @@ class ProtocolError(SmadriveError):
 
 
 class DeviceError(SmadriveError):
-    """The device answered, and its answer is no."""
+    """The device rejects a request, or its answer is not the expected one."""
 
     exit_code = 3
 
@@ -121,7 +132,7 @@ class ReadBackError(DeviceError):
 
 
 class SafetyError(SmadriveError):
-    """Heating is refused, or was stopped."""
+    """Heating is rejected, or was stopped."""
 
     exit_code = 4
 
@@ -135,7 +146,7 @@ class TripError(SafetyError):
 
 
 class TakenOverError(SafetyError):
-    """The guardian has taken the heater over because the driver stood still; it is perhaps not off yet."""
+    """The guardian has taken over the heater because the driver stood still; the heater may not be off yet."""
 
 
 class FrontSilentError(SafetyError):

@@ -1,9 +1,11 @@
-"""The command line: one file per command, app.py gathers them, and here is how they end.
+"""The command line: one file per command, and the entry point with exit codes and signals.
+
+It may import everything below it. Logic that a script needs too never belongs here; it belongs to rig, runs or tuning.
 
 Every error of smadrive becomes one line on stderr and its exit code: 2 usage or config, 3 communication or device,
-4 safety trip, 5 identification. Ctrl-C, SIGTERM and a terminal that is closed unwind the program, so the heater is at
-zero before it ends; signals that come while it is switched off do not interrupt that (see interrupts.py). Whatever
-ended a run, the last lines say whether it tripped and whether the heater is confirmed off.
+4 safety trip, 5 identification. Ctrl-C, SIGTERM and a closed terminal unwind the program, so the heater is at zero
+before it ends. A signal does not interrupt the switching off (see interrupts.py). The last lines say whether a run
+tripped and whether the heater is confirmed off.
 """
 
 from __future__ import annotations
@@ -32,40 +34,40 @@ def main() -> None:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup: go on without a terminal
             signal.signal(number, interrupt)
     try:
-        from smadrive.cli.app import command_line  # noqa: PLC0415 (a signal while it is imported is handled, too)
+        from smadrive.cli.app import command_line  # noqa: PLC0415 (a signal during this import is handled, too)
 
-        command_line(wanted=next(iter(sys.argv[1:]), ""))()
+        command_line(next(iter(sys.argv[1:]), ""))()
     except SmadriveError as error:
-        _tell(error, str(error))
+        _print_end(error, str(error))
         sys.exit(error.exit_code)
     except SystemExit as ended:
         if ended.code != INTERRUPTED:
             raise
         trip = _trip_before(ended)
         if trip is None:
-            _tell(ended, "interrupted")
+            _print_end(ended, "interrupted")
             raise
-        _tell(ended, str(trip), "then interrupted")
+        _print_end(ended, str(trip), "then interrupted")
         sys.exit(trip.exit_code)
 
 
 def _trip_before(interruption: SystemExit) -> TripError | None:
-    """The trip that was ending the run already when the signal came; the signal must not hide it."""
+    """The trip that was already ending the run when the signal came; the signal must not hide it."""
     error: BaseException | None = interruption
     while error is not None and not isinstance(error, TripError):
         error = error.__context__
     return error
 
 
-def _is_told(outcome: ShutdownOutcome, error: BaseException) -> bool:
-    """Whether the user must know that the heater is off: after a run, and after an interruption."""
+def _is_printed(outcome: ShutdownOutcome, error: BaseException) -> bool:
+    """Whether a confirmed outcome is printed: after a run, and after an interruption."""
     return outcome.ended_run or isinstance(error, SystemExit)
 
 
-def _tell(error: BaseException, *ending: str) -> None:
-    """How it ended, and what else `error` carries: a line each. A broken stderr does not change the exit code."""
+def _print_end(error: BaseException, *ending: str) -> None:
+    """Print the ending, the notes and the outcome of `error`, a line each. A broken stderr changes no exit code."""
     outcome = shutdown_of(error)
-    confirmed = (str(outcome),) if outcome is not None and outcome.confirmed and _is_told(outcome, error) else ()
+    confirmed = (str(outcome),) if outcome is not None and outcome.confirmed and _is_printed(outcome, error) else ()
     if sys.stderr is not None:
         with suppress(OSError, ValueError):
             lines = (*ending, *getattr(error, "__notes__", ()), *confirmed)
@@ -73,7 +75,7 @@ def _tell(error: BaseException, *ending: str) -> None:
 
 
 class _Interrupt:
-    """The handler of `SIGNALS`: the first one unwinds the program, later ones must not interrupt that.
+    """The handler of `SIGNALS`: the first signal unwinds the program, later ones do not interrupt that.
 
     Nothing is printed here: a stalled terminal must not keep the heater on.
     """

@@ -3,58 +3,59 @@
 from __future__ import annotations
 
 import importlib
-from importlib.metadata import version
 from typing import Annotated
 
 import typer
 
 COMMANDS = {
-    "demo": "A simulated wire, identified and driven: the whole product at work, with a report.",
-    "scan": "Find the devices on a line, and the profiles that match them.",
-    "probe": "Connect to a rig, check who is there, show live values.",
+    "demo": "Identify and drive a simulated wire, and write a report.",
+    "scan": "Find the devices on a line and the profiles that match them.",
+    "probe": "Connect to a rig, check its devices, show live values.",
     "excite": "Run the identification experiment on a rig.",
     "identify": "Fit a hysteresis model to recorded data.",
-    "simulate": "Run a model along the input path in a file.",
-    "invert": "Find the input path for the outputs in a file.",
+    "simulate": "Simulate a model for the input in a file.",
+    "invert": "Find the input for the output in a file.",
     "run": "Track a displacement reference on a rig.",
     "tune": "Open the live tuning page of a rig.",
-    "report": "Show a log as one page: plots, figures, faults, provenance; or as CSV.",
-    "replay": "Run model and controller once more on what was recorded.",
-    "paper": "Redo the simulation of the published T-S fuzzy Duhem model, with its figures.",
+    "report": "Show a log as one page with plots, metrics, faults and provenance, or as CSV.",
+    "replay": "Run model and controller again on a recorded run.",
+    "paper": "Repeat the simulation of the published T-S fuzzy Duhem model.",
     "off": "Put every device of a rig into its safe state, confirmed.",
 }
 
 
-def command_line(wanted: str) -> typer.Typer:
-    """All commands by name, with only the wanted one imported: help in no time, and no plots for a probe."""
+def command_line(command: str) -> typer.Typer:
+    """The command line with all commands by name. Only the module of `command` is imported."""
     app = typer.Typer(
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,
-        help="The driver that makes a shape-memory-alloy wire move where it is told.",
+        help="Driver for shape-memory-alloy wires: it moves a wire to the displacement that is set.",
     )
     app.callback()(_options)
     for name, summary in COMMANDS.items():
-        if name == wanted:
+        if name == command:
             app.command(name)(importlib.import_module(f"smadrive.cli.{name}").main)
         else:
             app.command(name, help=summary)(_not_imported)
     return app
 
 
-def _tell_version(wanted: bool) -> None:
-    if wanted:
+def _print_version(is_given: bool) -> None:
+    if is_given:
+        from importlib.metadata import version  # noqa: PLC0415 (this import alone takes 20 ms)
+
         print(f"smadrive {version('smadrive')}")
         raise typer.Exit
 
 
 def _options(
     version: Annotated[
-        bool, typer.Option("--version", is_eager=True, callback=_tell_version, help="Tell the version.")
+        bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version.")
     ] = False,
 ) -> None:
-    """What stands before a command."""
+    """The options before a command."""
 
 
 def _not_imported() -> None:
-    """Stands in the list for a command that was not asked for."""
+    """Placeholder for a command that this process does not run."""

@@ -1,4 +1,4 @@
-"""`smadrive demo`: the whole product at work on a simulated wire, over real Modbus frames on a real serial port."""
+"""`smadrive demo`: identify and drive a simulated wire over Modbus on a virtual serial port, and write a report."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ RIG = "simulated"
 PERIOD_S = 56.0
 """0.0178 Hz, the sine of the published tracking records."""
 LOW, HIGH = 0.2, 0.8
-"""The reference sweeps this part of the identified stroke."""
+"""The ends of the reference, as parts of the identified stroke."""
 REST_S = 20.0
-"""Between experiments the wire cools to the room."""
+"""Time between two experiments, in which the wire cools to ambient temperature."""
 
 WITH, WITHOUT = "inverse feedforward", "plain temperature map"
 
@@ -50,7 +50,7 @@ class Arm:
 
     name: str
     log: Log
-    figures: TrackingMetrics
+    metrics: TrackingMetrics
 
 
 def main(
@@ -59,11 +59,11 @@ def main(
         typer.Option(
             "--output-dir",
             "-o",
-            help="Where logs, model and report go: an empty folder; smadrive-demo, or the next unused, by default.",
+            help="Empty folder for logs, model and report; by default smadrive-demo, or the next unused number.",
         ),
     ] = None,
     real_time: Annotated[
-        bool, typer.Option("--real-time", help="Run at 1x (some ten minutes) instead of virtual time.")
+        bool, typer.Option("--real-time", help="Run in real time (some ten minutes) instead of virtual time.")
     ] = False,
     seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the simulated sensors' noise.")] = 0,
     as_json: AsJson = False,
@@ -75,8 +75,8 @@ def main(
     with ServedSimulator(SIM, real_time=real_time, seed=seed, log=folder / "firmware.log") as simulator:
         config = load_rig(RIG).at(simulator.url)
         output.say(f"firmware-sim serves the simulated wire at {simulator.url}")
-        with Rig(config, simulator.clock) as bench:
-            session = _Session(bench, folder, seed, output)
+        with Rig(config, simulator.clock) as rig:
+            session = _Session(rig, folder, seed, output)
             excitation = session.excite()
             wire = session.identify(excitation)
             figures = {"rms_percent": wire.hysteresis.rms_percent, "max_percent": wire.hysteresis.max_percent}
@@ -87,13 +87,13 @@ def main(
                 WITHOUT: StaticMap(wire.thermal.wire_temperature_c, excitation.column("displacement_mm")),
             }
             arms = [session.track(name, inverse, wire) for name, inverse in inverses.items()]
-    write_demo_report(report, wire, excitation, [(arm.name, arm.log, arm.figures) for arm in arms])
-    output.table(HEADER, [table_row(arm.name, arm.figures) for arm in arms])
+    write_demo_report(report, wire, excitation, [(arm.name, arm.log, arm.metrics) for arm in arms])
+    output.table(HEADER, [table_row(arm.name, arm.metrics) for arm in arms])
     output.say(f"report: {report}   model: {model_file}   logs: {folder}/*.h5")
     output.result(
         {
-            "inverse": asdict(arms[0].figures),
-            "plain_map": asdict(arms[1].figures),
+            "inverse": asdict(arms[0].metrics),
+            "plain_map": asdict(arms[1].metrics),
             "identify": fit_result(wire.hysteresis, "tsfuzzy", model_file),
             "excitation_log_file": str(excitation.path),
             "report_file": str(report),
@@ -103,52 +103,51 @@ def main(
 
 @dataclass(frozen=True)
 class _Session:
-    """The demo's experiments on its rig, each with its log in `folder`."""
+    """The experiments of the demo on its rig; their logs go to `folder`."""
 
-    bench: Rig
+    rig: Rig
     folder: Path
     seed: int
     output: Output
 
     def excite(self) -> Log:
-        path, excitation = self.folder / "excitation.h5", self.bench.excitation(self._temperature_c())
+        path, excitation = self.folder / "excitation.h5", self.rig.excitation(self._temperature_c())
         with (
-            record_excitation(path, self.bench, excitation, seed=str(self.seed)) as recorder,
+            record_excitation(path, self.rig, excitation, seed=str(self.seed)) as recorder,
             self._watched(recorder, "exciting", excitation.duration_s) as record,
         ):
-            self.bench.excite(excitation, record)
+            self.rig.excite(excitation, record)
         return read_log(path)
 
     def identify(self, log: Log) -> WireFit:
-        with self.output.progress() as progress:
-            progress.add_task("identifying", total=None)
-            return identify_wire(excitation_record(log), self.bench.nominal_balance)
+        with self.output.progress("identifying"):
+            return identify_wire(excitation_record(log), self.rig.nominal_balance)
 
     def track(self, name: str, inverse: DisplacementInverse, wire: WireFit) -> Arm:
         model, balance = wire.hysteresis.model, wire.thermal.balance
-        self.bench.rest(REST_S)
+        self.rig.cool_down(REST_S)
         experiment = _reference(*travel_mm(model)), model, balance, inverse
         path = self.folder / f"{name.replace(' ', '-')}.h5"
         with (
-            record_tracking(path, self.bench, *experiment, seed=str(self.seed)) as recorder,
+            record_tracking(path, self.rig, *experiment, seed=str(self.seed)) as recorder,
             self._watched(recorder, f"tracking, {name}", experiment[0].duration_s) as record,
         ):
-            loop = self.bench.track(*experiment, record)
+            loop = self.rig.track(*experiment, record)
         log = read_log(path)
         return Arm(name, log, tracking_metrics(log, loop))
 
     def _temperature_c(self) -> float:
-        return self.bench.heater.exchange(0.0).temperature_c
+        return self.rig.measure().temperature_c
 
     def _watched(
         self, recorder: TickRecorder, title: str, duration_s: float
     ) -> AbstractContextManager[Callable[[Tick], None]]:
-        limit_a = self.bench.config.limits.current_max_a
+        limit_a = self.rig.config.limits.current_max_a
         return watched(recorder, title, duration_s, limit_a, quiet=self.output.quiet)
 
 
 def _unused_folder() -> Path:
-    """`smadrive-demo`, or with the next number: what an earlier demo wrote stays."""
+    """`smadrive-demo`, or that with the next number that is not in use."""
     numbered = (Path(FOLDER if n == 1 else f"{FOLDER}-{n}") for n in count(1))
     return next(folder for folder in numbered if not folder.exists())
 

@@ -12,7 +12,8 @@ from smadrive.cli.output import AsJson, Output
 from smadrive.cli.views.run_view import watched
 from smadrive.control.loop import LoopMetrics
 from smadrive.errors import TripError
-from smadrive.files.atomic import LOG, check_output
+from smadrive.files.atomic import check_output
+from smadrive.files.kinds import LOG
 from smadrive.identification.excitation import check_may_excite
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
@@ -27,42 +28,42 @@ def main(
     trace: TraceFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Drive the wire of RIG through the temperature path of its rig file, within its limits, and record it."""
+    """Run the identification experiment of RIG, within its limits, and record it. The wire is heated."""
     output = Output(as_json)
     check_output(log_file, LOG)
     try:
-        with Rig(load_rig(rig), trace_folder=trace) as bench:
-            figures = _recorded(log_file, bench, quiet=output.quiet)
+        with Rig(load_rig(rig), trace_folder=trace) as open_rig:
+            metrics = _excite(log_file, open_rig, quiet=output.quiet)
     except TripError as trip:
         try:
-            _tell(log_file, tripped_loop_metrics(read_log(log_file)), output, tripped=str(trip))
+            _print_metrics(log_file, tripped_loop_metrics(read_log(log_file)), output, tripped=str(trip))
         finally:
-            raise trip  # whatever becomes of what is told, this is how it ended
-    _tell(log_file, figures, output, tripped=None)
+            raise trip  # also when the output cannot be written
+    _print_metrics(log_file, metrics, output, tripped=None)
 
 
-def _recorded(log_file: Path, bench: Rig, *, quiet: bool) -> LoopMetrics:
-    """Excite the wire, logged to `log_file`, shown unless `quiet`. TripError."""
-    found = bench.heater.exchange(0.0)
-    limit_a = bench.config.limits.current_max_a
-    excitation = bench.excitation(found.temperature_c)
-    check_may_excite(excitation, bench.nominal_balance, limit_a, found)
+def _excite(log_file: Path, rig: Rig, *, quiet: bool) -> LoopMetrics:
+    """Excite the wire; logged to `log_file`, and shown unless `quiet`. Raises TripError."""
+    measured = rig.measure()
+    limit_a = rig.config.limits.current_max_a
+    excitation = rig.excitation(measured.temperature_c)
+    check_may_excite(excitation, rig.nominal_balance, limit_a, measured)
     with (
-        record_excitation(log_file, bench, excitation) as recorder,
+        record_excitation(log_file, rig, excitation) as recorder,
         watched(recorder, "exciting", excitation.duration_s, limit_a, quiet=quiet) as record,
     ):
-        return bench.excite(excitation, record)
+        return rig.excite(excitation, record)
 
 
-def _tell(log_file: Path, figures: LoopMetrics, output: Output, *, tripped: str | None) -> None:
-    missed = "1 missed deadline" if figures.missed_deadlines == 1 else f"{figures.missed_deadlines} missed deadlines"
+def _print_metrics(log_file: Path, metrics: LoopMetrics, output: Output, *, tripped: str | None) -> None:
+    missed = "1 missed deadline" if metrics.missed_deadlines == 1 else f"{metrics.missed_deadlines} missed deadlines"
     ended = "the heater is off" if tripped is None else "then it tripped"
-    output.say(f"{log_file}: {figures.ticks} samples, {missed}; {ended}")
+    output.say(f"{log_file}: {metrics.ticks} samples, {missed}; {ended}")
     output.result(
         {
-            "ticks": figures.ticks,
-            "missed_deadlines": figures.missed_deadlines,
-            "trips": figures.trips,
+            "ticks": metrics.ticks,
+            "missed_deadlines": metrics.missed_deadlines,
+            "trips": metrics.trips,
             "log_file": str(log_file),
             "tripped": tripped,
         }

@@ -13,8 +13,9 @@ import typer
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.views.fit_report import write_fit_report
 from smadrive.errors import DataError
-from smadrive.files.atomic import LOG, MODEL, PAGE, TABLE, check_output
+from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import read_table
+from smadrive.files.kinds import LOG, MODEL, PAGE, TABLE
 from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
 from smadrive.identification.column_units import unit_doubts
 from smadrive.identification.thermal import ThermalFit
@@ -25,7 +26,7 @@ from smadrive.wire.wire_file import save_wire
 
 
 class Kind(StrEnum):
-    """Which model to fit."""
+    """The kind of the model to fit."""
 
     tsfuzzy = "tsfuzzy"
     duhem = "duhem"
@@ -38,30 +39,29 @@ def main(
     sets: Annotated[int, typer.Option(min=3, max=99, help="Fuzzy sets on the input; two rules for each.")] = 11,
     input_column: Annotated[str, typer.Option("--input", help="Column of the input (CSV).")] = "temperature_c",
     output_column: Annotated[str, typer.Option("--output", help="Column of the output (CSV).")] = "displacement_mm",
-    plot: Annotated[Path | None, typer.Option(help="Page (HTML) to write: loop, residuals, rules.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Page (HTML) with loop, residuals and rules to write.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Fit a hysteresis model to DATA. From a log the heat balance is fitted too, and the thermocouple's lag removed."""
+    """Fit a hysteresis model to DATA. For a log, also fit the heat balance and remove the lag of the thermocouple."""
     output = Output(as_json)
     check_output(model_file, MODEL, data)
     if plot is not None:
         check_output(plot, PAGE, data)
-    with output.progress() as progress:
-        progress.add_task(f"fitting {data.name}", total=None)
-        found = _fitted(data, (input_column, output_column), kind, sets)
-    fit, thermal = found.fit, found.thermal
+    with output.progress(f"fitting {data.name}"):
+        result = _identify(data, (input_column, output_column), kind, sets)
+    fit, thermal = result.fit, result.thermal
     balance = None if thermal is None else thermal.balance
     figures = {"rms_percent": fit.rms_percent, "max_percent": fit.max_percent}
     replaced = model_file.exists()
-    save_wire(model_file, fit.model, balance, figures, str(data), found.caveats)
+    save_wire(model_file, fit.model, balance, figures, str(data), result.caveats)
     if plot is not None:
-        write_fit_report(plot, fit, found.caveats, str(data), found.axes)
-    _tell(output, fit, thermal, found.caveats)
-    output.say(f"model: {model_file}{', in place of the one that was there' if replaced else ''}")
+        write_fit_report(plot, fit, result.caveats, str(data), result.axes)
+    _print_fit(output, fit, thermal, result.caveats)
+    output.say(f"model: {model_file}{' (replaced)' if replaced else ''}")
     output.result(
         {
             **fit_result(fit, kind.value, model_file),
-            "caveats": found.caveats,
+            "caveats": result.caveats,
             **({} if plot is None else {"plot_file": str(plot)}),
             **({} if thermal is None else {"heat_balance": asdict(thermal.balance), "within": thermal.within}),
         }
@@ -69,8 +69,8 @@ def main(
 
 
 @dataclass(frozen=True)
-class _Found:
-    """What a record tells: a log also the heat balance; what to beware of in the record and in the fit."""
+class _Identified:
+    """The fit of a record, that of the heat balance (of a log alone), the reasons to distrust them, the axis labels."""
 
     fit: AnyFit
     thermal: ThermalFit | None
@@ -78,23 +78,25 @@ class _Found:
     axes: tuple[str, str]
 
 
-def _fitted(data: Path, columns: tuple[str, str], kind: Kind, sets: int) -> _Found:
-    if LOG.names(data):
+def _identify(data: Path, columns: tuple[str, str], kind: Kind, sets: int) -> _Identified:
+    if LOG.has_ending(data):
         log = read_log(data)
         wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets)
         caveats = (*log.caveats, *excitation_caveats(log), *wire.hysteresis.caveats)
-        return _Found(wire.hysteresis, wire.thermal, caveats, ("wire temperature, °C", "displacement, mm"))
-    if not TABLE.names(data):
-        raise DataError(f"{data}: neither a log nor a CSV: give the log (.h5) of `smadrive excite`, or a .csv")
+        return _Identified(wire.hysteresis, wire.thermal, caveats, ("wire temperature, °C", "displacement, mm"))
+    if not TABLE.has_ending(data):
+        raise DataError(
+            "neither a log nor a CSV", where=data, cure="give the log (.h5) of `smadrive excite`, or a .csv"
+        )
     table = read_table(data)
     v, y = (table.column(name) for name in columns)
     doubts = [doubt for name, values in zip(columns, (v, y), strict=True) for doubt in unit_doubts(name, values)]
     fit = identify_hysteresis(v, y, kind.value, sets)
-    return _Found(fit, None, (*doubts, *fit.caveats), columns)
+    return _Identified(fit, None, (*doubts, *fit.caveats), columns)
 
 
 def fit_result(fit: AnyFit, kind: str, model_file: Path) -> dict[str, object]:
-    """What a program is told of a fit and where its model is."""
+    """The JSON keys of a fit and its model file."""
     return {
         "kind": kind,
         "rules": _rules(fit),
@@ -106,11 +108,11 @@ def fit_result(fit: AnyFit, kind: str, model_file: Path) -> dict[str, object]:
 
 
 def _rules(fit: AnyFit) -> int:
-    """Number of rules of a fitted model; 0 for a Duhem model, which has none."""
+    """Number of rules of a fitted model; 0 for a Duhem model."""
     return len(getattr(fit.model, "rules", ()))
 
 
-def _tell(output: Output, fit: AnyFit, thermal: ThermalFit | None, caveats: Iterable[str]) -> None:
+def _print_fit(output: Output, fit: AnyFit, thermal: ThermalFit | None, caveats: Iterable[str]) -> None:
     rows = [
         ("RMS error", f"{fit.rms_percent:.3f} %", "of the output span"),
         ("max error", f"{fit.max_percent:.3f} %", "of the output span"),
@@ -120,21 +122,24 @@ def _tell(output: Output, fit: AnyFit, thermal: ThermalFit | None, caveats: Iter
     if thermal is not None:
         rows += _heat_rows(thermal)
     output.table(("", "value", ""), rows, notes=True)
-    for caveat in caveats:
-        output.say(f"beware: {caveat}")
+    output.warn(caveats)
 
 
 def certificate_rows(certificate: Certificate) -> list[tuple[str, str, str]]:
-    """Each figure of a certificate with what it means, and from where on it is good."""
+    """Rows of name, value and meaning for each figure of a certificate."""
     left = 100 * certificate.loop_contraction
-    fades = "above 0, good: a wrong start is forgotten" if certificate.contracting else "not above 0, bad: it remembers"
+    fades = "above 0, good: an initial error decays" if certificate.contracting else "not above 0, bad: it persists"
     stays = "good: the output stays in the stroke" if certificate.bounded else "bad: the output leaves the stroke"
     verdict = "may drive a feedforward" if certificate.holds else ", ".join(certificate.shortcomings)
     return [
         ("contraction", f"{certificate.contraction_rate:.3g}", fades),
-        ("left after a loop", "< 0.01 %" if left < 0.01 else f"{left:.2g} %", "of a wrong start; less is better"),
+        ("left after a loop", "< 0.01 %" if left < 0.01 else f"{left:.2g} %", "of an initial error; less is better"),
         ("bounded", _yes(certificate.bounded), stays),
-        ("invertible", f"{100 * certificate.invertible_share:.1f} %", "has one input for an output; best 100 %"),
+        (
+            "invertible",
+            f"{100 * certificate.invertible_share:.1f} %",
+            "of the loop: one input for an output; best 100 %",
+        ),
         ("turns back", f"{100 * certificate.turned_share:.1f} %", f"of a branch; bad above {100 * MOST_TURNED:g} %"),
         ("certified", _yes(certificate.holds), verdict),
     ]
@@ -145,7 +150,7 @@ def _yes(holds: bool) -> str:
 
 
 def _heat_rows(thermal: ThermalFit) -> list[tuple[str, str, str]]:
-    """The heat balance, each parameter with half of its 95 % interval."""
+    """Rows of the parameters of the heat balance, with half of their 95 % intervals."""
     balance, within = thermal.balance, {name: f"±{100 * value:.1f} %" for name, value in thermal.within.items()}
     return [
         ("heat capacity", f"{1e3 * balance.heat_capacity_j_per_k:.2f} mJ/K", within["heat_capacity_j_per_k"]),

@@ -1,4 +1,4 @@
-"""`smadrive invert`: the input path that makes a model follow the output in a file."""
+"""`smadrive invert`: the input with which a model follows the output in a file."""
 
 from __future__ import annotations
 
@@ -9,31 +9,32 @@ import numpy as np
 import typer
 
 from smadrive.cli.output import AsJson, Output
-from smadrive.files.atomic import TABLE, check_output
+from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import read_table, write_table
+from smadrive.files.kinds import TABLE
 from smadrive.hysteresis import InverseFeedforward, load_model
 
 
 def main(
     model: Annotated[Path, typer.Argument(help="Model file (JSON), as written by `identify`.")],
-    csv: Annotated[Path, typer.Argument(help="CSV with the wanted output.")],
+    csv: Annotated[Path, typer.Argument(help="CSV with the setpoint of the output.")],
     output_file: Annotated[Path, typer.Option("--output-file", "-o", help="CSV to write.")],
     input_column: Annotated[str, typer.Option("--input", help="Column to write.")] = "temperature_c",
-    output_column: Annotated[str, typer.Option("--output", help="Column of the wanted output.")] = "displacement_mm",
+    output_column: Annotated[str, typer.Option("--output", help="Column of that setpoint.")] = "displacement_mm",
     start: Annotated[
-        float | None, typer.Option(help="Input at the start; the low end of the model by default.")
+        float | None, typer.Option(help="Input at the start; the low end of the model's range by default.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Invert MODEL along the wanted output in CSV; samples out of reach are saturated and flagged in `reachable`."""
+    """Find the input with which MODEL follows the output in CSV. The column `reachable` is 0 where it saturates."""
     output = Output(as_json)
     check_output(output_file, TABLE, model, csv)
     table = read_table(csv)
     loaded = load_model(model)
-    wanted = table.column(output_column)
+    setpoint = table.column(output_column)
     v0 = loaded.input_range[0] if start is None else start
-    result = InverseFeedforward(loaded).trajectory(wanted, v0)
+    result = InverseFeedforward(loaded).trajectory(setpoint, v0)
     write_table(output_file, table.cells, {input_column: result.v, "reachable": result.reachable.astype(np.float64)})
     unreachable = int((~result.reachable).sum())
-    output.say(f"{output_file}: {len(wanted)} samples, {unreachable} out of reach")
-    output.result({"samples": len(wanted), "unreachable": unreachable, "output_file": str(output_file)})
+    output.say(f"{output_file}: {len(setpoint)} samples, {unreachable} out of reach")
+    output.result({"samples": len(setpoint), "unreachable": unreachable, "output_file": str(output_file)})

@@ -6,21 +6,21 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.guardians import names_waiting_guardians, waiting_guardians
 from smadrive.cli.options import RigFile
 from smadrive.cli.output import AsJson, Output
 from smadrive.errors import SafetyError
+from smadrive.rig.guardians import notes_waiting_guardians, waiting_guardians
 from smadrive.rig.switch_off import switch_off
 
-ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear latched faults, their cause removed.")]
+ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear latched faults; remove the cause first.")]
 
 
 def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = False) -> None:
-    """Switch the heater of RIG off, confirmed by reading back. Its port must be free: end what runs there first."""
+    """Switch the heater of RIG off, confirmed by read-back. End the program that uses its port first."""
     output = Output(as_json)
-    with names_waiting_guardians():
+    with notes_waiting_guardians():
         off = switch_off(rig, clear_faults=clear_faults)
-    waiting, warnings = _waiting(off.warnings)
+    waiting, warnings = _waiting_guardians(off.warnings)
     output.say(f"{off.rig}: heater off, confirmed by read-back ({', '.join(off.devices)})")
     if off.latched:
         output.say(f"latched: {', '.join(off.latched)} (clear with --clear-faults)")
@@ -41,9 +41,9 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
         raise off.failure
 
 
-def _waiting(warnings: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    """The guardians that still wait, and the warnings; the heater is off, so an unreadable state folder is one."""
+def _waiting_guardians(warnings: tuple[str, ...]) -> tuple[list[str], list[str]]:
+    """The waiting guardians, and the warnings. An unreadable state folder is a warning: the heater is already off."""
     try:
         return waiting_guardians(), [*warnings]
     except SafetyError as error:
-        return [], [*warnings, f"guardians that still wait are not known: {error}"]
+        return [], [*warnings, f"the guardians that still wait are unknown: {error}"]

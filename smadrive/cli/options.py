@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share. Nothing heavy is imported here: `off` must start at once."""
+"""Arguments and options that several commands share. Imports little, because `off` must start at once."""
 
 from __future__ import annotations
 
@@ -11,5 +11,7 @@ RigFile = Annotated[str, typer.Argument(help="Rig file, or the name of a shipped
 
 TraceFolder = Annotated[
     Path | None,
-    typer.Option("--trace", metavar="FOLDER", help="Write what passes on each bus to a file there, DEVICE.trace."),
+    typer.Option(
+        "--trace", metavar="FOLDER", help="Trace the traffic on each bus to a file DEVICE.trace in this folder."
+    ),
 ]

@@ -1,4 +1,7 @@
-"""What commands print: tables and progress for a person, one JSON object for a program."""
+"""Output of the commands: text and tables for a person, one JSON object for a program.
+
+rich is imported for a table or a progress bar alone: `off` prints lines of text and must start at once.
+"""
 
 from __future__ import annotations
 
@@ -7,88 +10,91 @@ import sys
 from collections.abc import Iterable, Mapping, Sequence
 from math import isfinite
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
-from rich.progress import BarColumn, Progress, SpinnerColumn, TaskProgressColumn, TextColumn, TimeRemainingColumn
-from rich.table import Table
 
 from smadrive.errors import DataError
+
+if TYPE_CHECKING:
+    from rich.progress import Progress
 
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and nothing else on stdout.")]
 
 
 class Output:
-    """Where a command's results go; `quiet`: as JSON alone. Progress goes to stderr, and only to a terminal."""
+    """Prints results to stdout, and progress to stderr if that is a terminal; `quiet`: nothing but JSON."""
 
     def __init__(self, as_json: bool) -> None:
         self.quiet = as_json
-        self._console = Console(highlight=False, soft_wrap=True)
 
     def say(self, text: str) -> None:
-        """One line for a person."""
+        """Print one line for a person."""
         if not self.quiet:
-            self._console.print(text, markup=False)
+            print(text)
 
     def warn(self, caveats: Iterable[str]) -> None:
-        """Reasons to distrust what follows, a line each."""
+        """Print each reason to distrust the results on a line of its own."""
         for caveat in caveats:
             self.say(f"warning: {caveat}")
 
     def table(self, header: Sequence[str], rows: Iterable[Sequence[str]], *, notes: bool = False) -> None:
-        """A table for a person: the first column names, the others are numbers; with `notes` the last is text, too."""
+        """Print a table for a person: names in the first column, then numbers; with `notes` the last holds text."""
         if self.quiet:
             return
+        from rich.console import Console  # noqa: PLC0415
+        from rich.table import Table  # noqa: PLC0415
+
         table = Table(header_style="bold")
         for n, name in enumerate(header):
-            table.add_column(name, justify="left" if n == 0 or (notes and n == len(header) - 1) else "right")
+            is_text = n == 0 or (notes and n == len(header) - 1)
+            table.add_column(name, justify="left" if is_text else "right")
         for row in rows:
             table.add_row(*row)
-        self._console.print(table)
+        Console(highlight=False, soft_wrap=True).print(table)
 
     def result(self, values: Mapping[str, Any]) -> None:
-        """The JSON object for a program; JSON has no NaN: what is not known becomes null."""
+        """Print the JSON object for a program. JSON has no NaN: an unknown number becomes null."""
         if self.quiet:
-            json.dump(_known(values), sys.stdout, indent=2, allow_nan=False)
+            json.dump(_without_nan(values), sys.stdout, indent=2, allow_nan=False)
             print()
 
-    def progress(self) -> Progress:
-        """A progress display: a context manager whose `add_task`/`update` draw bars."""
+    def progress(self, title: str) -> Progress:
+        """A progress display with one task, `title`, of unknown length; a context manager."""
+        from rich.console import Console  # noqa: PLC0415
+        from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn  # noqa: PLC0415
+
         console = Console(stderr=True)
-        return Progress(
-            SpinnerColumn(),
-            TextColumn("{task.description}"),
-            BarColumn(),
-            TaskProgressColumn(),
-            TimeRemainingColumn(),
-            console=console,
-            disable=self.quiet or not console.is_terminal,
-        )
+        columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn()
+        progress = Progress(*columns, console=console, disable=self.quiet or not console.is_terminal)
+        progress.add_task(title, total=None)
+        return progress
 
 
-def _known(value: Any) -> Any:
+def _without_nan(value: Any) -> Any:
     match value:
         case float():
             return value if isfinite(value) else None
         case Mapping():
-            return {name: _known(inner) for name, inner in value.items()}
+            return {name: _without_nan(inner) for name, inner in value.items()}
         case list() | tuple():
-            return [_known(inner) for inner in value]
+            return [_without_nan(inner) for inner in value]
     return value
 
 
 def make_empty_folder(folder: Path) -> Path:
-    """As `make_folder`; DataError when something is in it, which could be a record."""
+    """Make the folder as `make_folder` does; DataError when it contains files, which could be records."""
     make_folder(folder)
     if any(folder.iterdir()):
-        raise DataError(f"{folder}: is not empty, and nothing in it is to be written over: choose another --output-dir")
+        raise DataError("the folder is not empty", where=folder, cure="choose another --output-dir")
     return folder
 
 
 def make_folder(folder: Path) -> None:
-    """The folder that a command writes to, with its parents; DataError when it cannot be."""
+    """Make the output folder of a command, with its parents. DataError when it cannot be made."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise DataError(f"{folder}: cannot be made ({error.strerror}): choose another --output-dir") from None
+        raise DataError(
+            f"the folder cannot be made: {error.strerror}", where=folder, cure="choose another --output-dir"
+        ) from None

@@ -1,4 +1,4 @@
-"""`smadrive paper`: the published simulation, redone, and how far the models here get beyond it.
+"""`smadrive paper`: the published simulation, repeated, and its errors beside the published ones.
 
 S.-Y. Lee, M. Park, J. Baek, "Modeling of Dynamic Hysteresis Based on Takagi-Sugeno Fuzzy Duhem Model", IJFIS 2013:
 a Duhem model with k = 40 on the range [-300, 300] is rebuilt by 11 x 2 rules. The paper reports errors in [-1.2, 1].
@@ -33,7 +33,7 @@ PAPER_ERROR = (-1.2, 1.0)
 
 @dataclass(frozen=True)
 class Errors:
-    """Model minus Duhem, in the unit of k = 40: on the two loops of the paper, and on loops that no fit has seen.
+    """Model minus Duhem model, in the unit of k = 40: on the two loops of the paper, and on loops of no fit.
 
     `unseen_percent`: the largest error of each random mixed loop, in % of k: median and worst.
     """
@@ -45,15 +45,14 @@ class Errors:
 
 
 def main(
-    folder: Annotated[Path, typer.Option("--output-dir", "-o", help="Where the report goes.")] = Path("smadrive-paper"),
+    folder: Annotated[Path, typer.Option("--output-dir", "-o", help="Folder for the report.")] = Path("smadrive-paper"),
     as_json: AsJson = False,
 ) -> None:
-    """Redo the figures 3 to 13 of the paper and compare the errors with the published ones."""
+    """Repeat the figures 3 to 13 of the paper, and compare the errors with the published ones."""
     output = Output(as_json)
     make_folder(folder)
     duhem = DuhemModel.table1()
-    with output.progress() as progress:
-        progress.add_task("fitting 22 rules three ways", total=None)
+    with output.progress("fitting 22 rules three ways"):
         models = rebuild(duhem)
     errors = [judge(name, model, duhem) for name, model in models.items()]
     report = folder / "report.html"
@@ -64,7 +63,7 @@ def main(
 
 
 def rows(errors: list[Errors]) -> list[tuple[str, ...]]:
-    """The table of errors, the paper's first."""
+    """The rows of the table of errors; the first has those of the paper."""
     published = f"[{PAPER_ERROR[0]:g}, {PAPER_ERROR[1]:g}]"
     return [
         ("the paper", published, published, "-", "-"),
@@ -112,17 +111,17 @@ def judge(name: str, model: TSFuzzyDuhem, duhem: DuhemModel) -> Errors:
 
 
 def reading() -> list[str]:
-    """Why Table 1 is not used as printed: the refusal of the printed columns, and the reading that works."""
+    """The reasons not to use Table 1 as printed: the error of the printed columns, and the columns used instead."""
     try:
         DuhemModel.gaussian(mu_heating=75, mu_cooling=70, sigma_heating=35, sigma_cooling=-45, input_range=(-300, 300))
     except ModelError as error:
-        refusal = str(error)
-    printed = f"Table 1 as printed (k 40, μ₊ 75, μ₋ 70, σ₊ 35, σ₋ -45) is refused: {refusal}."
-    meant = (
-        "Table 1 as it must be meant: k 40, μ₊ 35, μ₋ -45, σ₊ 75, σ₋ 70. The range ±300 is then 3.5 σ on either side "
+        problem = str(error).removesuffix(".")
+    printed = f"Table 1 as printed (k 40, μ₊ 75, μ₋ 70, σ₊ 35, σ₋ -45) is no valid model: {problem}."
+    used = (
+        "Table 1 as it is used: k 40, μ₊ 35, μ₋ -45, σ₊ 75, σ₋ 70. The range ±300 is then 3.5 σ on either side "
         "and the branches cross at -1165, far outside. k is counted once: in y = k w, not also in the slope."
     )
-    return [printed, meant]
+    return [printed, used]
 
 
 def major_loop() -> Array:
@@ -136,7 +135,7 @@ def mixed_loop() -> Array:
 
 
 def random_loop(random: np.random.Generator, turns: int) -> Array:
-    """A sweep up from the low end of the paper's range, then random reversals within it."""
+    """A sweep up from the low end of the paper's range, then `turns` random reversals within it."""
     return stretches([-300.0, *random.uniform(-300.0, 300.0, size=turns).tolist()])
 
 

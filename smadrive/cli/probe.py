@@ -1,35 +1,31 @@
-"""`smadrive probe`: is every device of the rig there, is it the right one, and what does it say?"""
+"""`smadrive probe`: check the identity of every device of a rig, and show live values."""
 
 from __future__ import annotations
 
 import shlex
 from math import isfinite
 
-from smadrive.cli.guardians import names_waiting_guardians, waiting_guardians
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
 from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
+from smadrive.rig.guardians import notes_waiting_guardians, waiting_guardians
 from smadrive.rig.rig import Rig
 
 
 def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> None:
-    """Connect to RIG, check the identity of every device and show its live values. The heater stays off."""
+    """Connect to RIG, check the identity of every device and show live values. The heater stays off."""
     output = Output(as_json)
     config = load_rig(rig)
-    with names_waiting_guardians(), Rig(config, trace_folder=trace) as open_rig:
-        measurement = open_rig.heater.exchange(0.0)
+    with notes_waiting_guardians(), Rig(config, trace_folder=trace) as open_rig:
+        measurement = open_rig.measure()
         identities = {name: str(identity) for name, identity in open_rig.identify().items()}
         tripped = open_rig.latch.read()
     waiting = waiting_guardians()
     for name, identity in identities.items():
         output.say(f"{config.name}: {name} is a {identity}")
     output.table(("quantity", "value"), _rows(measurement))
-    latched = [*(f"{name} (on the device)" for name in measurement.device_faults), *filter(None, [tripped])]
-    for fault in latched:
-        output.say(f"latched: {fault}")
-    if latched:
-        output.say(f"clear it once its cause is gone: smadrive off {shlex.quote(rig)} --clear-faults")
+    _print_latched(output, measurement, tripped, rig)
     for guardian in waiting:
         output.say(guardian)
     output.result(
@@ -43,12 +39,21 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
     )
 
 
+def _print_latched(output: Output, measurement: Measurement, tripped: str | None, rig: str) -> None:
+    """Print the latched faults of the device and of the trip latch, and how to clear them."""
+    latched = [*(f"{name} (on the device)" for name in measurement.device_faults), *filter(None, [tripped])]
+    for fault in latched:
+        output.say(f"latched: {fault}")
+    if latched:
+        output.say(f"hint: remove the cause, then run smadrive off {shlex.quote(rig)} --clear-faults")
+
+
 def _rows(measurement: Measurement) -> list[tuple[str, str]]:
     temperature = measurement.temperature_fault or f"{measurement.temperature_c:.2f} °C"
     displacement = (
         f"{measurement.displacement_mm:.4f} mm"
         if isfinite(measurement.displacement_mm)
-        else "not fitted, or out of range"
+        else "no sensor, or out of its range"
     )
     return [
         ("temperature", temperature),

@@ -1,4 +1,4 @@
-"""`smadrive replay`: a recorded run once more, on its recorded measurements."""
+"""`smadrive replay`: run model and controller again on the measurements of a log."""
 
 from __future__ import annotations
 
@@ -19,22 +19,23 @@ from smadrive.wire.wire_file import load_wire_file
 
 def main(
     log_file: Annotated[Path, typer.Argument(metavar="LOG", help="Log (.h5) of `run` or `excite`.")],
-    model: Annotated[Path | None, typer.Option(help="Model file to replay with; the log's own by default.")] = None,
+    model: Annotated[
+        Path | None, typer.Option(help="Model file for the replay; the model in the log by default.")
+    ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Run model and controller on the measurements in LOG and show where their answers differ from the recorded ones.
+    """Run model and controller on the measurements in LOG, and show where their outputs differ from the recorded ones.
 
-    The wire's own answer stays the recorded one.
+    The measurements stay the recorded ones: the wire does not react to a different output.
     """
     output = Output(as_json)
     log = read_log(log_file)
     output.warn(log.caveats)
     wire = None if model is None else _wire(model, log)
-    with output.progress() as progress:
-        progress.add_task(f"replaying {log_file.name}", total=None)
+    with output.progress(f"replaying {log_file.name}"):
         again = replay(log, wire)
     predictions = _predictions(log, again, wire)
-    _tell(output, again, predictions)
+    _print_differences(output, again, predictions)
     output.result(
         {
             "log_file": str(log_file),
@@ -54,7 +55,7 @@ def _wire(path: Path, log: Log) -> Wire:
 
 
 def _predictions(log: Log, again: Replay, wire: Wire | None) -> dict[str, float]:
-    """How far the estimated displacement was from the measured one; nothing where no model ran."""
+    """RMS difference of estimated and measured displacement, in % of the stroke; empty without a model."""
     if "wire" not in log.metadata:
         return {}
     recorded, _ = wire_of(log)
@@ -65,10 +66,10 @@ def _predictions(log: Log, again: Replay, wire: Wire | None) -> dict[str, float]
     }
 
 
-def _tell(output: Output, again: Replay, predictions: dict[str, float]) -> None:
+def _print_differences(output: Output, again: Replay, predictions: dict[str, float]) -> None:
     ticks = again.time_s.size
     if again.exact:
-        output.say(f"{ticks} ticks: the replay is the record, bit for bit")
+        output.say(f"{ticks} ticks: the replay is identical to the record")
     else:
         output.table(("signal", "max difference", "RMS difference", "first at"), _rows(again))
     if all(isfinite(value) for value in predictions.values()) and predictions:

@@ -1,4 +1,4 @@
-"""`smadrive report`: a log as one page to look at and to show, and as a table for other programs."""
+"""`smadrive report`: a log as one page, and as a CSV file for other programs."""
 
 from __future__ import annotations
 
@@ -10,21 +10,22 @@ import typer
 
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.views.log_report import write_log_report
-from smadrive.files.atomic import PAGE, TABLE, check_output
+from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import write_table
-from smadrive.files.kinds import LOG, check_kind
+from smadrive.files.kinds import LOG, PAGE, TABLE, check_kind
 from smadrive.runs.log.reader import read_log
 
 
 def main(
     log_file: Annotated[Path, typer.Argument(metavar="LOG", help="Log (.h5) of `run`, `excite` or `demo`.")],
     report_file: Annotated[
-        Path | None, typer.Option("--report-file", "-o", help="Page (HTML) to write; beside the log by default.")
+        Path | None,
+        typer.Option("--report-file", "-o", help="Page (HTML) to write; LOG with the ending .html by default."),
     ] = None,
     csv_file: Annotated[Path | None, typer.Option("--csv", help="CSV to write with every column of the log.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show the run in LOG, complete or cut, on one self-contained page: plots, figures, faults, provenance."""
+    """Show the run in LOG on one self-contained page: plots, metrics, faults, provenance. The log may be incomplete."""
     output = Output(as_json)
     check_kind(log_file, LOG)
     page = report_file or log_file.with_suffix(".html")
@@ -33,8 +34,7 @@ def main(
         check_output(csv_file, TABLE, log_file)
     log = read_log(log_file)
     output.warn(log.caveats)
-    with output.progress() as progress:
-        progress.add_task(f"drawing {log_file.name}", total=None)
+    with output.progress(f"drawing {log_file.name}"):
         summary = write_log_report(page, log)
         if csv_file is not None:
             write_table(csv_file, {}, log.columns)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
 from dataclasses import asdict
 from math import isfinite, isnan
 from pathlib import Path
@@ -20,8 +19,9 @@ from smadrive.control.loop import LoopMetrics
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import SHAPES, parse_reference
 from smadrive.errors import ConfigError, TripError
-from smadrive.files.atomic import LOG, TABLE, check_output
+from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import read_table
+from smadrive.files.kinds import LOG, TABLE
 from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import Measurement
 from smadrive.rig.config import RigConfig, load_rig
@@ -35,11 +35,9 @@ from smadrive.wire.wire_file import load_wire_file
 from smadrive.wire.wire_model import WireModel, WireState, travel_mm
 
 APPROACH_S = 10.0
-"""How long the wire takes to come to the beginning of the reference; not scored."""
+"""Duration of the approach, in which the wire moves to the beginning of the reference; it is not scored."""
 
-NOT_ADAPTED = (
-    "adapt = true under [feedback] is for `smadrive tune` alone: this run leaves the rules of the model as they are"
-)
+NOT_ADAPTED = "adapt = true under [feedback] has an effect in `smadrive tune` alone: this run does not change the rules"
 
 HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")
 
@@ -50,60 +48,60 @@ def main(
         str,
         typer.Option(
             help="CSV (time_s, displacement_mm), or SHAPE:key=value,… as in sine:low_mm=2,high_mm=9,period_s=56. "
-            f"Shapes: {', '.join(SHAPES)}; one without keys tells its keys."
+            f"Shapes: {', '.join(SHAPES)}; a shape without keys prints its keys."
         ),
     ],
     log_file: Annotated[Path, typer.Option("--log-file", "-o", help="Log (.h5) to write.")],
-    model: Annotated[Path | None, typer.Option(help="Model file; that of the rig file by default.")] = None,
+    model: Annotated[Path | None, typer.Option(help="Model file; the one of the rig file by default.")] = None,
     smooth: Annotated[
         bool,
-        typer.Option("--smooth", help="Run the nearest reference that the wire can follow, if it cannot this one."),
+        typer.Option("--smooth", help="If the wire cannot follow the reference, track the nearest one that it can."),
     ] = False,
     trace: TraceFolder = None,
     as_json: AsJson = False,
 ) -> None:
-    """Make the wire of RIG follow a displacement reference, with the inverse of its identified model.
+    """Track a displacement reference with the wire of RIG, by the inverse of its identified model.
 
-    The reference is rehearsed on the model before anything is heated; what the wire cannot do is refused.
+    The run is simulated on the model before the wire is heated. A reference that the wire cannot follow is an error.
     """
     output = Output(as_json)
     check_output(log_file, LOG)
     config = load_rig(rig)
     path = model_file(config, model)
-    known = load_wire_file(path)
-    wanted = read_reference(reference)
-    wanted.check_within(travel_mm(known.model))
+    wire_file = load_wire_file(path)
+    given = read_reference(reference)
+    given.check_within(travel_mm(wire_file.model))
     try:
-        with Rig(config, trace_folder=trace) as bench:
-            wire = WireModel(known.model, known.balance or bench.nominal_balance)
-            given, rehearsed = _rehearsed(bench, wanted, wire)
-            rehearsed.check(config.limits.temperature_max_c, smooth=smooth)
-            doubts = [f"{path.name}: {caveat}" for caveat in known.caveats]
-            caveats = (*rehearsed.caveats, *doubts, *([NOT_ADAPTED] if config.feedback.adapt else []))
-            _beware(caveats, output)
-            loop = _recorded(log_file, bench, wire, given, rehearsed.nearest, caveats, quiet=output.quiet)
+        with Rig(config, trace_folder=trace) as open_rig:
+            wire = WireModel(wire_file.model, wire_file.balance or open_rig.nominal_balance)
+            given, simulated = _simulated(open_rig, given, wire)
+            simulated.check(config.limits.temperature_max_c, smooth=smooth)
+            model_caveats = [f"{path.name}: {caveat}" for caveat in wire_file.caveats]
+            caveats = (*simulated.caveats, *model_caveats, *([NOT_ADAPTED] if config.feedback.adapt else []))
+            output.warn(caveats)
+            loop = _track(log_file, open_rig, wire, given, simulated.nearest, caveats, quiet=output.quiet)
     except TripError as trip:
         try:
-            _tell(read_log(log_file), None, output, tripped=str(trip))
+            _print_metrics(read_log(log_file), None, output, tripped=str(trip))
         finally:
-            raise trip  # whatever becomes of what is told, this is how it ended
-    _tell(read_log(log_file), loop, output, tripped=None)
+            raise trip  # also when the output cannot be written
+    _print_metrics(read_log(log_file), loop, output, tripped=None)
 
 
-def _rehearsed(bench: Rig, wanted: Reference, wire: WireModel) -> tuple[Reference, Feasibility]:
-    """What is wanted from where the wire is now, and how near the wire comes to it. Nothing is heated."""
-    measured = bench.heater.exchange(0.0)
+def _simulated(rig: Rig, given: Reference, wire: WireModel) -> tuple[Reference, Feasibility]:
+    """The reference with the approach from the present state of the wire, and its simulation. Nothing is heated."""
+    measured = rig.measure()
     check_thermocouple(measured)
     start_mm = start_displacement_mm(wire.model, measured)
-    given = wanted.with_approach(start_mm, APPROACH_S)
-    bench.check_balance(wire.balance)
+    given = given.with_approach(start_mm, APPROACH_S)
+    rig.check_balance(wire.balance)
     start = WireState(measured.temperature_c, wire.model.initial_state(measured.temperature_c, start_mm))
-    return given, simulate_run(given, wire, HysteresisInverse(wire.model), tracking_settings(bench.config), start)
+    return given, simulate_run(given, wire, HysteresisInverse(wire.model), tracking_settings(rig.config), start)
 
 
-def _recorded(
+def _track(
     log_file: Path,
-    bench: Rig,
+    rig: Rig,
     wire: WireModel,
     given: Reference,
     nearest: Reference,
@@ -111,56 +109,51 @@ def _recorded(
     *,
     quiet: bool,
 ) -> LoopMetrics:
-    """Track the reference `nearest` to what was given, logged to `log_file`, shown unless `quiet`. TripError."""
+    """Track `nearest`, the reference nearest to the given one; shown unless `quiet`. Raises TripError."""
     experiment = nearest, wire.model, wire.balance, HysteresisInverse(wire.model)
     with (
         record_tracking(
-            log_file, bench, *experiment, given_reference=reference_text(given), caveats=json.dumps(caveats)
+            log_file, rig, *experiment, given_reference=reference_text(given), caveats=json.dumps(caveats)
         ) as recorder,
-        watched(recorder, "tracking", nearest.duration_s, bench.config.limits.current_max_a, quiet=quiet) as record,
+        watched(recorder, "tracking", nearest.duration_s, rig.config.limits.current_max_a, quiet=quiet) as record,
     ):
-        return bench.track(*experiment, record)
+        return rig.track(*experiment, record)
 
 
-def _tell(log: Log, loop: LoopMetrics | None, output: Output, *, tripped: str | None) -> None:
-    """The figures of the run, to its end or to the trip that cut it."""
-    figures = tracking_metrics(log, loop or tripped_loop_metrics(log))
-    doubts = tracking_caveats(log)
-    output.table(HEADER, [table_row("tracking", figures)])
-    _beware(doubts, output)
+def _print_metrics(log: Log, loop: LoopMetrics | None, output: Output, *, tripped: str | None) -> None:
+    """Print the metrics of the run to its end, or to its trip."""
+    metrics = tracking_metrics(log, loop or tripped_loop_metrics(log))
+    caveats = tracking_caveats(log)
+    output.table(HEADER, [table_row("tracking", metrics)])
+    output.warn(caveats)
     output.say(f"log: {log.path}")
-    output.result({**asdict(figures), "caveats": doubts, "tripped": tripped})
-
-
-def _beware(caveats: Iterable[str], output: Output) -> None:
-    for caveat in caveats:
-        output.say(f"beware: {caveat}")
+    output.result({**asdict(metrics), "caveats": caveats, "tripped": tripped})
 
 
 def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
-    """Where the wire is: as measured, or else as the model has it for a wire that was cold before."""
+    """The measured displacement, or else the model's for a wire that was cold before."""
     if isfinite(measured.displacement_mm):
         return measured.displacement_mm
     return model.initial_state(measured.temperature_c).y
 
 
 def read_reference(text: str) -> Reference:
-    """The reference of a CSV file, or of a one-line form."""
+    """The reference in a CSV file, or of a one-line form such as `sine:low_mm=2,high_mm=9,period_s=56`."""
     path = Path(text)
-    if TABLE.names(path) or path.is_file():
+    if TABLE.has_ending(path) or path.is_file():
         table = read_table(path)
         return Reference.from_samples(table.column("time_s"), table.column("displacement_mm"))
     return parse_reference(text)
 
 
-def table_row(name: str, figures: TrackingMetrics) -> tuple[str, ...]:
-    """One line of the table of figures."""
+def table_row(name: str, metrics: TrackingMetrics) -> tuple[str, ...]:
+    """A row of the table of metrics, as `HEADER` names the columns."""
     return (
         name,
-        _percent(figures.rms_percent),
-        _percent(figures.max_percent),
-        str(figures.trips),
-        str(figures.missed_deadlines),
+        _percent(metrics.rms_percent),
+        _percent(metrics.max_percent),
+        str(metrics.trips),
+        str(metrics.missed_deadlines),
     )
 
 
@@ -169,12 +162,13 @@ def _percent(value: float) -> str:
 
 
 def model_file(config: RigConfig, option: Path | None) -> Path:
-    """The model file of the option, or else of the rig file; ConfigError when neither names one."""
+    """The model file of the option, or else of the rig file. ConfigError when neither names one."""
     if option is not None:
         return option
     if config.model is None:
         raise ConfigError(
-            f"rig '{config.name}' names no model: excite and identify its wire, "
-            "then pass --model or set model in the rig file"
+            "the rig file names no model",
+            where=f"rig '{config.name}'",
+            cure="excite and identify its wire, then pass --model or set model in the rig file",
         )
     return Path(config.model)

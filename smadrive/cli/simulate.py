@@ -1,4 +1,4 @@
-"""`smadrive simulate`: a model's output for the input path in a file."""
+"""`smadrive simulate`: the output of a model for the input in a file."""
 
 from __future__ import annotations
 
@@ -8,20 +8,21 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.output import AsJson, Output
-from smadrive.files.atomic import TABLE, check_output
+from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import read_table, write_table
+from smadrive.files.kinds import TABLE
 from smadrive.hysteresis import load_model
 
 
 def main(
     model: Annotated[Path, typer.Argument(help="Model file (JSON), as written by `identify`.")],
-    csv: Annotated[Path, typer.Argument(help="CSV with the input path.")],
+    csv: Annotated[Path, typer.Argument(help="CSV with the input.")],
     output_file: Annotated[Path, typer.Option("--output-file", "-o", help="CSV to write.")],
     input_column: Annotated[str, typer.Option("--input", help="Column of the input.")] = "temperature_c",
     output_column: Annotated[str, typer.Option("--output", help="Column to write.")] = "displacement_mm",
     as_json: AsJson = False,
 ) -> None:
-    """Simulate MODEL along the input path in CSV and write the outputs beside it."""
+    """Simulate MODEL for the input in CSV, and write its output as a further column."""
     output = Output(as_json)
     check_output(output_file, TABLE, model, csv)
     table = read_table(csv)

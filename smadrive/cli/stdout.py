@@ -1,7 +1,7 @@
-"""Standard output as the commands write to it: what cannot be written is told in one sentence, once.
+"""Standard output of the commands: a failed write is one ConfigError, instead of a traceback and a message at exit.
 
-Python tells it by a traceback, and once more at its end. Each line is written at once, so that the command which wrote
-it learns of it: with a heater on, that command still knows how to end. A pipe that its reader has closed is no fault.
+Each line is written at once, so that the command that prints it gets the error, and can still switch a heater off. A
+pipe that its reader has closed is not an error for the user.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class _Output(io.FileIO):
     _has_failed = False
 
     def write(self, content: ReadableBuffer, /) -> int:
-        """ConfigError when it cannot be written, and BrokenPipeError when nobody reads it; afterwards it is dropped."""
+        """Write the content. The first failure raises ConfigError, or BrokenPipeError; output after it is dropped."""
         if self._has_failed:
             return len(memoryview(content))
         try:
@@ -31,12 +31,12 @@ class _Output(io.FileIO):
             if isinstance(error, BrokenPipeError):
                 raise
             raise ConfigError(
-                f"standard output cannot be written ({error.strerror}): is its disk full? send it elsewhere"
+                f"cannot be written: {error.strerror}", where="standard output", cure="redirect it to another place"
             ) from None
 
 
 def open_stdout() -> None:
-    """Put it in the place of Python's. Where none is open it leads nowhere, and no other file gets its number."""
+    """Replace Python's standard output. A closed one becomes the null device, so that no file gets its descriptor."""
     if sys.stdout is None:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 (open as long as the program lasts)
         return

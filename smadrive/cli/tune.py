@@ -31,41 +31,45 @@ from smadrive.wire.wire_file import load_wire_file
 from smadrive.wire.wire_model import travel_mm
 
 LOW, HIGH, PERIOD_S = 0.2, 0.8, 56.0
-"""The reference that is offered when none is given: a slow sine over the middle of the travel."""
+"""The default reference: a slow sine over the middle of the travel."""
 
 
 def main(
     rig: RigFile,
     reference: Annotated[
         list[str] | None,
-        typer.Option(help="To be offered: CSV (time_s, displacement_mm) or sine:low_mm=…; repeatable."),
+        typer.Option(
+            help="Reference to offer on the page: CSV (time_s, displacement_mm) or sine:low_mm=…; repeatable."
+        ),
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="Model file; that of the rig file by default.")] = None,
-    folder: Annotated[Path, typer.Option("--output-dir", "-o", help="Where saved models and rigs go.")] = Path(),
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the page on 127.0.0.1; 0: any free one.")] = 5006,
+    model: Annotated[Path | None, typer.Option(help="Model file; the one of the rig file by default.")] = None,
+    folder: Annotated[Path, typer.Option("--output-dir", "-o", help="Folder for saved models and rigs.")] = Path(),
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="Port of the page on 127.0.0.1; 0 picks a free one.")
+    ] = 5006,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Open the live tuning page of RIG. Ctrl-C switches the heater off and ends it."""
+    """Open the live tuning page of RIG. Ctrl-C switches the heater off and ends the command."""
     if importlib.util.find_spec("bokeh") is None:
-        raise ConfigError("the tuning page needs bokeh: install it with .venv/bin/pip install 'smadrive[tune]'")
+        raise ConfigError("the tuning page needs bokeh", cure="install it with .venv/bin/pip install 'smadrive[tune]'")
     output = Output(as_json)
     config = load_rig(rig)
-    known = load_wire_file(model_file(config, model))
-    tuning = Tuning.of(known.model, config.feedback, "as loaded", known.caveats)
-    references = _references(reference or [], known.model)
+    wire_file = load_wire_file(model_file(config, model))
+    tuning = Tuning.of(wire_file.model, config.feedback, "as loaded", wire_file.caveats)
+    references = _references(reference or [], wire_file.model)
     with (
         ParcelPair() as parcels,
-        BuilderProcess(parcels) as workshop,
+        BuilderProcess(parcels) as builder,
         ControlEnd() as channel,
-        Rig(config) as bench,
+        Rig(config) as open_rig,
     ):
-        _check_real_time(bench)
-        balance = known.balance or bench.nominal_balance
-        bench.check_balance(balance)
+        _check_real_time(open_rig)
+        balance = wire_file.balance or open_rig.nominal_balance
+        open_rig.check_balance(balance)
         page = TuningPage(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
         view = TuneView(config.name, page, channel)
-        session = TuningSession(bench, tuning, balance, references, channel, workshop, view.tick)
+        session = TuningSession(open_rig, tuning, balance, references, channel, builder, view.tick)
         with page:
             output.say(f"{config.name}: {page.url}")
             output.result({"url": page.url, "pid": page.server.pid})
@@ -76,19 +80,21 @@ def main(
                 session.run()
 
 
-def _check_real_time(bench: Rig) -> None:
-    if isinstance(bench.clock, VirtualClock):
+def _check_real_time(rig: Rig) -> None:
+    """ConfigError on a virtual clock, which runs too fast to watch."""
+    if isinstance(rig.clock, VirtualClock):
         raise ConfigError(
-            f"rig '{bench.config.name}': on sim:// time is virtual, nobody could watch it: serve the simulated device "
-            "with `firmware-sim SIM --pty PATH`, and give serial://PATH as its url"
+            "the page needs real time, and sim:// time is virtual",
+            where=f"rig '{rig.config.name}'",
+            cure="serve the simulated device with `firmware-sim SIM --pty PATH`, and give serial://PATH as its url",
         )
 
 
 def _references(given: list[str], wire: HysteresisModel) -> dict[str, Reference]:
     ends_mm = travel_mm(wire)
     references = {text: read_reference(text) for text in given}
-    for wanted in references.values():
-        wanted.check_within(ends_mm)
+    for one in references.values():
+        one.check_within(ends_mm)
     if references:
         return references
     cold_mm, hot_mm = ends_mm

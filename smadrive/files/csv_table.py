@@ -1,13 +1,13 @@
-"""Tables of samples: CSV files whose columns are chosen by name, every cell of which must be a finite number.
+"""Tables of samples: CSV files whose columns are read by name as finite numbers.
 
-Columns that nobody asked for are carried along as text, untouched.
+The other columns are kept as text, unchanged.
 """
 
 from __future__ import annotations
 
 import csv
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -18,33 +18,33 @@ from smadrive.errors import DataError
 from smadrive.files.atomic import replacing
 from smadrive.files.kinds import TABLE, check_kind
 from smadrive.files.number_text import parse_number, shortened
-from smadrive.files.spelling import nearest
+from smadrive.files.spelling import suggestion_or_list
 
 Array = NDArray[np.float64]
 
 OTHER_SEPARATORS = (";", "\t")
-"""What spreadsheets write where the comma is the decimal sign."""
+"""The separators of spreadsheets in languages with a decimal comma."""
 
 
 LARGEST = 1e12
-"""No sample is larger in any unit of use; the square of 1e300 would overflow."""
+"""The largest number; no sample in a usual unit is larger, and the square of 1e300 would overflow."""
 
 MOST_BYTES = 1 << 29
-"""Ten days at 20 Hz with three columns; in memory a table takes ten times as much as on the disk."""
+"""The largest file: ten days at 20 Hz with three columns. A table takes ten times as much memory."""
 
 
 @dataclass(frozen=True)
 class Table:
-    """The cells of a CSV file as text, by column; `lines` tells the line of each row."""
+    """The cells of a CSV file as text, by column; `lines` has the line number of each row."""
 
     path: Path
     cells: dict[str, list[str]] = field(repr=False)
     lines: list[int] = field(repr=False)
 
     def column(self, name: str) -> Array:
-        """The column as float64. DataError names the file, the row and the cell that is no finite number."""
+        """The column as float64. DataError names the line and the cell that is not a finite number."""
         if name not in self.cells:
-            raise DataError(f"{self.path}: no column '{name}'" + nearest(name, self.cells))
+            raise DataError(f"no column '{name}'", where=self.path, cure=suggestion_or_list(name, self.cells))
         values = np.empty(len(self.cells[name]))
         for row, cell in enumerate(self.cells[name]):
             values[row] = self._number(name, row, cell)
@@ -57,53 +57,77 @@ class Table:
             value = np.nan
         where = f"{self.path}, line {self.lines[row]}, column '{name}'"
         if not np.isfinite(value):
-            raise DataError(f"{where}: {shortened(cell)} is not a finite number: correct or remove the line")
+            raise DataError(f"{shortened(cell)} is not a finite number", where=where, cure="correct or remove the line")
         if abs(value) > LARGEST:
-            raise DataError(f"{where}: {cell} is larger than {LARGEST:g}: correct it, or use another unit")
+            raise DataError(
+                "too large a number", where=where, value=cell, limit=LARGEST, cure="correct it, or use another unit"
+            )
         return value
 
 
 def read_table(path: Path) -> Table:
     """The CSV file at `path`.
 
-    DataError when it is missing, too large, empty, without header, ragged, or separated otherwise, and when two columns
-    have the same name.
+    DataError when it is missing, too large or empty, when lines differ in their number of cells, when another separator
+    is used, and when two columns have the same name.
     """
     check_kind(path, TABLE)
     rows = _rows(path)
     if len(rows) < 2:
-        raise DataError(f"{path}: no samples: a header line and at least one line of numbers are needed")
+        raise DataError("no samples", where=path, cure="write a header line and at least one line of numbers")
     header = [name.strip() for name in rows[0][1]]
-    separator = next((known for known in OTHER_SEPARATORS if known in header[0]), None)
-    if len(header) == 1 and separator is not None:
-        raise DataError(f"{path}: separated by {separator!r}: write it with commas between cells, and decimal points")
+    _check_separator(path, header)
     for line, row in rows[1:]:
-        if len(row) != len(header):
-            raise DataError(f"{path}, line {line}: {len(row)} cells, the header has {len(header)}: repair the line")
+        _check_length(path, line, row, header)
     columns = [(name, [row[n] for _, row in rows[1:]]) for n, name in enumerate(header)]
     named = [(name, cells) for name, cells in columns if name or any(cells)]  # spreadsheets leave empty columns behind
-    twice = [name for name, times in Counter(name for name, _ in named).items() if times > 1]
-    if twice:
-        raise DataError(f"{path}: {len(named)} columns, two of them named {shortened(twice[0])}: rename or remove one")
+    _check_names(path, [name for name, _ in named])
     return Table(path, dict(named), [line for line, _ in rows[1:]])
 
 
+def _check_separator(path: Path, header: Sequence[str]) -> None:
+    separator = next((sign for sign in OTHER_SEPARATORS if sign in header[0]), None)
+    if len(header) == 1 and separator is not None:
+        raise DataError(
+            f"cells are separated by {separator!r}", where=path, cure="separate them by commas, and use decimal points"
+        )
+
+
+def _check_length(path: Path, line: int, row: Sequence[str], header: Sequence[str]) -> None:
+    if len(row) != len(header):
+        raise DataError(
+            "the line and the header differ in their number of cells",
+            where=f"{path}, line {line}",
+            value=len(row),
+            limit=len(header),
+            cure="repair the line",
+        )
+
+
+def _check_names(path: Path, names: Sequence[str]) -> None:
+    twice = [name for name, times in Counter(names).items() if times > 1]
+    if twice:
+        raise DataError(f"two columns are named {shortened(twice[0])}", where=path, cure="rename or remove one of them")
+
+
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """The lines that are not empty, each with its number and its cells."""
+    """The number and the cells of each line that is not empty."""
     try:
         if path.stat().st_size > MOST_BYTES:
-            raise DataError(f"{path}: {path.stat().st_size} bytes, at most {MOST_BYTES} are read: split the table")
+            raise DataError(
+                "too large a table", where=path, value=f"{path.stat().st_size} bytes", limit=MOST_BYTES, cure="split it"
+            )
         with path.open(newline="", encoding="utf-8-sig") as file:
             reader = csv.reader(file, strict=True)
             return [(reader.line_num, row) for row in reader if row]
     except FileNotFoundError:
-        raise DataError(f"{path}: no such file") from None
+        raise DataError("no such file", where=path) from None
     except (OSError, ValueError, csv.Error) as error:
-        raise DataError(f"{path}: cannot be read as CSV ({error})") from None
+        raise DataError(f"cannot be read as CSV: {error}", where=path) from None
 
 
 def write_table(path: Path, carried: Mapping[str, list[str]], added: Mapping[str, Array]) -> None:
-    """Write the carried columns as they were and the added ones as numbers, completely or not at all (DataError)."""
+    """Write the `carried` columns unchanged and the `added` ones as numbers; DataError when it cannot be written."""
     columns = {name: cells for name, cells in carried.items() if name not in added}
     columns |= {name: [repr(float(value)) for value in values] for name, values in added.items()}
     with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:

@@ -1,8 +1,8 @@
-"""What kind of file lies there: one that is given in place of another is called by what it is.
+"""The kinds of files: how each is recognized, named and written. A file of another kind is rejected by its own name.
 
-A TOML file is known by keys that every file of its kind has and none of another kind, a model by those of its JSON,
-the rest by how they begin. A file that shows none of this, or that is damaged there, is of no known kind: whoever reads
-it says what is wrong with it. Only a regular file is ever opened: a pipe waits for a writer, a device may never end.
+A TOML file is recognized by keys that every file of its kind has and no other kind has, a model by the keys of its
+JSON, the others by their first bytes. A damaged file may be of no known kind; its reader then reports the damage. Only
+regular files are opened: a pipe waits for a writer, and a device may never end.
 """
 
 from __future__ import annotations
@@ -20,16 +20,17 @@ from smadrive.files.number_text import parse_number, shortened
 from smadrive.files.toml import parse_toml
 
 HEAD_BYTES = 1 << 20
-"""Of a file so much is looked at; every config and every model is smaller."""
+"""This much of a file is examined; every config and every model is smaller."""
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 @dataclass(frozen=True)
 class FileKind:
-    """A kind of file: how messages call it, where to get one, what its reader raises.
+    """A kind of file: its name in messages, how to get one, and the error of its reader.
 
-    `marks` are the keys that it is known by; `folder`, below `configs`, holds the shipped ones.
+    `marks`: the keys that identify it. `folder`: the folder of the shipped ones, below `configs`. `endings`: how the
+    name of an output file of this kind ends. `is_record`: it cannot be made again, so it is never overwritten.
     """
 
     what: str
@@ -37,6 +38,12 @@ class FileKind:
     error: type[ConfigError] = ConfigError
     marks: frozenset[str] = frozenset()
     folder: str = ""
+    endings: tuple[str, ...] = (".toml",)
+    is_record: bool = False
+
+    def has_ending(self, path: Path) -> bool:
+        """Whether the name of `path` ends as a file of this kind does."""
+        return path.suffix.lower() in self.endings
 
 
 def _config(what: str, folder: str, *marks: str) -> FileKind:
@@ -55,10 +62,17 @@ MODEL = FileKind(
     "give one (.json) that `smadrive identify` wrote",
     ModelError,
     marks=frozenset({"schema", "kind", "input_range"}),
+    endings=(".json",),
 )
-LOG = FileKind("a log", "give one (.h5) that `excite`, `run` or `demo` wrote", DataError)
-TABLE = FileKind("a table (CSV)", "give a .csv with a header line", DataError)
-PAGE = FileKind("a page (HTML)", "give an .html file", DataError)
+LOG = FileKind(
+    "a log",
+    "give one (.h5) that `excite`, `run` or `demo` wrote",
+    DataError,
+    endings=(".h5", ".hdf5", ".nxs"),
+    is_record=True,
+)
+TABLE = FileKind("a table (CSV)", "give a .csv with a header line", DataError, endings=(".csv",))
+PAGE = FileKind("a page (HTML)", "give an .html file", DataError, endings=(".html", ".htm"))
 
 
 _IRREGULAR = {
@@ -70,33 +84,35 @@ _IRREGULAR = {
 }
 
 
-def irregular_kind(found: os.stat_result) -> str | None:
-    """What that is which is no regular file; None when it is one."""
-    return None if stat.S_ISREG(found.st_mode) else _IRREGULAR.get(stat.S_IFMT(found.st_mode), "something else")
+def irregular_kind(status: os.stat_result) -> str | None:
+    """What a file is that is not a regular file, such as 'a pipe'; None for a regular file."""
+    return None if stat.S_ISREG(status.st_mode) else _IRREGULAR.get(stat.S_IFMT(status.st_mode), "something else")
 
 
 def check_regular(path: Path, error: type[ConfigError | DataError | ModelError]) -> None:
-    """The given error when something other than a regular file is at `path`; whether anything is, its reader tells."""
+    """Raise `error` when `path` is not a regular file. A missing file is left to its reader."""
     try:
         kind = irregular_kind(path.stat())
     except OSError:
         return
     except ValueError as problem:
-        raise error(f"{shortened(str(path))}: is no path ({problem}): give the path of a file") from None
+        raise error(f"not a path: {problem}", where=shortened(str(path)), cure="give the path of a file") from None
     if kind:
-        raise error(f"{path}: is {kind}, no regular file: give the path of a file")
+        raise error(f"is {kind}, not a regular file", where=path, cure="give the path of a file")
 
 
-def check_kind(path: Path, wanted: FileKind, cure: str = "") -> None:
-    """The error of `wanted` when the file is one of another kind, with its cure or the given one, or no regular one."""
-    check_regular(path, wanted.error)
-    found = _kind_of(path, wanted)
-    if found not in (None, wanted):
-        raise wanted.error(f"{path}: is {found.what}, and {wanted.what} is wanted here: {cure or wanted.cure}")
+def check_kind(path: Path, expected: FileKind, cure: str = "") -> None:
+    """Raise the error of `expected` when the file is of another kind or not a regular file; `cure` replaces its own."""
+    check_regular(path, expected.error)
+    found = _kind_of(path, expected)
+    if found not in (None, expected):
+        raise expected.error(
+            f"is {found.what}, and {expected.what} is needed here", where=path, cure=cure or expected.cure
+        )
 
 
-def _kind_of(path: Path, wanted: FileKind) -> FileKind | None:
-    """The kind of the file, `wanted` before others; None when it is of none, or cannot be read."""
+def _kind_of(path: Path, expected: FileKind) -> FileKind | None:
+    """The kind of the file, `expected` tried first; None when it is unknown or the file cannot be read."""
     try:
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
@@ -109,7 +125,7 @@ def _kind_of(path: Path, wanted: FileKind) -> FileKind | None:
         return PAGE
     if text.startswith("{"):
         return _marked(_keys(json.loads, text), MODEL)
-    return _marked(_keys(parse_toml, text), wanted, *CONFIGS) or (TABLE if _is_table(text) else None)
+    return _marked(_keys(parse_toml, text), expected, *CONFIGS) or (TABLE if _is_table(text) else None)
 
 
 def _marked(keys: frozenset[str], *kinds: FileKind) -> FileKind | None:
@@ -124,7 +140,7 @@ def _keys(parse: Any, text: str) -> frozenset[str]:
 
 
 def _is_table(text: str) -> bool:
-    """A header line, and below it a line of as many cells with a number among them."""
+    """Whether a header line is followed by a line of as many cells, at least one of them a number."""
     try:
         header, first = list(csv.reader(text.splitlines()[:2], strict=True))
     except (ValueError, csv.Error):

@@ -1,4 +1,4 @@
-"""Where the files that ship with smadrive lie: device profiles, wires, rigs, simulated devices."""
+"""The files that ship with smadrive: device profiles, wires, rigs, simulated devices."""
 
 from __future__ import annotations
 
@@ -6,37 +6,44 @@ from pathlib import Path
 
 from smadrive.errors import ConfigError
 from smadrive.files.kinds import CONFIGS, FileKind, check_kind
-from smadrive.files.spelling import meant
+from smadrive.files.spelling import suggestion
 
 _PACKAGE = Path(__file__).parents[1]
 
 
 def configs_dir() -> Path:
-    """The folder `configs`: inside an installed package, beside it in a checkout."""
+    """The folder `configs`: inside an installed package, beside it in a checkout. ConfigError when it is missing."""
     for folder in (_PACKAGE / "configs", _PACKAGE.parent / "configs"):
         if folder.is_dir():
             return folder
-    raise ConfigError(f"no folder 'configs' in or beside {_PACKAGE}: reinstall smadrive")
+    raise ConfigError("no folder 'configs' in or beside it", where=_PACKAGE, cure="reinstall smadrive")
 
 
-def config_file(name: str | Path, wanted: FileKind) -> Path:
-    """The file at the path `name` (`*.toml`), or the shipped one of that name.
+def config_file(name: str | Path, expected: FileKind) -> Path:
+    """The path `name` (`*.toml`), or the path of the shipped file of that name.
 
-    ConfigError when it is a file of another kind, or neither: it names the shipped ones, or the one that was meant.
+    ConfigError when the file is of another kind than `expected`, or when no shipped file has that name.
     """
-    path, known = Path(name), _shipped(wanted.folder)
-    if path.suffix != ".toml" and str(name) in known:
-        return known[str(name)]
-    check_kind(path, wanted, cure=f"{wanted.cure}, or the name of a shipped one: {', '.join(known)}")
+    path, shipped = Path(name), _shipped(expected.folder)
+    if path.suffix != ".toml" and str(name) in shipped:
+        return shipped[str(name)]
+    check_kind(path, expected, cure=f"{expected.cure}, or the name of a shipped one: {', '.join(shipped)}")
     if path.suffix == ".toml":
         return path
-    others = " and ".join(kind.what for kind in CONFIGS if str(name) in _shipped(kind.folder))
     raise ConfigError(
-        f"'{name}' is neither a .toml file nor one of the shipped {wanted.folder}: {', '.join(known)}"
-        + (f"; it is the name of {others}" if others else meant(str(name), known))
+        f"neither a .toml file nor one of the shipped {expected.folder}",
+        where=f"'{name}'",
+        value=", ".join(shipped),
+        cure=_hint(str(name), shipped),
     )
 
 
+def _hint(name: str, shipped: dict[str, Path]) -> str:
+    """The kinds of the other shipped files of that name, or else a spelling suggestion."""
+    others = " and ".join(kind.what for kind in CONFIGS if name in _shipped(kind.folder))
+    return f"it is the name of {others}: give one of this list" if others else suggestion(name, shipped)
+
+
 def _shipped(folder: str) -> dict[str, Path]:
-    """The shipped files of a folder by their names; none below no folder."""
+    """The shipped files of a folder by their names; empty for a kind without a folder."""
     return {path.stem: path for path in sorted((configs_dir() / folder).glob("*.toml"))} if folder else {}

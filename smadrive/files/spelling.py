@@ -1,4 +1,4 @@
-"""What to say of a name that nobody knows: the one that was probably meant, or all that there are."""
+"""Spelling suggestions for an unknown name: the nearest known one, or the list of all."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import difflib
 from collections.abc import Iterable
 
 
-def meant(name: str, known: Iterable[str]) -> str:
-    """The tail of a message that has named all the `known`: the one nearest to `name`; empty when none is near."""
+def suggestion(name: str, known: Iterable[str]) -> str:
+    """The question `did you mean 'x'?` for the known name nearest to `name`; empty when none is near."""
     close = difflib.get_close_matches(name, sorted(known), n=1)
-    return f"; did you mean '{close[0]}'?" if close else ""
+    return f"did you mean '{close[0]}'?" if close else ""
 
 
-def nearest(name: str, known: Iterable[str]) -> str:
-    """The tail of a message about an unknown `name`: the nearest known one, or all of them."""
+def suggestion_or_list(name: str, known: Iterable[str]) -> str:
+    """The suggestion, or else `known are: x, y` with all known names."""
     names = sorted(known)
-    return meant(name, names) or f"; known are: {', '.join(names)}"
+    return suggestion(name, names) or f"known are: {', '.join(names)}"

@@ -1,6 +1,7 @@
-"""TOML texts into tables, within bounds that every config file keeps.
+"""Parsing of TOML texts with limits on their size.
 
-`tomllib` needs minutes for a key of many dots: its time grows with the square of their number. A short line bounds it.
+The time of `tomllib` grows with the square of the number of dots in a key, to minutes. A limit on the length of a line
+bounds it.
 """
 
 from __future__ import annotations
@@ -9,17 +10,17 @@ import tomllib
 from typing import Any
 
 MOST_CHARACTERS = 1 << 18
-"""The largest config that ships has some 8,000."""
+"""The largest shipped config has some 8,000."""
 
 MOST_LINE = 1000
-"""Characters of a line; the longest that ships has 255."""
+"""Characters of a line; the longest line of a shipped config has 255."""
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The tables of a text. ValueError, RecursionError for what is no TOML or out of bounds."""
+    """The tables of a TOML text. ValueError or RecursionError when it is not valid TOML, or too large."""
     if len(text) > MOST_CHARACTERS:
-        raise ValueError(f"{len(text)} characters long, at most {MOST_CHARACTERS} are read: is it a config file?")
+        raise ValueError(f"{len(text)} characters long, at most {MOST_CHARACTERS} are allowed: is it a config file?")
     for number, line in enumerate(text.split("\n"), 1):
         if len(line) > MOST_LINE:
-            raise ValueError(f"line {number} has {len(line)} characters, at most {MOST_LINE} are read: break it")
+            raise ValueError(f"line {number} has {len(line)} characters, at most {MOST_LINE} are allowed: break it")
     return tomllib.loads(text)

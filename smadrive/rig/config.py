@@ -1,11 +1,11 @@
-"""A rig file: which devices, which wire, which limits. What it may contain, and its loading."""
+"""The rig file: devices, wire, limits, excitation and feedback; its schema and its loading."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from math import inf
 from pathlib import Path
-from typing import Literal, NamedTuple, Self
+from typing import Any, Literal, NamedTuple, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
@@ -16,10 +16,10 @@ from smadrive.files.shipped import config_file
 
 
 class DeviceConfig(Section):
-    """One device of the rig: where it is, which profile describes it, and what of it the rig uses.
+    """One device of the rig: its address, its profile, and the part of it that the rig uses.
 
-    `measures`: the quantities taken from it, all that its profile binds if left out. `rate_hz`: how often a measuring
-    device is read, at every tick if left out, and never faster than it converts.
+    `measures`: the quantities taken from it; all that its profile has a register for if left out. `rate_hz`: how often
+    a sensor is read; at every tick if left out, and never faster than it converts.
 
     `full_scale_a`, `full_scale_v`: what a board that is commanded by duty drives through this wire at 100 %.
     """
@@ -35,7 +35,7 @@ class DeviceConfig(Section):
 
 
 class LimitsConfig(Section):
-    """What must never be exceeded; every layer of safety takes its limits from here. Left out: not limited."""
+    """The limits of the rig, for every layer of safety. A limit that is left out does not apply."""
 
     current_max_a: float = Field(gt=0)
     temperature_max_c: float = Field(le=600)
@@ -50,7 +50,7 @@ class LimitsConfig(Section):
 
 
 class ExcitationConfig(Section):
-    """Between which temperatures, and how fast, the identification experiment drives the wire."""
+    """The identification experiment: its lowest and highest temperature and its rate."""
 
     low_c: float
     high_c: float
@@ -58,12 +58,12 @@ class ExcitationConfig(Section):
 
 
 class FeedbackConfig(Section):
-    """How fast the temperature loop is; the gains follow from the heat balance.
+    """The speed of the temperature loop; its gains follow from the heat balance.
 
-    `closed_loop_s` is `LOOP_PERIODS` periods at the fastest if it is left out.
-    `feedforward_share` of the feedforward's power is used: all of it, or less to see what the feedback does alone.
-    `adapt` lets the tuning page's session adapt the rules to the measured displacement as soon as it is armed;
-    nothing else adapts them.
+    `closed_loop_s`: if left out, the default, or `LOOP_PERIODS` periods of the loop where these take longer.
+    `feedforward_share`: the part of the feedforward's power that is used; less than 1 shows the feedback alone.
+    `adapt`: the session of `tune` adapts the rules to the measured displacement once it is armed. No other command
+    adapts them.
     """
 
     closed_loop_s: float = Field(default=0.25, gt=0)
@@ -74,7 +74,7 @@ class FeedbackConfig(Section):
 
 
 LOOP_PERIODS = 2.5
-"""A temperature loop that shall settle in fewer of its own periods overshoots where the wire heats at full current."""
+"""A temperature loop that has to settle in fewer periods overshoots when the wire heats at full current."""
 
 
 class RigConfig(Section):
@@ -87,12 +87,12 @@ class RigConfig(Section):
     devices: tuple[DeviceConfig, ...] = Field(min_length=1)
     limits: LimitsConfig
     excitation: ExcitationConfig
-    feedback: FeedbackConfig = Field(default=FeedbackConfig(), validate_default=True)
+    feedback: FeedbackConfig = Field(default_factory=FeedbackConfig, validate_default=True)
 
     @field_validator("feedback")
     @classmethod
     def _no_faster_than_its_ticks(cls, feedback: FeedbackConfig, info: ValidationInfo) -> FeedbackConfig:
-        """Unless the file says how fast the loop is, a slow rig gets a slower one."""
+        """A slow rig gets a slower loop, unless the file sets `closed_loop_s`."""
         if "rate_hz" not in info.data or "closed_loop_s" in feedback.model_fields_set:
             return feedback
         closed_loop_s = max(feedback.closed_loop_s, LOOP_PERIODS / info.data["rate_hz"])
@@ -100,20 +100,30 @@ class RigConfig(Section):
 
     @model_validator(mode="after")
     def _agree(self) -> Self:
-        """Limits that contradict each other are refused before anything is heated."""
-        limits, excitation = self.limits, self.excitation
+        """Reject limits that contradict each other."""
+        self._check_names()
+        self._check_excitation()
+        self._check_limits()
+        self.check_feedback(self.feedback)
+        return self
+
+    def _check_names(self) -> None:
         names = [device.name for device in self.devices]
         if len(set(names)) < len(names):
             raise ValueError(f"two devices have the same name ({', '.join(names)}): give each its own")
-        if not excitation.low_c < excitation.high_c:
+
+    def _check_excitation(self) -> None:
+        low_c, high_c, limit_c = self.excitation.low_c, self.excitation.high_c, self.limits.temperature_max_c
+        if not low_c < high_c:
+            raise ValueError(f"excitation.low_c = {low_c:g} must be below excitation.high_c = {high_c:g}")
+        if not high_c < limit_c:
             raise ValueError(
-                f"excitation.low_c = {excitation.low_c:g} must be below excitation.high_c = {excitation.high_c:g}"
+                f"excitation.high_c = {high_c:g} must be below limits.temperature_max_c = {limit_c:g}, or the "
+                "experiment trips its own protection"
             )
-        if not excitation.high_c < limits.temperature_max_c:
-            raise ValueError(
-                f"excitation.high_c = {excitation.high_c:g} must be below "
-                f"limits.temperature_max_c = {limits.temperature_max_c:g}, or the experiment trips its own protection"
-            )
+
+    def _check_limits(self) -> None:
+        limits = self.limits
         for name, unit in (("temperature", "c"), ("displacement", "mm")):
             low, high = (getattr(limits, f"{name}_{end}_{unit}") for end in ("min", "max"))
             if low is not None and high is not None and not low < high:
@@ -125,80 +135,90 @@ class RigConfig(Section):
                 f"limits.watchdog_s = {limits.watchdog_s:g} is shorter than two periods of the loop "
                 f"({2.0 / self.rate_hz:g} s at rate_hz = {self.rate_hz:g}): raise it"
             )
-        self.check_feedback(self.feedback)
-        return self
 
     def check_feedback(self, feedback: FeedbackConfig) -> None:
-        """ConfigError for gains faster than the ticks: they would switch between no current and the full one."""
+        """ConfigError for a loop faster than its ticks: it would switch between no current and full current."""
         for name in ("closed_loop_s", "integral_s"):
             if getattr(feedback, name) < 1.0 / self.rate_hz:
                 raise ConfigError(
-                    f"rig '{self.name}': feedback.{name} = {getattr(feedback, name):g} is shorter than a period of the "
-                    f"loop ({1.0 / self.rate_hz:g} s at rate_hz = {self.rate_hz:g}): raise it"
+                    f"feedback.{name} is shorter than a period of the loop",
+                    where=f"rig '{self.name}'",
+                    value=f"{getattr(feedback, name):g} s",
+                    limit=f"{1.0 / self.rate_hz:g} s at rate_hz = {self.rate_hz:g}",
+                    cure="raise it",
                 )
 
     def in_folder(self, folder: Path) -> RigConfig:
-        """The same rig with the files that it names, not those that ship, looked for from `folder`."""
+        """The same rig, with the paths in it relative to `folder`; the names of shipped files stay."""
         devices = _in_folder(self.devices, folder)
         model = None if self.model is None else str(folder / self.model)
-        return self.model_copy(update={"wire": looked_for(folder, self.wire), "model": model, "devices": devices})
+        return self.model_copy(update={"wire": path_or_name(folder, self.wire), "model": model, "devices": devices})
 
     def at(self, url: str) -> RigConfig:
-        """The same rig with its devices at another address."""
+        """The same rig with all its devices at `url`."""
         return self.model_copy(
             update={"devices": tuple(device.model_copy(update={"url": url}) for device in self.devices)}
         )
 
 
-class RigAddresses(NamedTuple):
-    """What leads to the devices of a rig, and what counts as no current there (infinite: not told)."""
+class OffConfig(NamedTuple):
+    """The subset of a rig file that `off` needs. `current_max_a` is infinite when the limits cannot be read."""
 
     name: str
     devices: tuple[DeviceConfig, ...]
     current_max_a: float
 
 
-class _Devices(Section):
-    """As much of a rig file as who only switches off must understand."""
+class _OffSection(Section):
+    """The keys of a rig file without which nothing can be switched off."""
 
     devices: tuple[DeviceConfig, ...] = Field(min_length=1)
 
 
-ADDRESS = ("name", "profile", "url", "unit_id", "full_scale_a", "full_scale_v")
-"""The keys of a device by which it is reached."""
+ADDRESS_KEYS = ("name", "profile", "url", "unit_id", "full_scale_a", "full_scale_v")
+"""The keys of a device that `off` reads."""
 
 
 def _in_folder(devices: Iterable[DeviceConfig], folder: Path) -> tuple[DeviceConfig, ...]:
-    return tuple(device.model_copy(update={"profile": looked_for(folder, device.profile)}) for device in devices)
+    return tuple(device.model_copy(update={"profile": path_or_name(folder, device.profile)}) for device in devices)
 
 
-def looked_for(folder: Path, name: str) -> str:
-    """A path from `folder`, with the choice that may follow it, or the name of a shipped file as it is."""
+def path_or_name(folder: Path, name: str) -> str:
+    """A path relative to `folder`, with the choice that may follow it; the name of a shipped file stays as it is."""
     path = name.partition(":")[0]
     return str(folder / name) if path.endswith(".toml") else name
 
 
 def load_rig(name: str) -> RigConfig:
-    """The rig file at the path `name`, or the shipped rig of that name; the files it names count from its folder."""
+    """The rig file at the path `name`, or the shipped rig; the paths in it are relative to its folder. ConfigError."""
     path = rig_file(name)
     return load_config(path, RigConfig).in_folder(path.parent)
 
 
-def load_addresses(name: str) -> RigAddresses:
-    """Where the devices of that rig file are, whatever is wrong with the rest of it. ConfigError when it tells none."""
+def load_off_config(name: str) -> OffConfig:
+    """The devices of a rig file, whatever is wrong with the rest of it. ConfigError when these cannot be read."""
     path = rig_file(name)
     tables = read_toml(path)
-    told = tables.get("devices")
-    if isinstance(told, list):
-        told = [{key: one[key] for key in ADDRESS if key in one} if isinstance(one, dict) else one for one in told]
-    devices = validate({"devices": told} if told is not None else {}, _Devices, where=str(path)).devices
+    devices = validate(_address_tables(tables), _OffSection, where=str(path)).devices
     try:
         current_max_a = validate(tables.get("limits", {}), LimitsConfig, where=str(path)).current_max_a
     except ConfigError:
         current_max_a = inf
-    return RigAddresses(str(tables.get("name", path.stem)), _in_folder(devices, path.parent), current_max_a)
+    return OffConfig(str(tables.get("name", path.stem)), _in_folder(devices, path.parent), current_max_a)
+
+
+def _address_tables(tables: dict[str, Any]) -> dict[str, Any]:
+    """The devices with their address keys alone; a value that is no list of tables is left to the validation."""
+    devices = tables.get("devices")
+    if isinstance(devices, list):
+        devices = [_address_keys(device) if isinstance(device, dict) else device for device in devices]
+    return {} if devices is None else {"devices": devices}
+
+
+def _address_keys(device: dict[str, Any]) -> dict[str, Any]:
+    return {key: device[key] for key in ADDRESS_KEYS if key in device}
 
 
 def rig_file(name: str) -> Path:
-    """Where that rig file is."""
+    """The path of the rig file `name`, a path or the name of a shipped rig. ConfigError when there is none."""
     return config_file(name, RIG)

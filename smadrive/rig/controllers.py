@@ -1,6 +1,6 @@
-"""Which controller runs an experiment on a rig, put together from rig file, wire and model.
+"""The controllers of the experiments, made from rig file, wire and model.
 
-The rig runs it on the wire; a replay runs the same one on what was recorded.
+The rig runs such a controller on the wire; a replay runs the same controller on recorded measurements.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
 
 EXCITATION_SLOWER = 2.0
-"""How much slower the temperature loop is before the wire is known."""
+"""The temperature loop is slower by this factor before the wire is identified."""
 
 
 def excitation_controller(config: RigConfig, excitation: Excitation, balance: HeatBalance) -> TemperatureController:
-    """Follows the temperature path of an identification experiment with the nominal heat balance."""
+    """The controller that follows the temperature path of an identification experiment."""
     feedback = config.feedback
     return TemperatureController(
         excitation.temperature_c,
@@ -39,12 +39,12 @@ def tracking_controller(
     balance: HeatBalance,
     inverse: DisplacementInverse,
 ) -> TrackingController:
-    """Follows a displacement reference with the given inverse."""
+    """The controller that follows a displacement reference with the given inverse."""
     return TrackingController(reference, WireModel(model, balance), inverse, tracking_settings(config))
 
 
 def tracking_settings(config: RigConfig) -> TrackingSettings:
-    """What the rig file says about tracking."""
+    """The settings of the tracking controller in the rig file."""
     return TrackingSettings(
         period_s=1.0 / config.rate_hz,
         current_limit_a=config.limits.current_max_a,

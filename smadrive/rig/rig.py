@@ -1,7 +1,6 @@
-"""The rig: where the two columns meet. Config → devices, controller, loop.
+"""The rig: it connects devices, controller, supervisor and loop, and runs experiments on the wire.
 
-A `Rig` owns the port while its context lasts and offers what a bench does: `probe`, `excite`, `track`, `switch_off`.
-Nothing here computes and nothing here talks to a bus: it connects those who do.
+Nothing here computes, and nothing here sends a request: the controllers and the devices do.
 """
 
 from __future__ import annotations
@@ -20,6 +19,7 @@ from smadrive.control.loop import ControlLoop, LoopMetrics, StopRequested, Tick,
 from smadrive.control.references.reference import Reference
 from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.devices.identity import DeviceType, Proof
+from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.latch import TripLatch
 from smadrive.errors import ConfigError, SafetyError, TripError
 from smadrive.hysteresis import HysteresisModel
@@ -28,9 +28,9 @@ from smadrive.measurement import Measurement
 from smadrive.modbus.transports.transport import Transport
 from smadrive.rig.assembly import open_devices
 from smadrive.rig.config import RigConfig
+from smadrive.rig.config_checks import check_limits, check_same_wire
 from smadrive.rig.controllers import excitation_controller, tracking_controller
-from smadrive.rig.limits_check import check_limits
-from smadrive.rig.wire_check import check_same_wire
+from smadrive.rig.plan import STALE_PERIODS, plan_rig
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR
 from smadrive.safety.shutdown import ends_safe
@@ -42,32 +42,29 @@ from smadrive.wire.heat_balance import HeatBalance
 Record = Callable[[Tick], None]
 
 LAG_FACTOR = 3.0
-"""How much later than nominal the thermocouple may follow before its reading counts as implausible."""
+"""The thermocouple may lag this many times its nominal lag before its reading counts as implausible."""
 
 MISPLACED_S = 2.0
-"""For how long, besides that lag, a displacement may be one that the wire cannot have."""
-
-STALE_PERIODS = 3.0
-"""Measurements may be this many periods apart, however short `stale_after_s`."""
+"""A displacement outside the model's range is a fault after that lag and this time."""
 
 SAMPLED = 0.5
 """Longest time between two readings of the temperature, in time constants of the wire."""
 
 CURRENT_TOLERANCE_A = 0.05
-"""By how much the measured current may differ from the commanded one, and never more than a tenth of current_max_a."""
+"""Largest difference of measured and commanded current; at most a tenth of current_max_a is allowed."""
 
 RATE_EXCHANGES = 4
-"""How many exchanges are timed before the loop starts, to know whether the devices keep up with it."""
+"""This many exchanges are timed before the loop starts, to check that the devices keep up with its rate."""
 
 
 class Rig:
     """The devices of a rig file, connected. A context manager: leaving it puts every device into its safe state.
 
-    `transports` (by device name) take the place of the connections that the rig file names. `clock` is the time the
-    loops run in; without it that of the connection: real on a port, virtual on `sim://`. What passes on every bus is
-    traced to a file in `trace_folder`, if it is given (see TraceFile).
+    `transports` (by device name) replace the connections of the rig file. `clock` is the clock of the loops; by default
+    that of the connection: real on a port, virtual on `sim://`. With a `trace_folder` the traffic on every connection
+    is traced to a file there (see TraceFile).
 
-    ConfigError when the limits are none for the rig's wire.
+    ConfigError when the devices do not make up a rig, or the limits cannot be meant for its wire.
     """
 
     def __init__(
@@ -83,12 +80,14 @@ class Rig:
         self.nominal_balance = wire.heat_balance()
         self._clock = clock
         self._transports = transports or {}
+        profiles = {device.name: load_profile(device.profile) for device in config.devices}
+        self._plan = plan_rig(config, profiles, self._transports)
         self._trace_folder = trace_folder
 
     def __enter__(self) -> Self:
-        """Open the ports, check who is there, put everything into its safe state."""
+        """Open the ports, check the identity of every device in use, enter the safe state."""
         with ExitStack() as stack:
-            opened = open_devices(self.config, stack, self._clock, self._transports, self._trace_folder)
+            opened = open_devices(self._plan, stack, self._clock, self._transports, self._trace_folder)
             self.heater, self.devices, self.clock = opened.heater, opened.by_name, opened.clock
             self.heater.connect()
             self.latch = TripLatch(opened.key())
@@ -99,19 +98,19 @@ class Rig:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Safe state, then close the port, whatever happened; what happened stays the error that is told."""
+        """Enter the safe state, then close the ports. An error that ended the block stays the error that is raised."""
         self._on_exit.__exit__(kind, error, trace)
 
     @property
     def identities(self) -> dict[str, DeviceType]:
-        """The type of each device, by its name, and what the device has proved of it up to now."""
+        """The type of each device, by its name, and whether the device has proved it."""
         return {
             name: DeviceType(device.profile.profile.id, device.profile.profile.vendor, device.proof)
             for name, device in self.devices.items()
         }
 
     def identify(self) -> dict[str, DeviceType]:
-        """`identities`, after the devices that no run of this rig uses have been asked too.
+        """`identities`, after the devices that no run uses have been checked too.
 
         IdentityError when another device answers, TransportError when none does.
         """
@@ -122,8 +121,16 @@ class Rig:
 
     @property
     def period_s(self) -> float:
-        """The loop's period."""
+        """The period of the loop, in s."""
         return 1.0 / self.config.rate_hz
+
+    def measure(self) -> Measurement:
+        """One measurement at zero current. Raises what the exchange with the devices raises."""
+        return self.heater.exchange(0.0)
+
+    def enter_safe_state(self) -> None:
+        """Switch the heater off, confirmed by read-back; raises when it is not confirmed."""
+        self.heater.enter_safe_state()
 
     def excitation(self, start_c: float) -> Excitation:
         """The identification experiment of the rig file, for a wire found at `start_c`."""
@@ -132,9 +139,8 @@ class Rig:
 
     def excite(self, excitation: Excitation, record: Record) -> LoopMetrics:
         """Run the identification experiment; every tick goes to `record`."""
-        balance = self.nominal_balance
-        controller = excitation_controller(self.config, excitation, balance)
-        return self._run(controller, self._supervisor(balance), record)
+        controller = excitation_controller(self.config, excitation, self.nominal_balance)
+        return self._run(controller, self._supervisor(self.nominal_balance), record)
 
     def track(
         self,
@@ -158,8 +164,8 @@ class Rig:
     ) -> LoopMetrics:
         """Arm, run a controller on the wire of this heat balance to its end, disarm; every tick goes to `record`.
 
-        With the wire's `model` a displacement that it cannot have is a fault. `stop_requested` ends the run before the
-        next exchange. ConfigError as of `check_balance`.
+        With the wire's `model` a displacement outside its range at this temperature is a fault. `stop_requested` ends
+        the run before the next exchange. ConfigError as of `check_balance`.
         """
         self.check_balance(balance)
         return self._run(controller, self._supervisor(balance, model), record, stop_requested)
@@ -169,23 +175,31 @@ class Rig:
         check_same_wire(balance, self.nominal_balance, self.config.wire)
 
     def clear_faults(self) -> Measurement:
-        """Clear what is latched, on the devices and here; SafetyError names what persists."""
+        """Clear the latched faults of the devices and the trip latch; SafetyError names a fault that persists."""
         measurement = self.heater.clear_faults()
         self.latch.clear()
         return measurement
 
-    def rest(self, duration_s: float) -> None:
+    def cool_down(self, duration_s: float) -> None:
         """Let the wire cool with the heater off."""
-        self.heater.enter_safe_state()
+        self.enter_safe_state()
         self.clock.sleep_until(self.clock.now_s() + duration_s)
+
+    @property
+    def _where(self) -> str:
+        """The rig as error messages name it."""
+        return f"rig '{self.config.name}'"
 
     def _check_thermometer(self, balance: HeatBalance) -> None:
         """ConfigError when the wire can overheat between two readings."""
         period_s, most_s = self.heater.temperature_period_s, SAMPLED * balance.time_constant_s
         if period_s > most_s:
             raise ConfigError(
-                f"rig '{self.config.name}': the wire is read every {period_s:g} s, its time constant is "
-                f"{balance.time_constant_s:.2g} s: read it at least every {most_s:.2g} s, or take a faster thermometer"
+                f"the wire, of time constant {balance.time_constant_s:.2g} s, can overheat between two temperatures",
+                where=self._where,
+                value=f"read every {period_s:g} s",
+                limit=f"{most_s:.2g} s",
+                cure="raise the device's rate_hz, or use a faster thermometer",
             )
 
     def _supervisor(self, balance: HeatBalance, model: HysteresisModel | None = None) -> Supervisor:
@@ -211,7 +225,7 @@ class Rig:
         self, controller: Controller, supervisor: Supervisor, record: Record, stop_requested: StopRequested = never
     ) -> LoopMetrics:
         if (latched := self.latch.read()) is not None:
-            raise SafetyError(f"refused to arm: the last run tripped ({latched}). {CLEAR}")
+            raise SafetyError("refused to arm: the last run tripped", value=latched, cure=CLEAR)
         self._check_rate()
         loop = ControlLoop(self.heater, controller, supervisor, self.clock, self.period_s, record, stop_requested)
         try:
@@ -224,10 +238,13 @@ class Rig:
         """ConfigError when the devices cannot keep up with the rig's rate."""
         begun_s = self.clock.now_s()
         for _ in range(RATE_EXCHANGES):
-            self.heater.exchange(0.0)
+            self.measure()
         needed_s = (self.clock.now_s() - begun_s) / RATE_EXCHANGES
         if needed_s > self.period_s:
             raise ConfigError(
-                f"rig '{self.config.name}': the devices need {needed_s:.3f} s for one tick, rate_hz = "
-                f"{self.config.rate_hz:g} allows {self.period_s:.3f} s: set rate_hz to {0.8 / needed_s:.2g}"
+                "the devices are too slow for rate_hz",
+                where=self._where,
+                value=f"{needed_s:.3f} s a tick",
+                limit=f"{self.period_s:.3f} s",
+                cure=f"set rate_hz to {0.8 / needed_s:.2g}",
             )

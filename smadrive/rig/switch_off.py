@@ -1,7 +1,7 @@
-"""Switching off: every device of a rig into its safe state, the one that heats first, whatever else is broken.
+"""Switching off: every device of a rig enters its safe state, the one that heats first, whatever else is broken.
 
-Who switches off needs no wire, no limits, no sensor and no guardian. So of the rig file only the addresses of the
-devices are read, and a device that cannot be reached keeps no other from its safe state.
+Switching off needs no wire, no limits, no sensor and no guardian. So only the addresses of the devices are read from
+the rig file, and a device that cannot be reached does not keep another one from its safe state.
 """
 
 from __future__ import annotations
@@ -15,23 +15,25 @@ from smadrive.devices.guardian.duty import relieve
 from smadrive.devices.heating.heat_source import HeatSource
 from smadrive.devices.heating.zero_current import wait_for_zero_current
 from smadrive.devices.profile.profile import load_profile
-from smadrive.devices.state.key import DeviceKey, key_at
+from smadrive.devices.state.key import DeviceKey
 from smadrive.devices.state.latch import TripLatch
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.interrupts import HeldSignals
-from smadrive.rig.assembly import heat_source
-from smadrive.rig.config import DeviceConfig, RigAddresses, load_addresses
-from smadrive.rig.connections import HEATING, SIMULATED, Connections
+from smadrive.rig.assembly import heat_source, port_key
+from smadrive.rig.config import DeviceConfig, OffConfig, load_off_config
+from smadrive.rig.connections import Connections
+from smadrive.rig.plan import PlannedDevice, check_full_scales
 from smadrive.safety.shutdown import ShutdownOutcome, carry
 
-DoneT = TypeVar("DoneT")
+DeviceT = TypeVar("DeviceT")
+ResultT = TypeVar("ResultT")
 
 
 @dataclass(frozen=True)
 class SwitchedOff:
-    """Which devices confirmed their safe state, what heats among them; what is latched; why another one did not.
+    """The outcome: the devices that confirmed their safe state, all that heat among them, and the latched faults.
 
-    `warnings`: what could not be done after the heat sources were confirmed off.
+    `failure`: the first error of another device. `warnings`: what failed after the heat sources were confirmed off.
     """
 
     rig: str
@@ -42,10 +44,10 @@ class SwitchedOff:
 
 
 @dataclass(frozen=True)
-class _Off:
-    """A heat source that is confirmed off, its key (None: it ends with this process), and the faults that it tells."""
+class _SourceOff:
+    """A heat source that is confirmed off, its key (None: simulated), its trip latch, the faults that it reports."""
 
-    config: DeviceConfig
+    name: str
     source: HeatSource
     key: DeviceKey | None
     latch: TripLatch
@@ -53,33 +55,37 @@ class _Off:
 
 
 def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
-    """Put every device of the rig file `name` into its safe state, confirmed; then clear what is latched, if wanted.
+    """Put every device of the rig file `name` into its safe state, confirmed; with `clear_faults` then clear latches.
 
-    Every error before that is confirmed carries an unconfirmed ShutdownOutcome. The first signals meanwhile are not
-    obeyed (see HeldSignals). SafetyError when a fault persists.
+    An error before the heat sources are confirmed off carries an unconfirmed ShutdownOutcome. The first signals during
+    that time are not obeyed (see HeldSignals). SafetyError when a fault persists.
     """
     with ExitStack() as stack:
-        with _tells_when_unconfirmed(), HeldSignals():
-            rig = load_addresses(name)
-            connections = Connections(stack, trace_folder=None, insists=True)
-            heating = [device for device in rig.devices if _heats(device)]
-            off, unconfirmed = _each(heating, lambda device: _heat_off(device, connections, rig))
-            others = [device for device in rig.devices if device not in heating]
-            rested, failure = _each(others, lambda device: _rest(device, connections))
-            if unconfirmed is not None:
-                raise unconfirmed
-            if not off:
-                raise _nothing_heats(rig)
-        warnings = tuple(_relieve(off))
-        for one in off if clear_faults else ():
-            _clear(one)
-    devices = (*(one.config.name for one in off), *rested)
+        with _unconfirmed_on_error(), HeldSignals():
+            config = load_off_config(name)
+            connections = Connections(stack, trace_folder=None, ignores_locks=True)
+            devices, unreadable = _each(config.devices, _planned)
+            off, failure = _each(
+                [device for device in devices if device.heats],
+                lambda device: _switch_source_off(device, connections, config.current_max_a),
+            )
+            others, other_failure = _each(
+                [device for device in devices if not device.heats],
+                lambda device: _enter_safe_state(device, connections),
+            )
+            _check_complete(config, off, failure or (None if off else unreadable))
+        warnings = tuple(_relieve_guardians(off))
+        if clear_faults:
+            for one in off:
+                _clear(one)
     latched = () if clear_faults else tuple(fault for one in off for fault in _latched(one))
-    return SwitchedOff(rig.name, devices, latched, warnings, failure)
+    names = (*(one.name for one in off), *others)
+    return SwitchedOff(config.name, names, latched, warnings, unreadable or other_failure)
 
 
 @contextmanager
-def _tells_when_unconfirmed() -> Iterator[None]:
+def _unconfirmed_on_error() -> Iterator[None]:
+    """An error of the block carries an unconfirmed outcome."""
     try:
         yield
     except BaseException as error:
@@ -87,76 +93,69 @@ def _tells_when_unconfirmed() -> Iterator[None]:
         raise
 
 
-def _each(
-    devices: Iterable[DeviceConfig], act: Callable[[DeviceConfig], DoneT]
-) -> tuple[list[DoneT], Exception | None]:
-    """What comes of it for each device, and the first error: it keeps no other from its turn."""
-    done: list[DoneT] = []
+def _each(devices: Iterable[DeviceT], act: Callable[[DeviceT], ResultT]) -> tuple[list[ResultT], Exception | None]:
+    """The results of `act` for the devices, and the first error; an error does not end the series."""
+    results: list[ResultT] = []
     failure: Exception | None = None
     for device in devices:
         try:
-            done.append(act(device))
-        except Exception as error:  # noqa: BLE001  (whatever it is, the other devices get their turn)
+            results.append(act(device))
+        except Exception as error:  # noqa: BLE001  (whatever it is, the other devices are switched off)
             failure = failure or error
-    return done, failure
+    return results, failure
 
 
-def _heats(device: DeviceConfig) -> bool:
-    """Whether that is known of it; one whose profile cannot be read fails in its turn."""
-    try:
-        return load_profile(device.profile).profile.role in HEATING
-    except ConfigError:
-        return False
+def _planned(config: DeviceConfig) -> PlannedDevice:
+    """The device with its profile, without which it cannot be switched off (ConfigError)."""
+    return PlannedDevice(config, load_profile(config.profile))
 
 
-def _nothing_heats(rig: RigAddresses) -> ConfigError:
-    """Why: a profile that cannot be read, or a rig without one that heats."""
-    try:
-        for device in rig.devices:
-            load_profile(device.profile)
-    except ConfigError as error:
-        return error
-    return ConfigError(f"rig '{rig.name}': none of its devices heats: nothing was switched off")
+def _check_complete(config: OffConfig, off: Iterable[_SourceOff], failure: Exception | None) -> None:
+    """Raise the error that left a heat source unconfirmed; ConfigError when the rig has no heat source."""
+    if failure is not None:
+        raise failure
+    if not off:
+        raise ConfigError("no device of the rig heats; nothing was switched off", where=f"rig '{config.name}'")
 
 
-def _heat_off(config: DeviceConfig, connections: Connections, rig: RigAddresses) -> _Off:
-    profile = load_profile(config.profile)
-    key = None if config.url.startswith(SIMULATED) else key_at(config.url, profile, config.unit_id)
-    device = connections.device(config, profile, None, None)
-    source = heat_source(config, device, device.clock)
+def _switch_source_off(device: PlannedDevice, connections: Connections, current_max_a: float) -> _SourceOff:
+    check_full_scales(device)
+    key = port_key(device)
+    opened = connections.device(device)
+    source = heat_source(device, opened, opened.clock)
     source.connect()
-    seen = wait_for_zero_current(source, rig.current_max_a, device.clock)
+    seen = wait_for_zero_current(source, current_max_a, opened.clock)
     if key is not None:
-        key = key.with_identity(profile, device.identity)
-    return _Off(config, source, key, TripLatch(key), seen.faults)
+        key = key.with_identity(device.profile, opened.identity)
+    return _SourceOff(device.name, source, key, TripLatch(key), seen.faults)
 
 
-def _relieve(devices: Iterable[_Off]) -> Iterator[str]:
-    """The guardians that wait for these devices end; why they cannot be found is a warning."""
-    for key in (one.key for one in devices):
+def _enter_safe_state(device: PlannedDevice, connections: Connections) -> str:
+    """The name of a device that does not heat the wire, after its safe state: a controller could heat by itself."""
+    opened = connections.device(device)
+    opened.check_identity()
+    opened.enter_safe_state()
+    return device.name
+
+
+def _relieve_guardians(off: Iterable[_SourceOff]) -> Iterator[str]:
+    """End the guardians that wait for these devices; a warning for each device whose guardians cannot be found."""
+    for one in off:
         try:
-            if key is not None:
-                relieve(key)
+            if one.key is not None:
+                relieve(one.key)
         except SafetyError as error:
-            yield f"guardians that wait for this device are not relieved: {error}"
+            yield f"guardians that wait for '{one.name}' are not relieved: {error}"
 
 
-def _latched(off: _Off) -> list[str]:
-    """What stays latched, on the device and here."""
+def _latched(off: _SourceOff) -> list[str]:
+    """The faults that stay latched, on the device and in the trip latch."""
     return [*off.faults, *filter(None, [off.latch.read()])]
 
 
-def _clear(off: _Off) -> None:
-    """SafetyError for what persists."""
+def _clear(off: _SourceOff) -> None:
+    """Clear the faults of the device and its trip latch. SafetyError when a fault persists."""
     off.source.clear_faults()
     if faults := off.source.exchange(0.0).faults:
-        raise SafetyError(f"not cleared, the cause persists: {', '.join(faults)}")
+        raise SafetyError("not cleared: the cause persists", where=f"device '{off.name}'", value=", ".join(faults))
     off.latch.clear()
-
-
-def _rest(config: DeviceConfig, connections: Connections) -> str:
-    """One that only measures; a controller that could heat by itself has a safe state, too."""
-    device = connections.device(config, load_profile(config.profile), None, None)
-    device.check_identity()
-    device.enter_safe_state()
-    return config.name

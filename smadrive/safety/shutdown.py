@@ -1,8 +1,8 @@
 """Switching the heater off at the end of a run, and the outcome as a typed result.
 
-Every way out of a run (its end, a trip, an exception of any type, a signal) leads through `ends_safe`. No exception and
-no signal keeps the safe state from being written, and none hides how that ended: `ShutdownOutcome` says whether
-read-back confirmed the heater off. The error that ended the run carries the outcome; `shutdown_of` returns it.
+Every run ends in `ends_safe`: at its end, and after a trip, an exception of any type or a signal. No exception and no
+signal prevents the writing of the safe state or hides its outcome: `ShutdownOutcome` says whether read-back confirmed
+the heater off. The error that ended the run carries the outcome; `shutdown_of` returns it.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ _CARRIED_AS = "shutdown"
 
 @dataclass(frozen=True, slots=True)
 class ShutdownOutcome:
-    """How switching off ended: `failure` is None when read-back confirmed the heater off.
+    """The outcome of switching off: `failure` is None when read-back confirmed the heater off.
 
-    `signals` arrived meanwhile and were not obeyed, unless there were so many that they ended the tries (`aborted`).
-    `ended_run`: a run that may have heated ended so; the user is told of a confirmed outcome, too.
+    `signals` arrived meanwhile. They were not obeyed, unless their number ended the tries (`aborted`).
+    `ended_run`: the outcome belongs to a run that may have heated, so a confirmed outcome is printed, too.
     """
 
     failure: BaseException | None = None
@@ -40,7 +40,7 @@ class ShutdownOutcome:
 
     @property
     def aborted(self) -> bool:
-        """Whether the user ended the tries."""
+        """Whether the user ended the tries by signals."""
         return not self.confirmed and len(self.signals) >= ABORTS_AT
 
     def __str__(self) -> str:
@@ -51,7 +51,7 @@ class ShutdownOutcome:
         return f"{UNCONFIRMED} ({reason}): {CUT}"
 
     def obey_signals(self) -> None:
-        """Give the first signal to the program's own handler, which may raise."""
+        """Call the program's own handler with the first signal; it may raise."""
         if self.signals:
             signal.raise_signal(self.signals[0])
 
@@ -62,9 +62,9 @@ NOT_TRIED = ShutdownOutcome(RuntimeError("switching off was not tried"))
 def shut_down(
     enter_safe_state: Callable[[], object], before: ShutdownOutcome = NOT_TRIED, *, is_run: bool = False
 ) -> ShutdownOutcome:
-    """Switch off by `enter_safe_state`; whatever it raises becomes the outcome. Signals are held meanwhile.
+    """Switch off by `enter_safe_state`, with signals held; the outcome contains whatever it raises.
 
-    `before` is the outcome of an earlier try, whose signals count too.
+    `before` is the outcome of an earlier try; its signals count too.
     """
     held = HeldSignals(before.signals)
     failure: BaseException | None = None
@@ -77,7 +77,7 @@ def shut_down(
 
 
 def carry(error: BaseException, outcome: ShutdownOutcome) -> None:
-    """Have `error` carry the outcome of the latest try. Its traceback shows an unconfirmed one as a note."""
+    """Attach the outcome of the latest try to `error`, with a note if the heater is not confirmed off."""
     before = shutdown_of(error)
     if before is not None and not before.confirmed:
         error.__notes__ = [note for note in getattr(error, "__notes__", ()) if note != _note(error, before)]
@@ -87,18 +87,18 @@ def carry(error: BaseException, outcome: ShutdownOutcome) -> None:
 
 
 def shutdown_of(error: BaseException) -> ShutdownOutcome | None:
-    """The outcome that `error` carries; None when nothing was switched off because of it."""
+    """The outcome that is attached to `error`; None when there is none."""
     outcome: ShutdownOutcome | None = getattr(error, _CARRIED_AS, None)
     return outcome
 
 
 @contextmanager
 def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -> Iterator[None]:
-    """Switch the heater off by `enter_safe_state` when the block, perhaps a run that heats, ends, whatever ends it.
+    """Switch the heater off by `enter_safe_state` at the end of the block, whatever ends it.
 
-    The error that ended the block carries the outcome and is raised again; signals that arrived meanwhile do not take
-    its place. Without an error, the failure to switch off is raised, or else a signal that arrived meanwhile is obeyed.
-    A user who has aborted the switching off is not made to wait for another try.
+    `is_run`: the block may heat. The error that ended the block carries the outcome and is raised again; signals that
+    arrived meanwhile do not replace it. Without an error, the failure to switch off is raised, or else a signal that
+    arrived meanwhile is obeyed. There is no further try after the user has aborted one.
     """
     try:
         yield
@@ -119,5 +119,5 @@ def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -
 
 
 def _note(error: BaseException, outcome: ShutdownOutcome) -> str:
-    """The sentence of an unconfirmed outcome, without what `error` itself says."""
+    """The sentence of an unconfirmed outcome; the message of `error` itself is not repeated."""
     return f"{UNCONFIRMED}: {CUT}" if outcome.failure is error and not outcome.aborted else str(outcome)

@@ -1,7 +1,7 @@
-"""A simulated device in a process of its own, on a virtual serial port or TCP, as the demo and the tests use it.
+"""A simulated device in a process of its own, on a virtual serial port or TCP, for the demo and the tests.
 
-In virtual time the device lives on the driver's clock: at every jump the clock writes the new time to the simulator's
-standard input and goes on when the simulator has answered that it got there. In real time the device runs by itself.
+In virtual time the device follows the driver's clock in lockstep: at every jump the clock writes the new time to the
+simulator's standard input and waits for its answer. In real time the device runs by itself.
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from typing import Self
 from smadrive.clock import Clock, MonotonicClock, VirtualClock
 from smadrive.errors import TransportError
 
-ANSWER_WITHIN_S = 10.0
-"""How long to wait for the simulator to end before it is killed."""
+ENDS_WITHIN_S = 10.0
+"""The simulator is killed when it has not ended after this time."""
 
-PATIENT = "?latency_ms=5000"
-"""In lockstep time nothing else happens while a reply is on its way, so that a busy machine changes nothing."""
+LOCKSTEP_LATENCY = "?latency_ms=5000"
+"""In lockstep time nothing else happens while a reply is on its way, so a busy machine changes no result."""
 
 
 class ServedSimulator:
-    """`firmware-sim SIM` as a child process, a context manager: it serves at `url` and lives on `clock`.
+    """The child process `firmware-sim SIM`, a context manager: it serves at `url` and runs on `clock`.
 
-    `tcp`: Modbus TCP instead of a virtual serial port.
+    `tcp`: it serves Modbus TCP instead of a virtual serial port.
     """
 
     def __init__(
@@ -59,7 +59,7 @@ class ServedSimulator:
             bufsize=1,
             start_new_session=True,  # Ctrl-C is the driver's: it switches off through the bus, then ends the simulator
         )
-        self.url = self._answer() + (PATIENT if self._virtual is not None else "")
+        self.url = self._answer() + (LOCKSTEP_LATENCY if self._virtual is not None else "")
         if self._virtual is not None:
             self._virtual.follow(self._advance_to)
         return self
@@ -70,7 +70,7 @@ class ServedSimulator:
         """End the process."""
         self._process.terminate()
         try:
-            self._process.communicate(timeout=ANSWER_WITHIN_S)
+            self._process.communicate(timeout=ENDS_WITHIN_S)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.communicate()
@@ -81,12 +81,12 @@ class ServedSimulator:
         try:
             self._process.stdin.write(f"{time_s!r}\n")
         except BrokenPipeError:
-            raise TransportError("the simulated device has ended: see its log") from None
+            raise TransportError("the simulated device has ended", cure="see its log") from None
         self._answer()
 
     def _answer(self) -> str:
         line = self._process.stdout.readline() if self._process.stdout else ""
         if not line:
-            said = self._process.stderr.read().strip() if self._process.stderr else ""
-            raise TransportError(f"the simulated device did not answer: {said or 'no message'}")
+            message = self._process.stderr.read().strip() if self._process.stderr else ""
+            raise TransportError(f"the simulated device did not answer: {message or 'no message'}")
         return line.strip()

@@ -73,7 +73,7 @@ def main() -> None:
             rig.excite(excitation, recorder.tick)
         wire = identify_wire(excitation_record(read_log(path / "excitation.h5")), rig.nominal_balance)
         model = wire.hysteresis.model
-        rig.rest(20.0)
+        rig.cool_down(20.0)
         cold_mm, hot_mm = travel_mm(model)
         reference = endless(cold_mm, hot_mm, arguments.hours * HOUR_S).with_approach(cold_mm, APPROACH_S)
         experiment = reference, model, wire.thermal.balance, HysteresisInverse(model)

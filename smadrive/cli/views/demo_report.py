@@ -1,4 +1,4 @@
-"""The demo's report: the identified loop, the two tracking runs, their errors."""
+"""The report of the demo: the identified loop, the two tracking runs, their errors."""
 
 from __future__ import annotations
 
@@ -30,14 +30,14 @@ ARM_COLOURS = (MEASURED, ESTIMATED)
 
 
 def write_demo_report(path: Path, wire: WireFit, excitation: Log, arms: Sequence[ArmView]) -> None:
-    """Write the page; `arms` are (name, log, figures) of the tracking runs, the inverse feedforward first."""
+    """Write the page; `arms` are (name, log, metrics) of the tracking runs, the inverse feedforward first."""
     rows = [
         (name, f"{f.rms_percent:.2f} %", f"{f.max_percent:.2f} %", str(f.trips), str(f.missed_deadlines))
         for name, _, f in arms
     ]
     write_report(
         path,
-        "smadrive demo: a simulated SMA wire moves where it is told",
+        "smadrive demo: tracking with a simulated SMA wire",
         "Errors are reference minus displacement, in percent of the stroke. Both runs have the displacement sensor to "
         "correct their estimate of the wire.",
         [
@@ -110,12 +110,12 @@ def _tracking_plot(arms: Sequence[ArmView]) -> Plot:
 
 def _error_plot(arms: Sequence[ArmView]) -> Plot:
     figure, axes = panels((1.9,) * len(arms))
-    for ax, (name, log, figures), colour in zip(axes, arms, ARM_COLOURS, strict=True):
+    for ax, (name, log, metrics), colour in zip(axes, arms, ARM_COLOURS, strict=True):
         draw_error(ax, log, colour)
-        told = f"{name}: {figures.rms_percent:.2f} % RMS, {figures.max_percent:.2f} % max"
-        ax.set_title(told, loc="left", fontsize=10)
+        title = f"{name}: {metrics.rms_percent:.2f} % RMS, {metrics.max_percent:.2f} % max"
+        ax.set_title(title, loc="left", fontsize=10)
     axes[-1].set_xlabel("time / s")
-    return Plot("Error", figure, f"{NOT_SCORED} Mind the scales: each run has its own.")
+    return Plot("Error", figure, f"{NOT_SCORED} Each run has a scale of its own.")
 
 
 def _temperature_plot(arms: Sequence[ArmView]) -> Plot:

@@ -1,4 +1,4 @@
-"""A fitted hysteresis model on one page: loop and residuals beside the record, figures, rules or parameters."""
+"""The page of a fitted hysteresis model: loop, residuals, metrics, rules or parameters."""
 
 from __future__ import annotations
 
@@ -47,13 +47,32 @@ def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: st
         ),
         Plot("The loop", _loop(fit, measured, axes), "Grey: the record. Colours: the model on the same input."),
         Plot(
-            "What is left",
+            "Residuals",
             _residuals(fit, axes[0]),
-            "Model minus record, along the record and over the input. Structure here is what the model cannot say.",
+            "Model minus record, along the record and over the input. Structure here is an error of the model.",
         ),
         *_parameters(fit),
     ]
     write_report(path, f"Hysteresis identified from {Path(source).name}", f"{len(measured)} samples.", parts)
+
+
+def _verdict(fit: AnyFit) -> Banner:
+    if fit.certificate.holds:
+        return Banner("good", "Certified: contracting, bounded, and no branch turns.")
+    shortcomings = ", ".join(fit.certificate.shortcomings)
+    return Banner("bad", f"Not certified, the model may not drive a feedforward: {shortcomings}.")
+
+
+def _metrics(fit: AnyFit) -> Tiles:
+    certificate = fit.certificate
+    return Tiles(
+        [
+            (f"{fit.rms_percent:.3f} %", "RMS error, of the output span"),
+            (f"{fit.max_percent:.3f} %", "largest error"),
+            (f"{certificate.contraction_rate:.3g}", "contraction, per unit of input; above 0 an initial error decays"),
+            (f"{100 * certificate.invertible_share:.1f} %", "of the loop has one input for an output; best is 100 %"),
+        ]
+    )
 
 
 def _loop(fit: AnyFit, measured: Array, axes: tuple[str, str]) -> Figure:
@@ -83,12 +102,18 @@ def _residuals(fit: AnyFit, input_name: str) -> Figure:
 
 def _parameters(fit: AnyFit) -> list[PagePart]:
     if isinstance(fit.model, TSFuzzyDuhem):
-        header = ("centre", "a rising", "b rising", "a falling", "b falling")
-        laws = zip(fit.model.sets.centres, *fit.model.heating_law, *fit.model.cooling_law, strict=True)
-        table = [tuple(f"{number + 0.0:.5g}" for number in row) for row in laws]
-        return [Grid(header, table, title="Rules"), Listing("The rules as sentences", fit.model.rules_text())]
-    if not isinstance(fit, DuhemFit):
-        return []
+        return _rules(fit.model)
+    return _duhem_parameters(fit) if isinstance(fit, DuhemFit) else []
+
+
+def _rules(model: TSFuzzyDuhem) -> list[PagePart]:
+    header = ("centre", "a rising", "b rising", "a falling", "b falling")
+    laws = zip(model.sets.centres, *model.heating_law, *model.cooling_law, strict=True)
+    table = [tuple(f"{number + 0.0:.5g}" for number in row) for row in laws]
+    return [Grid(header, table, title="Rules"), Listing("The rules as sentences", model.rules_text())]
+
+
+def _duhem_parameters(fit: DuhemFit) -> list[PagePart]:
     model, errors = fit.model, fit.standard_errors
     rows = []
     for name, mixture, spread in (

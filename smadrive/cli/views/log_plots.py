@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 NOT_SCORED = "The approach (grey) brings the wire to the reference and is not scored."
 
 PLANE_POINTS = 6000
-"""The plane is drawn with at most this many of the recorded points."""
+"""The largest number of recorded points in the plot of temperature and displacement."""
 
 
 def log_plots(log: Log) -> Iterator[Plot]:
@@ -68,7 +68,7 @@ def _draw(ax: Axes, log: Log, name: str, **look: Any) -> None:
 
 
 def draw_error(ax: Axes, log: Log, colour: str) -> None:
-    """The error that is scored, and the approach, shaded, that is not."""
+    """Draw the scored error; the approach, which is not scored, is shaded."""
     line(ax, log.column("time_s"), error_percent(log), color=colour, lw=0.9)
     ax.axhline(0.0, color=SETPOINT, lw=0.6)
     ax.axvspan(0.0, reference_of(log).scored_from_s, color="#f0f2f5", lw=0)
@@ -121,7 +121,7 @@ def _plane(log: Log) -> Plot:
 
 
 def _branches(ax: Axes, model: HysteresisModel) -> None:
-    """The major loop, cut where nothing moves any more."""
+    """Draw the major loop, cut to the range in which its branches differ."""
     up = np.linspace(*model.input_range, 800)
     loop = model.simulate(np.concatenate((up, up[::-1])))
     heating, cooling = loop[:800], loop[800:][::-1]
@@ -143,19 +143,19 @@ def _timing(log: Log) -> Plot:
         ylabel="spacing / ms", xlabel="time / s", ylim=(0.0, 1.1e3 * np.diff(time_s).max(initial=0.001 * period_ms))
     )
     lateness = (
-        "Virtual time has no lateness: it waits for every tick. How far each measurement is from the one before"
+        "Virtual time waits for every tick, so no tick is late. Shown: the time between two measurements"
         if is_virtual(log)
-        else "How long after its deadline each tick began, and how far its measurement is from the one before"
+        else "The delay of each tick after its deadline, and the time between two measurements"
     )
     return Plot(
         "Loop timing",
         figure,
-        f"{lateness}: {period_ms:g} ms when all is well; a lost exchange leaves a gap of two periods.",
+        f"{lateness}, nominally {period_ms:g} ms; a lost exchange leaves a gap of two periods.",
     )
 
 
 def _shade(ax: Axes, time_s: Array, where: NDArray[np.bool_]) -> None:
-    """Shade the stretches of time in which something holds."""
+    """Shade the time ranges in which `where` is true."""
     edges = np.flatnonzero(np.diff(np.concatenate(([False], where, [False])).astype(np.int8)))
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         ax.axvspan(time_s[begin], time_s[min(end, time_s.size - 1)], color="#fdf0d5", lw=0)

@@ -1,4 +1,4 @@
-"""The report of one log: how it ended, its figures, what the wire and the driver did, and all that it was run with."""
+"""The report of one log: its end, metrics, plots, events, and the configuration of the run."""
 
 from __future__ import annotations
 
@@ -66,20 +66,18 @@ def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator
         yield f"{summary.max_percent:.2f} %", "largest error"
     yield f"{summary.temperature_max_c:.1f} °C", "hottest reading"
     yield f"{summary.current_max_a:.3f} A", f"largest current, limit {limit_a:g} A"
-    yield f"{summary.energy_j:.0f} J", "heat given"
+    yield f"{summary.energy_j:.0f} J", "electrical energy"
     rarely = 0.0 < summary.limited_percent < 0.1
     yield "< 0.1 %" if rarely else f"{summary.limited_percent:.1f} %", "of the time at a limit"
     yield f"{summary.ticks}", "ticks"
-    worst = "virtual time has none" if is_virtual else f"worst {1e3 * summary.late_max_s:.1f} ms"
+    worst = "none in virtual time" if is_virtual else f"worst {1e3 * summary.late_max_s:.1f} ms"
     yield f"{summary.missed_deadlines}", f"missed deadlines, {worst}"
 
 
 def _events(log: Log) -> Iterator[Grid]:
-    """Faults name their remedy themselves."""
+    """The events; the text of a fault includes its remedy."""
     rows = [(f"{event.time_s:.2f} s", event.message) for event in log.events]
-    yield Grid(
-        ("time", "what happened"), rows or [("", "nothing: no fault, no limit, no warning")], "Events", texts=True
-    )
+    yield Grid(("time", "event"), rows or [("", "none: no fault, no limit, no warning")], "Events", texts=True)
 
 
 def _provenance(log: Log) -> Grid:

@@ -1,4 +1,4 @@
-"""The figures of the paper, redrawn."""
+"""The page with the repeated figures of the paper."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ def write_paper_report(
     ]
     write_report(
         path,
-        "Modeling of dynamic hysteresis based on a T-S fuzzy Duhem model, redone",
+        "Modeling of dynamic hysteresis based on a T-S fuzzy Duhem model, repeated",
         "Errors are model minus Duhem model, in the unit of k = 40; unseen: the largest error on each of a hundred "
-        "random loops that no fit saw, in % of k.",
+        "random loops that no fit used, in % of k.",
         [
             Grid(HEADER, rows),
             *plots,

@@ -1,8 +1,8 @@
-"""What a run shows on a terminal while it lasts: its progress, the live values, and what happened last.
+"""The display of a run on a terminal: progress, live values, latest events.
 
-The loop hands over its latest tick, one assignment; a thread of the display draws what it finds, a few times a second.
-A terminal that stands still (Ctrl-S, a slow line) stops that thread, not the loop. The picture is plain text, because
-Python lets only one thread compute at a time: a table that takes long to lay out would make ticks late.
+The loop assigns its latest tick to the display; a thread draws it a few times a second. A blocked terminal (Ctrl-S, a
+slow line) stops that thread, not the loop. The display is plain text, because Python runs one thread at a time: the
+layout of a table would make ticks late.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ BAR = 40
 """Characters of the progress bar."""
 
 GIVE_WAY_S = 0.0005
-"""After so long the drawing thread lets the loop go first; Python's own choice is ten times that."""
+"""The drawing thread yields to the loop after this time; Python's default is ten times as long."""
 
 
 class RunView:
-    """The picture of a run that takes `duration_s` and may give `current_max_a`; `latest` is the tick it shows."""
+    """The display of a run of `duration_s` with the limit `current_max_a`; `latest` is the tick that it shows."""
 
     def __init__(self, title: str, duration_s: float, current_max_a: float, recorder: TickRecorder) -> None:
         self._title = title
@@ -38,7 +38,7 @@ class RunView:
         self.latest: Tick | None = None
 
     def __rich__(self) -> Text:
-        """The picture now."""
+        """The display at this moment."""
         tick = self.latest
         if tick is None:
             return Text(f"{self._title}: starting")
@@ -72,7 +72,7 @@ class RunView:
                 ("error", number(command.setpoint_mm - measured.displacement_mm, 3, "mm")),
             ),
             (
-                ("wanted", number(command.setpoint_c, 1, "°C")),
+                ("setpoint", number(command.setpoint_c, 1, "°C")),
                 ("temperature", temperature),
                 ("late", f"{1e3 * tick.late_s:.1f} ms"),
             ),
@@ -91,7 +91,7 @@ class RunView:
 def watched(
     recorder: TickRecorder, title: str, duration_s: float, current_max_a: float, *, quiet: bool
 ) -> Iterator[Callable[[Tick], None]]:
-    """What the loop is to call with each tick: it is recorded, and shown where a terminal is and `quiet` is not."""
+    """The function that the loop calls with each tick: it records the tick, and shows it unless `quiet`."""
     console = Console(stderr=True)
     if quiet or not console.is_terminal:
         yield recorder.tick
@@ -108,7 +108,7 @@ def watched(
 
 @contextmanager
 def drawing(view: RichCast, console: Console) -> Iterator[None]:
-    """Draw `view` while the block lasts, beside a loop in this process; without its terminal nothing is drawn."""
+    """Draw `view` during the block, beside a loop in this process. A lost terminal ends the drawing alone."""
     before_s = sys.getswitchinterval()
     live = Live(view, console=console, refresh_per_second=DRAWN_PER_S, transient=True)
     with suppress(OSError):
@@ -123,5 +123,5 @@ def drawing(view: RichCast, console: Console) -> Iterator[None]:
 
 
 def number(value: float, digits: int, unit: str) -> str:
-    """A value with its unit, a dash where it is not known."""
+    """A value with its unit; a dash for NaN."""
     return f"{value:.{digits}f} {unit}" if isfinite(value) else "–"

@@ -1,9 +1,8 @@
-"""What `tune` tells in its terminal while it lasts: the heater, the wire, the pages that are open.
+"""The display of `tune` in its terminal: the state of the heater, live values, the open pages.
 
-The loop goes on without a page, so the terminal must not need one to tell the truth. It tells what the loop publishes
-to every page and what the page process says of its clients, live on a terminal and otherwise as a line on stdout
-whenever it changes. As in a run a thread does that: a terminal that stands still, or a pipe that nobody reads, stops
-that thread, not the loop.
+The loop continues without a page, so the display uses what the loop publishes, and the number of clients from the page
+process. A terminal shows it live; another stdout gets a line at each change. A thread writes it, as in a run: a blocked
+terminal or pipe stops that thread, not the loop.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ from smadrive.errors import ConfigError
 from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.processes import TuningPage
 
-LOOKED_S = 0.2
-"""How often it is looked whether there is anything new to say."""
+CHECK_PERIOD_S = 0.2
+"""The time between two checks for a change."""
 
 _HEATER = {
     "off": "heater off",
@@ -34,7 +33,7 @@ _HEATER = {
 
 
 class TuneView:
-    """The picture of a session on `channel` with its `page`."""
+    """The display of a session on `channel` with its `page`."""
 
     def __init__(self, name: str, page: TuningPage, channel: ControlEnd) -> None:
         self._name = name
@@ -43,41 +42,41 @@ class TuneView:
         self._latest: Tick | None = None
 
     def tick(self, tick: Tick) -> None:
-        """The latest tick: its values are shown."""
+        """Show the values of this tick from now on."""
         self._latest = tick
 
     def __rich__(self) -> Text:
-        """The picture now."""
-        return Text("\n".join([f"{self._name}: {self.values}", *self._told()]))
+        """The display at this moment."""
+        return Text("\n".join([f"{self._name}: {self.values}", *self._lines()]))
 
     @property
     def state(self) -> str:
-        """What holds until something happens: the heater, the pages, what is wrong."""
-        return "; ".join(self._told())
+        """The state of the heater, the pages, and the problems, without live values."""
+        return "; ".join(self._lines())
 
     @property
     def values(self) -> str:
-        """Temperature and current, as they are measured now."""
+        """The measured temperature and current."""
         if self._latest is None or self._channel.published["lost"]:
             return "– °C, – A"
         measured = self._latest.measurement
         temperature = measured.temperature_fault or number(measured.temperature_c, 1, "°C")
         return f"{temperature}, {number(measured.current_a, 3, 'A')}"
 
-    def _told(self) -> list[str]:
+    def _lines(self) -> list[str]:
         status = self._channel.published
-        told = [_HEATER[status["mode"]], self._pages(heats=status["mode"] in {"holding", "tracking"})]
+        lines = [_HEATER[status["mode"]], self._pages(heats=status["mode"] in {"holding", "tracking"})]
         if status["fault"]:
-            told.append(f"fault: {status['fault']}")
+            lines.append(f"fault: {status['fault']}")
         if status["lost"]:
-            told.append(f"no answer: {status['lost']}")
-        return [*told, *self._page.troubles]
+            lines.append(f"no answer: {status['lost']}")
+        return [*lines, *self._page.troubles]
 
     def _pages(self, *, heats: bool) -> str:
         count, is_controlled = self._channel.pages
         if count == 0 and heats:
             off_url = self._page.url.split("?")[0] + "off"
-            return f"no page is open: the wire is driven on; Ctrl-C or `curl -X POST {off_url}` ends it"
+            return f"no page is open: the run continues; Ctrl-C or `curl -X POST {off_url}` ends it"
         if count == 0:
             return "no page is open; Ctrl-C ends"
         pages = "1 page is open" if count == 1 else f"{count} pages are open"
@@ -85,24 +84,24 @@ class TuneView:
 
 
 class Changes:
-    """Says what changed since it last said anything."""
+    """Prints the state of the display whenever it has changed."""
 
     def __init__(self, view: TuneView, say: Callable[[str], None]) -> None:
         self._view = view
         self._say = say
-        self._said = ""
+        self._printed = ""
 
-    def tell(self) -> None:
-        """A line, if the state is another one than before."""
+    def print(self) -> None:
+        """Print a line if the state differs from the last printed one."""
         state = self._view.state
-        if state != self._said:
-            self._said = state
+        if state != self._printed:
+            self._printed = state
             self._say(f"{state} ({self._view.values})")
 
 
 @contextmanager
 def watched(view: TuneView, output: Output) -> Iterator[None]:
-    """Show `view` while the block lasts."""
+    """Show `view` during the block."""
     console = Console(stderr=True)
     if output.quiet:
         yield
@@ -110,22 +109,22 @@ def watched(view: TuneView, output: Output) -> Iterator[None]:
         with drawing(view, console):
             yield
     else:
-        with _lines(Changes(view, output.say)):
+        with _printing(Changes(view, output.say)):
             yield
 
 
 @contextmanager
-def _lines(changes: Changes) -> Iterator[None]:
-    """Look for changes until the block ends; a stdout that takes no more ends that alone."""
+def _printing(changes: Changes) -> Iterator[None]:
+    """Print changes during the block. A failed stdout ends the printing alone."""
     is_ending = threading.Event()
 
-    def look() -> None:
+    def check() -> None:
         with suppress(OSError, ConfigError):
-            changes.tell()
-            while not is_ending.wait(LOOKED_S):
-                changes.tell()
+            changes.print()
+            while not is_ending.wait(CHECK_PERIOD_S):
+                changes.print()
 
-    threading.Thread(target=look, name="terminal", daemon=True).start()
+    threading.Thread(target=check, name="terminal", daemon=True).start()
     try:
         yield
     finally:

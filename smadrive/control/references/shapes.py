@@ -21,7 +21,7 @@ from smadrive.control.references.reference import (
 )
 from smadrive.errors import ConfigError, DataError
 from smadrive.files.number_text import parse_number
-from smadrive.files.spelling import meant, nearest
+from smadrive.files.spelling import suggestion, suggestion_or_list
 
 ROUNDING = 1e-9
 """Share by which a quotient of keys may miss a bound, or a whole number, that they meet."""
@@ -36,7 +36,9 @@ def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
     shape, _, arguments = spec.partition(":")
     make = SHAPES.get(shape)
     if make is None:
-        raise ConfigError(f"reference '{spec}': '{shape}' is neither a shape nor a CSV file{nearest(shape, SHAPES)}")
+        raise ConfigError(
+            f"reference '{spec}': '{shape}' is neither a shape nor a CSV file; {suggestion_or_list(shape, SHAPES)}"
+        )
     given = [(key.strip(), value) for key, _, value in (part.partition("=") for part in arguments.split(",") if part)]
     keys = {name: key for name, key in signature(make).parameters.items() if key.kind is key.KEYWORD_ONLY}
     wrong = _wrong_keys([key for key, _ in given], keys)
@@ -53,7 +55,7 @@ def _wrong_keys(given: Sequence[str], keys: Mapping[str, Parameter]) -> str:
     """What is wrong with the keys that were given; nothing: empty."""
     for key in given:
         if key not in keys:
-            return f"unknown key '{key}'{meant(key, keys)}"
+            return f"unknown key '{key}'; {suggestion(key, keys)}".removesuffix("; ")
         if given.count(key) > 1:
             return f"'{key}' is given more than once: which one is meant?"
     missing = [name for name, key in keys.items() if key.default is key.empty and name not in given]

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 
 from smadrive.devices.profile.readings import ALONE, Context, RegisterReading
 from smadrive.devices.profile.register import Register
-from smadrive.files.spelling import nearest
+from smadrive.files.spelling import suggestion_or_list
 
 CELSIUS, FAHRENHEIT = "degC", "degF"
 
@@ -44,9 +44,8 @@ def check_dependencies(name: str, register: Register, registers: Mapping[str, Re
     """ValueError when a register on which `register` depends does not exist or cannot give what is needed."""
     for dependency in register.depends_on:
         if dependency not in registers:
-            raise ValueError(
-                f"registers.{name} names the unknown register '{dependency}'{nearest(dependency, registers)}"
-            )
+            hint = suggestion_or_list(dependency, registers)
+            raise ValueError(f"registers.{name} names the unknown register '{dependency}'; {hint}")
         if registers[dependency].depends_on or not registers[dependency].access.startswith("r"):
             raise ValueError(
                 f"registers.{name}: '{dependency}' must be readable and must not depend on another register"

@@ -34,7 +34,7 @@ from smadrive.files.config import Section, load_config
 from smadrive.files.kinds import PROFILE
 from smadrive.files.number_text import parse_whole
 from smadrive.files.shipped import config_file
-from smadrive.files.spelling import nearest
+from smadrive.files.spelling import suggestion_or_list
 from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.transports.transport import SerialSettings
 
@@ -116,7 +116,9 @@ class Profile(Section):
         try:
             return self.registers[name]
         except KeyError:
-            raise ConfigError(f"no register '{name}'{nearest(name, self.registers)}", where=self._where) from None
+            raise ConfigError(
+                f"no register '{name}'; {suggestion_or_list(name, self.registers)}", where=self._where
+            ) from None
 
     def role(self, role: str) -> str:
         """The name of the register that is bound to `role`; ConfigError when none is."""
@@ -139,7 +141,7 @@ class Profile(Section):
             return self._pinned(choice)
         known = {variant.choice: variant for variant in self.variants if variant.choice}
         if choice not in known:
-            raise ConfigError(f"no choice '{choice}'{nearest(choice, map(str, known))}", where=self._where)
+            raise ConfigError(f"no choice '{choice}'; {suggestion_or_list(choice, map(str, known))}", where=self._where)
         return self.as_variant(known[choice])
 
     def bus_timing(self) -> BusTiming:

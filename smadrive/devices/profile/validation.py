@@ -9,7 +9,7 @@ from smadrive.devices.profile.function_codes import read_function, write_functio
 from smadrive.devices.profile.register import Register
 from smadrive.devices.profile.schema import DeviceTiming, Forbidden, SafeWrite, WriteOrder
 from smadrive.errors import ConfigError
-from smadrive.files.spelling import nearest
+from smadrive.files.spelling import suggestion_or_list
 
 Registers = Mapping[str, Register]
 
@@ -78,7 +78,7 @@ def refuse_torn_blocks(registers: Registers, timing: DeviceTiming) -> None:
 def find_register(name: str, registers: Registers, key: str) -> Register:
     """The register that `key` names; ValueError when there is none."""
     if name not in registers:
-        raise ValueError(f"{key} names the unknown register '{name}'{nearest(name, registers)}")
+        raise ValueError(f"{key} names the unknown register '{name}'; {suggestion_or_list(name, registers)}")
     return registers[name]
 
 

@@ -12,7 +12,7 @@ from pydantic import ValidationError
 
 from smadrive.devices.profile.register import Register
 from smadrive.devices.profile.schema import Variant
-from smadrive.files.spelling import nearest
+from smadrive.files.spelling import suggestion_or_list
 
 
 def expanded(registers: Mapping[str, Register]) -> dict[str, Register]:
@@ -32,7 +32,7 @@ def applied(registers: Mapping[str, Register], variant: Variant) -> dict[str, Re
     for target, override in variant.registers.items():
         names = [name for name, register in registers.items() if target in (name, _array_of(name, register))]
         if not names:
-            raise ValueError(f"variants: registers.{target} is no register{nearest(target, registers)}")
+            raise ValueError(f"variants: registers.{target} is no register; {suggestion_or_list(target, registers)}")
         for name in names:
             tables = registers[name].model_dump(exclude_unset=True) | override.model_dump(exclude_none=True)
             try:

@@ -8,14 +8,25 @@ reply follows from its request, so replies need no such computation.
 
 from __future__ import annotations
 
+from functools import cache
+from typing import TYPE_CHECKING
+
 from fastcrc import crc16
-from pymodbus.pdu import DecodePDU
+
+if TYPE_CHECKING:
+    from pymodbus.pdu import DecodePDU
 
 MIN_FRAME = 4
 MAX_FRAME = 256
 BROADCAST = 0
 
-_requests = DecodePDU(is_server=True)
+
+@cache
+def _requests() -> DecodePDU:
+    """The sizes of requests. pymodbus is imported on first use: a driver reads no requests and starts sooner."""
+    from pymodbus.pdu import DecodePDU  # noqa: PLC0415
+
+    return DecodePDU(is_server=True)
 
 
 def crc(data: bytes) -> bytes:
@@ -41,7 +52,7 @@ def request_size(head: bytes) -> int | None:
     if head[1] & 0x80:
         return None
     try:
-        kind = _requests.lookupPduClass(head)
+        kind = _requests().lookupPduClass(head)
         return None if kind is None else kind.calculateRtuFrameSize(head)
     except IndexError:  # the sub-function is still on its way
         return 0

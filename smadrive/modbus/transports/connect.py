@@ -72,6 +72,11 @@ def port_of(url: str) -> str:
     return f"tcp://{host.removesuffix('.')}:{number}"
 
 
+def latency_s_of(url: str) -> float:
+    """The `latency_ms` of a URL, in seconds. ConfigError when the URL has options that no connection knows."""
+    return _options(url, _split(url).query, SerialSettings(), tuple(_ALLOWED))[1]
+
+
 def is_remote(url: str) -> bool:
     """Whether the URL leads over a network, where a device may accept one client only; a local port can open twice."""
     return _split(url).scheme in ("tcp", "rtu+tcp")

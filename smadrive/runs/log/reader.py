@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from smadrive.errors import DataError, SmadriveError
 from smadrive.files.kinds import LOG, check_kind
-from smadrive.files.spelling import nearest
+from smadrive.files.spelling import suggestion_or_list
 from smadrive.runs.log.content import Content, read_content
 from smadrive.runs.log.errors import DamageError, ForeignContentError, NewerLayoutError
 from smadrive.runs.log.old_layouts import LAYOUT
@@ -73,7 +73,7 @@ class Log:
     def column_with_gaps(self, name: str) -> Array:
         """The named column, NaN where nothing was measured; DataError when the log has no such column."""
         if name not in self.columns:
-            raise DataError(f"no column '{name}'" + nearest(name, self.columns), where=self.path)
+            raise DataError(f"no column '{name}'" + "; " + suggestion_or_list(name, self.columns), where=self.path)
         return self.columns[name]
 
     def column(self, name: str) -> Array:

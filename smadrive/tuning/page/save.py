@@ -12,7 +12,7 @@ import tomlkit
 
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import replacing
-from smadrive.rig.config import load_rig, looked_for
+from smadrive.rig.config import load_rig, path_or_name
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
 
@@ -61,9 +61,9 @@ def _rig_text(rig_file: Path, model_file: Path, feedback: dict[str, float], sour
     document["model"] = model_file.name
     folder = rig_file.parent.resolve()
     if folder != model_file.parent.resolve():
-        document["wire"] = looked_for(folder, document["wire"])
+        document["wire"] = path_or_name(folder, document["wire"])
         for device in document["devices"]:
-            device["profile"] = looked_for(folder, device["profile"])
+            device["profile"] = path_or_name(folder, device["profile"])
     section = document.setdefault("feedback", tomlkit.table())
     for key, value in feedback.items():
         section[key] = value

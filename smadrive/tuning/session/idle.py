@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from math import inf
 
-from smadrive.devices.heater import Heater
 from smadrive.errors import SmadriveError
 from smadrive.measurement import Measurement
+from smadrive.rig.rig import Rig
 from smadrive.tuning.session.status import Status
 
 RETRY_S = 1.0
@@ -17,10 +17,10 @@ RETRY_S = 1.0
 
 
 class Idle:
-    """Samples `heater`, and tells `status` what becomes of it."""
+    """Samples `rig`, and tells `status` what becomes of it."""
 
-    def __init__(self, heater: Heater, status: Status) -> None:
-        self._heater = heater
+    def __init__(self, rig: Rig, status: Status) -> None:
+        self._rig = rig
         self._status = status
         self._due_s = inf
 
@@ -33,7 +33,7 @@ class Idle:
         try:
             if now_s > self._due_s:
                 self._enter_safe_state(now_s)
-            measurement = self._heater.exchange(0.0)
+            measurement = self._rig.measure()
         except SmadriveError as error:
             self._status.lost = str(error)
             return None
@@ -43,7 +43,7 @@ class Idle:
     def _enter_safe_state(self, now_s: float) -> None:
         self._due_s = now_s + RETRY_S
         try:
-            self._heater.enter_safe_state()
+            self._rig.enter_safe_state()
         except SmadriveError:
             self._status.is_safe = False
             raise

@@ -68,7 +68,7 @@ class TuningSession:
         self._adapting = AdaptationRunner(tuning, balance, rig.period_s, rig.config.feedback.noise_c)
         self._status = Status(rig, self._offered.names, balance, self.bench)
         self._began_s = rig.clock.now_s()
-        self._idle = Idle(rig.heater, self._status)
+        self._idle = Idle(rig, self._status)
         self._arming = Arming(self._answer)
         self._off_path = OffPath(channel)
         self._stops = self._is_served = False

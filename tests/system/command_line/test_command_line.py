@@ -1,4 +1,4 @@
-"""The commands as a user types them: files in, files out, and one clear line for everything that is wrong."""
+"""The commands as a user types them: files in, files out, and one line for each error."""
 
 import json
 import os
@@ -80,11 +80,11 @@ def test_identify_simulate_and_invert_work_on_files(data):
     inverted = succeed("invert", "model.json", "simulated.csv", "--output", "strain", "-o", "inverted.csv", cwd=data)
     assert inverted["unreachable"] == 0
     succeed("simulate", "model.json", "inverted.csv", "--output", "again", "-o", "again.csv", cwd=data)
-    wanted, got = (column(data / "again.csv", name) for name in ("strain", "again"))
-    np.testing.assert_allclose(got, wanted, atol=1e-8 * 0.04)
+    expected, got = (column(data / "again.csv", name) for name in ("strain", "again"))
+    np.testing.assert_allclose(got, expected, atol=1e-8 * 0.04)
 
 
-def test_columns_in_other_units_than_they_tell_are_doubted_wherever_the_model_is_told_of(data):
+def test_column_in_another_unit_is_a_caveat_of_fit_model_and_page(data):
     lines = (data / "wire.csv").read_text().splitlines()[1:]
     cells = [line.split(",") for line in lines]
     rows = [f"{float(celsius) + 273.15},{strain}" for celsius, strain, _ in cells]
@@ -106,18 +106,18 @@ def column(path, name):
     return np.array([float(line[at]) for line in lines[1:]])
 
 
-def test_a_duhem_model_has_no_rules(data):
+def test_duhem_model_has_no_rules(data):
     found = succeed("identify", "wire.csv", "--output", "strain", "--kind", "duhem", "-o", "model.json", cwd=data)
     assert found["kind"] == "duhem"
     assert found["rules"] == 0
     assert found["rms_percent"] < 1.0
 
 
-def test_every_figure_of_a_certificate_is_explained_and_judged():
+def test_every_figure_of_a_certificate_has_a_meaning_and_a_verdict():
     good = {name: (value, note) for name, value, note in certificate_rows(LOOP.certificate())}
     assert list(good) == ["contraction", "left after a loop", "bounded", "invertible", "turns back", "certified"]
     assert all(len(note) > 20 for _, note in good.values())
-    assert "good: a wrong start is forgotten" in good["contraction"][1]
+    assert "good: an initial error decays" in good["contraction"][1]
     assert good["certified"] == ("yes", "may drive a feedforward")
     bad = {name: (value, note) for name, value, note in certificate_rows(Certificate(-0.1, 2.0, False, 0.5, 0.3))}
     assert "not above 0, bad" in bad["contraction"][1]
@@ -144,7 +144,7 @@ def test_probe_and_off_answer_in_json(tmp_path):
 
 @pytest.fixture
 def track(tmp_path):
-    """Tracks a reference on the rig in process; what `run` answers, and its log."""
+    """Track a reference on the rig in process; returns the JSON result of `run` and its log."""
     wire = DuhemModel.gaussian(
         mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 200)
     )
@@ -157,7 +157,7 @@ def track(tmp_path):
     return track
 
 
-def test_a_run_tells_what_lets_doubt_its_model(track, tmp_path):
+def test_run_reports_the_caveats_of_its_model(track, tmp_path):
     document = json.loads((tmp_path / "wire.json").read_text())
     document["provenance"]["caveats"] = ["it misses its own record"]
     (tmp_path / "wire.json").write_text(json.dumps(document))
@@ -165,12 +165,12 @@ def test_a_run_tells_what_lets_doubt_its_model(track, tmp_path):
     assert ran["caveats"] == log.json("caveats") == ["wire.json: it misses its own record"]
 
 
-def test_run_doubts_a_reference_that_is_lost_in_noise(track):
+def test_run_warns_of_a_reference_within_the_noise(track):
     ran, _ = track("sine:low_mm=0.002,high_mm=0.009,period_s=5,cycles=1")
     assert "is it in mm?" in ran["caveats"][0]
 
 
-def test_a_smoothed_run_tells_how_far_it_is_from_what_was_asked_for_and_keeps_that(track, tmp_path):
+def test_smoothed_run_reports_its_distance_from_the_given_reference_and_logs_it(track, tmp_path):
     succeed("excite", "in-process", "-o", "excitation.h5", cwd=tmp_path)
     succeed("identify", "excitation.h5", "-o", "wire.json", cwd=tmp_path)
     ran, log = track("sine:low_mm=2,high_mm=9,period_s=3,cycles=2", "--smooth")
@@ -179,11 +179,11 @@ def test_a_smoothed_run_tells_how_far_it_is_from_what_was_asked_for_and_keeps_th
     )
     assert ran["rms_percent"] < 1.0
     given, run = (log.json(name) for name in ("given_reference", "reference"))
-    spans_mm = [np.ptp(np.array(told["displacement_mm"])[np.array(told["times_s"]) > 12.0]) for told in (given, run)]
+    spans_mm = [np.ptp(np.array(one["displacement_mm"])[np.array(one["times_s"]) > 12.0]) for one in (given, run)]
     assert spans_mm[1] < spans_mm[0] - 1.0
 
 
-def test_a_run_that_trips_answers_with_what_it_did_until_then_and_with_the_trip(track, tmp_path):
+def test_tripped_run_prints_its_metrics_until_the_trip_and_the_trip(track, tmp_path):
     ran, _ = track(ANY_SINE)
     assert ran["tripped"] is None
     tight = rig_text("watchdog_s = 0.5", "watchdog_s = 0.5\ndisplacement_max_mm = 5.0", rig="in-process")
@@ -191,13 +191,13 @@ def test_a_run_that_trips_answers_with_what_it_did_until_then_and_with_the_trip(
     run = ("run", "tight.toml", "--model", "wire.json", "--reference", ANY_SINE, "-o", "short.h5")
     done = smadrive(*run, "--json", cwd=tmp_path)
     assert done.returncode == 4, done.stderr
-    told, log = json.loads(done.stdout), read_log(tmp_path / "short.h5")
-    assert told.keys() == ran.keys()
-    assert told["trips"] == 1
-    assert told["tripped"].startswith("fault 11: the displacement left")
-    assert told["tripped"] in done.stderr
-    assert told["ticks"] == log.column("time_s").size < ran["ticks"]
-    assert 0.0 < told["rms_percent"] < 2.0
+    result, log = json.loads(done.stdout), read_log(tmp_path / "short.h5")
+    assert result.keys() == ran.keys()
+    assert result["trips"] == 1
+    assert result["tripped"].startswith("fault 11:")
+    assert result["tripped"] in done.stderr
+    assert result["ticks"] == log.column("time_s").size < ran["ticks"]
+    assert 0.0 < result["rms_percent"] < 2.0
     with Path("/dev/full").open("w") as full:
         unread = smadrive(*run[:-1], "unread.h5", "--json", cwd=tmp_path, stdout=full)
     assert unread.returncode == 4
@@ -207,21 +207,21 @@ def test_a_run_that_trips_answers_with_what_it_did_until_then_and_with_the_trip(
 
 
 @pytest.mark.parametrize("limit", ["displacement_max_mm = 5.0", "displacement_min_mm = 5.0"])  # on its way, at once
-def test_an_excitation_that_trips_answers_with_what_it_did_until_then_and_with_the_trip(limit, tmp_path):
+def test_tripped_excitation_prints_its_metrics_until_the_trip_and_the_trip(limit, tmp_path):
     (tmp_path / "tight.toml").write_text(rig_text("watchdog_s = 0.5", f"watchdog_s = 0.5\n{limit}", rig="in-process"))
     done = smadrive("excite", "tight.toml", "-o", "short.h5", "--json", cwd=tmp_path)
     assert done.returncode == 4, done.stderr
-    told = json.loads(done.stdout)
-    assert (told["trips"], told["ticks"]) == (1, read_log(tmp_path / "short.h5").column("time_s").size)
-    assert told["tripped"].startswith("fault 11:")
-    assert told["tripped"] in done.stderr
+    result = json.loads(done.stdout)
+    assert (result["trips"], result["ticks"]) == (1, read_log(tmp_path / "short.h5").column("time_s").size)
+    assert result["tripped"].startswith("fault 11:")
+    assert result["tripped"] in done.stderr
 
 
-def test_a_run_says_that_only_the_tuning_page_adapts_the_rules(track, tmp_path):
+def test_run_warns_that_only_tune_adapts_the_rules(track, tmp_path):
     adapting = rig_text("[excitation]", "[feedback]\nadapt = true\n\n[excitation]", rig="in-process")
     (tmp_path / "adapting.toml").write_text(adapting)
     ran, log = track("sine:low_mm=2,high_mm=9,period_s=20,cycles=1", rig="adapting.toml")
-    assert "is for `smadrive tune` alone" in ran["caveats"][0]
+    assert "`smadrive tune` alone" in ran["caveats"][0]
     assert log.json("caveats") == ran["caveats"]
 
 
@@ -229,12 +229,12 @@ def test_a_run_says_that_only_the_tuning_page_adapts_the_rules(track, tmp_path):
 @pytest.mark.parametrize(
     "arguments", [("--help",), ("--version",), ("probe", "in-process"), ("off", "in-process", "--json")]
 )
-def test_an_output_that_cannot_be_written_is_told_and_one_that_nobody_reads_is_not(tmp_path, arguments, unbuffered):
+def test_full_disk_is_an_error_and_a_closed_pipe_is_not(tmp_path, arguments, unbuffered):
     environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
     with Path("/dev/full").open("w") as full:
         done = smadrive(*arguments, cwd=tmp_path, stdout=full, env=environment)
     assert done.returncode == 2
-    assert done.stderr.startswith("smadrive: standard output cannot be written (No space left on device)")
+    assert done.stderr.startswith("smadrive: standard output: cannot be written: No space left on device")
     assert len(done.stderr.splitlines()) == 1
     reading, writing = os.pipe()
     os.close(reading)
@@ -242,19 +242,19 @@ def test_an_output_that_cannot_be_written_is_told_and_one_that_nobody_reads_is_n
     os.close(writing)
 
 
-def test_without_a_standard_output_a_command_does_its_work(tmp_path):
+def test_command_works_without_a_standard_output(tmp_path):
     command = ["sh", "-c", '"$0" -m smadrive off in-process --json >&-', sys.executable]
     done = subprocess.run(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False)
     assert (done.returncode, done.stderr) == (0, "")
 
 
-def test_the_version_is_told(tmp_path):
+def test_version_is_printed(tmp_path):
     assert smadrive("--version", cwd=tmp_path).stdout == f"smadrive {version('smadrive')}\n"
 
 
-def test_the_help_of_run_names_every_shape_of_reference(tmp_path):
-    told = smadrive("run", "--help", cwd=tmp_path).stdout
-    assert all(shape in told for shape in SHAPES)
+def test_help_of_run_names_every_shape_of_reference(tmp_path):
+    help_text = smadrive("run", "--help", cwd=tmp_path).stdout
+    assert all(shape in help_text for shape in SHAPES)
 
 
 def rig_text(old, new, rig="simulated"):
@@ -272,69 +272,69 @@ WIRE, BOARD, SIM = (
     CONFIGS / f"{name}.toml"
     for name in ("wires/flexinol-lt-0.15mm", "devices/sma-reference", "sims/flexinol-lt-0.15mm")
 )
-A_RIG = "give such a .toml file, or the name of a shipped one: bench-supply, in-process, simulated, tclab\n"
+A_RIG = "Give such a .toml file, or the name of a shipped one: bench-supply, in-process, simulated, tclab."
 STRAIN = ("--output", "strain", "-o", "m.json")
 WRONG = [
-    # what is wrong, the command, exit code, what the line says
+    # name of the case, the command, exit code, a part of the line
     ("missing file", ("identify", "absent.csv", "-o", "m.json"), 2, "absent.csv: no such file"),
     ("missing column", ("identify", "wire.csv", "-o", "m.json"), 2, "no column 'displacement_mm'"),
     ("text in a cell", ("identify", "text.csv", *STRAIN), 2, "line 3, column 'strain': 'high'"),
     ("nan in a cell", ("identify", "nan.csv", *STRAIN), 2, "line 3, column 'strain': 'nan'"),
     ("constant input", ("identify", "flat.csv", *STRAIN), 5, "constant"),
     ("no such model", ("simulate", "absent.json", "wire.csv", "-o", "o.csv"), 2, "absent.json"),
-    ("a model that is none", ("simulate", "text.md", "wire.csv", "-o", "o.csv"), 2, "text.md: not a JSON file; give"),
+    ("a model that is no JSON", ("simulate", "text.md", "wire.csv", "-o", "o.csv"), 2, "text.md: not a JSON file"),
     ("unwritable model", ("identify", "wire.csv", "--output", "strain", "-o", "no/m.json"), 2, "no/m.json"),
-    ("unknown rig", ("probe", "nosuch"), 2, "'nosuch' is neither a .toml file nor one of the shipped rigs"),
+    ("unknown rig", ("probe", "nosuch"), 2, "'nosuch': neither a .toml file nor one of the shipped rigs"),
     ("missing rig", ("probe", "absent.toml"), 2, "absent.toml: no such file"),
     ("unknown key", ("probe", "key.toml"), 2, "limits.curent_max_a: unknown key; did you mean 'current_max_a'?"),
     ("limits that contradict", ("probe", "limits.toml"), 2, "must be below limits.temperature_max_c = 110"),
-    ("milliamperes", ("probe", "milli.toml"), 2, "current_max_a = 600 is no limit for 'flexinol"),
+    ("milliamperes", ("probe", "milli.toml"), 2, "limits.current_max_a is far above"),
     ("a wire in metres", ("probe", "metres.toml"), 2, "diameter_mm: Input should be greater than or equal to 0.01"),
     ("a number in quotes", ("probe", "quoted.toml"), 2, "limits: current_max_a = '0.6': put a number there, without"),
     ("a model that is a log", (*RUN, "--model", "kept.h5", "--reference", ANY_SINE), 2, "kept.h5: is a log, and a mod"),
     ("a model that is a rig", (*RUN, "--model", "rig.toml", "--reference", ANY_SINE), 2, "rig.toml: is a rig file, a"),
     ("a reference that is a log", (*RUN, "--model", "loop.json", "--reference", "kept.h5"), 2, "is a log, and a table"),
-    ("a rig that is a wire", ("probe", WIRE), 2, f"is a wire file, and a rig file is wanted here: {A_RIG}"),
-    ("a rig that is a model", ("probe", "loop.json"), 2, "loop.json: is a model file, and a rig file is wanted here"),
-    ("a wire's name for a rig", ("probe", "flexinol-lt-0.15mm"), 2, "it is the name of a wire file and a simulat"),
-    ("a misspelt rig", ("probe", "simulatd"), 2, "simulated, tclab; did you mean 'simulated'?"),
-    ("a log that is a model", ("report", "loop.json"), 2, "loop.json: is a model file, and a log is wanted"),
-    ("a log that is a page", ("report", "page.html"), 2, "page.html: is a page (HTML), and a log is wanted here: give"),
+    ("a rig that is a wire", ("probe", WIRE), 2, f"is a wire file, and a rig file is needed here. {A_RIG}"),
+    ("a rig that is a model", ("probe", "loop.json"), 2, "loop.json: is a model file, and a rig file is needed here"),
+    ("a wire's name for a rig", ("probe", "flexinol-lt-0.15mm"), 2, "It is the name of a wire file and a simulat"),
+    ("a misspelt rig", ("probe", "simulatd"), 2, "simulated, tclab). Did you mean 'simulated'?"),
+    ("a log that is a model", ("report", "loop.json"), 2, "loop.json: is a model file, and a log is needed"),
+    ("a log that is a page", ("report", "page.html"), 2, "page.html: is a page (HTML), and a log is needed here. Give"),
     ("a key of no reference", (*RUN, "--model", "loop.json", "--reference", "sine:low=2"), 2, "unknown key 'low'; did"),
     ("a model that is absent", (*RUN, "--model", "no.json", "--reference", ANY_SINE), 2, "no.json: cannot be read: No"),
-    ("unknown wire", ("probe", "wire.toml"), 2, "'nitinol' is neither a .toml file nor one of the shipped wires"),
+    ("unknown wire", ("probe", "wire.toml"), 2, "'nitinol': neither a .toml file nor one of the shipped wires"),
     ("no device there", ("probe", "port.toml"), 3, "/dev/ttyNONE: no such port"),
     ("another device", ("probe", "other.toml"), 3, "is no 'sma-reference' (device_id = 21325"),
     ("beyond the stroke", (*RUN, "--model", "loop.json", "--reference", FAR), 2, "reaches from 0 to 0.04 mm"),
     ("beyond cooling", (*RUN, "--model", "loop.json", "--reference", FAST), 2, "cools no faster: slow it down"),
     ("model is a folder", ("identify", "wire.csv", *STRAIN[:-1], "folder.json"), 2, "folder.json: cannot be written"),
     ("log in no folder", ("excite", "in-process", "-o", "no/l.h5"), 2, "no/l.h5: cannot be written"),
-    ("a log with the name of a table", ("excite", "in-process", "-o", "l.csv"), 2, "its name ends in .h5"),
+    ("a log with the name of a table", ("excite", "in-process", "-o", "l.csv"), 2, "the name of a log ends in .h5"),
     ("a log over a log", ("excite", "in-process", "-o", "kept.h5"), 2, "kept.h5: exists, and a record is never"),
     ("a run over a log", (*RUN[:-1], "kept.h5", "--reference", ANY_SINE), 2, "kept.h5: exists, and a record is never"),
-    ("a page over its log", ("report", "kept.h5", "-o", "kept.h5"), 2, "its name ends in .html"),
-    ("a page over its log, linked", ("report", "kept.h5", "-o", "link.html"), 2, "link.html: is read by this command"),
-    ("a model over its data", ("identify", "wire.csv", *STRAIN[:-1], "wire.csv"), 2, "its name ends in .json"),
-    ("a table over its input", ("simulate", "loop.json", "wire.csv", "-o", "wire.csv"), 2, "wire.csv: is read by"),
-    ("a table over its input", ("invert", "loop.json", "wire.csv", "-o", "./wire.csv"), 2, "wire.csv: is read by"),
+    ("a page over its log", ("report", "kept.h5", "-o", "kept.h5"), 2, "the name of a page (HTML) ends in .html"),
+    ("a page over its log, linked", ("report", "kept.h5", "-o", "link.html"), 2, "link.html: is an input"),
+    ("a model over its data", ("identify", "wire.csv", *STRAIN[:-1], "wire.csv"), 2, "a model file ends in .json"),
+    ("a table over its input", ("simulate", "loop.json", "wire.csv", "-o", "wire.csv"), 2, "wire.csv: is an input"),
+    ("a table over its input", ("invert", "loop.json", "wire.csv", "-o", "./wire.csv"), 2, "wire.csv: is an input"),
     ("data that is a page", ("identify", "link.html", *STRAIN), 2, "link.html: neither a log nor a CSV"),
     ("a demo among other files", ("demo", "-o", "."), 2, "is not empty"),
-    ("tuning in virtual time", ("tune", "in-process", "--model", "loop.json"), 2, "on sim:// time is virtual"),
+    ("tuning in virtual time", ("tune", "in-process", "--model", "loop.json"), 2, "sim:// time is virtual"),
     ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
-    ("a rig that is a pipe", ("probe", "pipe.toml"), 2, "pipe.toml: is a pipe, no regular file: give the path of a f"),
-    ("an endless table", ("simulate", "loop.json", "/dev/zero", "-o", "o.csv"), 2, "/dev/zero: is a device, no regu"),
-    ("a log that is a folder", ("report", "folder.json"), 2, "folder.json: is a folder, no regular file"),
-    ("a log that is this folder", ("report", "."), 2, ".: is a folder, no regular file"),
-    ("a reference that is a pipe", (*RUN, "--model", "loop.json", "--reference", "pipe.csv"), 2, "is a pipe, no reg"),
+    ("a rig that is a pipe", ("probe", "pipe.toml"), 2, "pipe.toml: is a pipe, not a regular file. Give"),
+    ("an endless table", ("simulate", "loop.json", "/dev/zero", "-o", "o.csv"), 2, "/dev/zero: is a device, not a reg"),
+    ("a log that is a folder", ("report", "folder.json"), 2, "folder.json: is a folder, not a regular file"),
+    ("a log that is this folder", ("report", "."), 2, ".: is a folder, not a regular file"),
+    ("a reference that is a pipe", (*RUN, "--model", "loop.json", "--reference", "pipe.csv"), 2, "is a pipe, not"),
     ("no log to replay", ("replay", "absent.h5"), 2, "absent.h5: no such file"),
-    ("a log that is none", ("replay", "wire.csv"), 2, "wire.csv: is a table (CSV), and a log is wanted here"),
+    ("a log that is a table", ("replay", "wire.csv"), 2, "wire.csv: is a table (CSV), and a log is needed here"),
     ("unknown option", ("probe", "in-process", "--nosuch"), 2, "No such option"),
     ("no command", ("prob",), 2, "No such command"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("arguments", "code", "told"), [case[1:] for case in WRONG], ids=[case[0] for case in WRONG])
-def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(data, arguments, code, told):
+@pytest.mark.parametrize(("arguments", "code", "part"), [case[1:] for case in WRONG], ids=[case[0] for case in WRONG])
+def test_error_is_one_line_with_its_exit_code_and_writes_nothing(data, arguments, code, part):
     (data / "text.csv").write_text("temperature_c,strain\n20,0.04\n21,high\n")
     (data / "nan.csv").write_text("temperature_c,strain\n20,0.04\n21,nan\n")
     (data / "flat.csv").write_text("temperature_c,strain\n" + "20,0.04\n" * 100)
@@ -366,9 +366,9 @@ def test_what_is_wrong_is_one_line_with_its_exit_code_and_nothing_is_written(dat
     before = contents(data)
     done = smadrive(*arguments, cwd=data)
     assert done.returncode == code, done.stderr
-    assert told in done.stderr
+    assert part in done.stderr
     assert "Traceback" not in done.stderr
-    if "No such" not in told:
+    if "No such" not in part:
         assert len(done.stderr.strip().splitlines()) == 1
     assert done.stdout == ""
     assert contents(data) == before
@@ -378,7 +378,7 @@ def contents(folder):
     return {file.name: file.read_bytes() if file.is_file() else None for file in folder.iterdir()}
 
 
-def test_its_linear_algebra_starts_no_threads_that_would_keep_cores_from_the_loop(tmp_path):
+def test_linear_algebra_starts_no_threads(tmp_path):
     script = (
         "import os, sys\n"
         "from smadrive.cli import main\n"
@@ -394,7 +394,7 @@ def test_its_linear_algebra_starts_no_threads_that_would_keep_cores_from_the_loo
     assert done.stdout.splitlines()[-1] == "True 1"
 
 
-def test_signal_during_the_first_imports_is_told_as_an_interruption():
+def test_signal_during_the_first_imports_is_an_interruption():
     script = (
         "import signal, sys\n"
         "class Press:\n"
@@ -408,3 +408,24 @@ def test_signal_during_the_first_imports_is_told_as_an_interruption():
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=False)
     assert done.returncode == 130
     assert "Traceback" not in done.stderr
+
+
+def test_off_and_version_import_no_maths_and_no_tables(tmp_path):
+    (tmp_path / "rig.toml").write_text(rig_text("/tmp/smadrive-sim", "/dev/ttyNONE"))  # noqa: S108
+    script = (
+        "import sys\n"
+        "from smadrive.cli import main\n"
+        "sys.argv = ['smadrive', *sys.argv[1:]]\n"
+        "try:\n"
+        "    main()\n"
+        "finally:\n"
+        "    heavy = {'numpy', 'scipy', 'h5py', 'matplotlib', 'pymodbus', 'rich', 'asyncio', 'smadrive.control'}\n"
+        "    print(sorted(heavy & sys.modules.keys()), file=sys.stderr)\n"
+    )
+    off = subprocess.run(
+        [sys.executable, "-c", script, "off", tmp_path / "rig.toml"], capture_output=True, text=True, check=False
+    )
+    assert off.returncode == 3
+    assert off.stderr.splitlines()[-1] == "[]"
+    version = subprocess.run([sys.executable, "-c", script, "--version"], capture_output=True, text=True, check=True)
+    assert version.stderr == "[]\n"

@@ -1,4 +1,4 @@
-"""The main job, as the README runs it."""
+"""The demo, as the README runs it."""
 
 import json
 import signal
@@ -25,13 +25,13 @@ def demo(tmp_path_factory):
     return folder, json.loads(done.stdout)
 
 
-def test_the_inverse_is_ten_times_better_than_the_plain_map_and_within_two_percent(demo):
+def test_inverse_is_ten_times_better_than_the_plain_map_and_within_two_percent(demo):
     _, figures = demo
     assert figures["inverse"]["rms_percent"] <= 2.0
     assert figures["inverse"]["rms_percent"] <= figures["plain_map"]["rms_percent"] / 10
 
 
-def test_every_arm_has_the_figures_of_a_run(demo):
+def test_every_arm_has_the_json_keys_of_a_run(demo):
     _, figures = demo
     for arm in ("inverse", "plain_map"):
         assert figures[arm].keys() == {"rms_percent", "max_percent", "ticks", "missed_deadlines", "trips", "log_file"}
@@ -39,13 +39,13 @@ def test_every_arm_has_the_figures_of_a_run(demo):
         assert read_log(Path(figures[arm]["log_file"])).column("time_s").size == figures[arm]["ticks"]
 
 
-def test_the_model_has_22_rules_and_is_certified(demo):
+def test_model_has_22_rules_and_is_certified(demo):
     _, figures = demo
     assert figures["identify"]["rules"] == 22
     assert figures["identify"]["certificate"]["holds"] is True
 
 
-def test_without_a_folder_the_demo_takes_one_that_nobody_uses(tmp_path, monkeypatch):
+def test_default_folder_is_one_that_is_not_in_use(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert _unused_folder().name == "smadrive-demo"
     for name in ("smadrive-demo", "smadrive-demo-2"):
@@ -54,7 +54,7 @@ def test_without_a_folder_the_demo_takes_one_that_nobody_uses(tmp_path, monkeypa
 
 
 class Plots(HTMLParser):
-    """Counts what the page shows, and what it would fetch."""
+    """Counts the images in the page, and lists the addresses that it would fetch."""
 
     def __init__(self):
         super().__init__()
@@ -67,7 +67,7 @@ class Plots(HTMLParser):
                 self.fetched += [value] if not value.startswith("data:") else []
 
 
-def test_the_report_shows_loop_tracking_and_error_and_fetches_nothing(demo):
+def test_report_shows_loop_tracking_and_error_and_fetches_nothing(demo):
     folder, _ = demo
     page = (folder / "report.html").read_text()
     plots = Plots()
@@ -78,7 +78,7 @@ def test_the_report_shows_loop_tracking_and_error_and_fetches_nothing(demo):
         assert f"<h2>{title}</h2>" in page
 
 
-def test_the_board_was_armed_and_ended_switched_off(demo):
+def test_board_was_armed_and_is_off_at_the_end(demo):
     folder, _ = demo
     events = (folder / "firmware.log").read_text().splitlines()
     assert sum("armed, watchdog" in event for event in events) == 3
@@ -87,7 +87,7 @@ def test_the_board_was_armed_and_ended_switched_off(demo):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGHUP], ids=["Ctrl-C", "closed terminal"])
-def test_an_interruption_leaves_zero_current(tmp_path, number):
+def test_interruption_ends_at_zero_current(tmp_path, number):
     with subprocess.Popen(
         [*DEMO, "-o", tmp_path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     ) as process:
@@ -95,9 +95,9 @@ def test_an_interruption_leaves_zero_current(tmp_path, number):
         while process.poll() is None and not (log.exists() and "armed" in log.read_text()):
             time.sleep(0.01)
         process.send_signal(number)
-        _, told = process.communicate()
-    assert process.returncode == 130, told
-    assert "interrupted" in told
-    assert "Traceback" not in told
+        _, stderr = process.communicate()
+    assert process.returncode == 130, stderr
+    assert "interrupted" in stderr
+    assert "Traceback" not in stderr
     events = [event.partition(" s ")[2] for event in log.read_text().splitlines()]
     assert events[:2] == ["armed, watchdog 0.500 s", "disarmed"]

@@ -1,4 +1,4 @@
-"""The reproduction of the paper reaches what it claims, on the published case."""
+"""The repeated simulation of the paper has errors within the stated bounds."""
 
 import json
 import subprocess
@@ -16,7 +16,7 @@ def paper(tmp_path_factory):
     return folder, {row["name"]: row for row in json.loads(done.stdout)["errors"]}
 
 
-def test_the_derived_model_lies_in_the_published_band(paper):
+def test_derived_model_lies_in_the_published_band(paper):
     _, errors = paper
     for loop in ("major", "mixed"):
         low, high = errors["derived, uniform sets"][loop]
@@ -26,12 +26,12 @@ def test_the_derived_model_lies_in_the_published_band(paper):
 @pytest.mark.parametrize(
     ("name", "most_percent"), [("identified, uniform sets", 0.5), ("identified, fitted sets", 0.15)]
 )
-def test_identified_rules_hold_on_a_hundred_loops_that_no_fit_saw(paper, name, most_percent):
+def test_identified_rules_hold_on_a_hundred_unseen_loops(paper, name, most_percent):
     _, errors = paper
     assert errors[name]["unseen_percent"][1] <= most_percent
 
 
-def test_the_report_has_the_figures_and_both_readings_of_the_table(paper):
+def test_report_has_the_figures_and_both_versions_of_the_table(paper):
     folder, _ = paper
     page = (folder / "report.html").read_text()
     for figure in ("3, 6, 7", "4, 5", "8, 9", "10, 11", "12, 13"):

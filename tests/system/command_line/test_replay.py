@@ -1,4 +1,4 @@
-"""A replay is the record bit for bit, and shows what another model, or another rig file, would have made of it."""
+"""A replay is identical to the record; with another model or rig file it shows the differences."""
 
 import json
 from dataclasses import replace
@@ -52,7 +52,7 @@ def tracked(tmp_path_factory):
     return read_log(path)
 
 
-def test_the_replay_of_a_tracking_run_is_the_record(tracked):
+def test_replay_of_a_tracking_run_is_the_record(tracked):
     again = replay(tracked)
     assert again.exact
     for name, values in again.columns.items():
@@ -60,7 +60,7 @@ def test_the_replay_of_a_tracking_run_is_the_record(tracked):
         assert again.differences[name] == Difference(max=0.0, rms=0.0, first_s=inf)
 
 
-def test_the_replay_of_an_excitation_is_the_record(tmp_path):
+def test_replay_of_an_excitation_is_the_record(tmp_path):
     path = tmp_path / "excitation.h5"
     with Rig(load_rig("in-process")) as rig:
         excitation = rig.excitation(22.0)
@@ -72,7 +72,7 @@ def test_the_replay_of_an_excitation_is_the_record(tmp_path):
         replay(log, (wire(), None))
 
 
-def test_the_replay_of_a_run_that_was_stopped_is_its_record(tmp_path):
+def test_replay_of_a_stopped_run_is_its_record(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         track(tmp_path / "run.h5", until_s=7.0)
     log = read_log(tmp_path / "run.h5")
@@ -80,7 +80,7 @@ def test_the_replay_of_a_run_that_was_stopped_is_its_record(tmp_path):
     assert replay(log).exact
 
 
-def test_another_model_differs_where_it_should(tracked):
+def test_another_model_differs_in_its_setpoint(tracked):
     far = wire(mu_heating=99.0)
     again = replay(tracked, (far, Rig(load_rig("in-process")).nominal_balance))
     assert not again.exact
@@ -89,7 +89,7 @@ def test_another_model_differs_where_it_should(tracked):
     assert again.differences["setpoint_c"].rms > 1.0
 
 
-def test_another_model_predicts_worse_where_the_displacement_does_not_put_it_right(tracked):
+def test_wrong_model_predicts_worse_without_the_displacement(tracked):
     blind = replace(
         tracked, columns={**tracked.columns, "displacement_mm": np.full_like(tracked.columns["time_s"], nan)}
     )
@@ -101,7 +101,7 @@ def test_another_model_predicts_worse_where_the_displacement_does_not_put_it_rig
     assert misses[1] > 2.0 * misses[0]
 
 
-def test_a_changed_rig_file_shows_at_the_first_tick_that_answers_otherwise(tracked):
+def test_changed_rig_file_shows_from_the_first_tick_that_differs(tracked):
     rig = tracked.json("rig")
     rig["feedback"]["closed_loop_s"] *= 2.0
     again = replay(replace(tracked, metadata={**tracked.metadata, "rig": json.dumps(rig)}))
@@ -109,7 +109,7 @@ def test_a_changed_rig_file_shows_at_the_first_tick_that_answers_otherwise(track
     assert 0.0 <= again.differences["power_w"].first_s < 1.0
 
 
-def test_plain_map_is_replayed_only_with_a_model_instead(tmp_path):
+def test_run_with_a_plain_map_is_replayed_with_a_model_alone(tmp_path):
     track(tmp_path / "map.h5", StaticMap([20.0, 80.0, 130.0], [0.0, 5.0, 11.0]))
     log = read_log(tmp_path / "map.h5")
     with pytest.raises(DataError, match="plain map"):

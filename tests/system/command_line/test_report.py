@@ -1,4 +1,4 @@
-"""A log becomes one page and one table, whatever ended it, and nothing of it is left out."""
+"""A log becomes one page and one table with all its content, whatever ended it."""
 
 import json
 import shutil
@@ -90,7 +90,7 @@ class Page(HTMLParser):
         self._inside = False
 
 
-def test_a_complete_run_is_shown_with_everything_it_was_run_with(logs):
+def test_page_of_a_complete_run_has_its_metrics_and_configuration(logs):
     figures, text = report(logs, "complete.h5", "-o", "page.html")
     assert figures["report_file"] == "page.html"
     assert figures["complete"] is True
@@ -103,13 +103,13 @@ def test_a_complete_run_is_shown_with_everything_it_was_run_with(logs):
     assert page.fetched == []
     assert page.titles == [
         *("Tracking", "Heat", "Temperature and displacement", "Loop timing", "Events", "Provenance"),
-        *("Rig file", "Wire: the model that tracked", "Nominal heat balance", "Device profiles"),
+        *("Rig file", "Wire: the model of the run", "Nominal heat balance", "Device profiles"),
     ]
-    for told in ("sim://flexinol-lt-0.15mm", "sma-reference (smadrive)", "limits.current_max_a", "numpy 2", "seed"):
-        assert told in text
+    for part in ("sim://flexinol-lt-0.15mm", "sma-reference (smadrive)", "limits.current_max_a", "numpy 2", "seed"):
+        assert part in text
 
 
-def test_the_demo_shows_the_error_that_its_table_scores(logs):
+def test_plot_of_the_demo_has_the_error_of_its_table(logs):
     log = read_log(logs / "complete.h5")
     figures = tracking_metrics(log, LoopMetrics())
     plot = _error_plot([("inverse", log, figures), ("plain map", log, figures)])
@@ -121,19 +121,19 @@ def test_the_demo_shows_the_error_that_its_table_scores(logs):
     assert "The approach (grey)" in plot.caption
 
 
-def test_virtual_time_shows_no_lateness_and_real_time_does(logs, tmp_path):
+def test_delay_of_ticks_is_shown_in_real_time_alone(logs, tmp_path):
     virtual = read_log(logs / "complete.h5")
     late_s = np.full_like(virtual.column("late_s"), 1e-5)
     real = replace(virtual, columns={**virtual.columns, "late_s": late_s})
-    for log, panels, told in ((virtual, 1, "missed deadlines, virtual time has none"), (real, 2, "worst 0.0 ms")):
+    for log, panels, part in ((virtual, 1, "missed deadlines, none in virtual time"), (real, 2, "worst 0.0 ms")):
         (timing,) = (plot for plot in log_plots(log) if plot.title == "Loop timing")
         assert len(timing.figure.axes) == panels
-        assert ("Virtual time has no lateness" in timing.caption) == (panels == 1)
+        assert ("Virtual time" in timing.caption) == (panels == 1)
         write_log_report(tmp_path / "page.html", log)
-        assert told in (tmp_path / "page.html").read_text()
+        assert part in (tmp_path / "page.html").read_text()
 
 
-def test_an_error_that_is_unknown_is_told_and_not_drawn(logs, tmp_path):
+def test_unknown_error_is_a_warning_and_not_drawn(logs, tmp_path):
     complete = read_log(logs / "complete.h5")
     unmeasured = replace(
         complete,
@@ -141,23 +141,23 @@ def test_an_error_that_is_unknown_is_told_and_not_drawn(logs, tmp_path):
         metadata={**complete.metadata, "caveats": json.dumps(["its reference was smoothed"])},
     )
     tripped = replace(complete, columns={name: column[:40] for name, column in complete.columns.items()})
-    for log, told in ((unmeasured, "no displacement was measured"), (tripped, "the run ended in its approach")):
+    for log, reason in ((unmeasured, "no displacement was measured"), (tripped, "the run ended in its approach")):
         tracking = next(plot for plot in log_plots(log) if plot.title == "Tracking")
         (displacement,) = tracking.figure.axes
         assert displacement.get_xlim()[1] < 1.1 * log.column("time_s")[-1]
         assert displacement.get_xlabel() == "time / s"
-        assert told in tracking.caption
+        assert reason in tracking.caption
         write_log_report(tmp_path / "page.html", log)
         text = (tmp_path / "page.html").read_text()
-        assert f"Warning: the tracking error is unknown: {told}" in text.partition("<h2>")[0]
+        assert f"Warning: the tracking error is unknown: {reason}" in text.partition("<h2>")[0]
 
 
-def test_the_head_doubts_nothing_where_nothing_is_in_doubt(logs):
+def test_page_without_caveats_has_no_warning(logs):
     _, text = report(logs, "complete.h5")
     assert "Warning" not in text
 
 
-def test_a_command_at_the_limit_counts_as_held_back(logs):
+def test_command_at_the_limit_counts_as_limited(logs):
     figures, text = report(logs, "complete.h5")
     log = read_log(logs / "complete.h5")
     at_limit = log.column("commanded_a") >= 0.6 * AT_LIMIT
@@ -170,15 +170,15 @@ def test_a_command_at_the_limit_counts_as_held_back(logs):
     assert "limited by current_max for the first time" in text
 
 
-def test_a_killed_run_is_shown_as_far_as_it_went(logs):
+def test_page_of_a_killed_run_shows_it_until_the_kill(logs):
     figures, text = report(logs, "killed.h5")
     assert figures["report_file"] == "killed.html"
     assert figures["complete"] is False
     assert 43.0 < figures["duration_s"] < 45.0
-    assert "Nobody ended this log" in text
+    assert "This log has no end" in text
 
 
-def test_a_fault_is_told_with_its_remedy(logs):
+def test_fault_is_shown_with_its_remedy(logs):
     figures, text = report(logs, "tripped.h5")
     assert figures["complete"] is False
     assert figures["ended_by"].startswith("TripError: fault ")
@@ -189,7 +189,7 @@ def test_a_fault_is_told_with_its_remedy(logs):
     assert "Excitation" in Page(text).titles
 
 
-def test_a_heater_that_could_not_be_confirmed_off_is_told_at_the_head(tmp_path):
+def test_unconfirmed_heater_is_stated_at_the_head(tmp_path):
     with pytest.raises(DeadlineError):
         trip(tmp_path / "silent.h5", lambda device: device.faults.drop(10_000))
     _, text = report(tmp_path, "silent.h5")
@@ -198,7 +198,7 @@ def test_a_heater_that_could_not_be_confirmed_off_is_told_at_the_head(tmp_path):
     assert "cut its supply by hand" in head
 
 
-def test_the_table_has_every_column_and_row(logs):
+def test_table_has_every_column_and_row(logs):
     figures, _ = report(logs, "complete.h5", "--csv", "table.csv")
     table = read_table(logs / figures["csv_file"])
     assert next(iter(table.cells)) == "time_s"

@@ -1,4 +1,4 @@
-"""`smadrive scan` on a served device: what proves itself, what may be, and nobody."""
+"""`smadrive scan` on a served device: proved profiles, possible profiles, no device."""
 
 import contextlib
 import json
@@ -31,7 +31,7 @@ def scan(*arguments):
     ("profile", "proved", "possible"),
     [("riden-rd60xx", ["riden-rd60xx"], []), ("baumer-om20", [], ["baumer-om20"])],
 )
-def test_a_device_is_found_with_the_profiles_that_match(profile, proved, possible):
+def test_device_is_found_with_the_profiles_that_match(profile, proved, possible):
     with served(profile) as url:
         done = scan(f"{url}?baudrate=9600", "--units", "1", "--json")
     assert done.returncode == 0, done.stderr
@@ -41,24 +41,24 @@ def test_a_device_is_found_with_the_profiles_that_match(profile, proved, possibl
     assert found["possible"] == possible
 
 
-def test_a_line_that_another_smadrive_has_is_not_scanned():
+def test_line_in_use_is_not_scanned():
     with served("riden-rd60xx") as url, lock_line(port_of(url), Role.DRIVER):
         done = scan(url, "--units", "1")
     assert done.returncode == 3
     assert f"process {os.getpid()}" in done.stderr
 
 
-def test_what_is_found_can_be_put_into_a_rig_file():
+def test_scan_prints_the_entry_of_a_rig_file():
     with served("sma-reference") as url:
-        said = scan(url, "--units", "1").stdout
-    assert 'profile = "sma-reference"' in said
-    assert f'url = "{url}?baudrate=115200&parity=N&stopbits=1"' in said
+        printed = scan(url, "--units", "1").stdout
+    assert 'profile = "sma-reference"' in printed
+    assert f'url = "{url}?baudrate=115200&parity=N&stopbits=1"' in printed
 
 
-def test_nobody_is_an_error_with_its_cure_and_nonsense_is_refused():
+def test_no_device_and_invalid_unit_ids_are_errors():
     with served("sma-reference") as url:
         nobody = scan(f"{url}?baudrate=9600", "--units", "7-8")
     assert nobody.returncode == 3
-    assert "none of the units 7-8 answers: are they powered" in nobody.stderr
+    assert "none of the units 7-8 answers" in nobody.stderr
     for units in ("x", "5-1", "300", ""):
         assert scan("serial:///dev/ttyNONE", "--units", units).returncode == 2

@@ -1,4 +1,4 @@
-"""What a person sees while a wire moves, and that a program sees none of it."""
+"""The terminal shows a run to a person; a program sees no display."""
 
 import os
 import pty
@@ -45,24 +45,24 @@ def on_a_terminal(*arguments, cwd):
     return seen.decode()
 
 
-def test_a_run_shows_its_values_on_a_terminal(tmp_path):
+def test_run_shows_its_values_on_a_terminal(tmp_path):
     seen = on_a_terminal("excite", "in-process", "-o", "l.h5", cwd=tmp_path)
     for shown in ("exciting", "━", "temperature", "°C", "current", "limited by"):
         assert shown in seen
 
 
-def test_with_json_the_terminal_stays_quiet(tmp_path):
+def test_json_leaves_the_terminal_empty(tmp_path):
     assert on_a_terminal("excite", "in-process", "-o", "l.h5", "--json", cwd=tmp_path) == ""
 
 
-def test_without_a_terminal_stderr_stays_quiet(tmp_path):
+def test_stderr_is_empty_without_a_terminal(tmp_path):
     command = [sys.executable, "-m", "smadrive", "excite", "in-process", "-o", "l.h5"]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stderr == ""
     assert done.stdout.startswith("l.h5: ")
 
 
-def test_tune_tells_what_it_does_and_who_looks_on(tmp_path):
+def test_tune_prints_its_state_and_its_open_pages(tmp_path):
     save_model(WIRE, tmp_path / "wire.json")
     with ServedSimulator("flexinol-lt-0.15mm", real_time=True) as simulator:
         rig = (CONFIGS / "rigs" / "simulated.toml").read_text()
@@ -96,27 +96,27 @@ def tick(**measured):
     return Tick(34.2, 0.0012, Measurement(**{**values, **measured}), Command(0.2, setpoint_c=84.3, setpoint_mm=4.21))
 
 
-def test_values_limits_faults_and_events_are_all_in_the_picture(recorder):
+def test_display_has_values_limits_faults_and_events(recorder):
     view = RunView("tracking", 122.0, 0.6, recorder)
     assert "starting" in str(view.__rich__())
     recorder.event("limited by voltage for the first time")
     view.latest = tick(device_limits=("voltage",), host_limits=("derate",), device_faults=("watchdog",))
     lines = " ".join(str(view.__rich__()).split())
     for shown in (
-        *("34.2 of 122.0 s", "reference 4.210 mm", "displacement 4.200 mm", "error 0.010 mm", "wanted 84.3 °C"),
+        *("34.2 of 122.0 s", "reference 4.210 mm", "displacement 4.200 mm", "error 0.010 mm", "setpoint 84.3 °C"),
         *("temperature 84.1 °C", "late 1.2 ms", "current 0.200 A", "limit 0.600 A", "limited by voltage, derate"),
         *("faults watchdog", "limited by voltage for the first time"),
     ):
         assert shown in lines
 
 
-def test_a_last_tick_after_the_end_is_shown_at_the_end(recorder):
+def test_last_tick_after_the_end_is_shown_at_the_end(recorder):
     view = RunView("tracking", 34.1, 0.6, recorder)
     view.latest = tick()
     assert "34.1 of 34.1 s" in str(view.__rich__())
 
 
-def test_what_is_not_known_is_not_made_up(recorder):
+def test_unknown_values_are_dashes(recorder):
     view = RunView("tracking", float("inf"), 0.6, recorder)
     view.latest = tick(temperature_c=float("nan"), temperature_fault="open", displacement_mm=float("nan"))
     lines = " ".join(str(view.__rich__()).split())

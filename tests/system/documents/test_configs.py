@@ -14,12 +14,12 @@ LOADERS = {"devices": load_profile, "wires": load_data_sheet, "rigs": load_rig, 
 
 
 @pytest.mark.parametrize("path", sorted(CONFIGS.rglob("*.*")), ids=lambda path: str(path.relative_to(CONFIGS)))
-def test_it_loads_by_path_and_by_name(path):
+def test_config_loads_by_path_and_by_name(path):
     load = LOADERS[path.parent.name]
     assert load(str(path)) == load(path.stem)
 
 
-def test_the_parts_that_a_rig_names_exist():
+def test_files_that_a_rig_names_exist():
     for path in (CONFIGS / "rigs").glob("*.toml"):
         rig = load_rig(str(path))
         assert load_data_sheet(rig.wire).heat_balance().time_constant_s > 0

@@ -1,7 +1,7 @@
-"""The guides: every command in them runs, in their order, on the files that they have the reader write.
+"""The guides: every command in them runs, in its order, on the files that the guide has the reader write.
 
-A guide that says that it goes on where another ended does so here too, in the same folder. A command that ends in `&`
-runs until the last guide of the folder has ended. Ports are this test's own: several may run on one machine.
+A guide that continues another one runs in the same folder. A command that ends in `&` runs until the last guide of the
+folder has ended. Ports are private to this test, so several tests may run on one machine.
 """
 
 import os
@@ -19,10 +19,10 @@ import pytest
 ROOT = Path(__file__).parents[3]
 GUIDES = sorted((ROOT / "docs").glob("*.md"))
 BLOCK = re.compile(r"```(\w+)(?: (\S+))?\n(.*?)```", re.DOTALL)
-"""Language, name of the file that the reader is to write (if one), content."""
+"""Language, name of the file that the reader writes (if one), content."""
 
 WALKS = (("first-wire", "records", "tuning"), ("bench-supply",))
-"""Guides that a reader follows in one folder, one after the other."""
+"""Guides that a reader follows one after the other in one folder."""
 
 PROMISED = {
     "first-wire": ("first-heat.html", "wire.json", "run.h5", "run.html", "run.csv", "steps.h5"),
@@ -30,7 +30,7 @@ PROMISED = {
     "tuning": ("tuned-rig.toml",),
     "bench-supply": ("bench.h5", "bench.json", "bench-run.html"),
 }
-"""What the reader has at the end of each."""
+"""The files that exist at the end of each guide."""
 
 
 def steps(text):
@@ -50,21 +50,20 @@ def free_port():
 
 @contextmanager
 def in_the_background(command, **options):
-    """Started, and ended by Ctrl-C as its reader would; it begins by telling where it is to be found."""
+    """The process of a command, ended by Ctrl-C as a reader would; its first line names its address."""
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options) as process:
         assert process.stdout.readline(), process.communicate()
         try:
             yield
         finally:
             process.send_signal(signal.SIGINT)
-            told = process.communicate()
-    assert process.returncode in {0, 130}, told
-    assert "Traceback" not in told[1]
+            output = process.communicate()
+    assert process.returncode in {0, 130}, output
+    assert "Traceback" not in output[1]
 
 
-@pytest.mark.timeout(600)
 @pytest.mark.parametrize("walk", WALKS, ids="-".join)
-def test_a_reader_who_follows_the_guides_gets_through(walk, tmp_path):
+def test_commands_of_the_guides_run(walk, tmp_path):
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"
     options = {"cwd": tmp_path, "env": {**os.environ, "PATH": path}}
     own = {"/tmp/": f"{tmp_path}/", "5006": str(free_port())}  # noqa: S108
@@ -85,13 +84,13 @@ def test_a_reader_who_follows_the_guides_gets_through(walk, tmp_path):
                 assert (tmp_path / promised).stat().st_size > 0
 
 
-def test_every_guide_with_something_to_do_is_walked():
+def test_every_guide_with_commands_is_tested():
     busy = {guide.stem for guide in GUIDES if any(steps(guide.read_text()))}
     assert {guide for walk in WALKS for guide in walk} == busy
 
 
 @pytest.mark.parametrize("guide", GUIDES, ids=lambda guide: guide.stem)
-def test_every_link_leads_somewhere_and_the_readme_leads_to_every_guide(guide):
+def test_links_exist_and_the_readme_links_every_guide(guide):
     for link in re.findall(r"\]\((?!http)([^)#]+)\)", BLOCK.sub("", guide.read_text())):
         assert (guide.parent / link).exists(), link
     assert f"(docs/{guide.name})" in (ROOT / "README.md").read_text()

@@ -1,4 +1,4 @@
-"""What the README promises: its code runs, its files exist, its commands are commands."""
+"""The README: its code runs, its files exist, its commands exist."""
 
 import re
 import subprocess
@@ -24,7 +24,7 @@ def test_there_are_exactly_two_set_up_commands():
     ]
 
 
-def test_the_library_example_runs():
+def test_library_example_runs():
     (example,) = blocks("python")
     done = subprocess.run([sys.executable, "-W", "error", "-c", example], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -34,7 +34,7 @@ def test_the_library_example_runs():
 
 
 @pytest.mark.parametrize("link", re.findall(r"\]\((?!http)([^)#]+)\)", TEXT))
-def test_every_link_leads_somewhere(link):
+def test_link_exists(link):
     assert (ROOT / link).exists()
 
 
@@ -45,6 +45,6 @@ def test_every_command_of_the_session_exists_and_is_explained():
     assert {name for pair in explained for name in pair if name} == set(COMMANDS)
 
 
-def test_the_rigs_of_the_session_are_shipped():
+def test_rigs_of_the_session_are_shipped():
     for name in set(re.findall(r"smadrive (?:probe|excite|run|off) ([a-z-]+)", TEXT)):
         assert (ROOT / "configs" / "rigs" / f"{name}.toml").is_file()

@@ -224,26 +224,10 @@ def test_an_output_that_blinks_between_two_exchanges_is_noticed(bench):
 
 def test_a_rate_that_the_devices_cannot_keep_is_refused_with_the_one_they_can():
     bench = Bench(rig_of(devices(), rate_hz=20.0))
-    with pytest.raises(ConfigError, match=r"need 0\.1\d\d s for one tick, .* set rate_hz to"), bench.rig as rig:
+    with pytest.raises(ConfigError, match="rate_hz") as caught, bench.rig as rig:
         rig.excite(rig.excitation(22.0), lambda tick: None)
-
-
-@pytest.mark.parametrize(
-    ("changed", "says"),
-    [
-        (devices()[1:], "one device that heats, of role 'heater' or 'supply'; this one has none"),
-        (devices(reader={"profile": "hanmatek-hm30x"}), "this one has 'supply', 'reader'"),
-        ([devices()[0], devices()[2]], "no device measures the temperature"),
-        (devices(laser={"profile": "delta-dtb"}), "'reader', 'laser' all measure the temperature: say which one"),
-        (devices(laser={"measures": ["temperature"]}), "profile 'baumer-om20' binds none"),
-        (devices(laser={"url": "sim://other"}), "stand on one bench"),
-        (devices(laser={"name": "reader"}), "two devices have the same name"),
-    ],
-    ids=["no heat", "two heaters", "no thermometer", "two thermometers", "cannot measure", "two benches", "same name"],
-)
-def test_devices_that_form_no_rig_are_refused_by_name(changed, says):
-    with pytest.raises(Exception, match=says), Rig(rig_of(changed)):
-        pass
+    assert caught.value.value.startswith("0.1")
+    assert caught.value.limit == "0.050 s"
 
 
 def test_unused_second_thermometer_is_allowed():
@@ -275,21 +259,6 @@ def test_any_supply_heats_the_wire_under_its_own_protections(profile):
         for role, limit in (("ovp", 15.0), ("ocp", 0.6)):
             if (name := getattr(supply.profile.roles, role)) is not None:
                 assert supply.read((name,))[name].value == pytest.approx(1.1 * limit, rel=0.02)
-
-
-@pytest.mark.parametrize(
-    "changes",
-    [
-        {"reader": {"url": "serial:///dev/x"}, "laser": {"url": "serial:///dev/x"}},
-        {"reader": {"url": "tcp://host", "unit_id": 7}, "laser": {"url": "tcp://host", "unit_id": 7}},
-    ],
-    ids=["factory ids", "given ids"],
-)
-def test_two_devices_of_one_unit_id_on_a_line_are_refused_before_it_is_opened(changes):
-    with pytest.raises(
-        ConfigError, match=r"'reader' and 'laser' both have unit id [17] at .*: give one of them another"
-    ):
-        Rig(rig_of(devices(**changes))).__enter__()
 
 
 def test_a_twin_that_comes_back_at_the_supplys_port_confirms_nothing(bench):

@@ -290,22 +290,12 @@ def test_after_a_takeover_the_driver_has_its_ports_again_and_may_heat_again_unde
         assert said.count("heater off, confirmed by read-back") == 2
 
 
-def test_watchdog_shorter_than_a_reply_is_refused(tmp_path):
-    with served("riden-rd60xx") as (_, supply_url), served("delta-dtb") as (_, reader_url):
-        rig = tmp_path / "rig.toml"
-        rig.write_text(RIG.format(supply=supply_url, reader=reader_url).replace("watchdog_s = 1.0", "watchdog_s = 0.6"))
-        with pytest.raises(
-            ConfigError, match=r"watchdog_s = 0\.6 is too short.* 0\.5 s for an answer: raise it to 0\.75"
-        ):
-            Rig(load_rig(str(rig))).__enter__()
-
-
 def test_off_ignores_the_limits_of_heating(tmp_path):
     with served("riden-rd60xx") as (_, supply_url), served("delta-dtb") as (_, reader_url):
         rig = tmp_path / "rig.toml"
         text = RIG.format(supply=supply_url, reader=reader_url).replace("watchdog_s = 1.0", "watchdog_s = 0.6")
         rig.write_text(text.replace("temperature_max_c = 135.0", "temperature_max_c = 408.0"))
-        with pytest.raises(ConfigError, match="is more than"):
+        with pytest.raises(ConfigError, match="temperature_max_c"):
             Rig(load_rig(str(rig)))
         subprocess.run([sys.executable, "-m", "smadrive", "off", str(rig)], check=True)
 

@@ -60,7 +60,7 @@ def test_probe_and_off_show_the_latched_trip_and_off_clears_it(tmp_path):
         TripLatch(key).latch(TripError("fault 8: reads too cold", 8))
         told = smadrive("probe", rig_file)
         assert "latched: fault 8: reads too cold\n" in told
-        assert f"once its cause is gone: smadrive off {rig_file} --clear-faults\n" in told
+        assert f"smadrive off {rig_file} --clear-faults\n" in told
         assert json.loads(smadrive("probe", rig_file, "--json"))["tripped"] == "fault 8: reads too cold"
         assert off(rig_file)["faults"] == ["fault 8: reads too cold"]
         assert off(rig_file, "--clear-faults")["faults"] == []

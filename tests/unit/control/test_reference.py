@@ -95,7 +95,7 @@ def test_the_approach_is_smooth_and_not_scored():
         ("sine", r"missing: low_mm, high_mm, period_s; .* period_s=, cycles= \(optional: 2\)$"),
         ("staircase:low_mm=1", r"missing: high_mm; .* rise_s= \(optional: 2\)$"),
         ("sine:low_mm=1,high_mm=2,period_s=56,period_s=5", "'period_s' is given more than once"),
-        ("sine:low_mm=one,high_mm=2,period_s=3", "is no number"),
+        ("sine:low_mm=one,high_mm=2,period_s=3", "is not a number"),
         ("sine:low_mm=1,high_mm=2,period_s=0", "period_s must be positive"),
         ("sine:low_mm=1,high_mm=2,period_s=-5", "period_s must be positive"),
         ("sine:low_mm=1,high_mm=nan,period_s=5", "must be finite"),

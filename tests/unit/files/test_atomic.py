@@ -1,4 +1,4 @@
-"""A file is replaced completely or not at all, nothing but a file is ever replaced, and no input and no record."""
+"""A file is replaced completely or not at all; an input, a record or a special file is never replaced."""
 
 import os
 import socket
@@ -9,7 +9,8 @@ import sys
 import pytest
 
 from smadrive.errors import DataError
-from smadrive.files.atomic import LOG, MODEL, TABLE, check_output, creating, replacing
+from smadrive.files.atomic import check_output, creating, replacing
+from smadrive.files.kinds import LOG, MODEL, TABLE
 
 
 def write(path, text="new"):
@@ -21,7 +22,7 @@ def names(folder):
     return sorted(entry.name for entry in folder.iterdir())
 
 
-def test_a_new_file_gets_what_the_umask_leaves(tmp_path):
+def test_new_file_has_the_permissions_of_the_umask(tmp_path):
     before = os.umask(0o027)
     try:
         write(tmp_path / "f")
@@ -32,7 +33,7 @@ def test_a_new_file_gets_what_the_umask_leaves(tmp_path):
     assert names(tmp_path) == ["f"]
 
 
-def test_a_replaced_file_keeps_its_permissions(tmp_path):
+def test_replaced_file_keeps_its_permissions(tmp_path):
     (tmp_path / "f").write_text("old")
     (tmp_path / "f").chmod(0o604)
     write(tmp_path / "f")
@@ -41,7 +42,7 @@ def test_a_replaced_file_keeps_its_permissions(tmp_path):
 
 
 @pytest.mark.skipif(os.getuid() != 0, reason="only root may give a file away")
-def test_a_replaced_file_keeps_its_owner(tmp_path):
+def test_replaced_file_keeps_its_owner(tmp_path):
     (tmp_path / "f").write_text("old")
     os.chown(tmp_path / "f", 1234, 4321)
     write(tmp_path / "f")
@@ -49,7 +50,7 @@ def test_a_replaced_file_keeps_its_owner(tmp_path):
     assert (found.st_uid, found.st_gid) == (1234, 4321)
 
 
-def test_the_old_file_stands_until_the_new_one_is_complete(tmp_path):
+def test_old_file_stays_until_the_new_one_is_complete(tmp_path):
     (tmp_path / "f").write_text("old")
     with pytest.raises(ZeroDivisionError), replacing(tmp_path / "f") as partial:  # noqa: PT012
         partial.write_text("half")
@@ -59,7 +60,7 @@ def test_the_old_file_stands_until_the_new_one_is_complete(tmp_path):
     assert names(tmp_path) == ["f"]
 
 
-def test_a_link_keeps_pointing_and_its_target_is_replaced(tmp_path):
+def test_target_of_a_link_is_replaced(tmp_path):
     (tmp_path / "far").mkdir()
     (tmp_path / "far" / "f").write_text("old")
     (tmp_path / "link").symlink_to(tmp_path / "far" / "f")
@@ -69,7 +70,7 @@ def test_a_link_keeps_pointing_and_its_target_is_replaced(tmp_path):
     assert names(tmp_path / "far") == ["f"]
 
 
-def test_a_link_to_nothing_makes_its_target(tmp_path):
+def test_missing_target_of_a_link_is_created(tmp_path):
     (tmp_path / "link").symlink_to(tmp_path / "f")
     write(tmp_path / "link")
     assert (tmp_path / "f").read_text() == "new"
@@ -85,28 +86,29 @@ def test_a_link_to_nothing_makes_its_target(tmp_path):
 )
 @pytest.mark.parametrize("through_a_link", [False, True])
 @pytest.mark.filterwarnings("ignore:unclosed:ResourceWarning")
-def test_what_is_no_file_is_refused_and_stays(tmp_path, make, kind, through_a_link):
+def test_special_file_is_not_replaced(tmp_path, make, kind, through_a_link):
     make(tmp_path / "special")
     before = (tmp_path / "special").stat()
     path = tmp_path / "special"
     if through_a_link:
         path = tmp_path / "link"
         path.symlink_to(tmp_path / "special")
-    with pytest.raises(DataError, match=f"{path}: cannot be written: it is {kind}"):
+    with pytest.raises(DataError, match=kind) as caught:
         write(path)
+    assert caught.value.where == str(path)
     assert (tmp_path / "special").stat().st_ino == before.st_ino
     assert not any("partial" in name for name in names(tmp_path))
 
 
 @pytest.mark.skipif(os.getuid() == 0, reason="nothing is write-protected against root")
-def test_a_write_protected_file_is_refused(tmp_path):
+def test_write_protected_file_is_not_replaced(tmp_path):
     (tmp_path / "f").write_text("old")
     (tmp_path / "f").chmod(0o444)
     with pytest.raises(DataError, match="write-protected"):
         write(tmp_path / "f")
 
 
-def test_a_missing_folder_and_links_in_a_circle_are_told(tmp_path):
+def test_missing_folder_and_circular_links_are_errors(tmp_path):
     with pytest.raises(DataError, match="No such file or directory"):
         write(tmp_path / "no" / "f")
     (tmp_path / "a").symlink_to(tmp_path / "b")
@@ -130,48 +132,50 @@ except DataError as error:
 """
 
 
-def test_a_disk_that_takes_no_more_leaves_the_old_file(tmp_path):
+def test_full_disk_leaves_the_old_file(tmp_path):
     (tmp_path / "f").write_text("old")
-    told = subprocess.run(
+    message = subprocess.run(
         [sys.executable, "-c", FULL, tmp_path / "f"], capture_output=True, text=True, check=True
     ).stdout
-    assert "f: cannot be written (File too large): check the folder and its space" in told
+    assert "f: cannot be written: File too large" in message
     assert (tmp_path / "f").read_text() == "old"
     assert names(tmp_path) == ["f"]
 
 
 @pytest.mark.parametrize("name", ["run.csv", "run", "run.toml", "run.h5.html"])
-def test_a_name_that_tells_of_another_content_is_refused(tmp_path, name):
-    with pytest.raises(DataError, match=r"its name ends in \.h5 or \.hdf5 or \.nxs: choose another name"):
+def test_ending_of_another_kind_is_an_error(tmp_path, name):
+    with pytest.raises(DataError, match=r"\.h5 or \.hdf5 or \.nxs") as caught:
         check_output(tmp_path / name, LOG)
+    assert caught.value.where == str(tmp_path / name)
     check_output(tmp_path / "run.H5", LOG)
 
 
 @pytest.mark.parametrize("link", [os.symlink, os.link])
-def test_an_input_is_no_output_by_whatever_name(tmp_path, link):
+def test_input_is_not_overwritten_under_any_name(tmp_path, link):
     (tmp_path / "a.csv").write_text("data")
     link(tmp_path / "a.csv", tmp_path / "b.csv")
     for name in ("a.csv", "b.csv"):
-        with pytest.raises(DataError, match=f"{name}: is read by this command"):
+        with pytest.raises(DataError, match="input") as caught:
             check_output(tmp_path / name, TABLE, tmp_path / "absent.json", tmp_path / "a.csv")
+        assert caught.value.where == str(tmp_path / name)
     check_output(tmp_path / "c.csv", TABLE, tmp_path / "a.csv")
 
 
-def test_a_record_is_never_written_over_and_a_model_is(tmp_path):
-    for name, form in (("f.h5", LOG), ("f.json", MODEL)):
-        check_output(tmp_path / name, form)
+def test_record_is_never_overwritten_and_a_model_is(tmp_path):
+    for name, kind in (("f.h5", LOG), ("f.json", MODEL)):
+        check_output(tmp_path / name, kind)
         (tmp_path / name).write_text("old")
     check_output(tmp_path / "f.json", MODEL)
     (tmp_path / "dangling.h5").symlink_to(tmp_path / "nothing")
     for name in ("f.h5", "dangling.h5"):
-        with pytest.raises(DataError, match="exists, and a record is never written over"):
+        with pytest.raises(DataError, match="exists"):
             check_output(tmp_path / name, LOG)
-        with pytest.raises(DataError, match="exists, and a record is never written over"), creating(tmp_path / name):
+        with pytest.raises(DataError, match="exists"), creating(tmp_path / name):
             pytest.fail("nothing may be written")
     assert (tmp_path / "f.h5").read_text() == "old"
 
 
-def test_what_could_not_be_created_leaves_its_name_free(tmp_path):
+def test_failed_creation_leaves_no_file(tmp_path):
     with pytest.raises(ZeroDivisionError), creating(tmp_path / "f"):
         raise ZeroDivisionError
     assert names(tmp_path) == []

@@ -1,4 +1,4 @@
-"""Every way in which a config file can be wrong is told in one line that names file, key and cure."""
+"""Every error in a config file is one line that names file, key and cure."""
 
 import os
 
@@ -23,7 +23,7 @@ def load(tmp_path, text):
     return load_config(path, Outer)
 
 
-def test_a_valid_file_loads_and_is_immutable(tmp_path):
+def test_valid_file_loads_and_is_immutable(tmp_path):
     config = load(tmp_path, 'name = "x"\n[[parts]]\ncurrent_max_a = 0.5')
     assert config.parts[0].current_max_a == 0.5
     with pytest.raises(Exception, match="frozen"):
@@ -31,7 +31,7 @@ def test_a_valid_file_loads_and_is_immutable(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "named"),
     [
         ('nme = "x"\nparts = []', r"rig.toml: nme: unknown key; did you mean 'name'\? \(and 1 more\)"),
         ('name = "x"\nparts = []\nprats = 1', "prats: unknown key; did you mean 'parts'?"),
@@ -49,25 +49,27 @@ def test_a_valid_file_loads_and_is_immutable(tmp_path):
         ("name = " + "[\n" * 10_000, "rig.toml: nested too deeply for a config file"),
     ],
 )
-def test_what_is_wrong_is_named(tmp_path, text, told):
-    with pytest.raises(ConfigError, match=told) as caught:
+def test_error_names_the_key(tmp_path, text, named):
+    with pytest.raises(ConfigError, match=named) as caught:
         load(tmp_path, text)
     assert "\n" not in str(caught.value)
 
 
-def test_a_byte_order_mark_is_no_part_of_it(tmp_path):
+def test_byte_order_mark_is_skipped(tmp_path):
     assert load(tmp_path, '\ufeffname = "x"\nparts = []').name == "x"
 
 
-def test_a_pipe_is_not_waited_for(tmp_path):
+def test_pipe_is_an_error_at_once(tmp_path):
     os.mkfifo(tmp_path / "rig.toml")
-    with pytest.raises(ConfigError, match=r"rig\.toml: is a pipe, no regular file"):
+    with pytest.raises(ConfigError, match="a pipe") as caught:
         load_config(tmp_path / "rig.toml", Outer)
+    assert caught.value.where == str(tmp_path / "rig.toml")
 
 
-def test_a_missing_file_is_named(tmp_path):
-    with pytest.raises(ConfigError, match=r"absent\.toml: no such file"):
+def test_missing_file_is_named(tmp_path):
+    with pytest.raises(ConfigError) as caught:
         load_config(tmp_path / "absent.toml", Outer)
+    assert caught.value.where == str(tmp_path / "absent.toml")
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""CSV tables: every bad file and cell is named, nothing is half-written."""
+"""CSV tables: an error names the file and the cell, and no table is written in part."""
 
 import os
 
@@ -15,7 +15,7 @@ def table(tmp_path, text, **options):
     return read_table(path)
 
 
-def test_columns_are_numbers_by_name_and_the_others_are_carried(tmp_path):
+def test_columns_are_read_as_numbers_and_the_others_are_kept(tmp_path):
     read = table(tmp_path, "time_s, temperature_c,note\n0,20.5,a\n1,21.5,b\n")
     np.testing.assert_array_equal(read.column("temperature_c"), [20.5, 21.5])
     write_table(tmp_path / "out.csv", read.cells, {"displacement_mm": np.array([0.1, 1 / 3])})
@@ -25,40 +25,37 @@ def test_columns_are_numbers_by_name_and_the_others_are_carried(tmp_path):
     assert [file.name for file in tmp_path.iterdir() if file.name.startswith("out")] == ["out.csv"]
 
 
-def test_a_byte_order_mark_is_no_part_of_the_first_name(tmp_path):
+def test_byte_order_mark_is_no_part_of_the_first_name(tmp_path):
     assert table(tmp_path, "time_s\n1\n", encoding="utf-8-sig").column("time_s")[0] == 1.0
 
 
 @pytest.mark.parametrize(
-    ("text", "told"),
+    ("text", "named"),
     [
-        (
-            "time_s,temperature_c\n0,20\n1,hot\n",
-            "data.csv, line 3, column 'temperature_c': 'hot' is not a finite number",
-        ),
+        ("time_s,temperature_c\n0,20\n1,hot\n", "line 3, column 'temperature_c': 'hot'"),
         ("time_s,temperature_c\n0,nan\n1,2\n", "line 2, column 'temperature_c': 'nan'"),
         ("time_s,temperature_c\n0,inf\n1,2\n", "'inf'"),
         ("time_s,temperature_c\n0,\n1,2\n", "line 2, column 'temperature_c': ''"),
-        ("time_s,temprature_c\n0,1\n1,2\n", "no column 'temperature_c'; did you mean 'temprature_c'"),
-        ("time_s,temperature_c\n0,1\n1\n", "line 3: 1 cells, the header has 2"),
-        (
-            "time_s;temperature_c\n0,5;20,1\n1;21\n",
-            "data.csv: separated by ';': write it with commas between cells, and",
-        ),
-        ("time_s;temperature_c\n0;20\n1;21\n", "and decimal points"),
+        ("time_s,temprature_c\n0,1\n1,2\n", "Did you mean 'temprature_c'"),
+        ("time_s,temperature_c\n0,1\n1\n", r"line 3: .* \(1, limit 2\)"),
+        ("time_s;temperature_c\n0,5;20,1\n1;21\n", "separated by ';'"),
+        ("time_s;temperature_c\n0;20\n1;21\n", "separated by ';'"),
         ("time_s\ttemperature_c\n0\t20\n1\t21\n", r"separated by '\\t'"),
         ("time_s,temperature_c\n", "no samples"),
         ("", "no samples"),
     ],
 )
-def test_what_is_wrong_is_named(tmp_path, text, told):
-    with pytest.raises(DataError, match=told):
+def test_error_names_file_and_cell(tmp_path, text, named):
+    with pytest.raises(DataError, match=named) as caught:
         table(tmp_path, text).column("temperature_c")
+    assert caught.value.where.startswith(str(tmp_path / "data.csv"))
+    assert caught.value.cure
 
 
-def test_missing_binary_and_unwritable_files_are_named(tmp_path):
-    with pytest.raises(DataError, match=r"absent\.csv: no such file"):
+def test_missing_binary_and_unwritable_files_are_errors(tmp_path):
+    with pytest.raises(DataError) as caught:
         read_table(tmp_path / "absent.csv")
+    assert caught.value.where == str(tmp_path / "absent.csv")
     (tmp_path / "data.csv").write_bytes(b"\xff\xfe\x00\x81")
     with pytest.raises(DataError, match="cannot be read as CSV"):
         read_table(tmp_path / "data.csv")
@@ -67,7 +64,7 @@ def test_missing_binary_and_unwritable_files_are_named(tmp_path):
 
 
 @pytest.mark.parametrize("cell", ["2_0", "٢٠", "²", "0x10", "1e300", "-2e12", "1,5".replace(",", "·"), "9" * 5000])
-def test_cell_that_is_no_number_of_use_is_refused(tmp_path, cell):
+def test_cell_without_a_usable_number_is_an_error(tmp_path, cell):
     with pytest.raises(DataError, match="line 3, column 'temperature_c'"):
         table(tmp_path, f"time_s,temperature_c\n0,20\n1,{cell}\n", encoding="utf-8").column("temperature_c")
 
@@ -78,30 +75,31 @@ def test_every_usual_form_of_a_number_is_read(tmp_path, cell):
 
 
 @pytest.mark.parametrize("header", ["time_s,temperature_c,time_s", "time_s,temperature_c, time_s", ",temperature_c,"])
-def test_name_of_two_columns_is_refused(tmp_path, header):
-    with pytest.raises(DataError, match="two of them named"):
+def test_two_columns_of_one_name_are_an_error(tmp_path, header):
+    with pytest.raises(DataError, match="two columns"):
         table(tmp_path, f"{header}\n0,20,1\n1,21,2\n")
 
 
-def test_empty_columns_of_a_spreadsheet_are_left_out(tmp_path):
+def test_empty_columns_of_a_spreadsheet_are_skipped(tmp_path):
     read = table(tmp_path, "time_s,temperature_c,,\n0,20,,\n1,21,,\n")
     assert list(read.cells) == ["time_s", "temperature_c"]
 
 
-def test_line_of_a_bad_cell_is_that_of_the_file(tmp_path):
+def test_error_names_the_line_of_the_file(tmp_path):
     with pytest.raises(DataError, match="line 5"):
         table(tmp_path, "time_s\n\n0\n\nhot\n").column("time_s")
 
 
-def test_table_that_looks_like_a_deep_key_is_read_at_once(tmp_path):
+def test_table_that_looks_like_a_deep_toml_key_is_an_error_at_once(tmp_path):
     """A TOML parser would need minutes to find out that this is no TOML."""
     with pytest.raises(DataError):
         table(tmp_path, "a." * 500_000 + "a = 1\n")
 
 
-def test_table_beyond_the_largest_size_is_refused(tmp_path):
+def test_table_beyond_the_largest_size_is_an_error(tmp_path):
     path = tmp_path / "data.csv"
     path.write_text("time_s\n0\n")
     os.truncate(path, MOST_BYTES + 1)
-    with pytest.raises(DataError, match="split the table"):
+    with pytest.raises(DataError) as caught:
         read_table(path)
+    assert caught.value.limit == MOST_BYTES

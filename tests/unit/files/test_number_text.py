@@ -1,4 +1,4 @@
-"""Only the usual forms of a number are numbers."""
+"""Only the usual forms of a number are read as numbers."""
 
 from math import inf, isnan
 
@@ -22,7 +22,7 @@ def test_nan_is_read():
 @pytest.mark.parametrize(
     "text", ["", "-", "2_0", "٢", "1,5", "0x10", "1e", "e5", ".", "1 2", "infinity", "1\n", "1" * (MOST_DIGITS + 1)]
 )
-def test_text_that_is_no_number_is_refused(text):
+def test_text_that_is_not_a_number_is_an_error(text):
     with pytest.raises(ValueError):
         parse_number(text)
 
@@ -33,7 +33,7 @@ def test_whole_number_is_read(text, value):
 
 
 @pytest.mark.parametrize("text", ["", "1.0", "1_0", "٢", "0b1", "0x", "1e3", "9" * 5000])
-def test_text_that_is_no_whole_number_is_refused(text):
+def test_text_that_is_not_a_whole_number_is_an_error(text):
     with pytest.raises(ValueError):
         parse_whole(text)
 

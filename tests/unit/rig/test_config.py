@@ -2,13 +2,14 @@
 
 import json
 import os
+from math import inf
 
 import pytest
 import tomlkit
 
 from smadrive.errors import ConfigError, DataError
 from smadrive.files.shipped import configs_dir
-from smadrive.rig.config import load_rig, rig_file
+from smadrive.rig.config import load_off_config, load_rig, rig_file
 from smadrive.tuning.page.save import save_tuning
 from smadrive.wire.data_sheet import load_data_sheet
 
@@ -29,7 +30,7 @@ def folder(tmp_path):
     return there
 
 
-def test_what_it_names_lies_in_its_own_folder_wherever_one_works(folder, monkeypatch):
+def test_paths_are_relative_to_the_folder_of_the_rig_file(folder, monkeypatch):
     monkeypatch.chdir(folder.parent)
     rig = load_rig("bench/rig.toml")
     assert load_data_sheet(rig.wire).heat_balance().heat_capacity_j_per_k > 0.0
@@ -38,7 +39,7 @@ def test_what_it_names_lies_in_its_own_folder_wherever_one_works(folder, monkeyp
     assert load_rig("rig.toml").wire == "mine.toml"
 
 
-def test_shipped_ones_are_named_as_they_are():
+def test_names_of_shipped_files_stay():
     assert load_rig("in-process").wire == tomlkit.parse(rig_file("in-process").read_text(encoding="utf-8"))["wire"]
 
 
@@ -55,7 +56,7 @@ TUNED = {
 
 
 @pytest.mark.parametrize("place", ["bench", "elsewhere"])
-def test_a_saved_tuning_finds_them_too(folder, place):
+def test_saved_tuning_finds_the_files_of_the_rig(folder, place):
     to = folder.parent / place
     to.mkdir(exist_ok=True)
     model, rig = save_tuning(to, "tuned", folder / "rig.toml", TUNED)
@@ -69,7 +70,7 @@ def test_a_saved_tuning_finds_them_too(folder, place):
 @pytest.mark.parametrize(
     "text", [None, b"rate_hz = ", b"rate_hz = 20.0", b"\xff"], ids=["gone", "torn", "none", "bytes"]
 )
-def test_a_tuning_is_saved_whole_or_not_at_all(folder, text):
+def test_tuning_is_saved_completely_or_not_at_all(folder, text):
     rig = folder / "rig.toml"
     before = rig.read_bytes()
     rig.unlink()
@@ -82,22 +83,75 @@ def test_a_tuning_is_saved_whole_or_not_at_all(folder, text):
     assert all(path.exists() for path in save_tuning(folder, "tuned", rig, TUNED))
 
 
-def test_a_tuning_without_a_name_is_not_saved(folder):
+def test_tuning_without_a_name_is_not_saved(folder):
     with pytest.raises(ConfigError, match="give a name"):
         save_tuning(folder, "", folder / "rig.toml", TUNED)
 
 
-def test_a_model_without_its_rig_is_taken_away_again(folder):
+def test_model_is_removed_when_its_rig_cannot_be_written(folder):
     (folder / f".tuned.toml.{os.getpid()}.partial").mkdir()
-    with pytest.raises(DataError, match=r"tuned\.toml: cannot be written"):
+    with pytest.raises(DataError, match=r"tuned\.toml"):
         save_tuning(folder, "tuned", folder / "rig.toml", TUNED)
     assert not (folder / "tuned.json").exists()
 
 
 @pytest.mark.parametrize("noise_c", [0.0, 1e-300, 100.0, 1e300])
-def test_a_noise_that_no_thermocouple_has_is_refused(folder, noise_c):
+def test_noise_outside_that_of_thermocouples_is_an_error(folder, noise_c):
     document = tomlkit.parse((folder / "rig.toml").read_text(encoding="utf-8"))
     document["feedback"] = {"noise_c": noise_c}
     (folder / "rig.toml").write_text(tomlkit.dumps(document), encoding="utf-8")
     with pytest.raises(ConfigError, match=r"feedback\.noise_c"):
         load_rig(str(folder / "rig.toml"))
+
+
+def edited(folder, **tables):
+    document = tomlkit.parse((folder / "rig.toml").read_text(encoding="utf-8"))
+    for key, value in tables.items():
+        if isinstance(value, dict):
+            document[key].update(value)
+        else:
+            document[key] = value
+    (folder / "rig.toml").write_text(tomlkit.dumps(document), encoding="utf-8")
+    return str(folder / "rig.toml")
+
+
+@pytest.mark.parametrize(
+    ("tables", "key"),
+    [
+        ({"devices": [{"name": "a", "profile": "sma-reference", "url": "sim://x"}] * 2}, "same name"),
+        ({"excitation": {"low_c": 130.0}}, r"excitation\.low_c = 130"),
+        ({"excitation": {"high_c": 140.0}}, r"limits\.temperature_max_c = 135"),
+        ({"limits": {"temperature_min_c": 200.0}}, r"limits\.temperature_min_c = 200"),
+        ({"limits": {"displacement_min_mm": 5.0, "displacement_max_mm": 4.0}}, r"limits\.displacement_min_mm = 5"),
+        ({"limits": {"watchdog_s": 0.05}}, r"limits\.watchdog_s = 0\.05"),
+    ],
+)
+def test_values_that_contradict_each_other_are_an_error(folder, tables, key):
+    with pytest.raises(ConfigError, match=key):
+        load_rig(edited(folder, **tables))
+
+
+@pytest.mark.parametrize("name", ["closed_loop_s", "integral_s"])
+def test_feedback_faster_than_the_ticks_is_an_error(name):
+    rig = load_rig("in-process")
+    with pytest.raises(ConfigError, match=name) as caught:
+        rig.check_feedback(rig.feedback.model_copy(update={name: 0.01}))
+    assert caught.value.value == "0.01 s"
+
+
+def test_slow_rig_has_a_slower_temperature_loop(folder):
+    assert load_rig(edited(folder)).feedback.closed_loop_s == 0.25
+    assert load_rig(edited(folder, rate_hz=5.0, limits={"watchdog_s": 1.0})).feedback.closed_loop_s == 0.5
+
+
+def test_off_reads_the_addresses_of_a_rig_file_with_other_errors(folder):
+    config = load_off_config(edited(folder, rate_hz="fast", limits={"temperature_max_c": "hot"}))
+    assert [device.name for device in config.devices] == ["board"]
+    assert config.current_max_a == inf
+    assert load_off_config("in-process").current_max_a == 0.6
+
+
+@pytest.mark.parametrize("devices", [[], "board", [1]])
+def test_off_needs_devices(folder, devices):
+    with pytest.raises(ConfigError, match="devices"):
+        load_off_config(edited(folder, devices=devices))

@@ -1,4 +1,4 @@
-"""The end of a run: the safe state is always written, its outcome is always known, signals hide neither."""
+"""The end of a run: the safe state is always written and its outcome known; signals change neither."""
 
 import signal
 
@@ -10,7 +10,7 @@ from smadrive.safety.shutdown import ends_safe, shut_down, shutdown_of
 
 
 class Device:
-    """What is switched off: counts the tries, of which the first `failures` end in `failure`."""
+    """A device that counts the tries to switch it off; the first `failures` tries raise `failure`."""
 
     def __init__(self, failures=0, failure=None, signals=()):
         self.tries = 0
@@ -31,7 +31,7 @@ def notes(error):
 
 
 @pytest.mark.parametrize("kind", [TripError, OSError, BrokenPipeError, MemoryError, KeyboardInterrupt, SystemExit])
-def test_any_error_carries_the_outcome_and_stays_the_error_that_is_raised(kind):
+def test_any_error_carries_the_outcome_and_is_raised_again(kind):
     device, error = Device(), TripError("trip", 3) if kind is TripError else kind()
     with pytest.raises(kind) as caught, ends_safe(device.enter_safe_state):
         raise error
@@ -42,7 +42,7 @@ def test_any_error_carries_the_outcome_and_stays_the_error_that_is_raised(kind):
 
 
 @pytest.mark.parametrize("failure", [DeadlineError("no reply"), OSError(), MemoryError(), ValueError(), SystemExit()])
-def test_a_failure_of_any_type_is_the_outcome_and_does_not_replace_the_error(failure):
+def test_failure_of_any_type_is_the_outcome_and_does_not_replace_the_error(failure):
     device, error = Device(99, failure), TripError("trip", 3)
     with pytest.raises(TripError), ends_safe(device.enter_safe_state):
         raise error
@@ -50,7 +50,7 @@ def test_a_failure_of_any_type_is_the_outcome_and_does_not_replace_the_error(fai
     assert [UNCONFIRMED in note for note in notes(error)] == [True]
 
 
-def test_an_unrelated_note_is_kept_and_says_nothing_of_the_heater():
+def test_unrelated_note_is_kept():
     error = TripError("trip", 3)
     error.add_note("the trip is not remembered by the next start")
     with pytest.raises(TripError), ends_safe(Device().enter_safe_state):
@@ -59,7 +59,7 @@ def test_an_unrelated_note_is_kept_and_says_nothing_of_the_heater():
     assert len(notes(error)) == 1
 
 
-def test_the_last_try_counts_when_blocks_are_nested():
+def test_last_try_counts_in_nested_blocks():
     device, error = Device(1, DeadlineError("no reply")), TripError("trip", 3)
     with pytest.raises(TripError), ends_safe(device.enter_safe_state), ends_safe(device.enter_safe_state):
         raise error
@@ -68,7 +68,7 @@ def test_the_last_try_counts_when_blocks_are_nested():
     assert notes(error) == []
 
 
-def test_a_run_that_was_ended_is_known_to_the_outer_block():
+def test_outer_block_knows_that_a_run_ended():
     error, device = TripError("trip", 3), Device()
     with (
         pytest.raises(TripError),
@@ -79,34 +79,34 @@ def test_a_run_that_was_ended_is_known_to_the_outer_block():
     assert shutdown_of(error).ended_run
 
 
-def test_without_another_error_the_failure_is_raised_and_carries_the_outcome():
+def test_failure_without_another_error_is_raised_with_the_outcome():
     with pytest.raises(DeadlineError) as caught, ends_safe(Device(99, DeadlineError("no reply")).enter_safe_state):
         pass
     assert not shutdown_of(caught.value).confirmed
 
 
 @pytest.mark.parametrize("number", SIGNALS)
-def test_the_first_signals_are_counted_and_not_obeyed_while_it_is_switched_off(number):
+def test_first_signals_during_switching_off_are_counted_and_not_obeyed(number):
     device = Device(signals=[number] * (ABORTS_AT - 1))
     outcome = shut_down(device.enter_safe_state)
     assert outcome.confirmed
     assert outcome.signals == (number,) * (ABORTS_AT - 1)
 
 
-def test_a_signal_does_not_take_the_place_of_the_error_that_ended_the_run():
+def test_signal_does_not_replace_the_error_that_ended_the_run():
     error = TripError("trip", 3)
     with pytest.raises(TripError), ends_safe(Device(signals=[signal.SIGINT]).enter_safe_state):
         raise error
     assert shutdown_of(error).signals == (signal.SIGINT,)
 
 
-def test_a_signal_is_obeyed_afterwards_where_nothing_else_ended_the_run():
+def test_signal_is_obeyed_after_switching_off_without_another_error():
     with pytest.raises(KeyboardInterrupt) as caught, ends_safe(Device(signals=[signal.SIGINT]).enter_safe_state):
         pass
     assert shutdown_of(caught.value).confirmed
 
 
-def test_enough_signals_end_the_tries_and_no_other_block_tries_again():
+def test_third_signal_ends_the_tries_of_all_blocks():
     device, error = Device(signals=[signal.SIGINT] * ABORTS_AT), TripError("trip", 3)
     with pytest.raises(TripError), ends_safe(device.enter_safe_state), ends_safe(device.enter_safe_state):
         raise error
@@ -115,7 +115,7 @@ def test_enough_signals_end_the_tries_and_no_other_block_tries_again():
     assert not shutdown_of(error).confirmed
 
 
-def test_signals_of_nested_blocks_are_counted_together():
+def test_signals_of_nested_blocks_add_up():
     error, device = TripError("trip", 3), Device(signals=[signal.SIGINT])
     blocks = [ends_safe(device.enter_safe_state) for _ in range(ABORTS_AT + 1)]
     with pytest.raises(TripError), blocks[0], blocks[1], blocks[2], blocks[3]:
@@ -125,7 +125,7 @@ def test_signals_of_nested_blocks_are_counted_together():
     assert shutdown_of(error).aborted
 
 
-def test_a_handler_that_does_not_raise_cannot_keep_the_block_from_being_ended():
+def test_third_signal_ends_the_block_although_the_handler_does_not_raise():
     before = signal.signal(signal.SIGTERM, lambda _number, _frame: None)
     try:
         with pytest.raises(AbortedError), HeldSignals():
@@ -134,14 +134,14 @@ def test_a_handler_that_does_not_raise_cannot_keep_the_block_from_being_ended():
         signal.signal(signal.SIGTERM, before)
 
 
-def test_the_handlers_of_the_program_are_back_afterwards():
+def test_handlers_are_restored():
     before = [signal.getsignal(number) for number in SIGNALS]
     with HeldSignals():
         assert [signal.getsignal(number) for number in SIGNALS] != before
     assert [signal.getsignal(number) for number in SIGNALS] == before
 
 
-def test_an_ignored_signal_stays_ignored():
+def test_ignored_signal_stays_ignored():
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         with HeldSignals() as held:

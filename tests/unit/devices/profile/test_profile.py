@@ -17,7 +17,7 @@ def test_every_shipped_profile_loads_by_name_and_by_path(path):
 
 
 def test_an_unknown_name_lists_the_known():
-    with pytest.raises(ConfigError, match=r"'sma' is neither .*devices: .*sma-reference"):
+    with pytest.raises(ConfigError, match=r"'sma': .*devices .*sma-reference"):
         load_profile("sma")
 
 

@@ -1,4 +1,4 @@
-"""The guardians of earlier runs that still wait for their device, as `probe` and `off` show them."""
+"""The guardians of earlier runs that still wait for their device."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from smadrive.errors import SafetyError, SmadriveError
 
 
 def waiting_guardians() -> list[str]:
-    """A sentence for each guardian, with what remains to be done. SafetyError when the state folder cannot be read."""
+    """A sentence for each guardian that waits, with its cure. SafetyError when the state folder cannot be read."""
     return [str(duty) for duty in waiting_duties()]
 
 
 @contextmanager
-def names_waiting_guardians() -> Iterator[None]:
-    """An error of the block names them too: their device may be the one that was not found."""
+def notes_waiting_guardians() -> Iterator[None]:
+    """An error of the block gets a note for each guardian: one of them may wait for the device that is missing."""
     try:
         yield
     except SmadriveError as error:
-        with suppress(SafetyError):  # without the state folder nothing is known of guardians
+        with suppress(SafetyError):  # without the state folder the guardians are unknown
             for guardian in waiting_guardians():
                 error.add_note(guardian)
         raise

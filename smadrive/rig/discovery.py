@@ -1,0 +1,49 @@
+"""The devices on a line that belongs to no rig yet, and their entries in a rig file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from smadrive.devices.profile.profile import load_profile
+from smadrive.devices.scan import scan
+from smadrive.files.shipped import configs_dir
+
+
+@dataclass(frozen=True)
+class DiscoveredDevice:
+    """A device that answered: its unit id (None: it has none), its line settings and its URL with them.
+
+    `proved`: the profiles that its answers prove. `possible`: those that they do not exclude, if they prove none.
+    """
+
+    unit_id: int | None
+    line: str
+    url: str
+    proved: tuple[str, ...]
+    possible: tuple[str, ...]
+
+    @property
+    def rig_entry(self) -> str:
+        """The entry of the device in a rig file; empty for a device without a proved profile."""
+        if not self.proved:
+            return ""
+        name = self.proved[0]
+        entry = f'[[devices]]\nname = "{name}"\nprofile = "{name}"\nurl = "{self.url}"'
+        return entry if self.unit_id is None else f"{entry}\nunit_id = {self.unit_id}\n"
+
+
+def discover(port: str, unit_ids: Sequence[int], ask: Callable[[str, int], None]) -> list[DiscoveredDevice]:
+    """The devices at the URL `port`, compared with every shipped profile. Nothing is written to a device.
+
+    `ask(line, unit_id)` is called before each request. BusyError when another process has the port.
+    """
+    profiles = [load_profile(file) for file in sorted((configs_dir() / "devices").glob("*.toml"))]
+    devices = []
+    for found in scan(port, unit_ids, profiles, ask):
+        line, url = "", port
+        if (settings := found.line) is not None:
+            line = f"{settings.baudrate} 8{settings.parity}{settings.stopbits}"
+            url = f"{port}?baudrate={settings.baudrate}&parity={settings.parity}&stopbits={settings.stopbits}"
+        devices.append(DiscoveredDevice(found.unit_id, line, url, found.proved, found.possible))
+    return devices

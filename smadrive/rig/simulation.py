@@ -1,0 +1,35 @@
+"""Simulated devices in this process, in virtual time: the devices behind sim:// addresses and those of the fixtures."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from smadrive.clock import VirtualClock
+from smadrive.devices.profile.profile import load_profile
+from smadrive.modbus.transports.transport import Transport
+from smadrive.rig.config import DeviceConfig
+
+if TYPE_CHECKING:
+    from firmware_sim.bench import SimulatedBench
+
+
+class SimulatedConnections:
+    """Connections to the devices of one simulated bench, all on one virtual clock, which drives the bench."""
+
+    def __init__(self, bench: SimulatedBench) -> None:
+        self._bench = bench
+        self._clock = VirtualClock()
+        self._clock.follow(bench.advance_to)
+
+    def transport(self, device: DeviceConfig, profile: str = "") -> Transport:
+        """Attach the device to the bench and connect to it; `profile`: another type than the rig file names."""
+        attached = self._bench.attach(load_profile(profile or device.profile), device.unit_id, device.name)
+        return attached.transport(self._clock)
+
+
+def simulate(sim: str) -> SimulatedConnections:
+    """Connections to a new bench with the simulated wire `sim`. The simulator is imported here and nowhere else."""
+    from firmware_sim.bench import SimulatedBench  # noqa: PLC0415
+    from firmware_sim.config import load_sim  # noqa: PLC0415
+
+    return SimulatedConnections(SimulatedBench(load_sim(sim)))

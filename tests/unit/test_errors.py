@@ -1,0 +1,27 @@
+"""The message of an error is composed of its parts."""
+
+import pytest
+
+from smadrive.errors import ConfigError
+
+
+@pytest.mark.parametrize(
+    ("parts", "message"),
+    [
+        ({}, "too short"),
+        ({"where": "a.toml"}, "a.toml: too short"),
+        ({"value": "0.5 s"}, "too short (0.5 s)"),
+        ({"value": 0.1 + 0.2, "limit": 2}, "too short (0.3, limit 2)"),
+        ({"limit": 1e12}, "too short (limit 1e+12)"),
+        ({"cure": "raise it"}, "too short. Raise it."),
+        ({"cure": "is it in seconds?"}, "too short. Is it in seconds?"),
+        ({"cure": "raise it. Is it in seconds?"}, "too short. Raise it. Is it in seconds?"),
+        ({"where": "x", "value": 1, "limit": 2, "cure": "raise it."}, "x: too short (1, limit 2). Raise it."),
+    ],
+)
+def test_message_has_the_parts_that_are_given(parts, message):
+    assert str(ConfigError("too short", **parts)) == message
+
+
+def test_question_needs_no_full_stop():
+    assert str(ConfigError("which one?", cure="choose")) == "which one? Choose."
