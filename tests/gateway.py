@@ -8,9 +8,9 @@ import threading
 class Gateway:
     """Forwards every connection to `port` of this machine; a context manager. `port` is its own.
 
-    `hang_up()`: the gateway closes what is connected now, in order.
-    `strand()`: what is connected now is dead in both directions, and neither end hears of it; new connections work.
-    `freeze()`: nothing passes at all until `thaw()`; connections are still accepted, as a kernel does.
+    `hang_up()`: the gateway closes the present connections, in order.
+    `strand()`: the present connections are dead in both directions, without a sign; new connections work.
+    `freeze()`: no byte passes until `thaw()`; connections are still accepted, as by a kernel.
     """
 
     def __init__(self, target_port):

@@ -1,4 +1,4 @@
-"""A record, a log or a display that fails, at whatever step, leaves no current flowing and hides no trip."""
+"""A record, a log or a display that fails at any step leaves no current flowing and hides no trip."""
 
 import errno
 import os

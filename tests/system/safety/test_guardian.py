@@ -85,7 +85,7 @@ def children(pid):
 
 
 def guardians(pid):
-    """Of the children of a process."""
+    """The guardians among the children of a process."""
     return [
         one
         for one in children(pid)
@@ -228,7 +228,7 @@ def test_the_guardian_watches_on_while_current_flows_although_the_supply_says_th
 
 
 def test_a_terminal_that_takes_nothing_does_not_keep_the_heat_on(tmp_path):
-    """As a stalled ssh session, or a pipe that nobody reads: what is said there is lost, not the wire."""
+    """The terminal stalls like an ssh session or an unread pipe: its messages are lost, the heater is switched off."""
     nobody_reads, stalled = os.pipe()
     os.set_blocking(stalled, False)
     with contextlib.suppress(BlockingIOError):

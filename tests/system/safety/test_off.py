@@ -1,4 +1,4 @@
-"""Switching off whatever else is broken: the file, the sensors, the port; and the truth when it cannot be done."""
+"""Switching off with a broken rig file, without sensors, without the port; a failure is reported as such."""
 
 import json
 import os

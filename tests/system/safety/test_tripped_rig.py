@@ -1,4 +1,4 @@
-"""A rig that tripped heats again only after somebody has cleared the fault, whatever was started anew since then."""
+"""A rig that tripped heats again only after the fault was cleared, also after new starts of driver and device."""
 
 import json
 import re

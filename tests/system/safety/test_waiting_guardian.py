@@ -1,4 +1,4 @@
-"""A guardian whose driver has ended and whose device is away: it waits, is shown, and disturbs nobody."""
+"""A guardian whose driver has ended and whose device is absent: it waits, is shown, and blocks no other program."""
 
 import contextlib
 import json
@@ -224,7 +224,7 @@ def test_second_driver_is_refused_under_another_name_of_the_host(stage, spelled)
 
 
 def switch_for(url, identity, search=None):
-    """How a guardian switches off the supply that its driver knew by this identity."""
+    """The switch of a guardian for the supply with this identity."""
     profile = load_profile("riden-rd60xx")
     device = GuardedDevice("riden-rd60xx", url, None, identity)
     return OffSwitch(device, profile, search or PortSearch(url, port_names(url), time.monotonic), LineAccess(()))

@@ -1,4 +1,4 @@
-"""Whatever happens on the bus, no wrong value passes and the heater ends off: fuzzed, in virtual time."""
+"""On a bad bus no wrong value is accepted and the heater ends off: random faults, in virtual time."""
 
 import pytest
 from hypothesis import HealthCheck, given, settings

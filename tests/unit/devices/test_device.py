@@ -1,4 +1,4 @@
-"""Names and units on the bus: few requests, identity first, nothing believed before it is read back."""
+"""Registers by name and unit: few requests, identity first, every write read back."""
 
 import math
 

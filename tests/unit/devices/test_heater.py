@@ -211,7 +211,7 @@ def test_a_lost_reply_costs_one_tick_and_heating_goes_on(heater, run, rig, clock
 
 
 def test_stale_exchange_is_rejected_by_its_sequence_number(heater, run, rig):
-    """A device that answers with an old block, as a gateway that caches might."""
+    """A device that answers with an old block, as a caching gateway may do."""
     heater.connect()
     heater.arm(0.5)
     run(0.3, 0.2)
@@ -269,7 +269,7 @@ class Shifted:
 @pytest.mark.parametrize("shift", [1, 2])
 @pytest.mark.parametrize("draw", range(3))
 def test_reply_of_adjacent_registers_is_not_taken_for_the_echo(rig, clock, shift, draw):
-    """State, faults and limits stand there: small numbers, which a sequence that starts small would meet."""
+    """State, faults and limits are small numbers: a small sequence number could equal one of them."""
     transport = InProcessTransport(Shifted(rig.line, shift), clock)
     board = HeaterBoard(Device(load_profile("sma-reference"), ModbusClient(transport)), clock)
     board.device.check_identity()

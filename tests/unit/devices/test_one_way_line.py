@@ -1,4 +1,4 @@
-"""A line that carries requests and no replies: the safe state goes out all the same, and is not called confirmed."""
+"""A line that carries requests but no replies: the safe state is still sent, and does not count as confirmed."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A connection that was opened anew may lead to another device: who is there must prove to be the one of before."""
+"""A new connection may lead to another device: the device must prove again that it is the same one."""
 
 import pytest
 

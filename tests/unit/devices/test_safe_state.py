@@ -1,4 +1,4 @@
-"""Switching off: every step is tried whatever the others raise, and the current must be seen gone."""
+"""Switching off: every step is tried although others raise, and the measured current must be zero."""
 
 import errno
 from functools import partial

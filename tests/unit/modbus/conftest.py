@@ -1,4 +1,4 @@
-"""A far end that says exactly what a test wants, on virtual time."""
+"""A server with scripted answers, on virtual time."""
 
 import pytest
 

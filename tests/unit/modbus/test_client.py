@@ -1,4 +1,4 @@
-"""The client takes no wrong reply for a right one: not a damaged, not a foreign, above all not a late one."""
+"""The client accepts no wrong reply: no damaged one, no foreign one, and above all no late one."""
 
 import errno
 from concurrent.futures import ThreadPoolExecutor
@@ -132,7 +132,7 @@ def test_reply_after_an_exception_is_rejected(bus, slow_registers, timing, code)
 
 
 def test_second_copy_of_an_exception_leaves_no_lag(bus, slow_registers, timing):
-    """It may refuse the next request; the reply to that one then comes while the one after it waits."""
+    """The copy may answer the next request; the reply to that one then arrives while the request after it waits."""
 
     class RefusesTwice(type(slow_registers())):
         def receive(self, data, time_s):
@@ -155,7 +155,7 @@ def test_second_copy_of_an_exception_leaves_no_lag(bus, slow_registers, timing):
 
 
 def test_second_copy_of_a_reply_is_rejected_by_a_proved_read(bus, timing):
-    """The copy arrives when the next request is out: nothing but the answer to a request of another kind tells."""
+    """The copy arrives when the next request is out: only the answer to a request of another kind shows that."""
 
     class Doubles:
         reads = 0

@@ -1,4 +1,4 @@
-"""Modbus TCP: replies count by their transaction number; sockets tell what is wrong and how to cure it."""
+"""Modbus TCP: replies are matched by their transaction number; errors of sockets have a cure."""
 
 import socket
 import threading
@@ -135,7 +135,7 @@ def test_exception_reply_has_its_code(tcp):
 
 @pytest.mark.parametrize("left", [lambda number: numbered(RIGHT)(number)[:8], bytes.fromhex("00 01 00 05 00 07 01")])
 def test_a_stream_out_of_step_is_opened_anew(tcp, left):
-    """What follows half a frame could be cut into a frame that nobody sent."""
+    """Bytes behind half a frame could be read as a frame that was never sent."""
     client = tcp([(0.0, left)], [(0.0, numbered(b"\x03\x02\0\0"))], [(0.0, numbered(RIGHT))])
     with pytest.raises((DeadlineError, ProtocolError)):
         client.execute(1, READ, TIMING)

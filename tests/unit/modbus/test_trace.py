@@ -1,4 +1,4 @@
-"""A trace is read by people and by programs."""
+"""A trace can be read by people and by programs."""
 
 import resource
 

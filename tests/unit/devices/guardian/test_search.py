@@ -1,4 +1,4 @@
-"""Where a guardian looks for its device."""
+"""The ports at which a guardian looks for its device."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""The guardian's states without processes, ports and time: the table, and whole stories run through it."""
+"""The guardian's states without processes, ports and time: the table, and whole sequences of events."""
 
 import pytest
 
@@ -17,7 +17,7 @@ TIMEOUT_S = 3.0
 
 
 class Script:
-    """What the driver says and what the attempts come to, in turn; keeps what the guardian did, and for how long."""
+    """Gives the signals of the driver and the outcomes of attempts in turn; records actions and waits."""
 
     def __init__(self, *events):
         self.events = list(events)

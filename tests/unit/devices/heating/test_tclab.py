@@ -1,4 +1,4 @@
-"""The TCLab board against its simulated firmware: no duty that was not said back, no temperature said only once."""
+"""The TCLab board against its simulated firmware: every duty is said back, every temperature is read twice."""
 
 from math import isnan, sqrt
 

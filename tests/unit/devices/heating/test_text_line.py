@@ -1,4 +1,4 @@
-"""Text without a checksum: no late, foreign or torn line is taken for the answer to a command."""
+"""Text without a checksum: no late, foreign or torn line is accepted as the answer to a command."""
 
 import random
 import re

@@ -1,4 +1,4 @@
-"""Profiles: the shipped ones load; whatever could lead to a wrong value or a harmful write is refused at load."""
+"""Profiles: the shipped ones load; a profile that could lead to a wrong value or a harmful write is refused."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a profile of a family, of several tables or with golden frames is refused for at load."""
+"""Errors in profiles of families, of several tables and with golden frames are refused at load."""
 
 import pytest
 

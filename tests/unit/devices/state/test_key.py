@@ -1,4 +1,4 @@
-"""The key of a device: which names of a port stay, what is a serial number, and when a trip applies."""
+"""The key of a device: permanent names of a port, serial numbers, and the table of trips that apply."""
 
 import os
 import threading

@@ -1,4 +1,4 @@
-"""What ended the last run is remembered until it is cleared."""
+"""A trip stays latched until it is cleared."""
 
 import os
 from urllib.parse import quote

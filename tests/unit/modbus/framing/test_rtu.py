@@ -1,4 +1,4 @@
-"""Frames and requests: golden ones of the standard, and pymodbus as the second opinion."""
+"""Frames and requests: golden frames of the standard, and a comparison with pymodbus."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""A URL that makes no sense is a ConfigError, whoever reads it."""
+"""A malformed URL is a ConfigError in every function that reads one."""
 
 import pytest
 
