@@ -4,6 +4,8 @@ import contextlib
 import subprocess
 import sys
 
+import programs
+
 COMMAND = [sys.executable, "-m", "firmware_sim.cli"]
 SIM = "flexinol-lt-0.15mm"
 
@@ -11,7 +13,7 @@ SIM = "flexinol-lt-0.15mm"
 @contextlib.contextmanager
 def served(*options, sim=SIM, cwd=None):
     """The process, its first URL read."""
-    with subprocess.Popen(
+    with programs.Program(
         [*COMMAND, *([] if sim is None else [sim]), *options],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+import programs
 import pytest
 
 from smadrive.cli.identify import certificate_rows
@@ -26,9 +27,10 @@ LOOP = DuhemModel.gaussian(
 )
 
 
-def smadrive(*arguments, cwd, stdout=subprocess.PIPE, env=None):
+def smadrive(*arguments, cwd, stdout=subprocess.PIPE, env=None, is_from_scratch=False):
     command = [sys.executable, "-m", "smadrive", *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False, env=env)
+    run = subprocess.run if is_from_scratch else programs.run
+    return run(command, cwd=cwd, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False, env=env)
 
 
 def succeed(*arguments, cwd):
@@ -232,13 +234,14 @@ def test_a_run_says_that_only_the_tuning_page_adapts_the_rules(track, tmp_path):
 def test_an_output_that_cannot_be_written_is_told_and_one_that_nobody_reads_is_not(tmp_path, arguments, unbuffered):
     environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
     with Path("/dev/full").open("w") as full:
-        done = smadrive(*arguments, cwd=tmp_path, stdout=full, env=environment)
+        done = smadrive(*arguments, cwd=tmp_path, stdout=full, env=environment, is_from_scratch=True)
     assert done.returncode == 2
     assert done.stderr.startswith("smadrive: standard output cannot be written (No space left on device)")
     assert len(done.stderr.splitlines()) == 1
     reading, writing = os.pipe()
     os.close(reading)
-    assert smadrive(*arguments, cwd=tmp_path, stdout=writing, env=environment).stderr == ""
+    unread = smadrive(*arguments, cwd=tmp_path, stdout=writing, env=environment, is_from_scratch=True)
+    assert unread.stderr == ""
     os.close(writing)
 
 

@@ -62,7 +62,6 @@ def in_the_background(command, **options):
     assert "Traceback" not in told[1]
 
 
-@pytest.mark.timeout(600)
 @pytest.mark.parametrize("walk", WALKS, ids="-".join)
 def test_a_reader_who_follows_the_guides_gets_through(walk, tmp_path):
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"

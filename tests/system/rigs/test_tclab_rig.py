@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 
+import programs
 import pytest
 
 from firmware_sim.bench import SimulatedBench
@@ -149,7 +150,7 @@ def test_a_rig_file_that_cannot_be_is_refused_with_its_cure(devices, says):
 def served(tmp_path, *arguments):
     """The board on a port of its own, and a rig file that names it."""
     command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--profile", "tclab", *arguments]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with programs.Program(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             url = process.stdout.readline().strip()
             rig = tmp_path / "rig.toml"
@@ -171,7 +172,7 @@ def _toml(config, url):
 
 def smadrive(*arguments):
     command = [sys.executable, "-m", "smadrive", *arguments]
-    return subprocess.run(command, check=False, capture_output=True, text=True)
+    return programs.run(command, check=False, capture_output=True, text=True)
 
 
 @pytest.mark.parametrize("arguments", [(), ("--rtu-tcp", "0")], ids=["pty", "tcp"])
@@ -201,7 +202,7 @@ with Rig(load_rig(sys.argv[1])) as rig:
 def test_the_guardian_ends_the_heat_behind_a_driver_that_was_killed(tmp_path):
     with (
         served(tmp_path) as (board, _, rig),
-        subprocess.Popen([sys.executable, "-c", DRIVER, rig], stderr=subprocess.PIPE, text=True) as driver,
+        programs.Program([sys.executable, "-c", DRIVER, rig], stderr=subprocess.PIPE, text=True) as driver,
     ):
         assert board.stderr.readline().endswith("Q1: heater on, no watchdog\n")
         driver.send_signal(signal.SIGKILL)
@@ -213,6 +214,6 @@ def test_the_guardian_ends_the_heat_behind_a_driver_that_was_killed(tmp_path):
 @pytest.mark.parametrize("arguments", [("--tcp", "0")])
 def test_it_is_not_served_where_it_cannot_be(tmp_path, arguments):
     command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--profile", "tclab", *arguments]
-    done = subprocess.run(command, check=False, capture_output=True, text=True, cwd=tmp_path)
+    done = programs.run(command, check=False, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 2
     assert "'tclab' speaks no Modbus: serve it alone, with --pty PATH or --rtu-tcp HOST:PORT" in done.stderr

@@ -10,6 +10,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote
 
+import programs
 import pytest
 from served import served
 
@@ -27,7 +28,7 @@ SUPPLY_URL = "serial:///dev/no-such-port-0"
 def off(rig, *options):
     """`smadrive off`, as it ends."""
     command = [sys.executable, "-m", "smadrive", "off", str(rig), *options]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return programs.run(command, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture
@@ -169,7 +170,7 @@ def switching_off_in_silence(hot):
     """`smadrive off` that has opened the port of a supply which does not answer."""
     process, rig, port = hot
     process.send_signal(signal.SIGSTOP)
-    with subprocess.Popen(
+    with programs.Program(
         [sys.executable, "-m", "smadrive", "off", str(rig)], stderr=subprocess.PIPE, text=True
     ) as switching:
         while not any(one.resolve() == port for one in Path(f"/proc/{switching.pid}/fd").iterdir()):

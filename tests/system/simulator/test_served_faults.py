@@ -1,10 +1,10 @@
 """Faults by script in the served process: the driver behind a real port and a real socket."""
 
 import re
-import subprocess
 import sys
 from functools import partial
 
+import programs
 import pytest
 from served import COMMAND, SIM, advance, served
 
@@ -98,7 +98,7 @@ def test_a_run_with_an_open_thermocouple_is_refused_before_anything_is_rehearsed
     with served("--faults", str(script), "--pty", str(tmp_path / "port")) as (_, url):
         rig.write_text(re.sub('url = ".*"', f'url = "{url}"', (configs_dir() / "rigs" / "simulated.toml").read_text()))
         run = ("run", rig, "--model", wire, "--reference", "sine:low_mm=2,high_mm=9,period_s=40", "-o", log)
-        done = subprocess.run(
+        done = programs.run(
             [sys.executable, "-m", "smadrive", *map(str, run)], capture_output=True, text=True, check=False
         )
     assert done.returncode == 4
@@ -111,7 +111,7 @@ def test_a_script_that_makes_no_sense_is_one_clear_line(tmp_path):
     script = tmp_path / "faults.toml"
     script.write_text('[[faults]]\nat_s = 1.0\nname = "dorp"\n', encoding="utf-8")
     for path, says in ((script, "did you mean 'drop'?"), (tmp_path / "none.toml", "no such file")):
-        run = subprocess.run([*COMMAND, SIM, "--faults", str(path)], capture_output=True, text=True, check=False)
+        run = programs.run([*COMMAND, SIM, "--faults", str(path)], capture_output=True, text=True, check=False)
         assert run.returncode == 2
         assert says in run.stderr
         assert run.stderr.count("\n") == 1

@@ -1,9 +1,9 @@
 """Record the bus of a served simulator, then serve the record."""
 
 import json
-import subprocess
 import sys
 
+import programs
 import pytest
 from served import COMMAND, SIM, served
 
@@ -58,7 +58,7 @@ def test_a_record_is_served_as_the_device_that_it_was(way_in, tmp_path):
     ],
 )
 def test_bad_input_is_one_clear_line(options, says):
-    run = subprocess.run([*COMMAND, *options], capture_output=True, text=True, check=False)
+    run = programs.run([*COMMAND, *options], capture_output=True, text=True, check=False)
     assert run.returncode == 2
     assert says in run.stderr
     assert run.stderr.count("\n") == 1
@@ -70,7 +70,7 @@ def probe(port, *options, cwd):
     rig = rig.replace("/tmp/smadrive-sim?", f"{port}?latency_ms=2000&")  # noqa: S108  (on a busy machine, too)
     (cwd / "rig.toml").write_text(rig, encoding="utf-8")
     command = [sys.executable, "-m", "smadrive", "probe", "rig.toml", *options, "--json"]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    return programs.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
 def test_what_a_command_traced_answers_that_command_again(tmp_path):

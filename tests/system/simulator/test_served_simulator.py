@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 
+import programs
 import pytest
 from served import COMMAND, SIM, advance, served
 
@@ -112,7 +113,7 @@ while True:
 
 def test_the_heater_goes_off_when_the_client_is_killed_while_heating():
     with served() as (process, url):
-        with subprocess.Popen([sys.executable, "-c", CLIENT, url], stdout=subprocess.PIPE, text=True) as client:
+        with programs.Program([sys.executable, "-c", CLIENT, url], stdout=subprocess.PIPE, text=True) as client:
             assert client.stdout.readline() == "heating\n"
             client.kill()
         log = [process.stderr.readline(), process.stderr.readline()]
@@ -188,16 +189,14 @@ def test_the_log_goes_to_a_file(tmp_path):
     ],
 )
 def test_bad_input_is_one_clear_line(options, says):
-    run = subprocess.run([*COMMAND, *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    run = programs.run([*COMMAND, *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
     assert run.returncode == 2
     assert says in run.stderr
     assert run.stderr.count("\n") == 1
 
 
 def test_driven_time_that_is_no_number_is_refused():
-    run = subprocess.run(
-        [*COMMAND, SIM, "--time", "driven"], input="soon\n", capture_output=True, text=True, check=False
-    )
+    run = programs.run([*COMMAND, SIM, "--time", "driven"], input="soon\n", capture_output=True, text=True, check=False)
     assert run.returncode == 2
     assert "standard input says 'soon'; write the time in seconds" in run.stderr
 

@@ -9,6 +9,7 @@ import signal
 import socket
 import subprocess
 
+import programs
 import pytest
 from served import COMMAND, SIM, served
 
@@ -174,9 +175,7 @@ def test_the_driver_heats_through_either_protocol(option):
     ],
 )
 def test_bad_input_is_one_clear_line(options, says):
-    run = subprocess.run(
-        [*COMMAND, SIM, *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL
-    )
+    run = programs.run([*COMMAND, SIM, *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
     assert run.returncode == 2
     assert says in run.stderr
     assert run.stderr.count("\n") == 1
