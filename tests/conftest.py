@@ -25,10 +25,10 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def pytest_xdist_auto_num_workers(config):
-    """One worker per core; none when single files or tests are named, which then run in this process."""
+    """One worker more than cores, since many tests wait; none when only files or single tests are named."""
     if all(".py" in argument for argument in config.args):
         return 0
-    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else len(os.sched_getaffinity(0))
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else len(os.sched_getaffinity(0)) + 1
 
 
 @pytest.fixture(autouse=True)

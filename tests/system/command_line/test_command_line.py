@@ -172,9 +172,8 @@ def test_run_doubts_a_reference_that_is_lost_in_noise(track):
     assert "is it in mm?" in ran["caveats"][0]
 
 
-def test_a_smoothed_run_tells_how_far_it_is_from_what_was_asked_for_and_keeps_that(track, tmp_path):
-    succeed("excite", "in-process", "-o", "excitation.h5", cwd=tmp_path)
-    succeed("identify", "excitation.h5", "-o", "wire.json", cwd=tmp_path)
+def test_a_smoothed_run_tells_how_far_it_is_from_what_was_asked_for_and_keeps_that(track, tmp_path, identified):
+    (tmp_path / "wire.json").write_bytes(identified.wire_file.read_bytes())
     ran, log = track("sine:low_mm=2,high_mm=9,period_s=3,cycles=2", "--smooth")
     assert re.match(
         r"smoothed, and every error is against the smoothed.* mm \(\d\d % of its stroke\)", ran["caveats"][0]

@@ -93,7 +93,7 @@ def heating(tmp_path, way_in):
                 simulator.send_signal(signal.SIGCONT)
 
 
-@pytest.fixture(params=["--pty", "--rtu-tcp"])
+@pytest.fixture(params=["--pty", pytest.param("--rtu-tcp", marks=pytest.mark.exhaustive)])
 def driver(request, tmp_path):
     with heating(tmp_path, request.param) as driver:
         yield driver
