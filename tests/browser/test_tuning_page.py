@@ -11,6 +11,7 @@ import time
 import urllib.parse
 
 import pytest
+from marks import exhaustive
 
 from smadrive.hysteresis import load_model
 from smadrive.rig.config import load_rig
@@ -240,9 +241,7 @@ FOREIGN = [
 ]
 
 
-@pytest.mark.parametrize(
-    "headers", [FOREIGN[0], *(pytest.param(headers, marks=pytest.mark.exhaustive) for headers in FOREIGN[1:])]
-)
+@pytest.mark.parametrize("headers", [FOREIGN[0], *map(exhaustive, FOREIGN[1:])])
 def test_pages_of_other_sites_may_not_even_switch_off(client, live, headers):
     heat(client(), live)
     assert post_off(live, **headers) == 403

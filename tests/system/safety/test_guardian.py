@@ -14,6 +14,7 @@ from urllib.parse import urlsplit
 
 import programs
 import pytest
+from marks import exhaustive
 from supply_rig import RIG
 
 from smadrive.devices.guardian.client import Guard
@@ -182,7 +183,7 @@ def one_client(url):
             gateway.join()
 
 
-@pytest.mark.parametrize("way_in", ["--rtu-tcp", pytest.param("--tcp", marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("way_in", ["--rtu-tcp", exhaustive("--tcp")])
 def test_a_driver_that_stands_still_in_the_only_way_in_is_ended_and_its_heat_too(tmp_path, way_in):
     with driven(tmp_path, "stopped", way_in, "0", through=one_client) as (driver, supply):
         driver.send_signal(signal.SIGSTOP)
@@ -215,7 +216,7 @@ def test_a_driver_that_wakes_in_the_only_way_in_gives_way_and_is_spared(tmp_path
         assert "ending it" not in said
 
 
-@pytest.mark.parametrize("fate", [pytest.param("interrupted", marks=pytest.mark.exhaustive), "terminated", "crash"])
+@pytest.mark.parametrize("fate", [exhaustive("interrupted"), "terminated", "crash"])
 def test_a_driver_that_can_switch_off_does_so_itself(tmp_path, fate):
     with driven(tmp_path, fate) as (driver, supply):
         if fate != "crash":

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 
 import programs
 import pytest
+from marks import exhaustive
 from served import served
 
 from smadrive.errors import UNCONFIRMED
@@ -93,7 +94,7 @@ def heating(tmp_path, way_in):
                 simulator.send_signal(signal.SIGCONT)
 
 
-@pytest.fixture(params=["--pty", pytest.param("--rtu-tcp", marks=pytest.mark.exhaustive)])
+@pytest.fixture(params=["--pty", exhaustive("--rtu-tcp")])
 def driver(request, tmp_path):
     with heating(tmp_path, request.param) as driver:
         yield driver

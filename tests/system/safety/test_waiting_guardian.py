@@ -11,6 +11,7 @@ from pathlib import Path
 
 import programs
 import pytest
+from marks import exhaustive
 from served import COMMAND
 from supply_rig import RIG
 
@@ -139,7 +140,7 @@ def events(process):
     return process.communicate()[1]
 
 
-@pytest.mark.parametrize("way_in", ["--pty", pytest.param("--rtu-tcp", marks=pytest.mark.exhaustive)])
+@pytest.mark.parametrize("way_in", ["--pty", exhaustive("--rtu-tcp")])
 def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_waits(stage, way_in):
     at = str(stage.folder / "port") if way_in == "--pty" else "0"
     supply, url = stage.serve("riden-rd60xx", 77, way_in, at)
@@ -219,13 +220,7 @@ def test_a_second_driver_of_a_heater_is_refused_on_a_network_too_and_off_gets_in
     assert "output off" in supply.stderr.readline()
 
 
-@pytest.mark.parametrize(
-    "spelled",
-    [
-        "localhost",
-        *(pytest.param(other, marks=pytest.mark.exhaustive) for other in ("127.1", "LOCALHOST.", "[::ffff:127.0.0.1]")),
-    ],
-)
+@pytest.mark.parametrize("spelled", ["localhost", *map(exhaustive, ("127.1", "LOCALHOST.", "[::ffff:127.0.0.1]"))])
 def test_second_driver_is_refused_under_another_name_of_the_host(stage, spelled):
     supply, url = stage.serve("riden-rd60xx", 77, "--tcp", "0")
     driver = stage.heat(url)
