@@ -14,6 +14,7 @@ import time
 import uuid
 from pathlib import Path
 
+import programs
 import pytest
 from hypothesis import settings
 
@@ -56,6 +57,12 @@ def once_per_run(tmp_path_factory, worker_id):
         return folder
 
     return folder_of
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _server_of_programs_ends():
+    yield
+    programs.end_server()
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -11,6 +11,7 @@ import importlib
 import inspect
 import json
 import os
+import resource
 import runpy
 import select
 import signal
@@ -41,7 +42,8 @@ class Program(subprocess.Popen):
         pairs = [("p2cread", 0), ("c2pwrite", 1), ("errwrite", 2)]
         streams = [given[name] if given[name] != -1 else inherited for name, inherited in pairs]
         environment = dict(os.environ if given["env"] is None else given["env"])
-        request = [list(map(str, given["args"])), str(given["cwd"] or Path.cwd()), environment]
+        limit = resource.getrlimit(resource.RLIMIT_NOFILE)
+        request = [list(map(str, given["args"])), str(given["cwd"] or Path.cwd()), environment, limit]
         self._status, theirs = socket.socketpair()
         with theirs:
             socket.send_fds(server(), [json.dumps(request).encode()], [theirs.fileno(), *streams])
@@ -82,7 +84,7 @@ def run(arguments, *, capture_output=False, check=False, input=None, **options):
 
 @cache
 def server():
-    """The connection to the server of this process, which ends when this process has ended."""
+    """The connection to the server of this process; the server ends when its connection is closed."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs:
         command = [sys.executable, __file__, str(theirs.fileno())]
@@ -91,6 +93,14 @@ def server():
 
 
 _running = []
+
+
+def end_server():
+    """End the server of this process, if there is one."""
+    if _running:
+        server().close()
+        server.cache_clear()
+        _running.pop().wait()
 
 
 def _next_program(control):
@@ -121,18 +131,19 @@ def _is_forked_again(status):
     return False
 
 
-def _become(arguments, folder, environment, streams):
+def _become(folder, environment, limit, streams):
     """Take over what belongs to a process of its own, but for its modules."""
     for stream, number in zip(streams, range(3), strict=True):
         os.dup2(stream, number)
     os.closerange(3, os.sysconf("SC_OPEN_MAX"))
+    resource.setrlimit(resource.RLIMIT_NOFILE, tuple(limit))
     os.chdir(folder)
     os.environ.clear()
     os.environ.update(environment)
     sys.stdin = sys.__stdin__ = open(0, closefd=False)  # noqa: SIM115
     sys.stdout = sys.__stdout__ = open(1, "w", closefd=False)  # noqa: SIM115
     sys.stderr = sys.__stderr__ = open(2, "w", buffering=1, errors="backslashreplace", closefd=False)  # noqa: SIM115
-    sys.argv, sys.path[0] = arguments, folder
+    sys.path[0] = folder
 
 
 def _run(_python, kind, what, *arguments):
@@ -152,8 +163,8 @@ def _serve(control):
         importlib.import_module(name)
     gc.collect()
     gc.freeze()
-    (arguments, folder, environment), streams = _next_program(control)
-    _become(arguments, folder, environment, streams)
+    (arguments, *surroundings), streams = _next_program(control)
+    _become(*surroundings, streams)
     _run(*arguments)
 
 

@@ -88,7 +88,7 @@ def children(pid):
 
 def guardians(pid):
     """Of the children of a process."""
-    return [one for one in children(pid) if b"device.guardian" in Path(f"/proc/{one}/cmdline").read_bytes()]
+    return [one for one in children(pid) if b"devices.guardian" in Path(f"/proc/{one}/cmdline").read_bytes()]
 
 
 def lives(pid):
