@@ -10,6 +10,11 @@ COMMAND = [sys.executable, "-m", "firmware_sim.cli"]
 SIM = "flexinol-lt-0.15mm"
 
 
+def patient(url):
+    """The address, with time for replies that are late on a busy machine."""
+    return f"{url}?latency_ms=2000"
+
+
 @contextlib.contextmanager
 def served(*options, sim=SIM, cwd=None):
     """The process, its first URL read."""

@@ -12,7 +12,7 @@ from urllib.parse import quote
 
 import programs
 import pytest
-from served import served
+from served import patient, served
 
 from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import load_profile
@@ -36,7 +36,7 @@ def hot(tmp_path):
     """A supply left heating that nobody watches: its process, the file of a rig without its sensors, its port."""
     with served("--profile", "riden-rd60xx") as (process, url):
         profile = load_profile("riden-rd60xx")
-        with open_transport(url, profile.serial_settings()) as port:
+        with open_transport(patient(url), profile.serial_settings()) as port:
             supply = Device(profile, ModbusClient(port))
             for name, value in (("v_set", 5.0), ("i_set", 0.3), ("output", 1)):
                 supply.write(name, value)
@@ -120,7 +120,7 @@ def test_whatever_keeps_it_from_being_done_the_heater_is_not_said_to_be_off(tmp_
 
 def test_a_controller_that_could_heat_too_is_made_safe_although_the_supply_is_gone(tmp_path):
     profile = load_profile("delta-dtb")
-    with served("--profile", "delta-dtb") as (_, url), open_transport(url, profile.serial_settings()) as port:
+    with served("--profile", "delta-dtb") as (_, url), open_transport(patient(url), profile.serial_settings()) as port:
         controller, step = Device(profile, ModbusClient(port)), profile.safe_state[0]
         controller.write(step.register_, 1 - step.value)
         port.lose()

@@ -8,7 +8,7 @@ import minimalmodbus
 import pytest
 from peers import libmodbus
 from pymodbus.client import ModbusSerialClient, ModbusTcpClient
-from served import served
+from served import patient, served
 
 from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import Profile, load_profile
@@ -42,7 +42,7 @@ def written_by_nobody(request):
 
 
 def board(kind, where):
-    return open_transport(f"tcp://127.0.0.1:{where}" if kind == "tcp" else f"serial://{where}")
+    return open_transport(patient(f"tcp://127.0.0.1:{where}" if kind == "tcp" else f"serial://{where}"))
 
 
 def seen_by_the_driver(kind, where):

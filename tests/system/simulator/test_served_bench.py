@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from served import SIM, advance, served
+from served import SIM, advance, patient, served
 from typer.testing import CliRunner
 
 from firmware_sim.cli import main
@@ -64,9 +64,9 @@ def test_every_door_is_told_and_all_devices_see_the_same_wire(tmp_path):
         advance(process, 10.0)
         lines = [load_profile(name).serial_settings() for name in ("sma-reference", "delta-dtb")]
         with (
-            open_transport(urls[0], lines[0]) as board_port,
-            open_transport(urls[1], lines[1]) as line,
-            open_transport(urls[2]) as module_port,
+            open_transport(patient(urls[0]), lines[0]) as board_port,
+            open_transport(patient(urls[1]), lines[1]) as line,
+            open_transport(patient(urls[2])) as module_port,
         ):
             board = HeaterBoard(Device(load_profile("sma-reference"), ModbusClient(board_port)), MonotonicClock())
             shared = ModbusClient(line)

@@ -19,7 +19,7 @@ from smadrive.modbus.transports.connect import open_transport
 
 READ = requests.read_holding(0, 2)
 RIGHT = (0x534D, 1)
-TIMING = BusTiming(0.1, read_retries=0)
+TIMING = BusTiming(1.0, read_retries=0)
 FAULTS = """
 [[faults]]
 at_s = 1.0

@@ -5,7 +5,7 @@ import sys
 
 import programs
 import pytest
-from served import COMMAND, SIM, served
+from served import COMMAND, SIM, patient, served
 
 from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import load_profile
@@ -23,7 +23,7 @@ NAMES = ("serial_number", "temperature", "sample_counter", "watchdog_s", "uptime
 
 
 def read(url, trace_path=None):
-    with open_transport(url, PROFILE.serial_settings()) as transport:
+    with open_transport(patient(url), PROFILE.serial_settings()) as transport:
         if trace_path is None:
             return readings(ModbusClient(transport))
         with TraceFile(trace_path, transport) as trace:

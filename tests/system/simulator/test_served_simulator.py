@@ -9,7 +9,7 @@ import sys
 
 import programs
 import pytest
-from served import COMMAND, SIM, advance, served
+from served import COMMAND, SIM, advance, patient, served
 
 from smadrive.clock import MonotonicClock
 from smadrive.devices.device import Device
@@ -28,13 +28,13 @@ LIMITS = HeaterLimits(current_max_a=0.6, temperature_max_c=130.0)
 
 @contextlib.contextmanager
 def connected(url):
-    with open_transport(url, PROFILE.serial_settings()) as transport:
+    with open_transport(patient(url), PROFILE.serial_settings()) as transport:
         yield Device(PROFILE, ModbusClient(transport))
 
 
 def finish(process, signum):
     process.send_signal(signum)
-    return process.wait(10)
+    return process.wait(300)
 
 
 def test_the_driver_heats_over_a_real_port(tmp_path):
@@ -99,7 +99,7 @@ from smadrive.modbus import requests
 from smadrive.modbus.framing import rtu
 from smadrive.modbus.transports.connect import open_transport
 
-device = Device(load_profile("sma-reference"), ModbusClient(open_transport(sys.argv[1])))
+device = Device(load_profile("sma-reference"), ModbusClient(open_transport(sys.argv[1] + "?latency_ms=2000")))
 clock = MonotonicClock()
 board = Heater(HeaterBoard(device, clock), HeaterLimits(current_max_a=0.6, temperature_max_c=130.0), clock)
 board.connect()
@@ -141,7 +141,7 @@ def test_driven_time_stands_still_between_lines_and_is_repeatable():
                 seen.append((measured.temperature_c, measured.current_a, measured.displacement_mm))
             uptime_s = device.read(("uptime",))["uptime"].value
             process.stdin.close()
-            assert process.wait(10) == 0
+            assert process.wait(300) == 0
             assert "t=2.000 s heater off, end" in process.stderr.read()
             return uptime_s, seen
 
@@ -157,7 +157,7 @@ def test_a_slow_line_answers_when_its_characters_have_passed(way_in, tmp_path):
     with served("--profile", "delta-dtb", "--line-speed", "--time", "driven", way_in, where) as (process, url):
         request = rtu.seal(1, requests.read_holding(0x1000, 2).pdu)
         reply_s = (8 + 9) * 10 / 9600 + 3.5 * 11 / 9600
-        with open_transport(url, load_profile("delta-dtb").serial_settings()) as transport:
+        with open_transport(patient(url), load_profile("delta-dtb").serial_settings()) as transport:
             advance(process, 1.0)
             transport.write(request)
             assert transport.read(transport.clock.now_s() + 0.3) == b""
@@ -171,7 +171,7 @@ def test_the_log_goes_to_a_file(tmp_path):
     log = tmp_path / "events.log"
     with served("--log", str(log), "--time", "driven") as (process, _):
         process.stdin.close()
-        assert process.wait(10) == 0
+        assert process.wait(300) == 0
         assert process.stderr.read() == ""
     assert log.read_text(encoding="utf-8") == "t=0.000 s heater off, end\n"
 
