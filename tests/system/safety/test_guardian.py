@@ -345,7 +345,7 @@ def test_a_driver_gives_way_to_its_guardian_and_waits_for_it_also_where_it_notic
 def test_no_file_of_the_present_folder_runs_in_place_of_the_guardian(tmp_path, monkeypatch, name):
     (tmp_path / name).write_text("raise RuntimeError")
     monkeypatch.chdir(tmp_path)
-    task = Task(GuardedDevice("riden-rd60xx", "serial:///dev/null", None), timeout_s=0.3)
+    task = Task(GuardedDevice("riden-rd60xx", "serial:///dev/null", None), timeout_s=10.0)
     with Guard(task, lambda: None) as guard:
         guard.brief({})
         guard.watch()
@@ -355,7 +355,7 @@ def test_no_file_of_the_present_folder_runs_in_place_of_the_guardian(tmp_path, m
 
 def test_a_guardian_that_stands_still_when_the_driver_rests_is_ended():
     with served("riden-rd60xx") as (_, url):
-        task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=0.3)
+        task = Task(GuardedDevice("riden-rd60xx", url, None), timeout_s=3.0)
         with Guard(task, lambda: None) as guard:
             guard.brief({})
             guard.watch()
