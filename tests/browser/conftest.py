@@ -101,6 +101,11 @@ class Session:
         return self.session.bench.in_force
 
     @property
+    def time_s(self):
+        """The session's own time, which is slower than that of the machine when that is busy."""
+        return self.ticks[-1][1].measurement.time_s
+
+    @property
     def current_a(self):
         return self.ticks[-1][1].measurement.current_a
 
