@@ -1,15 +1,20 @@
-"""For all tests: no time limit on hypothesis' examples, since how fast a machine is says nothing of the code; a folder
-for state that no other test and no user shares; and signals as at a terminal, for what runs in the background, or under
-nohup, ignores some, and so would every program that a test starts and interrupts. A run that leaves a guardian behind
-fails: it would go on looking for a device that is gone, and find that of a later run.
+"""For all tests: worker processes, state folders, signals, and guardian processes that outlive a run.
+
+Hypothesis has no time limit, because the speed of a machine says nothing about the code. Every test gets a state folder
+of its own. Signals are set as at a terminal: a process in the background or under nohup ignores some of them, and so
+would every program that a test starts and interrupts. A run that leaves a guardian process behind fails, because that
+process would go on looking for its device and find the device of a later run.
 """
 
+import asyncio
+import fcntl
 import os
 import signal
 import time
 import uuid
 from pathlib import Path
 
+import programs
 import pytest
 from hypothesis import settings
 
@@ -20,6 +25,13 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
+def pytest_xdist_auto_num_workers(config):
+    """One worker more than cores, since many tests wait; none when only files or single tests are named."""
+    if all(".py" in argument for argument in config.args):
+        return 0
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else len(os.sched_getaffinity(0)) + 1
+
+
 @pytest.fixture(autouse=True)
 def state_home(tmp_path_factory, monkeypatch):
     """Where this test, and what it starts, keeps state."""
@@ -28,9 +40,41 @@ def state_home(tmp_path_factory, monkeypatch):
     return folder
 
 
+@pytest.fixture(scope="session")
+def once_per_run(tmp_path_factory, worker_id):
+    """`once_per_run(name, make)` is a folder that `make(folder)` filled once, shared by all workers of this run."""
+    base = tmp_path_factory.getbasetemp()
+    shared = base if worker_id == "master" else base.parent
+
+    def folder_of(name, make):
+        folder, done = shared / name, shared / f"{name}.done"
+        with (shared / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not done.exists():
+                folder.mkdir()
+                make(folder)
+                done.touch()
+        return folder
+
+    return folder_of
+
+
+@pytest.fixture(autouse=True, scope="session")
+def _server_of_programs_ends():
+    yield
+    programs.end_server()
+
+
+@pytest.fixture(autouse=True, scope="module")
+def _no_event_loop_is_left():
+    """Fail when a module leaves an event loop running in the main thread: no later test could run one of its own."""
+    yield
+    assert asyncio._get_running_loop() is None
+
+
 RUN = "SMADRIVE_TEST_RUN"
-ENDS_WITHIN_S = 10.0
-"""A guardian that sees that its pseudo-terminal is gone has ended after this time."""
+ENDS_WITHIN_S = 60.0
+"""A guardian that sees that its pseudo-terminal is gone has ended after this time, on a busy machine too."""
 
 
 def guardians_of(run):

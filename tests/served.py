@@ -4,6 +4,8 @@ import contextlib
 import subprocess
 import sys
 
+import programs
+
 COMMAND = [sys.executable, "-m", "firmware_sim.cli"]
 SIM = "flexinol-lt-0.15mm"
 PATIENT = "?latency_ms=2000"
@@ -13,7 +15,7 @@ PATIENT = "?latency_ms=2000"
 @contextlib.contextmanager
 def served(*options, sim=SIM, cwd=None):
     """The process, and the first URL that it printed."""
-    with subprocess.Popen(
+    with programs.Program(
         [*COMMAND, *([] if sim is None else [sim]), *options],
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,

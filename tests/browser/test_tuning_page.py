@@ -11,6 +11,7 @@ import time
 import urllib.parse
 
 import pytest
+from marks import exhaustive
 
 from smadrive.hysteresis import load_model
 from smadrive.rig.config import load_rig
@@ -18,8 +19,6 @@ from smadrive.rig.config import load_rig
 from .conftest import PATIENCE_S, Session
 
 NONE_A = 0.002
-
-pytestmark = pytest.mark.timeout(400)
 
 
 def press(page, name):
@@ -85,19 +84,34 @@ def test_everything_the_page_needs_comes_from_this_machine_and_the_plots_move(cl
     live.wait(lambda: newest(page, "time_s") > first + 1.0)
 
 
-@pytest.mark.parametrize("width", [390, 700, 1000, 1280, 1600])
-def test_nothing_is_cut_off_however_wide_the_window(client, width):
-    page = client()
-    page.set_viewport_size({"width": width, "height": 800})
-    beyond = """() => [...document.querySelectorAll("header > *, .card")].filter(
-        element => element.getBoundingClientRect().right > innerWidth).length"""
-    assert page.evaluate(beyond) == 0
-    for card in page.locator(".card").all():
-        card.scroll_into_view_if_needed()
-        assert card.bounding_box()["height"] > 80
-    assert page.evaluate("document.documentElement.scrollWidth") <= width
-    page.get_by_text("Events", exact=True).scroll_into_view_if_needed()
-    assert page.locator("#off").bounding_box()["y"] < 40
+BEYOND = """() => [...document.querySelectorAll("header > *, .card")].filter(
+    element => element.getBoundingClientRect().right > innerWidth).length"""
+"""How many elements are wider than the window."""
+
+
+@pytest.fixture
+def page_of_each_width(client):
+    """`page_of_each_width(WIDTHS)` is one page, whose window it makes so wide, one width after the other."""
+
+    def resized(widths):
+        page = client()
+        for width in widths:
+            page.set_viewport_size({"width": width, "height": 800})
+            page.wait_for_function("width => innerWidth === width", arg=width)
+            yield width, page
+
+    return resized
+
+
+def test_nothing_is_cut_off_however_wide_the_window(page_of_each_width, live):
+    for width, page in page_of_each_width([390, 700, 1000, 1280, 1600]):
+        live.wait(lambda page=page: page.evaluate(BEYOND) == 0)  # a style is applied some time after the change
+        for card in page.locator(".card").all():
+            card.scroll_into_view_if_needed()
+            live.wait(lambda card=card: card.bounding_box()["height"] > 80)
+        live.wait(lambda page=page, width=width: page.evaluate("document.documentElement.scrollWidth") <= width)
+        page.get_by_text("Events", exact=True).scroll_into_view_if_needed()
+        live.wait(lambda page=page: page.locator("#off").bounding_box()["y"] < 40)
 
 
 OVERLAPS = """() => {
@@ -118,12 +132,10 @@ OVER_OFF = """() => {
 """At how many of nine points something lies over OFF."""
 
 
-@pytest.mark.parametrize("width", [390, 700, 720, 1000, 1280, 1600])
-def test_nothing_lies_over_anything_else_however_wide_the_window(client, width):
-    page = client()
-    page.set_viewport_size({"width": width, "height": 800})
-    assert page.evaluate(OVERLAPS) == []
-    assert page.evaluate(OVER_OFF) == 0
+def test_nothing_lies_over_anything_else_however_wide_the_window(page_of_each_width, live):
+    for _, page in page_of_each_width([390, 700, 720, 1000, 1280, 1600]):
+        live.wait(lambda page=page: page.evaluate(OVERLAPS) == [])
+        live.wait(lambda page=page: page.evaluate(OVER_OFF) == 0)
 
 
 def test_what_is_turned_and_what_is_pressed_have_one_colour_on_a_page_that_watched_before(client, live):
@@ -161,7 +173,7 @@ def test_off_switches_the_heater_off(client, live, way):
 
 def post_off(live, **headers):
     """POST /off as curl would; the status of the reply."""
-    connection = http.client.HTTPConnection("127.0.0.1", urllib.parse.urlsplit(live.page.url).port, timeout=10.0)
+    connection = http.client.HTTPConnection("127.0.0.1", urllib.parse.urlsplit(live.page.url).port, timeout=PATIENCE_S)
     connection.request("POST", "/off", headers=headers)
     status = connection.getresponse().status
     connection.close()
@@ -229,7 +241,7 @@ FOREIGN = [
 ]
 
 
-@pytest.mark.parametrize("headers", FOREIGN)
+@pytest.mark.parametrize("headers", [FOREIGN[0], *map(exhaustive, FOREIGN[1:])])
 def test_pages_of_other_sites_may_not_even_switch_off(client, live, headers):
     heat(client(), live)
     assert post_off(live, **headers) == 403
@@ -240,7 +252,8 @@ def test_a_knob_changes_the_model_in_the_loop_and_undo_restores_it(client, live)
     page = client()
     turn(page, "μ heating", 90.5)
     live.wait(lambda: live.in_force.shape.mu_heating == 90.5)
-    time.sleep(1.6)  # longer than a drag: another change of the same thing is another step
+    changed_s = live.time_s
+    live.wait(lambda: live.time_s > changed_s + 1.6)  # longer than a drag: the next change is another step
     before = live.in_force.shape.mu_heating
     turn(page, "μ heating", 91.0)
     live.wait(lambda: live.in_force.shape.mu_heating == 91.0)
@@ -368,7 +381,7 @@ def test_a_killed_page_comes_back_and_the_loop_has_not_noticed(client, live):
     page.wait_for_function("() => !window.isOld")
     page.get_by_text("tracking").first.wait_for()
     assert live.session.is_tracking
-    assert len([stamp for stamp, _ in live.ticks if stamp > killed_s]) > 10
+    live.wait(lambda: len([stamp for stamp, _ in live.ticks if stamp > killed_s]) > 10)
     page.locator("#off").dispatch_event("click")
     live.wait(lambda: not live.session.is_heating)
 
@@ -376,10 +389,14 @@ def test_a_killed_page_comes_back_and_the_loop_has_not_noticed(client, live):
 def test_a_page_that_is_asked_for_while_its_process_starts_is_there_as_soon_as_that_answers(browser, live):
     context = browser.new_context()
     for _ in range(2):
-        restarts = live.page.server.restarts
-        os.kill(live.page.server.pid, signal.SIGKILL)
         page = context.new_page()
-        assert page.goto(live.page.url).status == http.client.SERVICE_UNAVAILABLE
+        is_early = False
+        while not is_early:  # a busy machine may start the process before the browser asks
+            restarts = live.page.server.restarts
+            os.kill(live.page.server.pid, signal.SIGKILL)
+            is_early = page.goto(live.page.url).status == http.client.SERVICE_UNAVAILABLE
+            if not is_early:
+                live.wait(lambda restarts=restarts: live.page.server.restarts > restarts)
         page.get_by_text("controls", exact=True).wait_for(timeout=1000 * PATIENCE_S)
         assert live.page.server.restarts > restarts
         page.close()
@@ -467,8 +484,8 @@ def test_a_page_says_that_the_run_has_ended_and_the_heater_is_confirmed_off(brow
 
 def test_what_cannot_be_fitted_is_told(client, live):
     page = client()
-    idle_s = live.ticks[-1][1].measurement.time_s
-    live.wait(lambda: live.ticks[-1][1].measurement.time_s > idle_s + 10.0)
+    idle_s = live.time_s
+    live.wait(lambda: live.time_s > idle_s + 10.0)
     fit_s = page.locator(".card", has_text="Fit to the last seconds").locator("input.bk-input").first
     fit_s.fill("10")
     fit_s.press("Enter")

@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 import numpy as np
+import programs
 import pytest
 
 from smadrive.cli.identify import certificate_rows
@@ -26,9 +27,10 @@ LOOP = DuhemModel.gaussian(
 )
 
 
-def smadrive(*arguments, cwd, stdout=subprocess.PIPE, env=None):
+def smadrive(*arguments, cwd, stdout=subprocess.PIPE, env=None, is_from_scratch=False):
     command = [sys.executable, "-m", "smadrive", *map(str, arguments)]
-    return subprocess.run(command, cwd=cwd, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False, env=env)
+    run = subprocess.run if is_from_scratch else programs.run
+    return run(command, cwd=cwd, stdout=stdout, stderr=subprocess.PIPE, text=True, check=False, env=env)
 
 
 def succeed(*arguments, cwd):
@@ -170,9 +172,8 @@ def test_run_warns_of_a_reference_within_the_noise(track):
     assert "is it in mm?" in ran["caveats"][0]
 
 
-def test_smoothed_run_reports_its_distance_from_the_given_reference_and_logs_it(track, tmp_path):
-    succeed("excite", "in-process", "-o", "excitation.h5", cwd=tmp_path)
-    succeed("identify", "excitation.h5", "-o", "wire.json", cwd=tmp_path)
+def test_smoothed_run_reports_its_distance_from_the_given_reference_and_logs_it(track, tmp_path, identified):
+    (tmp_path / "wire.json").write_bytes(identified.wire_file.read_bytes())
     ran, log = track("sine:low_mm=2,high_mm=9,period_s=3,cycles=2", "--smooth")
     assert re.match(
         r"smoothed, and every error is against the smoothed.* mm \(\d\d % of its stroke\)", ran["caveats"][0]
@@ -232,13 +233,14 @@ def test_run_warns_that_only_tune_adapts_the_rules(track, tmp_path):
 def test_full_disk_is_an_error_and_a_closed_pipe_is_not(tmp_path, arguments, unbuffered):
     environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
     with Path("/dev/full").open("w") as full:
-        done = smadrive(*arguments, cwd=tmp_path, stdout=full, env=environment)
+        done = smadrive(*arguments, cwd=tmp_path, stdout=full, env=environment, is_from_scratch=True)
     assert done.returncode == 2
     assert done.stderr.startswith("smadrive: standard output: cannot be written: No space left on device")
     assert len(done.stderr.splitlines()) == 1
     reading, writing = os.pipe()
     os.close(reading)
-    assert smadrive(*arguments, cwd=tmp_path, stdout=writing, env=environment).stderr == ""
+    unread = smadrive(*arguments, cwd=tmp_path, stdout=writing, env=environment, is_from_scratch=True)
+    assert unread.stderr == ""
     os.close(writing)
 
 

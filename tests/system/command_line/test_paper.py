@@ -1,9 +1,9 @@
 """The repeated simulation of the paper has errors within the stated bounds."""
 
 import json
-import subprocess
 import sys
 
+import programs
 import pytest
 
 
@@ -11,7 +11,7 @@ import pytest
 def paper(tmp_path_factory):
     folder = tmp_path_factory.mktemp("paper")
     command = [sys.executable, "-m", "smadrive", "paper", "--json", "-o", folder]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    done = programs.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     return folder, {row["name"]: row for row in json.loads(done.stdout)["errors"]}
 

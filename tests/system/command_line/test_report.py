@@ -2,12 +2,12 @@
 
 import json
 import shutil
-import subprocess
 import sys
 from dataclasses import replace
 from html.parser import HTMLParser
 
 import numpy as np
+import programs
 import pytest
 
 from firmware_sim.bench import simulated_device
@@ -66,7 +66,7 @@ def trip(path, breaks=lambda device: device.bench.sensors.faults.open_thermocoup
 
 def report(folder, log, *options):
     command = [sys.executable, "-m", "smadrive", "report", log, "--json", *options]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
+    done = programs.run(command, cwd=folder, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
     figures = json.loads(done.stdout)
     return figures, (folder / figures["report_file"]).read_text()

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 
+import programs
 import pytest
 
 from smadrive.devices.state.lock import Role, lock_line
@@ -15,7 +16,7 @@ from smadrive.modbus.transports.connect import port_of
 @contextlib.contextmanager
 def served(profile):
     command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--profile", profile]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+    with programs.Program(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
             yield process.stdout.readline().strip()
         finally:
@@ -24,7 +25,7 @@ def served(profile):
 
 def scan(*arguments):
     command = [sys.executable, "-m", "smadrive", "scan", *arguments]
-    return subprocess.run(command, check=False, capture_output=True, text=True)
+    return programs.run(command, check=False, capture_output=True, text=True)
 
 
 @pytest.mark.parametrize(

@@ -10,6 +10,7 @@ import urllib.request
 from itertools import takewhile
 from pathlib import Path
 
+import programs
 import pytest
 
 from smadrive.cli.views.run_view import RunView
@@ -31,7 +32,7 @@ def on_a_terminal(*arguments, cwd):
     client, slave = pty.openpty()
     command = [sys.executable, "-m", "smadrive", *arguments]
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
-    with subprocess.Popen(command, cwd=cwd, env=environment, stdout=subprocess.PIPE, stderr=slave) as process:
+    with programs.Program(command, cwd=cwd, env=environment, stdout=subprocess.PIPE, stderr=slave) as process:
         os.close(slave)
         seen = b""
         while True:
@@ -57,7 +58,7 @@ def test_json_leaves_the_terminal_empty(tmp_path):
 
 def test_stderr_is_empty_without_a_terminal(tmp_path):
     command = [sys.executable, "-m", "smadrive", "excite", "in-process", "-o", "l.h5"]
-    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    done = programs.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert done.stderr == ""
     assert done.stdout.startswith("l.h5: ")
 
@@ -69,7 +70,7 @@ def test_tune_prints_its_state_and_its_open_pages(tmp_path):
         url = tomllib.loads(rig)["devices"][0]["url"]
         (tmp_path / "rig.toml").write_text(rig.replace(url, simulator.url))
         command = [sys.executable, "-m", "smadrive", "tune", "rig.toml", "--model", "wire.json"]
-        with subprocess.Popen(
+        with programs.Program(
             [*command, "--port", "0", "--no-browser"], cwd=tmp_path, stdout=subprocess.PIPE, text=True
         ) as process:
             page = process.stdout.readline().split()[-1]

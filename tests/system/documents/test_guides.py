@@ -14,6 +14,7 @@ import sys
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+import programs
 import pytest
 
 ROOT = Path(__file__).parents[3]
@@ -48,6 +49,14 @@ def free_port():
         return probe.getsockname()[1]
 
 
+def run(command, **options):
+    """The command, as it ends; smadrive is imported already, but not for what runs in the background."""
+    captured = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    if command[0] == "smadrive":
+        return programs.run([sys.executable, "-m", *command], **captured, **options)
+    return subprocess.run(command, check=False, **captured, **options)
+
+
 @contextmanager
 def in_the_background(command, **options):
     """The process of a command, ended by Ctrl-C as a reader would; its first line names its address."""
@@ -78,7 +87,7 @@ def test_commands_of_the_guides_run(walk, tmp_path):
                 elif what.endswith(" &"):
                     background.enter_context(in_the_background(shlex.split(what[:-2]), **options))
                 else:
-                    done = subprocess.run(shlex.split(what), capture_output=True, text=True, check=False, **options)
+                    done = run(shlex.split(what), **options)
                     assert done.returncode == 0, f"{what}\n{done.stdout}{done.stderr}"
             for promised in PROMISED[guide]:
                 assert (tmp_path / promised).stat().st_size > 0

@@ -9,12 +9,10 @@ from smadrive.clock import VirtualClock
 from smadrive.control.feedforward.displacement import HysteresisInverse, StaticMap
 from smadrive.control.references.shapes import sine
 from smadrive.errors import SafetyError, TripError
-from smadrive.identification.wire import identify_wire
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_excitation, record_tracking
-from smadrive.runs.run_metadata import excitation_record, nominal_balance
 from smadrive.runs.run_metrics import tracking_metrics
 from smadrive.safety.faults import Fault
 from smadrive.wire.wire_model import travel_mm
@@ -35,16 +33,10 @@ def bench():
     return Bench()
 
 
-@pytest.fixture(scope="module")
-def excited(tmp_path_factory):
+@pytest.fixture
+def excited(identified):
     """The log of one excitation, and the wire identified from it."""
-    path = tmp_path_factory.mktemp("excited") / "excitation.h5"
-    with Rig(load_rig("in-process")) as rig:
-        excitation = rig.excitation(22.0)
-        with record_excitation(path, rig, excitation) as recorder:
-            rig.excite(excitation, recorder.tick)
-    log = read_log(path)
-    return log, identify_wire(excitation_record(log), nominal_balance(log))
+    return identified.log, identified.wire
 
 
 def test_identification_recovers_the_simulated_wire_from_its_record(excited):

@@ -18,7 +18,7 @@ from smadrive.modbus.transports.connect import open_transport
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 
-TIMING = BusTiming(response_timeout_s=0.2, read_retries=0)
+TIMING = BusTiming(response_timeout_s=1.0, read_retries=0)
 DEVICES = """
 [[devices]]
 name = "supply"

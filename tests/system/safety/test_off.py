@@ -10,8 +10,9 @@ from contextlib import contextmanager
 from pathlib import Path
 from urllib.parse import quote
 
+import programs
 import pytest
-from served import served
+from served import PATIENT, served
 
 from smadrive.devices.device import Device
 from smadrive.devices.profile.profile import load_profile
@@ -27,7 +28,7 @@ SUPPLY_URL = "serial:///dev/no-such-port-0"
 def off(rig, *options):
     """`smadrive off`, as it ends."""
     command = [sys.executable, "-m", "smadrive", "off", str(rig), *options]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return programs.run(command, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture
@@ -35,7 +36,7 @@ def hot(tmp_path):
     """A supply left heating that nobody watches: its process, the file of a rig without its sensors, its port."""
     with served("--profile", "riden-rd60xx") as (process, url):
         profile = load_profile("riden-rd60xx")
-        with open_transport(url, profile.serial_settings()) as port:
+        with open_transport(url + PATIENT, profile.serial_settings()) as port:
             supply = Device(profile, ModbusClient(port))
             for name, value in (("v_set", 5.0), ("i_set", 0.3), ("output", 1)):
                 supply.write(name, value)
@@ -119,7 +120,7 @@ def test_failed_off_does_not_report_the_heater_off(tmp_path, text, code):
 
 def test_a_controller_that_could_heat_too_is_made_safe_although_the_supply_is_gone(tmp_path):
     profile = load_profile("delta-dtb")
-    with served("--profile", "delta-dtb") as (_, url), open_transport(url, profile.serial_settings()) as port:
+    with served("--profile", "delta-dtb") as (_, url), open_transport(url + PATIENT, profile.serial_settings()) as port:
         controller, step = Device(profile, ModbusClient(port)), profile.safe_state[0]
         controller.write(step.register_, 1 - step.value)
         port.disconnect()
@@ -169,7 +170,7 @@ def switching_off_in_silence(hot):
     """`smadrive off` that has opened the port of a supply which does not answer."""
     process, rig, port = hot
     process.send_signal(signal.SIGSTOP)
-    with subprocess.Popen(
+    with programs.Program(
         [sys.executable, "-m", "smadrive", "off", str(rig)], stderr=subprocess.PIPE, text=True
     ) as switching:
         while not any(one.resolve() == port for one in Path(f"/proc/{switching.pid}/fd").iterdir()):

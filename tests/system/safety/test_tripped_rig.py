@@ -5,6 +5,7 @@ import re
 import subprocess
 import sys
 
+import programs
 import pytest
 from served import served
 
@@ -43,7 +44,7 @@ def test_a_new_start_does_not_clear_a_trip():
 
 def smadrive(*arguments):
     command = [sys.executable, "-m", "smadrive", *map(str, arguments)]
-    return subprocess.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
+    return programs.run(command, stdout=subprocess.PIPE, text=True, check=True).stdout
 
 
 def off(rig_file, *options):

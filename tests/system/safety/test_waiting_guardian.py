@@ -9,7 +9,9 @@ import sys
 import time
 from pathlib import Path
 
+import programs
 import pytest
+from marks import exhaustive
 from served import COMMAND
 from supply_rig import RIG
 
@@ -38,6 +40,15 @@ with Rig(load_rig(sys.argv[1])) as rig:
 """
 
 
+PATIENT = "?latency_ms=2000"
+"""Of an address: a reply may be late on a busy machine."""
+
+
+def patient(rig):
+    """The rig file with limits that only a driver which has ended exceeds, however busy the machine is."""
+    return rig.replace("watchdog_s = 1.0", "watchdog_s = 10.0").replace("stale_after_s = 1.0", "stale_after_s = 10.0")
+
+
 @pytest.fixture
 def stage(tmp_path):
     with contextlib.ExitStack() as stack:
@@ -59,7 +70,7 @@ class Stage:
         text = (configs_dir() / "sims" / "flexinol-lt-0.15mm.toml").read_text()
         fixed = "[board]" if serial_number is None else f"[board]\nserial_number = {serial_number}"
         sim.write_text(text.replace("[board]", fixed))
-        process = subprocess.Popen(
+        process = programs.Program(
             [*COMMAND, str(sim), "--profile", profile, *options],
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
@@ -71,15 +82,15 @@ class Stage:
 
     def heat(self, url):
         """A driver that heats through the supply there; its process."""
-        self.rig.write_text(RIG.format(supply=url, reader=self.reader))
+        self.rig.write_text(patient(RIG.format(supply=f"{url}{PATIENT}", reader=f"{self.reader}{PATIENT}")))
         guardians = []
         self.stack.callback(until, lambda: not any(map(lives, guardians)))  # they need the supply for that
-        driver = subprocess.Popen(
+        driver = programs.Program(
             [sys.executable, "-c", DRIVER, str(self.rig)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
         self.stack.enter_context(driver)
         self.stack.callback(driver.kill)
-        assert driver.stdout.readline() == "heating\n"
+        assert driver.stdout.readline() == "heating\n", driver.stderr.read()
         guardians += children(driver.pid)
         return driver
 
@@ -97,7 +108,7 @@ class Stage:
     def smadrive(self, command, *options):
         """The command on the rig, as it ends."""
         arguments = [sys.executable, "-m", "smadrive", command, str(self.rig), *options]
-        return subprocess.run(arguments, capture_output=True, text=True, check=False)
+        return programs.run(arguments, capture_output=True, text=True, check=False)
 
 
 def children(pid):
@@ -109,7 +120,7 @@ def end(pid):
         os.kill(pid, signal.SIGKILL)
 
 
-def until(happens, within_s=20.0):
+def until(happens, within_s=300.0):
     give_up_s = time.monotonic() + within_s
     while not happens():
         assert time.monotonic() < give_up_s
@@ -129,7 +140,7 @@ def events(process):
     return process.communicate()[1]
 
 
-@pytest.mark.parametrize("way_in", ["--pty", "--rtu-tcp"])
+@pytest.mark.parametrize("way_in", ["--pty", exhaustive("--rtu-tcp")])
 def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_waits(stage, way_in):
     at = str(stage.folder / "port") if way_in == "--pty" else "0"
     supply, url = stage.serve("riden-rd60xx", 77, way_in, at)
@@ -209,13 +220,13 @@ def test_a_second_driver_of_a_heater_is_refused_on_a_network_too_and_off_gets_in
     assert "output off" in supply.stderr.readline()
 
 
-@pytest.mark.parametrize("spelled", ["localhost", "127.1", "LOCALHOST.", "[::ffff:127.0.0.1]"])
+@pytest.mark.parametrize("spelled", ["localhost", *map(exhaustive, ("127.1", "LOCALHOST.", "[::ffff:127.0.0.1]"))])
 def test_second_driver_is_refused_under_another_name_of_the_host(stage, spelled):
     supply, url = stage.serve("riden-rd60xx", 77, "--tcp", "0")
     driver = stage.heat(url)
     assert "127.0.0.1" in url
     _, free_reader = stage.serve("delta-dtb", None)
-    stage.rig.write_text(RIG.format(supply=url.replace("127.0.0.1", spelled), reader=free_reader))
+    stage.rig.write_text(patient(RIG.format(supply=url.replace("127.0.0.1", spelled), reader=free_reader)))
     probed = stage.smadrive("probe")
     assert probed.returncode == 3
     assert f"process {driver.pid}" in probed.stderr

@@ -17,7 +17,6 @@ from smadrive.modbus import requests
 from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.connect import open_transport
 
-pytestmark = pytest.mark.timeout(60)
 needs_libmodbus = pytest.mark.skipif(libmodbus.missing() is not None, reason=str(libmodbus.missing()))
 needs_mbpoll = pytest.mark.skipif(shutil.which("mbpoll") is None, reason="needs mbpoll (Debian package mbpoll)")
 

@@ -1,10 +1,10 @@
 """Scripted faults in the served process, with the driver at a real port and a real socket."""
 
 import re
-import subprocess
 import sys
 from functools import partial
 
+import programs
 import pytest
 from served import COMMAND, SIM, advance, served
 
@@ -19,7 +19,7 @@ from smadrive.modbus.transports.connect import open_transport
 
 READ = requests.read_holding(0, 2)
 RIGHT = (0x534D, 1)
-TIMING = BusTiming(0.1, read_retries=0)
+TIMING = BusTiming(1.0, read_retries=0)
 FAULTS = """
 [[faults]]
 at_s = 1.0
@@ -98,7 +98,7 @@ def test_run_with_open_thermocouple_is_rejected_before_anything_is_written(tmp_p
     with served("--faults", str(script), "--pty", str(tmp_path / "port")) as (_, url):
         rig.write_text(re.sub('url = ".*"', f'url = "{url}"', (configs_dir() / "rigs" / "simulated.toml").read_text()))
         run = ("run", rig, "--model", wire, "--reference", "sine:low_mm=2,high_mm=9,period_s=40", "-o", log)
-        done = subprocess.run(
+        done = programs.run(
             [sys.executable, "-m", "smadrive", *map(str, run)], capture_output=True, text=True, check=False
         )
     assert done.returncode == 4
@@ -111,7 +111,7 @@ def test_wrong_script_is_rejected_in_one_line(tmp_path):
     script = tmp_path / "faults.toml"
     script.write_text('[[faults]]\nat_s = 1.0\nname = "dorp"\n', encoding="utf-8")
     for path, name in ((script, "'drop'"), (tmp_path / "none.toml", "none.toml")):
-        run = subprocess.run([*COMMAND, SIM, "--faults", str(path)], capture_output=True, text=True, check=False)
+        run = programs.run([*COMMAND, SIM, "--faults", str(path)], capture_output=True, text=True, check=False)
         assert run.returncode == 2
         assert name in run.stderr
         assert run.stderr.count("\n") == 1

@@ -22,7 +22,7 @@ def line(board):
         yield transport
 
 
-def answer(line, within_s=5.0, pause_s=0.2):
+def answer(line, within_s=60.0, pause_s=0.2):
     """All bytes until the line has been silent for `pause_s`."""
     data = line.read(line.clock.now_s() + within_s)
     while more := line.read(line.clock.now_s() + pause_s):

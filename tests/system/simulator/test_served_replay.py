@@ -1,9 +1,9 @@
 """Record the bus of a served simulator, then serve the recording."""
 
 import json
-import subprocess
 import sys
 
+import programs
 import pytest
 from served import COMMAND, PATIENT, SIM, served
 
@@ -58,7 +58,7 @@ def test_recording_is_served_as_the_recorded_device(option, tmp_path):
     ],
 )
 def test_wrong_option_is_rejected_in_one_line(options, name):
-    run = subprocess.run([*COMMAND, *options], capture_output=True, text=True, check=False)
+    run = programs.run([*COMMAND, *options], capture_output=True, text=True, check=False)
     assert run.returncode == 2
     assert name in run.stderr
     assert run.stderr.count("\n") == 1
@@ -70,7 +70,7 @@ def probe(port, *options, cwd):
     rig = rig.replace("/tmp/smadrive-sim?", f"{port}?latency_ms=2000&")  # noqa: S108  (enough on a busy machine)
     (cwd / "rig.toml").write_text(rig, encoding="utf-8")
     command = [sys.executable, "-m", "smadrive", "probe", "rig.toml", *options, "--json"]
-    return subprocess.run(command, cwd=cwd, capture_output=True, text=True, check=False)
+    return programs.run(command, cwd=cwd, capture_output=True, text=True, check=False)
 
 
 def test_trace_of_a_command_answers_the_same_command(tmp_path):

@@ -7,6 +7,7 @@ import signal
 import subprocess
 import sys
 
+import programs
 import pytest
 from served import COMMAND, PATIENT, SIM, advance, served
 
@@ -33,7 +34,7 @@ def connected(url):
 
 def finish(process, signum):
     process.send_signal(signum)
-    return process.wait(10)
+    return process.wait(300)
 
 
 def test_driver_heats_over_a_real_port(tmp_path):
@@ -98,7 +99,7 @@ from smadrive.modbus import requests
 from smadrive.modbus.framing import rtu
 from smadrive.modbus.transports.connect import open_transport
 
-device = Device(load_profile("sma-reference"), ModbusClient(open_transport(sys.argv[1])))
+device = Device(load_profile("sma-reference"), ModbusClient(open_transport(sys.argv[1] + "?latency_ms=2000")))
 clock = MonotonicClock()
 board = Heater(HeaterBoard(device, clock), HeaterLimits(current_max_a=0.6, temperature_max_c=130.0), clock)
 board.connect()
@@ -113,7 +114,7 @@ while True:
 def test_heater_goes_off_when_the_client_is_killed():
     with served() as (process, url):
         command = [sys.executable, "-c", CLIENT, url + PATIENT]
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as client:
+        with programs.Program(command, stdout=subprocess.PIPE, text=True) as client:
             assert client.stdout.readline() == "heating\n"
             client.kill()
         log = [process.stderr.readline(), process.stderr.readline()]
@@ -141,7 +142,7 @@ def test_lockstep_time_stands_still_between_lines_and_is_repeatable():
                 measured_values.append((measured.temperature_c, measured.current_a, measured.displacement_mm))
             uptime_s = device.read(("uptime",))["uptime"].value
             process.stdin.close()
-            assert process.wait(10) == 0
+            assert process.wait(300) == 0
             assert "t=2.000 s heater off, end" in process.stderr.read()
             return uptime_s, measured_values
 
@@ -157,7 +158,7 @@ def test_reply_on_a_slow_line_arrives_after_the_time_of_its_characters(option, t
     with served("--profile", "delta-dtb", "--line-speed", "--time", "lockstep", option, address) as (process, url):
         request = rtu.seal(1, requests.read_holding(0x1000, 2).pdu)
         reply_s = (8 + 9) * 10 / 9600 + 3.5 * 11 / 9600
-        with open_transport(url, load_profile("delta-dtb").serial_settings()) as transport:
+        with open_transport(url + PATIENT, load_profile("delta-dtb").serial_settings()) as transport:
             advance(process, 1.0)
             transport.write(request)
             assert transport.read(transport.clock.now_s() + 0.3) == b""
@@ -172,7 +173,7 @@ def test_events_are_written_to_the_log_file(tmp_path, time):
     log = tmp_path / "events.log"
     with served("--log", str(log), "--time", time) as (process, _):
         process.stdin.close()
-        assert process.wait(10) == 0
+        assert process.wait(300) == 0
         assert process.stderr.read() == ""
     assert log.read_text(encoding="utf-8") == "t=0.000 s heater off, end\n"
 
@@ -190,14 +191,14 @@ def test_events_are_written_to_the_log_file(tmp_path, time):
     ],
 )
 def test_wrong_option_is_rejected_in_one_line(options, name):
-    run = subprocess.run([*COMMAND, *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
+    run = programs.run([*COMMAND, *options], capture_output=True, text=True, check=False, stdin=subprocess.DEVNULL)
     assert run.returncode == 2
     assert name in run.stderr
     assert run.stderr.count("\n") == 1
 
 
 def test_lockstep_time_that_is_no_number_is_rejected():
-    run = subprocess.run(
+    run = programs.run(
         [*COMMAND, SIM, "--time", "lockstep"], input="soon\n", capture_output=True, text=True, check=False
     )
     assert run.returncode == 2

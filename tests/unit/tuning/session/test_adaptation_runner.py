@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from marks import exhaustive
 
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.loop import Tick
@@ -29,7 +30,7 @@ def lied_to(ruled_bench):
     return ruled_bench
 
 
-@pytest.mark.parametrize("off_after_s", [None, 0.05, 0.1, 0.15])
+@pytest.mark.parametrize("off_after_s", [None, exhaustive(0.05), 0.1, exhaustive(0.15)])
 def test_when_its_sensor_is_found_lying_the_rules_of_well_before_are_put_in_force(lied_to, off_after_s):
     """A thermocouple that drifts is followed for a while: what was learnt by then must not stay, whenever OFF comes."""
     spoilt = []
@@ -46,7 +47,9 @@ def test_when_its_sensor_is_found_lying_the_rules_of_well_before_are_put_in_forc
     assert not lied_to.status["adapts"]
 
 
-@pytest.mark.parametrize(("act", "values"), [("adapt", {"on": True}), ("adapt", {"on": False}), ("undo", {})])
+@pytest.mark.parametrize(
+    ("act", "values"), [exhaustive("adapt", {"on": True}), exhaustive("adapt", {"on": False}), ("undo", {})]
+)
 def test_rules_that_wait_to_be_taken_back_are_not_forgotten(lied_to, act, values):
     """A slider that is moved at that moment keeps them waiting."""
     lied_to.at(FOUND_S, "feedback", key="closed_loop_s", value=0.3)

@@ -1,8 +1,11 @@
 """A wire that ages while it works, and rules that follow it: all the way, from its registers to those in force."""
 
+import pytest
+
 MINUTES = 6
 
 
+@pytest.mark.exhaustive
 def test_adapted_rules_have_at_most_a_third_of_the_error_of_those_that_were_left_alone(ruled_bench):
     plant, in_force = ruled_bench.device.bench.plant, []
     ruled_bench.at(1.0, "arm")

@@ -349,6 +349,7 @@ def half_way_c(wire):
     return float(np.interp(0.5, model.engine.heating.target, model.engine.nodes))
 
 
+@pytest.mark.exhaustive
 @pytest.mark.xfail(
     reason="the branch ends 0.9 to 1.7 K from the truth, by where the ticks lie between the conversions", strict=False
 )
