@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import isfinite
 from pathlib import Path
 from typing import Annotated
@@ -12,9 +12,9 @@ import typer
 from smadrive.cli.output import AsJson, Output
 from smadrive.runs.log.layout import UNITS
 from smadrive.runs.log.reader import Log, read_log
-from smadrive.runs.replay import Replay, Wire, prediction_percent, replay
+from smadrive.runs.replay import Replay, prediction_percent, replay
 from smadrive.runs.run_metadata import logged_wire, nominal_balance
-from smadrive.wire.wire_file import load_wire_file
+from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 
 
 def main(
@@ -48,17 +48,17 @@ def main(
     )
 
 
-def _wire(path: Path, log: Log) -> Wire:
-    file = load_wire_file(path)
-    return file.model, file.balance or nominal_balance(log)
+def _wire(path: Path, log: Log) -> IdentifiedWire:
+    wire = load_wire(path)
+    return replace(wire, heat_balance=wire.heat_balance or nominal_balance(log))
 
 
-def _predictions(log: Log, again: Replay, wire: Wire | None) -> dict[str, float]:
+def _predictions(log: Log, again: Replay, wire: IdentifiedWire | None) -> dict[str, float]:
     """How far the estimated displacement was from the measured one; nothing where no model ran."""
     if "wire" not in log.about:
         return {}
-    recorded, _ = logged_wire(log)
-    replayed = recorded if wire is None else wire[0]
+    recorded = logged_wire(log).model
+    replayed = recorded if wire is None else wire.model
     return {
         "recorded": prediction_percent(log, log.signal("estimated_mm"), recorded),
         "replayed": prediction_percent(log, again.signals["estimated_mm"], replayed),

@@ -31,7 +31,7 @@ from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_log import record_tracking, reference_text
 from smadrive.runs.run_metrics import TrackingMetrics, tracking_caveats, tracking_metrics, tripped_loop
 from smadrive.safety.supervisor import check_thermocouple
-from smadrive.wire.wire_file import load_wire_file
+from smadrive.wire.identified_wire import load_wire
 from smadrive.wire.wire_model import WireModel, WireState, travel_mm
 
 APPROACH_S = 10.0
@@ -70,15 +70,15 @@ def main(
     check_output(log_file, LOG)
     config = load_rig(rig)
     path = model_file(config, model)
-    known = load_wire_file(path)
+    identified = load_wire(path)
     wanted = read_reference(reference)
-    wanted.check_within(travel_mm(known.model))
+    wanted.check_within(travel_mm(identified.model))
     try:
         with Rig(config, trace_folder=trace) as bench:
-            wire = WireModel(known.model, known.balance or bench.nominal_balance)
+            wire = WireModel(identified.model, identified.heat_balance or bench.nominal_balance)
             given, rehearsed = _rehearsed(bench, wanted, wire)
             rehearsed.check(config.limits.temperature_max_c, smooth=smooth)
-            doubts = [f"{path.name}: {caveat}" for caveat in known.caveats]
+            doubts = [f"{path.name}: {caveat}" for caveat in identified.caveats]
             caveats = (*rehearsed.caveats, *doubts, *([NOT_ADAPTED] if config.feedback.adapt else []))
             _beware(caveats, output)
             loop = _recorded(log_file, bench, wire, given, rehearsed.nearest, caveats, quiet=output.quiet)

@@ -19,6 +19,7 @@ from smadrive.identification.quality.fit import Fit
 from smadrive.identification.thermal import ThermalFit, identify_thermal
 from smadrive.identification.tsfuzzy.fit import identify_tsfuzzy
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_wire import IdentifiedWire
 
 Kind = Literal["tsfuzzy", "duhem"]
 
@@ -34,6 +35,12 @@ class WireFit:
 
     thermal: ThermalFit
     hysteresis: AnyFit
+
+    @property
+    def wire(self) -> IdentifiedWire:
+        """The identified wire."""
+        fit = self.hysteresis
+        return IdentifiedWire(fit.model, self.thermal.balance, fit.caveats, fit.metrics)
 
 
 def identify_hysteresis(v: ArrayLike, y: ArrayLike, kind: Kind, sets: int) -> AnyFit:

@@ -22,7 +22,7 @@ from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.devices.identity import DeviceType, Proof
 from smadrive.devices.state.latch import TripLatch
 from smadrive.errors import ConfigError, SafetyError, TripError
-from smadrive.hysteresis import HysteresisModel
+from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem
 from smadrive.identification.excitation import Excitation, nested_reversals
 from smadrive.measurement import Measurement
 from smadrive.modbus.transports.transport import Transport
@@ -139,7 +139,7 @@ class Rig:
     def track(
         self,
         reference: Reference,
-        model: HysteresisModel,
+        model: DuhemModel | TSFuzzyDuhem,
         balance: HeatBalance,
         inverse: DisplacementInverse,
         record: Record,

@@ -29,11 +29,10 @@ from smadrive.runs.run_metadata import (
     logged_wire,
     nominal_balance,
 )
-from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import travel_mm
 
 Array = NDArray[np.float64]
-Wire = tuple[HysteresisModel, HeatBalance]
 
 ANSWERS = {name: path.removeprefix("command.") for name, path in COLUMNS.items() if path.startswith("command.")}
 """The columns that a controller answered, and what they are called in its command."""
@@ -64,7 +63,7 @@ class Replay:
         return all(difference.first_s == inf for difference in self.differences.values())
 
 
-def replay(log: Log, wire: Wire | None = None) -> Replay:
+def replay(log: Log, wire: IdentifiedWire | None = None) -> Replay:
     """Replay `log` with the wire it was run with, or with `wire`. DataError when the log does not tell enough."""
     if log.column("time_s").size == 0:
         raise DataError(f"{log.path}: no tick was recorded: there is nothing to replay")
@@ -94,7 +93,7 @@ def prediction_percent(log: Log, estimated_mm: Array, model: HysteresisModel) ->
     return float(100.0 * np.sqrt(np.mean(missed**2)))
 
 
-def _controller(log: Log, wire: Wire | None) -> Controller:
+def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
     config = logged_rig(log)
     if log.about.get("kind") == "excitation":
         if wire is not None:
@@ -102,8 +101,9 @@ def _controller(log: Log, wire: Wire | None) -> Controller:
         return excitation_controller(config, logged_excitation(log), nominal_balance(log))
     if wire is None and log.about.get("inverse") != "hysteresis":
         raise DataError(f"{log.path}: ran with a plain map, which no log keeps: give --model to replay it with a model")
-    model, balance = wire or logged_wire(log)
-    return tracking_controller(config, logged_reference(log), model, balance, HysteresisInverse(model))
+    stepped = (wire or logged_wire(log)).wire_model()
+    inverse = HysteresisInverse(stepped.model)
+    return tracking_controller(config, logged_reference(log), stepped.model, stepped.balance, inverse)
 
 
 def _samples(log: Log) -> Iterator[tuple[float, Measurement, float]]:

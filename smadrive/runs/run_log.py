@@ -17,13 +17,13 @@ from pathlib import Path
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
-from smadrive.hysteresis import HysteresisModel
+from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
 from smadrive.identification.excitation import Excitation
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.writer import GROWTH_ROWS
 from smadrive.runs.recorder import Recorder
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.wire_file import wire_text
+from smadrive.wire.identified_wire import IdentifiedWire
 
 COLUMNS = {
     "time_s": "time_s",
@@ -86,7 +86,7 @@ def record_tracking(
     path: Path,
     rig: Rig,
     reference: Reference,
-    model: HysteresisModel,
+    model: DuhemModel | TSFuzzyDuhem,
     balance: HeatBalance,
     inverse: DisplacementInverse,
     **notes: str,
@@ -95,7 +95,7 @@ def record_tracking(
     about = {
         "kind": "tracking",
         "reference": reference_text(reference),
-        "wire": wire_text(model, balance),
+        "wire": IdentifiedWire(model, balance).text(),
         "inverse": "hysteresis" if isinstance(inverse, HysteresisInverse) else "plain map",
     }
     return _open(path, rig, {**about, **notes}, reference.duration_s)

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from smadrive.control.references.reference import Reference
 from smadrive.errors import DataError
 from smadrive.files.config import validate
-from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, ExcitationRecord
 from smadrive.rig.config import RigConfig
 from smadrive.runs.log.reader import Log
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
-from smadrive.wire.wire_file import parse_wire
+from smadrive.wire.identified_wire import IdentifiedWire, parse_wire
 
 WHOLE = 0.98
 """Share of an experiment from which on it counts as complete."""
@@ -57,8 +56,8 @@ def logged_reference(log: Log) -> Reference:
     return log.parsed("reference", _reference)
 
 
-def logged_wire(log: Log) -> tuple[HysteresisModel, HeatBalance]:
-    """Model and heat balance that tracked. DataError when none did."""
+def logged_wire(log: Log) -> IdentifiedWire:
+    """The wire that tracked, with its heat balance. DataError when the log has none."""
     return parse_wire(log.text("wire"), f"{log.path}: wire")
 
 

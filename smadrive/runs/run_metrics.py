@@ -27,7 +27,7 @@ def error_percent(log: Log) -> Array:
 
     DataError when the log is of no tracking run.
     """
-    cold_mm, hot_mm = travel_mm(logged_wire(log)[0])
+    cold_mm, hot_mm = travel_mm(logged_wire(log).model)
     error = 100.0 * (log.signal("reference_mm") - log.signal("displacement_mm")) / abs(hot_mm - cold_mm)
     return np.where(log.column("time_s") >= logged_reference(log).scored_from_s, error, nan)
 

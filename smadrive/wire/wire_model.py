@@ -11,7 +11,7 @@ from __future__ import annotations
 from math import ceil
 from typing import NamedTuple
 
-from smadrive.hysteresis import HysteresisModel, HysteresisState
+from smadrive.hysteresis import DuhemModel, HysteresisModel, HysteresisState, TSFuzzyDuhem
 from smadrive.wire.heat_balance import HeatBalance
 
 SHORT_WAY_C = 0.1
@@ -44,7 +44,7 @@ class WireModel:
     state w of the hysteresis model is another quantity: a model may use only a part of [0, 1].
     """
 
-    def __init__(self, model: HysteresisModel, balance: HeatBalance) -> None:
+    def __init__(self, model: DuhemModel | TSFuzzyDuhem, balance: HeatBalance) -> None:
         self.model = model
         self.balance = balance
         self.cold_mm, hot_mm = travel_mm(model)

@@ -107,7 +107,7 @@ def _plane(log: Log) -> Plot:
     figure.colorbar(dots, ax=ax, label="time / s", pad=0.01, aspect=30).outline.set_visible(False)
     caption = "The displacement that was measured over the temperature that the driver believed the wire had."
     if "wire" in log.about:
-        _branches(ax, logged_wire(log)[0])
+        _branches(ax, logged_wire(log).model)
         caption += " Lines: the major loop of its model; inside it run the minor loops."
         legend(ax)
     ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")
