@@ -1,4 +1,4 @@
-"""What one exchange with the rig told about the wire: the type that both columns share."""
+"""One measurement of the wire: the type that maths and devices share."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ class Measurement(NamedTuple):
     """One sample of the wire, in engineering units. A quantity that was not measured, or is invalid, is NaN.
 
     `current_a` and `voltage_v` are those of the period that ends with this sample, in which `commanded_a` was in force:
-    the command written by the same exchange acts only afterwards. Temperature and displacement are the latest there
-    are; `temperature_age_s` and `displacement_age_s` tell by how much a slower device's reading is older than `time_s`.
+    the command written by the same exchange acts only afterwards. Temperature and displacement are the latest values;
+    `temperature_age_s` and `displacement_age_s` are the ages of a slower device's readings at `time_s`.
 
-    `temperature_fault` names why the temperature is invalid (open thermocouple, ...), None when it is valid;
-    `supply_fault` why the current or the voltage is.
+    `temperature_fault` is the reason for an invalid temperature (open thermocouple, ...), None for a valid one;
+    `supply_fault` is the reason for an invalid current or voltage.
     `device_faults` and `device_limits` are the names of the device's own latched faults and "limited by" codes;
     `host_limits` those of the driver, for the command that this exchange sent.
     """

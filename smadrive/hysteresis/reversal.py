@@ -41,14 +41,20 @@ class Play(NamedTuple):
 
     def moved(self, v: float, radius: float) -> Play:
         """The state after the input has moved to v."""
-        position = min(max(self.position, v - radius), v + radius)
-        if position == self.position:
-            return self
-        return Play(position, 1 if position > self.position else -1)
+        return Play(*_moved(self.position, self.direction, v, radius))
 
     def output(self, radius: float) -> float:
         """The filtered input u."""
         return self.position + self.direction * radius
+
+
+def _moved(position: float, direction: int, v: float, radius: float) -> tuple[float, int]:
+    """The play operator on plain numbers, which a loop calls for every sample."""
+    if v - radius > position:
+        return v - radius, 1
+    if v + radius < position:
+        return v + radius, -1
+    return position, direction
 
 
 class DeadBand:
@@ -56,12 +62,14 @@ class DeadBand:
 
     def __init__(self, radius: float) -> None:
         self.radius = check_radius(radius)
-        self._play: Play | None = None
+        self._position: float | None = None
+        self._direction = 0
 
     def update(self, v: float) -> float:
         """Take one sample and return u."""
-        self._play = (self._play or Play(v)).moved(v, self.radius)
-        return self._play.output(self.radius)
+        before = v if self._position is None else self._position
+        self._position, self._direction = _moved(before, self._direction, v, self.radius)
+        return self._position + self._direction * self.radius
 
 
 def filter_reversals(v: ArrayLike, radius: float) -> FloatArray:

@@ -204,8 +204,8 @@ class Rig:
             misplaced_for_s=MISPLACED_S + lag_s,
         )
         lag_s += self.heater.temperature_period_s
-        plausible = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s)
-        return Supervisor(guarded, plausible, None if model is None else DisplacementBand(model))
+        band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s)
+        return Supervisor(guarded, band, None if model is None else DisplacementBand(model))
 
     def _run(
         self, controller: Controller, supervisor: Supervisor, record: Record, stop_requested: StopRequested = never

@@ -103,7 +103,7 @@ def test_a_run_with_an_open_thermocouple_is_refused_before_anything_is_rehearsed
         )
     assert done.returncode == 4
     (told,) = done.stderr.splitlines()
-    assert "gives no valid reading (thermocouple_open): check the bead, the plug and the polarity" in told
+    assert "gives no valid reading (thermocouple_open). Check the bead, the plug and the polarity" in told
     assert not log.exists()
 
 

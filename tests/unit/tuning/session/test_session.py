@@ -459,7 +459,7 @@ def test_a_wire_of_unknown_temperature_is_not_armed(bench):
     bench.do(0.5, bench.device.bench.sensors.faults.open_thermocouple)
     arm = bench.at(1.0, "arm")
     bench.run(until_s=2.0)
-    assert "gives no valid reading (thermocouple_open): check the bead" in bench.answers[arm]
+    assert "gives no valid reading (thermocouple_open). Check the bead" in bench.answers[arm]
 
 
 def test_a_model_without_rules_cannot_be_adapted(bench):
