@@ -157,13 +157,13 @@ class RuleProblem:
         lower, upper = record.input_range
         _, moves, tables, w = self._trial(x)
         dw = tables.jacobian(self.runs, w)
-        known = len(dw.rows)
-        rows = np.zeros((known + 2, len(x)))
-        np.multiply(dw.rows[:, unknowns.rates], scale / (upper - lower), out=rows[:known, unknowns.rates])
-        np.matmul(scale * dw.rows[:, unknowns.centres], moves, out=rows[:known, unknowns.logits])
-        np.multiply(dw.rows[:, -1], scale, out=rows[:known, FIRST_STATE])
-        rows[known, BOTTOM] = rows[known + 1, TOP] = 1.0
-        ends = np.broadcast_to(np.array([known, known + 1], dtype=np.int32), (len(w), 2))
+        count = len(dw.rows)
+        rows = np.zeros((count + 2, len(x)))
+        np.multiply(dw.rows[:, unknowns.rates], scale / (upper - lower), out=rows[:count, unknowns.rates])
+        np.matmul(scale * dw.rows[:, unknowns.centres], moves, out=rows[:count, unknowns.logits])
+        np.multiply(dw.rows[:, -1], scale, out=rows[:count, FIRST_STATE])
+        rows[count, BOTTOM] = rows[count + 1, TOP] = 1.0
+        ends = np.broadcast_to(np.array([count, count + 1], dtype=np.int32), (len(w), 2))
         shares = np.column_stack([dw.shares, 1 - w, w]) * np.sqrt(record.count)[:, None]
         return InterpolationMatrix(np.hstack([dw.places, ends]), shares, rows)
 
