@@ -14,8 +14,8 @@ class Measurement(NamedTuple):
     the latest there are; `temperature_age_s` and `displacement_age_s` tell by how much a slower device's reading is
     older than `time_s`.
 
-    `temperature_fault` names why the temperature is invalid (open thermocouple, ...), None when it is valid;
-    `supply_fault` why the current or the voltage is.
+    `temperature_fault` is the reason for an invalid temperature (open thermocouple, ...), None for a valid one;
+    `supply_fault` is the reason for an invalid current or voltage.
     `device_faults` and `device_limits` are the names of the device's own latched faults and "limited by" codes;
     `host_limits` those of the driver, for the command that this exchange sent.
     """

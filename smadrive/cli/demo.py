@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import count
 from pathlib import Path
 from typing import Annotated
@@ -28,7 +28,6 @@ from smadrive.runs.run_log import TickRecorder, record_excitation, record_tracki
 from smadrive.runs.run_metadata import excitation_record
 from smadrive.runs.run_metrics import TrackingMetrics, tracking_metrics
 from smadrive.testing.simulator import ServedSimulator
-from smadrive.wire.wire_file import save_wire
 from smadrive.wire.wire_model import travel_mm
 
 FOLDER = "smadrive-demo"
@@ -79,9 +78,7 @@ def main(
             session = _Session(rig, folder, seed, output)
             excitation = session.excite()
             wire = session.identify(excitation)
-            figures = {"rms_percent": wire.hysteresis.rms_percent, "max_percent": wire.hysteresis.max_percent}
-            fit, balance = wire.hysteresis, wire.thermal.balance
-            save_wire(model_file, fit.model, balance, figures, str(excitation.path), fit.caveats)
+            replace(wire.wire, source=str(excitation.path)).save(model_file)
             inverses: dict[str, DisplacementInverse] = {
                 WITH: HysteresisInverse(wire.hysteresis.model),
                 WITHOUT: StaticMap(wire.thermal.wire_temperature_c, excitation.column("displacement_mm")),

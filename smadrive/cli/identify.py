@@ -22,7 +22,7 @@ from smadrive.identification.thermal import ThermalFit
 from smadrive.identification.wire import AnyFit, identify_hysteresis, identify_wire
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_metadata import excitation_caveats, excitation_record, nominal_balance
-from smadrive.wire.wire_file import save_wire
+from smadrive.wire.identified_wire import IdentifiedWire
 
 
 class Kind(StrEnum):
@@ -51,9 +51,8 @@ def main(
         result = _identify(data, (input_column, output_column), kind, sets)
     fit, thermal = result.fit, result.thermal
     balance = None if thermal is None else thermal.balance
-    figures = {"rms_percent": fit.rms_percent, "max_percent": fit.max_percent}
     replaced = model_file.exists()
-    save_wire(model_file, fit.model, balance, figures, str(data), result.caveats)
+    IdentifiedWire(fit.model, balance, result.caveats, fit.metrics, str(data)).save(model_file)
     if plot is not None:
         write_fit_report(plot, fit, result.caveats, str(data), result.axes)
     _print_fit(output, fit, thermal, result.caveats)

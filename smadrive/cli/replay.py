@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import isfinite
 from pathlib import Path
 from typing import Annotated
@@ -12,9 +12,9 @@ import typer
 from smadrive.cli.output import AsJson, Output
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.log.reader import Log, read_log
-from smadrive.runs.replay import Replay, Wire, prediction_percent, replay
+from smadrive.runs.replay import Replay, prediction_percent, replay
 from smadrive.runs.run_metadata import nominal_balance, wire_of
-from smadrive.wire.wire_file import load_wire_file
+from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 
 
 def main(
@@ -49,17 +49,17 @@ def main(
     )
 
 
-def _wire(path: Path, log: Log) -> Wire:
-    file = load_wire_file(path)
-    return file.model, file.balance or nominal_balance(log)
+def _wire(path: Path, log: Log) -> IdentifiedWire:
+    wire = load_wire(path)
+    return replace(wire, heat_balance=wire.heat_balance or nominal_balance(log))
 
 
-def _predictions(log: Log, again: Replay, wire: Wire | None) -> dict[str, float]:
+def _predictions(log: Log, again: Replay, wire: IdentifiedWire | None) -> dict[str, float]:
     """RMS difference of estimated and measured displacement, in % of the stroke; empty without a model."""
     if "wire" not in log.metadata:
         return {}
-    recorded, _ = wire_of(log)
-    replayed = recorded if wire is None else wire[0]
+    recorded = wire_of(log).model
+    replayed = recorded if wire is None else wire.model
     return {
         "recorded": prediction_percent(log, log.column_with_gaps("estimated_mm"), recorded),
         "replayed": prediction_percent(log, again.columns["estimated_mm"], replayed),

@@ -31,7 +31,7 @@ from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_log import record_tracking, reference_text
 from smadrive.runs.run_metrics import TrackingMetrics, tracking_caveats, tracking_metrics, tripped_loop_metrics
 from smadrive.safety.supervisor import check_thermocouple
-from smadrive.wire.wire_file import load_wire_file
+from smadrive.wire.identified_wire import load_wire
 from smadrive.wire.wire_model import WireModel, WireState, travel_mm
 
 APPROACH_S = 10.0
@@ -68,15 +68,15 @@ def main(
     check_output(log_file, LOG)
     config = load_rig(rig)
     path = model_file(config, model)
-    wire_file = load_wire_file(path)
+    identified = load_wire(path)
     given = read_reference(reference)
-    given.check_within(travel_mm(wire_file.model))
+    given.check_within(travel_mm(identified.model))
     try:
         with Rig(config, trace_folder=trace) as open_rig:
-            wire = WireModel(wire_file.model, wire_file.balance or open_rig.nominal_balance)
+            wire = WireModel(identified.model, identified.heat_balance or open_rig.nominal_balance)
             given, simulated = _simulated(open_rig, given, wire)
             simulated.check(config.limits.temperature_max_c, smooth=smooth)
-            model_caveats = [f"{path.name}: {caveat}" for caveat in wire_file.caveats]
+            model_caveats = [f"{path.name}: {caveat}" for caveat in identified.caveats]
             caveats = (*simulated.caveats, *model_caveats, *([NOT_ADAPTED] if config.feedback.adapt else []))
             output.warn(caveats)
             loop = _track(log_file, open_rig, wire, given, simulated.nearest, caveats, quiet=output.quiet)

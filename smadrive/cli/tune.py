@@ -27,7 +27,7 @@ from smadrive.tuning.link.real_time import use_real_time_scheduling
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
-from smadrive.wire.wire_file import load_wire_file
+from smadrive.wire.identified_wire import load_wire
 from smadrive.wire.wire_model import travel_mm
 
 LOW, HIGH, PERIOD_S = 0.2, 0.8, 56.0
@@ -55,9 +55,9 @@ def main(
         raise ConfigError("the tuning page needs bokeh", cure="install it with .venv/bin/pip install 'smadrive[tune]'")
     output = Output(as_json)
     config = load_rig(rig)
-    wire_file = load_wire_file(model_file(config, model))
-    tuning = Tuning.of(wire_file.model, config.feedback, "as loaded", wire_file.caveats)
-    references = _references(reference or [], wire_file.model)
+    wire = load_wire(model_file(config, model))
+    tuning = Tuning.of(wire.model, config.feedback, "as loaded", wire.caveats)
+    references = _references(reference or [], wire.model)
     with (
         ParcelPair() as parcels,
         BuilderProcess(parcels) as builder,
@@ -65,7 +65,7 @@ def main(
         Rig(config) as open_rig,
     ):
         _check_real_time(open_rig)
-        balance = wire_file.balance or open_rig.nominal_balance
+        balance = wire.heat_balance or open_rig.nominal_balance
         open_rig.check_balance(balance)
         page = TuningPage(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
         view = TuneView(config.name, page, channel)

@@ -1,1 +1,4 @@
-"""From a wanted displacement to a heater current: pure `update(..., dt)`, no transport, no clock of its own."""
+"""From a displacement setpoint to a heater current: the loop and its controllers, pure `update(..., dt)`.
+
+May import safety, wire, hysteresis and numerics. Devices, files and real clocks do not belong here.
+"""

@@ -1,8 +1,9 @@
-"""Can the wire do that? The reference is rehearsed on the identified wire before it runs on the real one.
+"""Feasibility of a reference: a simulated run on the identified wire, before the run on the real one.
 
-The controller that will run tracks it on the model of the wire, in its own time, without noise. What the model reaches
-is the nearest feasible reference: no current cools no faster, and the heater has its limit. To leave the real wire
-something to correct with, the rehearsed one cools `MARGIN` more slowly and heats with so much less.
+The same controller tracks the reference on the model of the wire, in simulated time, without noise. The displacement
+that the model reaches is the nearest feasible reference: cooling is limited by the surroundings, heating by the heater.
+The simulated wire cools more slowly by `MARGIN`, and its heater is weaker by `MARGIN`, so that the controller of the
+real wire keeps a reserve.
 """
 
 from __future__ import annotations
@@ -25,16 +26,16 @@ Array = NDArray[np.float64]
 Limit = Literal["cooling", "heater", "hysteresis"]
 
 MARGIN = 0.1
-"""What the rehearsed wire is worse at cooling and heating."""
+"""Share by which the simulated wire cools and heats less than the identified one."""
 
 TOLERANCE = 0.02
-"""A shortfall up to this, in strokes, is a matter for the controller; beyond it the reference is not feasible."""
+"""Largest shortfall of a feasible reference, in strokes; the controller corrects it."""
 
 SUBSTEPS = 3
 """Steps of the wire per period of the loop."""
 
 JUMP = 20.0
-"""A reference that is so many times too fast jumps; no slowing down helps it."""
+"""A reference that is so many times too fast has a jump; slowing it down does not help."""
 
 VISIBLE = 6.0
 """A reference that moves less than this many standard deviations of the displacement sensor is lost in its noise."""
@@ -47,7 +48,7 @@ REASONS: dict[Limit, str] = {
 
 
 class SimulatedTick(NamedTuple):
-    """One tick: time, wanted and reached displacement, wire temperature, power and its upper limit."""
+    """One tick: time, setpoint and reached displacement, wire temperature, power and its upper limit."""
 
     time_s: float
     setpoint_mm: float
@@ -59,12 +60,12 @@ class SimulatedTick(NamedTuple):
 
 @dataclass(frozen=True)
 class Feasibility:
-    """How near the wire comes to a reference.
+    """The result of a simulated run.
 
-    `nearest` is the reference that it can follow (the same one where it is feasible). At `at_s` it is `shortfall_mm`
-    away from what was wanted, because of `limit`, wanted and reached rate there are `setpoint_mm_per_s` and
-    `reached_mm_per_s`. `hottest_c` is the highest temperature that the run takes, `span_mm` how far the reference moves
-    after its approach.
+    `nearest` is the reference that the wire can follow (the given one if it is feasible). At `at_s` the wire is
+    `shortfall_mm` away from the setpoint, because of `limit`; the rates of setpoint and wire there are
+    `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest temperature of the run, `span_mm` the span of
+    the reference after its approach.
     """
 
     feasible: bool
@@ -80,22 +81,22 @@ class Feasibility:
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """What lets doubt whether what is run is what is meant."""
-        told = []
+        """Reasons to doubt that the run is the intended one, one sentence each."""
+        caveats = []
         if 0.0 < self.span_mm < VISIBLE * DISPLACEMENT_NOISE * self.stroke_mm:
             small = f"the reference moves by {self.span_mm:.2g} mm only, of a stroke of {self.stroke_mm:.3g} mm"
-            told.append(f"{small}: that is lost in the noise of a displacement sensor; is it in mm?")
+            caveats.append(f"{small}: that is lost in the noise of a displacement sensor; is it in mm?")
         if not self.feasible:
-            told.append(f"smoothed, and every error is against the smoothed reference, not the given one: {self}")
-        return tuple(told)
+            caveats.append(f"smoothed, and every error is against the smoothed reference, not the given one: {self}")
+        return tuple(caveats)
 
     @property
     def slower(self) -> float:
-        """By about how much the reference would have to be slowed down."""
+        """The factor, approximately, by which the reference must be slowed down."""
         return max(1.1, abs(self.setpoint_mm_per_s) / max(abs(self.reached_mm_per_s), 1e-3 * self.stroke_mm))
 
     def __str__(self) -> str:
-        """In plain words."""
+        """One sentence for the user."""
         percent = 100.0 * self.shortfall_mm / self.stroke_mm
         if self.feasible:
             return f"feasible: the wire is at most {percent:.1f} % of its stroke away, and {self.hottest_c:.0f} °C hot"
@@ -106,9 +107,9 @@ class Feasibility:
         )
 
     def check(self, temperature_max_c: float, *, smooth: bool = False) -> None:
-        """ConfigError with the cure when the reference is not feasible, or would take too hot a wire.
+        """Raise ConfigError when the reference is not feasible, or needs a wire above the limit.
 
-        With `smooth` the nearest feasible one is run instead, and only its temperature is judged.
+        With `smooth` the nearest feasible reference runs instead, and only its temperature is checked.
         """
         if not (self.feasible or smooth):
             cure = "" if self.slower > JUMP else f"slow it down about {self.slower:.1f} times, or "
@@ -134,7 +135,7 @@ def simulate_run(
 def _ticks(
     reference: Reference, wire: WireModel, inverse: DisplacementInverse, settings: TrackingSettings, state: WireState
 ) -> Iterator[SimulatedTick]:
-    """The run, with the loop's delay: a command acts one period after the measurement that it answers."""
+    """The ticks of the run, with the loop's delay: a command acts one period after its measurement."""
     controller = TrackingController(reference, wire, inverse, settings)
     dt_s = settings.period_s
     reading_c, in_force_a, sent_a = state.temperature_c, 0.0, 0.0
@@ -181,7 +182,7 @@ def _judge(reference: Reference, ticks: Array, stroke_mm: float) -> Feasibility:
 
 
 def _limit(power_w: Array, limit_w: Array) -> Limit:
-    """What held the wire back for most of the time in which it fell behind."""
+    """The limit that was active for most of the time in which the wire fell behind."""
     if np.mean(power_w <= 0.0) > 0.5:
         return "cooling"
     return "heater" if np.mean(power_w >= 0.99 * limit_w) > 0.5 else "hysteresis"

@@ -1,4 +1,7 @@
-"""Rate-independent hysteresis: Duhem and T-S fuzzy Duhem models, their exact stepping, inverse and certificates."""
+"""Rate-independent hysteresis: Duhem and T-S fuzzy Duhem models, their exact stepping, inverse and certificates.
+
+May import numerics, files and errors, numpy and scipy. Heat, time, identification and control do not belong here.
+"""
 
 from smadrive.hysteresis.certificate import Certificate
 from smadrive.hysteresis.duhem import DuhemModel

@@ -1,11 +1,11 @@
-"""The exact branch engine: what Duhem and T-S fuzzy Duhem models have in common.
+"""The exact branch engine, common to Duhem and T-S fuzzy Duhem models.
 
 On a stretch of monotone input every branch is a linear ODE dw/dv = a(v) w + b(v). With Λ(v) = ∫a dv and any particular
 solution P(v)
 
     w(v1) = P(v1) + (w(v0) - P(v0)) exp(Λ(v1) - Λ(v0))
 
-whatever the distance v1 - v0: no ODE solver, no step size. Λ and P of both branches are tabulated once as cubic Hermite
+for any distance v1 - v0: no ODE solver, no step size. Λ and P of both branches are tabulated once as cubic Hermite
 pieces on one grid (their derivatives a and a P + b are known, so the error is of fourth order). A trajectory is then
 one vector expression, chained at its turning points; a single step is a few multiplications and one exp.
 
@@ -26,7 +26,7 @@ from smadrive.numerics.arrays import FloatArray
 _CHUNK = 8192  # samples evaluated at once: the working set stays in the cache
 _Row = tuple[float, float, float, float, float, float, float, float, float]
 _Bin = tuple[float, _Row, _Row]
-"""Where the extra node of a bin lies (inf: it has none), and the rows below and beyond it."""
+"""Position of the extra node of a bin (inf: none), and the rows below and beyond it."""
 
 
 @dataclass(frozen=True, slots=True)

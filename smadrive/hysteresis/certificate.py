@@ -1,12 +1,12 @@
-"""What linear system theory proves of a branch model dw/dv = a w + b, checked rule by rule.
+"""Certificates of a branch model dw/dv = a w + b from linear system theory, checked rule by rule.
 
 Contraction   a ≤ -λ on heating and a ≥ λ on cooling: two trajectories of one input approach as exp(-λ · TV(v)), TV the
               total variation of v, so the unknown initial state is forgotten after a known travel and a periodic input
               has one attracting loop. A whole loop shrinks differences by exp(-∮|a| dv), usually far more.
 Boundedness   the equilibria S = -b/a (heating) and R = -b/a (cooling) lie in [0, 1]: w never leaves [0, 1].
 Monotone      the slope is affine in w: heating rises below S(v), cooling falls above R(v). Between R(v) and S(v) the
-              inverse is unique. A Duhem model has R = h₊, S = h₋, so all it can reach is invertible. Where a branch
-              of the loop itself turns, a sweep over the range takes the wire back from where it came.
+              inverse is unique. A Duhem model has R = h₊, S = h₋, so it is invertible everywhere. If a branch of the
+              loop itself reverses, a sweep over the range takes the wire back.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from smadrive.numerics.arrays import FloatArray
 
 _ROUNDING = 1e-9
-MOST_TURNED = 0.2  # a saturated wire that expands turns by a tenth of its travel
+MOST_TURNED = 0.2  # of the travel; a saturated wire that expands reverses by a tenth
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +34,7 @@ class Certificate:
     loop_contraction   factor by which one loop over the whole range shrinks the distance of two trajectories
     bounded            w stays in [0, 1]
     invertible_share   share of the area between the major branches in which both directions have the right slope sign
-    turned_share       largest way back along either major branch, as a share of the loop's travel
+    turned_share       largest reversal along either major branch, as a share of the loop's travel
     """
 
     contraction_rate: float
@@ -55,19 +55,19 @@ class Certificate:
 
     @property
     def holds(self) -> bool:
-        """Whether the model may drive a feedforward: contracting, bounded, and no branch that turns."""
+        """Whether the model may drive a feedforward: contracting, bounded, and no branch that reverses."""
         return not self.shortcomings
 
     @property
     def shortcomings(self) -> tuple[str, ...]:
-        """What stands against it."""
+        """Reasons why the certificate does not hold, one phrase each."""
         found = []
         if not self.contracting:
             found.append(f"it does not contract (contraction_rate {self.contraction_rate:.3g})")
         if not self.bounded:
             found.append("its output is not bounded")
         if self.turned_share > MOST_TURNED:
-            found.append(f"a branch comes back by {100 * self.turned_share:.0f} % of the travel")
+            found.append(f"a branch reverses by {100 * self.turned_share:.0f} % of the travel")
         return tuple(found)
 
     def forgetting_travel(self, factor: float) -> float:

@@ -6,7 +6,7 @@ The scale k is counted once, in y = offset + k w. The particular solutions are t
 with a = -g₊/d on heating, P = h₋ with a = g₋/d on cooling. d is a difference of nearly equal numbers in both tails; it
 is formed from ln h below the loop and from ln(1 - h) above it, so a tends to a Mills ratio instead of 0/0.
 
-Nine standard deviations beyond every component the branches have met to 1e-18; there the state is held.
+Nine standard deviations beyond every component the branches agree to 1e-18; the state is held there.
 """
 
 from __future__ import annotations
@@ -45,10 +45,8 @@ class DuhemModel(HysteresisModel):
         spans = heating.span(_SATURATED), cooling.span(_SATURATED)
         start, end = max(lower, min(s[0] for s in spans)), min(upper, max(s[1] for s in spans))
         if start >= end:
-            raise ModelError(
-                f"input_range ({lower:g}, {upper:g}) holds no part of the loop; "
-                f"the means are {heating.means + cooling.means}: widen it or check the units"
-            )
+            cure = f"widen it or check the units: the means are {heating.means + cooling.means}"
+            raise ModelError("no part of the loop", where="input_range", value=(lower, upper), cure=cure)
         _refuse_crossing(heating, cooling, lower, upper)
         self.heating = heating
         self.cooling = cooling
@@ -69,11 +67,11 @@ class DuhemModel(HysteresisModel):
     ) -> Self:
         """One Gaussian per branch, the paper's case. mu, sigma and input_range in the unit of v, scale in that of y."""
         if (mu_heating, mu_cooling, sigma_heating, sigma_cooling) == (75, 70, 35, -45):
-            raise ModelError(
+            what = (
                 "these are the columns of the paper's Table 1 as printed, where μ and σ are swapped: sigma_cooling = "
-                "-45 is no standard deviation, and with 45 the branches cross at v = 92.5, inside the range; "
-                "use DuhemModel.table1()"
+                "-45 is no standard deviation, and with 45 the branches cross at v = 92.5, inside the range"
             )
+            raise ModelError(what, where="Table 1", cure="use DuhemModel.table1()")
         heating = GaussianMixture((1.0,), (float(mu_heating),), (float(sigma_heating),))
         cooling = GaussianMixture((1.0,), (float(mu_cooling),), (float(sigma_cooling),))
         return cls(heating, cooling, scale, offset, input_range)
@@ -144,7 +142,7 @@ def duhem_branches(
     log_gap, count = _log_gap(heating, cooling), len(nodes)
     crossed = ~np.isfinite(log_gap[:count])
     if crossed.any() and not np.isfinite(steepest):
-        raise ModelError(_crossing_message(float(nodes[np.argmax(crossed)]), float(nodes[0]), float(nodes[-1])))
+        raise _crossing_error(float(nodes[np.argmax(crossed)]), float(nodes[0]), float(nodes[-1]))
     branches = []
     for sign, logs in ((-1.0, heating), (1.0, cooling)):
         rate = sign * np.exp(np.minimum(logs.pdf - log_gap, np.log(steepest)))
@@ -160,19 +158,21 @@ def _refuse_crossing(heating: GaussianMixture, cooling: GaussianMixture, lower: 
     (mu_h,), (s_h,), (mu_c,), (s_c,) = heating.means, heating.sigmas, cooling.means, cooling.sigmas
     if s_h == s_c:
         if mu_h <= mu_c:
-            raise ModelError(
-                f"mu_heating = {mu_h:g} must exceed mu_cooling = {mu_c:g}: a wire transforms later on heating"
-            )
+            raise _order_error(mu_h, mu_c)
         return
     crossing = (mu_h * s_c - mu_c * s_h) / (s_c - s_h)
     if lower <= crossing <= upper:
-        raise ModelError(_crossing_message(crossing, lower, upper))
+        raise _crossing_error(crossing, lower, upper)
     if mu_h <= mu_c:
-        raise ModelError(f"mu_heating = {mu_h:g} must exceed mu_cooling = {mu_c:g}: a wire transforms later on heating")
+        raise _order_error(mu_h, mu_c)
 
 
-def _crossing_message(v: float, lower: float, upper: float) -> str:
-    return (
-        f"the branches cross at v = {v:.6g}, inside the working range [{lower:g}, {upper:g}], where the Duhem slope is "
-        "singular; bring the sigmas closer together, move the means apart or narrow input_range"
-    )
+def _order_error(mu_heating: float, mu_cooling: float) -> ModelError:
+    what = "must exceed mu_cooling, because a wire transforms later on heating"
+    return ModelError(what, where="mu_heating", value=mu_heating, limit=mu_cooling)
+
+
+def _crossing_error(v: float, lower: float, upper: float) -> ModelError:
+    what = f"cross inside the working range [{lower:g}, {upper:g}], where the Duhem slope is singular"
+    cure = "bring the sigmas closer together, move the means apart or narrow input_range"
+    return ModelError(what, where="branches", value=float(f"{v:.6g}"), cure=cure)

@@ -4,7 +4,7 @@
 
 The sets overlap to one everywhere (a partition of unity), so the blended law is a(v) = Σ μ_i(v) a_i. The second premise
 has two crisp sets, the direction of v. The paper's time form dx/dt = A_i x + B_i is A_i = a_i dv/dt, B_i = b_i dv/dt:
-with constant A_i, B_i the model would not be rate-independent, so dv is what the rules multiply.
+with constant A_i, B_i the model would not be rate-independent, so the rules multiply dv.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from smadrive.files.number_text import shortened
 from smadrive.numerics.arrays import FloatArray
 
 MOST_SETS = 200
-"""The weights of 20,000 sets at every point of the finest grid would take 100 GB; a wire needs some 11."""
+"""The weights of 20,000 sets at every point of the finest grid would take 100 GB; a wire needs about 11."""
 
 
 class Rule(NamedTuple):
@@ -75,7 +75,7 @@ class TriangularSets:
 
 @dataclass(frozen=True, slots=True)
 class TrapezoidSets:
-    """Trapezoids: of each gap between centres the share `flat` (0 ≤ flat < 1) belongs to the tops of its two sets."""
+    """Trapezoids: the share `flat` (0 ≤ flat < 1) of each gap between centres belongs to the tops of its two sets."""
 
     centres: tuple[float, ...]
     flat: float
@@ -83,7 +83,7 @@ class TrapezoidSets:
     def __post_init__(self) -> None:
         check_centres(self.centres)
         if not 0 <= self.flat < 1:
-            raise ModelError(f"trapezoid sets: flat = {self.flat}; it must be at least 0 and below 1")
+            raise ModelError("outside [0, 1)", where="trapezoid sets: flat", value=self.flat)
 
     @property
     def kinks(self) -> FloatArray:
@@ -113,7 +113,7 @@ class GaussianSets:
     def __post_init__(self) -> None:
         check_centres(self.centres)
         if not (np.isfinite(self.width) and self.width > 0):
-            raise ModelError(f"Gaussian sets: width = {self.width}; it must be finite and positive")
+            raise ModelError("not finite and positive", where="Gaussian sets: width", value=self.width)
 
     @property
     def kinks(self) -> FloatArray:
@@ -139,11 +139,12 @@ def hat_weights(v: FloatArray, centres: FloatArray) -> FloatArray:
 
 
 def check_centres(centres: tuple[float, ...]) -> None:
-    """Refuse centres that are not 2 to `MOST_SETS` finite ascending numbers (ModelError)."""
+    """Raise ModelError unless the centres are 2 to `MOST_SETS` finite ascending numbers."""
     if len(centres) < 2:
-        raise ModelError(f"fuzzy sets: {len(centres)} centre(s); at least 2 are needed to blend laws")
+        raise ModelError("too few centres", where="sets", value=len(centres), limit=2)
     if len(centres) > MOST_SETS:
-        raise ModelError(f"fuzzy sets: {len(centres)} centres; at most {MOST_SETS} are tabulated: use fewer sets")
+        raise ModelError("too many centres", where="sets", value=len(centres), limit=MOST_SETS, cure="use fewer sets")
     steps = np.diff(np.array(centres, dtype=np.float64))
     if not (np.isfinite(steps).all() and (steps > 0).all()):
-        raise ModelError(f"fuzzy sets: centres {shortened(tuple(centres))} must be finite and strictly ascending")
+        value = shortened(tuple(centres))
+        raise ModelError("not finite and strictly ascending", where="sets: centres", value=value)

@@ -1,12 +1,12 @@
-"""Inverse feedforward: the input that brings the wire to a wanted output.
+"""Inverse feedforward: the input that brings the wire to an output setpoint.
 
-From the state (v0, w0) the wanted w1 fixes the direction, sign(w1 - w0), and on that branch
+From the state (v0, w0) the setpoint w1 fixes the direction, sign(w1 - w0), and on that branch
 
     P(v1) + (w0 - P(v0)) exp(Λ(v1) - Λ(v0)) = w1
 
 has one solution v1, found by a bracketed Newton iteration. It starts from the closed form within one rule,
-Δv = ln((a w1 + b)/(a w0 + b))/a. What cannot be reached is no error but an outcome: the input goes to the end of the
-range and the result says so. In real time the state must be that of the *estimated* wire, not of the wanted one.
+Δv = ln((a w1 + b)/(a w0 + b))/a. An unreachable setpoint is an outcome, not an error: the input goes to the end of the
+range and `reachable` is False. In real time the state must be that of the *estimated* wire, not the setpoint.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ITERATIONS = 100
 
 
 class Inversion(NamedTuple):
-    """Input v to command, output y it leads to, and whether that is the wanted one."""
+    """Input v to command, output y that it leads to, and whether y is the setpoint."""
 
     v: float
     y: float
@@ -39,7 +39,7 @@ class Inversion(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class InverseTrajectory:
-    """Inputs, the outputs they lead to, and per sample whether the wanted output was reachable; one row per sample."""
+    """Inputs, the outputs that they lead to, and whether each setpoint was reachable; one row per sample."""
 
     v: FloatArray
     y: FloatArray
@@ -52,12 +52,12 @@ class InverseFeedforward:
     def __init__(self, model: HysteresisModel) -> None:
         self.model = model
 
-    def update(self, state: HysteresisState, y_wanted: float) -> Inversion:
-        """Input that takes the wire from `state` to `y_wanted` (unit of y). Raises DataError for NaN or inf."""
-        if not isfinite(y_wanted):
-            raise DataError(f"wanted output is {y_wanted}; it must be finite")
+    def update(self, state: HysteresisState, y_setpoint: float) -> Inversion:
+        """Input that takes the wire from `state` to `y_setpoint` (unit of y). Raises DataError for NaN or inf."""
+        if not isfinite(y_setpoint):
+            raise DataError("not finite", where="output setpoint", value=y_setpoint)
         model = self.model
-        w1 = (y_wanted - model.offset) / model.scale
+        w1 = (y_setpoint - model.offset) / model.scale
         if abs(w1 - state.w) <= _CLOSE:
             return Inversion(state.v, state.y, True)
         v, w = self._solve(state, w1)
@@ -65,12 +65,12 @@ class InverseFeedforward:
 
     def trajectory(self, y_ref: ArrayLike, v0: float, y0: float | None = None) -> InverseTrajectory:
         """Inputs for a reference path from input v0 (and output y0; None: on the heating branch), sample by sample."""
-        wanted = finite_array("reference y_ref", y_ref)
-        if wanted.ndim != 1:
-            raise DataError(f"y_ref has shape {wanted.shape}; pass one wire's reference as a 1-D array")
+        setpoints = finite_array("reference y_ref", y_ref)
+        if setpoints.ndim != 1:
+            raise DataError("not 1-D", where="y_ref", value=setpoints.shape, cure="pass the reference of one wire")
         state = self.model.initial_state(v0, y0)
         inversions = []
-        for y in wanted.tolist():
+        for y in setpoints.tolist():
             inversion = self.update(state, y)
             state = self.model.step(state, inversion.v)
             inversions.append(inversion)

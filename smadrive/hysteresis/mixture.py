@@ -2,7 +2,7 @@
 
     h(v) = Σ p_j Φ((v - μ_j)/σ_j),  g = h',  p_j > 0, Σ p_j = 1          one component: the paper's Eqs. (3) and (6)
 
-Everything is offered in logarithms of h and of 1 - h, so ratios far out in the tails stay exact.
+All functions return logarithms of h and of 1 - h, so ratios far out in the tails stay exact.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _LOG_ROOT_TWO_PI = 0.5 * np.log(2 * np.pi)
 
 
 MOST_COMPONENTS = 20
-"""Of one branch; a measured wire needs two."""
+"""Components of one branch; a measured wire needs two."""
 
 
 class MixtureLogs(NamedTuple):
@@ -34,7 +34,7 @@ class MixtureLogs(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class GaussianMixture:
-    """Weights, means and standard deviations of the components. Raises ModelError for what is no distribution."""
+    """Weights, means and standard deviations of the components. Raises ModelError for invalid parameters."""
 
     weights: tuple[float, ...]
     means: tuple[float, ...]
@@ -42,21 +42,17 @@ class GaussianMixture:
 
     def __post_init__(self) -> None:
         if not len(self.weights) == len(self.means) == len(self.sigmas) > 0:
-            raise ModelError(
-                f"mixture: {len(self.weights)} weights, {len(self.means)} means and {len(self.sigmas)} sigmas; "
-                "give one of each per component, at least one"
-            )
+            counts = len(self.weights), len(self.means), len(self.sigmas)
+            what, cure = "unequal numbers of weights, means and sigmas, or none", "give one of each per component"
+            raise ModelError(what, where="mixture", value=counts, cure=cure)
         if len(self.means) > MOST_COMPONENTS:
-            raise ModelError(f"mixture: {len(self.means)} components; at most {MOST_COMPONENTS} are used: give fewer")
+            raise ModelError("too many components", where="mixture", value=len(self.means), limit=MOST_COMPONENTS)
         for mean, sigma in zip(self.means, self.sigmas, strict=True):
             if not (isfinite(mean) and isfinite(sigma) and sigma > 0):
-                raise ModelError(
-                    f"mixture component mu = {mean}, sigma = {sigma}: mu must be finite, sigma finite and positive"
-                )
+                cure = "give a finite mu, and a finite and positive sigma"
+                raise ModelError("no distribution", where="mixture (mu, sigma)", value=(mean, sigma), cure=cure)
         if min(self.weights) <= 0 or abs(fsum(self.weights) - 1) > 1e-9:
-            raise ModelError(
-                f"mixture weights {self.weights}: each must be positive and their sum 1 (it is {fsum(self.weights):g})"
-            )
+            raise ModelError("not positive with sum 1", where="mixture: weights", value=self.weights)
 
     def span(self, sigmas: float) -> tuple[float, float]:
         """The interval that holds every component out to `sigmas` standard deviations."""

@@ -70,7 +70,10 @@ class HysteresisModel:
             return [self.initial_state(v).w for v in v0.tolist()]
         outputs = finite_array("initial output y0", np.atleast_1d(np.asarray(y0, dtype=np.float64)))
         if outputs.size not in (1, len(v0)):
-            raise DataError(f"y0 has {outputs.size} values for {len(v0)} wires; pass one number or one per wire")
+            cure = "pass one number or one per wire"
+            raise DataError(
+                "another number of values than wires", where="y0", value=outputs.size, limit=len(v0), cure=cure
+            )
         outputs = np.broadcast_to(outputs.ravel(), (len(v0),))
         return [self.initial_state(v, y).w for v, y in zip(v0.tolist(), outputs.tolist(), strict=True)]
 
@@ -80,7 +83,7 @@ class HysteresisModel:
         Raises DataError when v0 or y is not finite.
         """
         if not isfinite(v0) or (y is not None and not isfinite(y)):
-            raise DataError(f"initial state: v0 = {v0}, y = {y}; both must be finite")
+            raise DataError("not finite", where="initial state (v0, y)", value=(v0, y))
         v0 = float(v0)
         if y is None:
             w = self.engine.target(v0, rising=True)
@@ -96,7 +99,7 @@ class HysteresisModel:
         """
         v1 = float(v1)
         if not isfinite(v1):
-            raise DataError(f"step: the new input is {v1}; it must be finite")
+            raise DataError("not finite", where="input of the step", value=v1)
         w = self.engine.move(state.w, state.v, v1)
         return HysteresisState(v1, self.offset + self.scale * w, w)
 
@@ -106,12 +109,13 @@ class HysteresisModel:
 
 
 def check_output_map(scale: float, offset: float, input_range: tuple[float, float]) -> tuple[float, float]:
-    """The range as floats. Raises ModelError when y = offset + scale · w or the input range means nothing."""
+    """The range as floats. Raises ModelError for a scale, offset or range out of bounds."""
     if not isfinite(scale) or scale == 0:
-        raise ModelError(f"scale is {scale}; it must be finite and not zero (negative: the output falls on heating)")
+        cure = "give a positive scale, or a negative one when the output falls on heating"
+        raise ModelError("not finite, or zero", where="scale", value=scale, cure=cure)
     if not isfinite(offset):
-        raise ModelError(f"offset is {offset}; it must be finite")
+        raise ModelError("not finite", where="offset", value=offset)
     lower, upper = map(float, input_range)
     if not (isfinite(lower) and isfinite(upper) and lower < upper):
-        raise ModelError(f"input_range is ({lower}, {upper}); it must be finite and increasing")
+        raise ModelError("not finite and increasing", where="input_range", value=(lower, upper))
     return lower, upper

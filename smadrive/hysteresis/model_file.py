@@ -1,7 +1,7 @@
-"""Models as JSON files: schema version, kind, parameters, provenance. The only file access of the maths.
+"""Models as JSON files: schema version, kind, parameters, provenance.
 
-A reader never sees half a model: a file is written completely or not at all. Reading refuses whatever is not a
-complete, finite, certified model, with one line that names file, key, value and cure.
+A file is written completely or not at all. Reading accepts only a complete, finite, certified model; the error names
+file, key, value and cure. Apart from the wire's file this is the only file access of the maths.
 """
 
 from __future__ import annotations
@@ -25,9 +25,10 @@ from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 
 SCHEMA_VERSION = 1
 MOST_BYTES = 1 << 20
-"""A model of 200 sets takes some 20,000."""
+"""A model of 200 sets takes about 20,000 bytes."""
 
 CURE = "give a model file, which `smadrive identify` or save_model writes"
+UNCERTIFIED_CURE = "identify it again, or pass allow_uncertified=True to simulate it only"
 _LAWS = ("a_heating", "b_heating", "a_cooling", "b_cooling")
 
 
@@ -36,7 +37,7 @@ def save_model(
 ) -> None:
     """Write `model` to `path`; `provenance` is any JSON object (source file, date, fit figures).
 
-    Raises ModelError for what has no JSON form, DataError when the file cannot be written.
+    Raises ModelError for values without a JSON form, DataError when the file cannot be written.
     """
     text = model_text(model, provenance or {}, place=str(path))
     with replacing(Path(path)) as partial:
@@ -44,26 +45,26 @@ def save_model(
 
 
 def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
-    """Read a model. Raises ModelError for a file that is none, CertificateError for rules that are not certified."""
+    """The model in a file. Raises ModelError for a malformed file, CertificateError for an uncertified model."""
     return parse_model(read_model(path), place=str(path), allow_uncertified=allow_uncertified)
 
 
 def read_model(path: str | os.PathLike[str]) -> str:
-    """The text of a model file. Raises ModelError for what is none, or cannot be read."""
+    """The text of a model file. Raises ModelError for another kind of file, and for one that cannot be read."""
     check_kind(Path(path), MODEL)
     try:
         size = Path(path).stat().st_size
         if size > MOST_BYTES:
-            raise ModelError(f"{path}: {size} bytes, at most {MOST_BYTES} are read; {CURE}")
+            raise ModelError("too large", where=path, value=f"{size} bytes", limit=MOST_BYTES, cure=CURE)
         return Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise ModelError(f"{path}: cannot be read: {error.strerror}; check the path") from error
+        raise ModelError(f"cannot be read: {error.strerror}", where=path, cure="check the path") from error
     except UnicodeDecodeError as error:
-        raise ModelError(f"{path}: not a JSON file but a binary one; {CURE}") from error
+        raise ModelError("binary, not a JSON file", where=path, cure=CURE) from error
 
 
 def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: str) -> str:
-    """What a model file says; `place` is how errors call it. Raises ModelError for what has no JSON form."""
+    """The text of a model file; errors call it `place`. Raises ModelError for values without a JSON form."""
     document = {
         "schema": SCHEMA_VERSION,
         **_describe(model),
@@ -75,30 +76,28 @@ def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: 
     try:
         return json.dumps(document, indent=2, allow_nan=False) + "\n"
     except (TypeError, ValueError) as error:
-        raise ModelError(
-            f"{place}: provenance cannot be written as JSON: {error}; use plain strings and finite numbers"
-        ) from error
+        what, cure = f"cannot be written as JSON: {error}", "use plain strings and finite numbers"
+        raise ModelError(what, where=f"{place}: provenance", cure=cure) from error
 
 
 def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
-    """The model that `model_text` wrote. Raises ModelError, CertificateError; `place` is how they call the text."""
+    """The model in the text of a file; errors call the text `place`. Raises ModelError, CertificateError."""
     try:
         fields = Fields(place, json.loads(text))
     except ValueError as error:
         damage = f": {error}" if text.lstrip().startswith(("{", "[")) else ""
-        raise ModelError(f"{place}: not a JSON file{damage}; {CURE}") from error
+        raise ModelError(f"not a JSON file{damage}", where=place, cure=CURE) from error
     except RecursionError:
-        raise ModelError(f"{place}: nested too deeply for a model file; {CURE}") from None
+        raise ModelError("nested too deeply for a model file", where=place, cure=CURE) from None
     schema = fields.value("schema")
     if schema != SCHEMA_VERSION:
-        raise ModelError(f"{place}: schema is {shortened(schema)}; this version reads {SCHEMA_VERSION}; identify again")
+        where, cure = f"{place}: schema", f"identify the wire again: this version reads {SCHEMA_VERSION}"
+        raise ModelError("another version", where=where, value=shortened(schema), limit=SCHEMA_VERSION, cure=cure)
     model = _build(fields)
     certificate = model.certificate()
     if not (certificate.holds or allow_uncertified):
-        raise CertificateError(
-            f"{place}: not certified: {', '.join(certificate.shortcomings)}; identify it again, or pass "
-            "allow_uncertified=True to simulate it only"
-        )
+        what = f"not certified: {', '.join(certificate.shortcomings)}"
+        raise CertificateError(what, where=place, cure=UNCERTIFIED_CURE)
     return model
 
 
@@ -112,7 +111,8 @@ def _describe(model: HysteresisModel) -> dict[str, Any]:
             "sets": _sets_json(model.sets),
             **{k: v.tolist() for k, v in zip(_LAWS, laws, strict=True)},
         }
-    raise ModelError(f"a {type(model).__name__} has no file format; save a DuhemModel or a TSFuzzyDuhem")
+    cure = "save a DuhemModel or a TSFuzzyDuhem"
+    raise ModelError("no file format for this type", value=type(model).__name__, cure=cure)
 
 
 def _mixture_json(mixture: GaussianMixture) -> dict[str, Any]:
@@ -132,42 +132,43 @@ def _sets_json(sets: FuzzySets) -> dict[str, Any]:
 
 
 class Fields:
-    """A JSON object that knows where it stands, so that every refusal names file and key (ModelError)."""
+    """A JSON object with its place in the file: every ModelError names file and key."""
 
     def __init__(self, place: str, document: Any) -> None:
-        """`place` is how errors call the object."""
+        """Errors call the object `place`."""
         if not isinstance(document, dict):
-            raise ModelError(f"{place}: expected a JSON object, found {type(document).__name__}; {CURE}")
+            raise ModelError("not a JSON object", where=place, value=type(document).__name__, cure=CURE)
         self.place, self.document = place, document
 
     def value(self, key: str) -> Any:
-        """Whatever stands at `key`."""
+        """The value at `key`, of any type. ModelError when the key is missing."""
         if key not in self.document:
-            raise ModelError(f"{self.place}: key '{key}' is missing; {CURE}")
+            raise ModelError("missing", where=f"{self.place}: {key}", cure=CURE)
         return self.document[key]
 
     def number(self, key: str) -> float:
         """The number at `key`."""
         value = self.value(key)
         if not _is_finite(value):
-            raise ModelError(f"{self.place}: {key} = {shortened(value)} is not a number; put a finite number there")
+            raise self._wrong(key, "not a finite number")
         return float(value)
 
     def numbers(self, key: str) -> tuple[float, ...]:
         """The list of numbers at `key`."""
         values = self.value(key)
         if not isinstance(values, list) or not all(map(_is_finite, values)):
-            raise ModelError(
-                f"{self.place}: {key} = {shortened(values)} is not a list of finite numbers; put one there"
-            )
+            raise self._wrong(key, "not a list of finite numbers")
         return tuple(map(float, values))
 
     def texts(self, key: str) -> tuple[str, ...]:
         """The list of texts at `key`."""
         values = self.value(key)
         if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
-            raise ModelError(f"{self.place}: {key} = {shortened(values)} is not a list of texts; put one there")
+            raise self._wrong(key, "not a list of texts")
         return tuple(values)
+
+    def _wrong(self, key: str, what: str) -> ModelError:
+        return ModelError(what, where=f"{self.place}: {key}", value=shortened(self.document[key]))
 
     def inner(self, key: str) -> Fields:
         """The object at `key`."""
@@ -175,14 +176,15 @@ class Fields:
 
 
 def _is_finite(value: Any) -> bool:
-    """Whether a value of JSON, whose whole numbers have no end, is a number that a float can be."""
+    """Whether a JSON value is a number within the range of a float (JSON sets no limit to integers)."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _build(fields: Fields) -> DuhemModel | TSFuzzyDuhem:
     ends = fields.numbers("input_range")
     if len(ends) != 2:
-        raise ModelError(f"{fields.place}: input_range has {len(ends)} numbers; give lower and upper end")
+        where, cure = f"{fields.place}: input_range", "give lower and upper end"
+        raise ModelError("not two numbers", where=where, value=len(ends), limit=2, cure=cure)
     scale, offset, input_range = fields.number("scale"), fields.number("offset"), (ends[0], ends[1])
     kind = fields.value("kind")
     try:
@@ -195,9 +197,11 @@ def _build(fields: Fields) -> DuhemModel | TSFuzzyDuhem:
             sets = _sets(fields.inner("sets"))
             return TSFuzzyDuhem(sets, **laws, scale=scale, offset=offset, input_range=input_range)
     except ModelError as error:
-        message = str(error)
-        raise ModelError(message if message.startswith(fields.place) else f"{fields.place}: {message}") from error
-    raise ModelError(f"{fields.place}: kind = {shortened(kind)} is unknown; it must be 'duhem' or 'tsfuzzy'")
+        if not error.where.startswith(fields.place):
+            error.where = f"{fields.place}: {error.where}"
+        raise
+    where = f"{fields.place}: kind"
+    raise ModelError("unknown kind", where=where, value=shortened(kind), limit="'duhem' or 'tsfuzzy'")
 
 
 def _mixture(fields: Fields) -> GaussianMixture:
@@ -212,6 +216,5 @@ def _sets(fields: Fields) -> FuzzySets:
         return TrapezoidSets(centres, fields.number("flat"))
     if shape == "gaussian":
         return GaussianSets(centres, fields.number("width"))
-    raise ModelError(
-        f"{fields.place}: shape = {shortened(shape)} is unknown; it must be 'triangular', 'trapezoid' or 'gaussian'"
-    )
+    where, allowed = f"{fields.place}: shape", "'triangular', 'trapezoid' or 'gaussian'"
+    raise ModelError("unknown shape", where=where, value=shortened(shape), limit=allowed)

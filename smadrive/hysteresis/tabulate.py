@@ -39,7 +39,7 @@ Build = Callable[[FloatArray], tuple[Branch, Branch]]
 
 @dataclass(frozen=True, slots=True)
 class CellIntegrals:
-    """What one branch does over each cell of a grid: Λ at nodes (n) and at quadrature points (n - 1, 5)."""
+    """Integrals of one branch over each cell of a grid: Λ at nodes (n) and at quadrature points (n - 1, 5)."""
 
     exponent: FloatArray
     inner_exponent: FloatArray
@@ -103,10 +103,9 @@ def tabulate(lower: float, upper: float, build: Build, kinks: FloatArray) -> Bra
                 return coarse
             coarse = fine
         bins *= 2
-    raise ModelError(
-        f"hysteresis model too steep for its range [{lower:g}, {upper:g}]: {_MOST_BINS} table cells do not resolve it; "
-        "narrow the range, widen the narrowest σ or set, or move branches that almost touch apart"
-    )
+    what = f"too steep for its range [{lower:g}, {upper:g}]: {_MOST_BINS} table cells do not resolve it"
+    cure = "narrow the range, widen the narrowest σ or set, or move branches that almost touch apart"
+    raise ModelError(what, where="hysteresis model", cure=cure)
 
 
 def _kinks_apart(lower: float, upper: float, bins: int, kinks: FloatArray) -> bool:

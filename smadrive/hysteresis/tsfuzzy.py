@@ -37,7 +37,7 @@ class TSFuzzyDuhem(HysteresisModel):
 
     a_heating, b_heating, a_cooling, b_cooling: one number per set, in 1/(unit of v). Raises ModelError for lengths that
     differ, values that are not finite, sets outside `input_range`, and rules that expand beyond all bounds. Rules that
-    merely do not contract are allowed: certificate() tells, and load_model refuses them.
+    do not contract are allowed here; certificate() reports them, and load_model rejects them.
     """
 
     def __init__(
@@ -55,8 +55,9 @@ class TSFuzzyDuhem(HysteresisModel):
         lower, upper = check_output_map(scale, offset, input_range)
         outside = [c for c in sets.centres if not lower <= c <= upper]
         if outside:
+            cure = "move it or widen the range"
             raise ModelError(
-                f"set centre {outside[0]:g} lies outside input_range ({lower:g}, {upper:g}); move it or widen the range"
+                "outside input_range", where="set centre", value=outside[0], limit=(lower, upper), cure=cure
             )
         self.sets = sets
         self.heating_law = _consequents("heating", len(sets.centres), a_heating, b_heating)
@@ -113,7 +114,7 @@ class TSFuzzyDuhem(HysteresisModel):
 
 
 class MembershipGrid:
-    """The sets at the nodes of a grid and inside its cells: what stays when rules on the same sets change."""
+    """The sets at the nodes of a grid and inside its cells, for all rules on the same sets."""
 
     def __init__(self, sets: FuzzySets, nodes: FloatArray) -> None:
         self._nodes = nodes
@@ -121,7 +122,7 @@ class MembershipGrid:
         self.at_nodes = self._weights[: len(nodes)]
 
     def closed_branches(self, heating_law: Law, cooling_law: Law) -> tuple[Branch, Branch]:
-        """Both branches of the loop that a full sweep maps onto itself. ModelError for rules beyond all bounds."""
+        """Both branches of the loop that a full sweep maps onto itself. ModelError for rules that expand too much."""
         blended = self._blended(np.array([*heating_law, *cooling_law]))
         at_nodes, inside = np.split(blended, [len(self._nodes)], axis=1)
         maps = []
@@ -155,7 +156,7 @@ def _closing_state(up_gain: FloatArray, up_shift: FloatArray, down_gain: FloatAr
 
 
 def _reached_from_zero(gain: FloatArray, shift: FloatArray) -> float:
-    """Where a sweep ends that begins at w = 0; cells in the order in which it crosses them."""
+    """The end state of a sweep from w = 0; cells in the order in which it crosses them."""
     later = np.append(np.cumprod(gain[:0:-1])[::-1], 1.0)
     return float(shift @ later)
 
@@ -163,7 +164,8 @@ def _reached_from_zero(gain: FloatArray, shift: FloatArray) -> float:
 def _contained(gain: FloatArray, shift: FloatArray) -> tuple[FloatArray, FloatArray]:
     growth = float(np.sum(np.log(np.maximum(gain, 1e-300))))
     if not (np.isfinite(shift).all() and growth < 50):
-        raise ModelError("the rules expand by more than exp(50) over the range; heating needs a ≤ 0, cooling a ≥ 0")
+        cure = "give a ≤ 0 on heating and a ≥ 0 on cooling"
+        raise ModelError("expand by more than exp(50) over the range", where="rules", cure=cure)
     return gain, shift
 
 
@@ -171,9 +173,8 @@ def _consequents(name: str, sets: int, a: ArrayLike, b: ArrayLike) -> tuple[Floa
     pair = np.asarray(a, dtype=np.float64), np.asarray(b, dtype=np.float64)
     for symbol, values in zip("ab", pair, strict=True):
         if values.shape != (sets,):
-            raise ModelError(
-                f"{name} rules: {symbol} has shape {values.shape}; one number per set is needed, {sets} in all"
-            )
+            where = f"{name} rules: {symbol}"
+            raise ModelError("not one number per set", where=where, value=values.shape, limit=(sets,))
         if not np.isfinite(values).all():
-            raise ModelError(f"{name} rules: {symbol} = {values.tolist()}; all must be finite")
+            raise ModelError("not finite", where=f"{name} rules: {symbol}", value=values.tolist())
     return pair

@@ -1,4 +1,7 @@
-"""Models from measured records: excitation, Duhem and T-S fuzzy Duhem fits, and how good they are."""
+"""Models from measured records: excitation, thermal, Duhem and T-S fuzzy Duhem fits, their quality, adaptation.
+
+May import wire, hysteresis and numerics. Controllers, devices and log files do not belong here.
+"""
 
 from smadrive.identification.duhem import identify_duhem
 from smadrive.identification.quality.fit import Fit

@@ -1,4 +1,4 @@
-"""Online adaptation: recursive least squares of the rules on a wire that changes while it works.
+"""Online adaptation: recursive least squares of the rules, for a wire that changes during its use.
 
 The rules are written by rates that must not be negative (see sensitivity.py), so contraction and boundedness are plain
 bounds, kept at every step:
@@ -10,13 +10,15 @@ same linear law. The error of the displacement corrects θ as a Kalman filter do
 
     e = y - offset - scale w      ψ = ∂y/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P,  P += Q |dv|
 
-What is likely to change is known: branches shift, widen, and the scale drifts. P begins as the covariance of such
-changes, and Q is a share of it: forgetting happens along these directions, only while the wire travels, and P is held
-below where it began. Within the dead zone nothing is learnt: there the error is noise.
+The likely changes are: branches shift and widen, and the scale drifts. P begins as the covariance of such changes, and
+Q is a share of it: the filter forgets along these directions, only while the wire travels, and P never exceeds its
+initial value. Errors within the dead zone are noise and change nothing.
 
-A sensor may lie. What is further off than any likely change explains, or jumps, is a spike and not used; a sensor that
-stands while the wire travels, or that stays unbelievable, ends the adaptation, and θ goes back to what it was well
-before. And no parameter may go further from where it began than `limit` standard deviations of such changes.
+A sensor can fail. An error larger than any likely change, or a jump, is a spike and is not used. A sensor that stands
+still while the wire travels, or whose errors stay too large, ends the adaptation, and θ returns to an earlier value. No
+parameter moves further from its initial value than `limit` standard deviations of the likely changes.
+
+Scale and hot rules are determined only by a wire that reaches its hot end: on a part of the travel they trade off.
 """
 
 from __future__ import annotations
@@ -60,19 +62,19 @@ class AdaptationSettings:
 
 
 GATE = 5.0
-"""Standard deviations beyond which a sample is not believed."""
+"""Standard deviations beyond which a sample is rejected."""
 JUMP_PER_C, JUMP = 0.05, 0.15
-"""Nor is one whose error has changed by more than the gate, and this share of the stroke per travelled K, at most."""
+"""A change of the error beyond the gate plus this share of the stroke per K (at most JUMP) also rejects a sample."""
 MOST_DISBELIEVED = 15
-"""So many of them in a row, and the sensor is taken for lying."""
+"""More rejected samples in a row than this mean a faulty sensor."""
 TRUSTED_MARKS = 30
-"""What was learnt so many checks of the sensor ago is trusted when it turns out to lie."""
+"""When a sensor proves faulty, the parameters of so many checks ago are restored."""
 STUCK_TRAVEL, STUCK_RANGE = 0.04, 0.1
 """A sensor that shows less than this share of a predicted travel (share of the stroke) is stuck."""
 
 
 class Adaptation:
-    """Follows one wire. `update` for every sample, `model` whenever the rules are wanted.
+    """Follows one wire: `update` for every sample, `model` for the present rules.
 
     `lying` says why the adaptation has ended, None while it works.
     """
@@ -165,7 +167,7 @@ class Adaptation:
         self._z[first + sets : first + 2 * sets] -= middle_w * length * weights
 
     def _learn(self, displacement_mm: float) -> None:
-        """One step of the filter, unless the sample is within the dead zone or beyond belief."""
+        """One step of the filter, unless the sample is within the dead zone or rejected."""
         settings, stroke = self._settings, abs(self._base.scale)
         error = (displacement_mm - self.predicted_mm) / stroke
         slope = np.append(self._scale * self._z, self._scale * self._w) / stroke
@@ -194,11 +196,11 @@ class Adaptation:
 
     @property
     def predicted_mm(self) -> float:
-        """The displacement by the rules as they are now."""
+        """The displacement that the present rules predict."""
         return self._base.offset + self._scale * self._w
 
     def _watch(self, displacement_mm: float) -> None:
-        """Judge the sensor, each time the wire has travelled far enough to do so."""
+        """Check the sensor, each time the wire has travelled far enough."""
         predicted_mm = self.predicted_mm
         self._predicted = min(self._predicted[0], predicted_mm), max(self._predicted[1], predicted_mm)
         self._measured = min(self._measured[0], displacement_mm), max(self._measured[1], displacement_mm)
@@ -212,7 +214,7 @@ class Adaptation:
                 self._mark(predicted_mm, displacement_mm)
 
     def _mark(self, predicted_mm: float, measured_mm: float) -> None:
-        """So far the sensor has moved with the wire."""
+        """Note that the sensor has followed the wire so far."""
         self._predicted, self._measured = (predicted_mm, predicted_mm), (measured_mm, measured_mm)
         self._marked.append(self._theta)
 

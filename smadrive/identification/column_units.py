@@ -1,7 +1,7 @@
-"""Whether the numbers of a column can be in the unit that its name tells.
+"""Check of a column's numbers against the unit in its name.
 
-A table in kelvin or in metres fits as well as one in °C or mm, and its model is certified: only the names of columns
-tell units, so a number that no wire has in such a unit is all that gives the mistake away.
+A table in kelvin or metres fits as well as one in °C or mm, and its model is certified. Only the names of columns give
+units, so values that no wire has in that unit are the only sign of the mistake.
 """
 
 from __future__ import annotations
@@ -10,14 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 COLDEST_C = 250.0
-"""Every record of a wire begins well below this; in kelvin every one is above."""
+"""Every record of a wire begins well below this value; in kelvin every record is above it."""
 
 SPANS_MM = (0.1, 1000.0)
-"""Wires move by some percent of their length: less is one of a few mm, more one of some 20 m."""
+"""Wires move by a few percent of their length: these spans are those of wires of a few mm and of about 20 m."""
 
 
 def unit_doubts(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
-    """What lets doubt the unit of a column with `name`, in sentences; nothing of a name that tells no unit."""
+    """Reasons to doubt the unit of a column, one sentence each; empty for a name without a unit."""
     low, high = float(values.min()), float(values.max())
     if name.endswith("_c") and low > COLDEST_C:
         return (f"{name} goes from {low:.6g} to {high:.6g}, which looks like kelvin: convert it to °C",)

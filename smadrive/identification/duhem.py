@@ -58,7 +58,7 @@ def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band
     of v. Raises DataError for samples that cannot be used, IdentificationError when the record determines no loop.
     """
     if components < 1:
-        raise IdentificationError(f"components = {components}; a branch needs at least 1 Gaussian")
+        raise IdentificationError("too few Gaussians per branch", where="components", value=components, limit=1)
     problem, x, fit = _solve(prepare(v, y, dead_band), components)
     errors = problem.standard_errors(x, fit.residual)
     doubts = undetermined("heating", fit.model.heating, errors.heating)
@@ -86,10 +86,8 @@ def _solve(record: Record, components: int) -> tuple[_Problem, FloatArray, Fit[D
         except ModelError:
             continue
         return problem, x, judge(model, record, float(record.mean_y[0]))
-    raise IdentificationError(
-        "heating and cooling branch could not be kept apart over the record's range; check the order of the samples "
-        "and that the output rises (or falls) later on heating than on cooling"
-    )
+    cure = "check the order of the samples, and that the output rises (or falls) later on heating than on cooling"
+    raise IdentificationError("could not be kept apart over the record's range", where="branches", cure=cure)
 
 
 @dataclass(frozen=True, slots=True)

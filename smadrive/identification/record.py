@@ -2,7 +2,7 @@
 
 The model is rate-independent and steps exactly, so samples between turning points carry no dynamics, only noise: within
 a run, samples that share a cell of a few thousandths of the input span are replaced by their mean, with their count as
-weight. Turning points are kept as they are.
+weight. Turning points stay unchanged.
 """
 
 from __future__ import annotations
@@ -77,9 +77,10 @@ def prepare(v: ArrayLike, y: ArrayLike, dead_band: float | None) -> Record:
     inputs, outputs = paired_vectors(v, y)
     span, output_span = float(np.ptp(inputs)), float(np.ptp(outputs))
     if span == 0:
-        raise IdentificationError(f"the input is constant at {inputs[0]:g}; record at least one full loop")
+        raise IdentificationError("constant", where="input", value=inputs[0], cure="record at least one full loop")
     if output_span == 0:
-        raise IdentificationError(f"the output is constant at {outputs[0]:g}; check the sensor and record a full loop")
+        cure = "check the sensor and record a full loop"
+        raise IdentificationError("constant", where="output", value=outputs[0], cure=cure)
     widest = _WIDEST_BAND * span
     radius = min(_NOISE_BAND * noise_deviation(inputs), widest) if dead_band is None else check_radius(dead_band)
     path = monotone_runs(inputs, radius)
@@ -113,10 +114,10 @@ def _require_loop(path: FloatArray, span: float) -> None:
         begun, ended = np.bincount(first, minlength=101), np.bincount(np.maximum(last, first) + 1, minlength=101)
         share = float(np.mean(np.cumsum(begun - ended)[:100] > 0))
         if share < _LEAST_COVERAGE:
-            raise IdentificationError(
-                f"less than one full loop: the {name} input covers {100 * share:.0f} % of the input span of {span:g}, "
-                f"at least {100 * _LEAST_COVERAGE:.0f} % are needed in each direction; record a full loop"
-            )
+            what = f"less than one full loop: it covers only a part of the input span of {span:g}"
+            value, limit = f"{100 * share:.0f} %", f"{100 * _LEAST_COVERAGE:.0f} %"
+            cure = "record a full loop"
+            raise IdentificationError(what, where=f"{name} input", value=value, limit=limit, cure=cure)
 
 
 def _thin(

@@ -113,21 +113,21 @@ def _check(model: Model, shape: BranchShape) -> None:
     lower, upper = model.input_range
     for name, value in shape._asdict().items():
         if name.startswith("mu") and not lower < value < upper:
-            raise ModelError(f"{name} = {value:g} lies outside the model's range, {lower:g} to {upper:g}")
+            limit = f"{lower:g} to {upper:g}"
+            raise ModelError("outside the model's range", where=name, value=value, limit=limit)
         if name.startswith("sigma") and not 0 < value < upper - lower:
-            raise ModelError(f"{name} = {value:g}: it must be positive and below {upper - lower:g}")
+            raise ModelError("not positive and below the model's range", where=name, value=value, limit=upper - lower)
     if not shape.mu_heating > shape.mu_cooling:
-        raise ModelError(
-            f"mu_heating = {shape.mu_heating:g} must exceed mu_cooling = {shape.mu_cooling:g}: "
-            "a wire transforms later on heating"
-        )
+        what = "must exceed mu_cooling, because a wire transforms later on heating"
+        raise ModelError(what, where="mu_heating", value=shape.mu_heating, limit=shape.mu_cooling)
     if not shape.scale * model.scale > 0:
-        raise ModelError(f"scale = {shape.scale:g}: it must not be zero nor change its sign (it was {model.scale:g})")
+        raise ModelError("zero, or of another sign than before", where="scale", value=shape.scale, limit=model.scale)
 
 
 def _check_widths(*sigmas: float) -> None:
     if not all(sigma > 0.0 for sigma in sigmas):
-        raise ModelError("these rules have no branch that rises from one end to the other: take back what changed them")
+        what, cure = "no branch rises from one end to the other", "undo the change of the rules"
+        raise ModelError(what, where="rules", cure=cure)
 
 
 def _moments(nodes: FloatArray, branch: Branch) -> tuple[float, float]:

@@ -1,8 +1,8 @@
 """A whole wire from one recorded excitation: first its heat balance, then its hysteresis.
 
-The order matters. The thermocouple lags the wire by some 0.1 s, which at a few K/s is several tenths of a kelvin, and
-1 K is 5-7 % of the stroke at mid-loop: a hysteresis model fitted to the reading would take the lag for width. So the
-thermal fit comes first, and the hysteresis model is fitted to the wire's own temperature.
+The order matters. The thermocouple lags the wire by about 0.1 s, which at a few K/s is several tenths of a kelvin, and
+1 K is 5-7 % of the stroke at mid-loop: a hysteresis model fitted to the reading would be too wide by the lag. So the
+thermal fit comes first, and the hysteresis model is fitted to the temperature of the wire itself.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ from smadrive.identification.quality.fit import Fit
 from smadrive.identification.thermal import ThermalFit, identify_thermal
 from smadrive.identification.tsfuzzy.fit import identify_tsfuzzy
 from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_wire import IdentifiedWire
 
 Kind = Literal["tsfuzzy", "duhem"]
 
@@ -34,6 +35,12 @@ class WireFit:
 
     thermal: ThermalFit
     hysteresis: AnyFit
+
+    @property
+    def wire(self) -> IdentifiedWire:
+        """The identified wire."""
+        fit = self.hysteresis
+        return IdentifiedWire(fit.model, self.thermal.balance, fit.caveats, fit.metrics)
 
 
 def identify_hysteresis(v: ArrayLike, y: ArrayLike, kind: Kind, sets: int) -> AnyFit:

@@ -1,4 +1,4 @@
-"""What the maths accepts as samples: finite float64 arrays of equal length. All else is a DataError with a cure."""
+"""Samples as finite float64 arrays of equal length. Raises DataError for anything else."""
 
 from __future__ import annotations
 
@@ -18,17 +18,15 @@ def finite_array(name: str, values: ArrayLike) -> FloatArray:
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
-        raise DataError(f"{name}: expected numbers, got {error}; pass an array of floats") from error
+        raise DataError("not numbers", where=name, value=error, cure="pass an array of floats") from error
     if array.ndim not in (1, 2) or array.shape[0] == 0:
-        raise DataError(
-            f"{name}: shape {array.shape}; expected (samples,) or (samples, wires) with at least one sample"
-        )
+        limit = "(samples,) or (samples, wires), at least one sample"
+        raise DataError("unusable shape", where=name, value=array.shape, limit=limit)
     bad = ~np.isfinite(array)
     if bad.any():
-        where = tuple(int(i) for i in np.argwhere(bad)[0])
-        raise DataError(
-            f"{name}: sample {where[0]} is {array[where]}; drop or repair the {int(bad.sum())} such sample(s)"
-        )
+        first = tuple(int(i) for i in np.argwhere(bad)[0])
+        cure = f"drop or repair the {int(bad.sum())} such sample(s)"
+        raise DataError("not finite", where=f"{name}: sample {first[0]}", value=array[first], cure=cure)
     return array
 
 
@@ -36,7 +34,9 @@ def paired_vectors(v: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
     """Input and output samples as two finite vectors of one length. Raises DataError."""
     inputs, outputs = finite_array("input v", v), finite_array("output y", y)
     if inputs.ndim != 1 or outputs.ndim != 1:
-        raise DataError(f"v {inputs.shape} and y {outputs.shape}: identification takes one wire, pass 1-D arrays")
+        shapes, cure = (inputs.shape, outputs.shape), "pass 1-D arrays of one wire"
+        raise DataError("more than one wire", where="v and y", value=shapes, cure=cure)
     if len(inputs) != len(outputs):
-        raise DataError(f"v has {len(inputs)} samples and y has {len(outputs)}; they must pair up one to one")
+        lengths = len(inputs), len(outputs)
+        raise DataError("different numbers of samples", where="v and y", value=lengths, cure="pass them in pairs")
     return inputs, outputs

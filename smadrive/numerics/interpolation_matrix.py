@@ -1,8 +1,8 @@
-"""Matrices whose rows blend a few rows of a smaller matrix, as interpolation in a table does.
+"""Matrices whose rows are weighted sums of a few rows of a smaller matrix, as in table interpolation.
 
-Row i is Σ_j shares[i, j] rows[places[i, j]]. A Jacobian along a record has as many rows as samples, but only as many
-different ones as its tables have nodes: written this way, factors and the chain rule meet the small matrix, and the
-large one is made block by block, where the processor's cache still holds it when it is used.
+Row i is Σ_j shares[i, j] rows[places[i, j]]. A Jacobian along a record has one row per sample, but
+only as many independent rows as its tables have nodes. In this form factors and the chain rule act on the small matrix;
+the large one is computed block by block, so that each block is still in the cache when it is used.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class InterpolationMatrix(NamedTuple):
             yield self.at(slice(start, start + _BLOCK))
 
     def at(self, samples: slice | NDArray[np.intp]) -> FloatArray:
-        """Its rows of some samples."""
+        """The rows of some samples."""
         places, shares = self.places[samples], self.shares[samples]
         ends = np.arange(0, places.size + 1, places.shape[1], dtype=np.int32)
         blend = csr_array((shares.ravel(), places.ravel(), ends), shape=(len(places), len(self.rows)))

@@ -1,7 +1,7 @@
 """A piecewise linear function, looked up one point at a time.
 
-In a control loop that is done several times a tick, on plain floats: numpy's interpolation gives the same to the last
-bit, and takes five times as long for a single value.
+A control loop looks values up several times a tick, on plain floats: numpy's interpolation gives the same to the last
+bit but takes five times as long for a single value.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from smadrive.control.controllers.temperature import TemperatureController
 from smadrive.control.controllers.tracking import TrackingController, TrackingSettings
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.references.reference import Reference
-from smadrive.hysteresis import HysteresisModel
+from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
 from smadrive.identification.excitation import Excitation
 from smadrive.rig.config import RigConfig
 from smadrive.wire.heat_balance import HeatBalance
@@ -35,7 +35,7 @@ def excitation_controller(config: RigConfig, excitation: Excitation, balance: He
 def tracking_controller(
     config: RigConfig,
     reference: Reference,
-    model: HysteresisModel,
+    model: DuhemModel | TSFuzzyDuhem,
     balance: HeatBalance,
     inverse: DisplacementInverse,
 ) -> TrackingController:

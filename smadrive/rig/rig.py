@@ -22,7 +22,7 @@ from smadrive.devices.identity import DeviceType, Proof
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.latch import TripLatch
 from smadrive.errors import ConfigError, SafetyError, TripError
-from smadrive.hysteresis import HysteresisModel
+from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem
 from smadrive.identification.excitation import Excitation, nested_reversals
 from smadrive.measurement import Measurement
 from smadrive.modbus.transports.transport import Transport
@@ -145,7 +145,7 @@ class Rig:
     def track(
         self,
         reference: Reference,
-        model: HysteresisModel,
+        model: DuhemModel | TSFuzzyDuhem,
         balance: HeatBalance,
         inverse: DisplacementInverse,
         record: Record,
@@ -218,8 +218,8 @@ class Rig:
             misplaced_for_s=MISPLACED_S + lag_s,
         )
         lag_s += self.heater.temperature_period_s
-        plausible = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s)
-        return Supervisor(guarded, plausible, None if model is None else DisplacementBand(model))
+        band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s)
+        return Supervisor(guarded, band, None if model is None else DisplacementBand(model))
 
     def _run(
         self, controller: Controller, supervisor: Supervisor, record: Record, stop_requested: StopRequested = never

@@ -23,11 +23,10 @@ from smadrive.rig.controllers import excitation_controller, tracking_controller
 from smadrive.runs.columns import fields_of
 from smadrive.runs.log.reader import Log
 from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, wire_of
-from smadrive.wire.heat_balance import HeatBalance
+from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import travel_mm
 
 Array = NDArray[np.float64]
-Wire = tuple[HysteresisModel, HeatBalance]
 
 COMMAND_FIELDS = fields_of("command")
 """The columns that a controller computes, and their attributes in its command."""
@@ -58,7 +57,7 @@ class Replay:
         return all(difference.first_s == inf for difference in self.differences.values())
 
 
-def replay(log: Log, wire: Wire | None = None) -> Replay:
+def replay(log: Log, wire: IdentifiedWire | None = None) -> Replay:
     """Replay `log` with the wire of its run, or with `wire`. DataError when the log does not hold enough."""
     time_s = log.column("time_s")
     if time_s.size == 0:
@@ -86,7 +85,7 @@ def prediction_percent(log: Log, estimated_mm: Array, model: HysteresisModel) ->
     return float(100.0 * np.sqrt(np.mean(residual**2)))
 
 
-def _controller(log: Log, wire: Wire | None) -> Controller:
+def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
     config = rig_config_of(log)
     if log.metadata.get("kind") == "excitation":
         if wire is not None:
@@ -95,8 +94,9 @@ def _controller(log: Log, wire: Wire | None) -> Controller:
     if wire is None and log.metadata.get("inverse") != "hysteresis":
         what = "the run used a plain map, which a log does not hold"
         raise DataError(what, where=log.path, cure="give --model to replay it with a model")
-    model, balance = wire or wire_of(log)
-    return tracking_controller(config, reference_of(log), model, balance, HysteresisInverse(model))
+    stepped = (wire or wire_of(log)).wire_model()
+    inverse = HysteresisInverse(stepped.model)
+    return tracking_controller(config, reference_of(log), stepped.model, stepped.balance, inverse)
 
 
 def _samples(log: Log) -> Iterator[tuple[float, Measurement, float]]:

@@ -17,7 +17,7 @@ from pathlib import Path
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
-from smadrive.hysteresis import HysteresisModel
+from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
 from smadrive.identification.excitation import Excitation
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
@@ -25,7 +25,7 @@ from smadrive.runs.columns import COLUMNS, row_getter
 from smadrive.runs.log.writer import GROWTH_ROWS
 from smadrive.runs.recorder import Recorder
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.wire_file import wire_text
+from smadrive.wire.identified_wire import IdentifiedWire
 
 _row = row_getter(COLUMNS)
 _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
@@ -70,7 +70,7 @@ def record_tracking(
     path: Path,
     rig: Rig,
     reference: Reference,
-    model: HysteresisModel,
+    model: DuhemModel | TSFuzzyDuhem,
     balance: HeatBalance,
     inverse: DisplacementInverse,
     **notes: str,
@@ -79,7 +79,7 @@ def record_tracking(
     metadata = {
         "kind": "tracking",
         "reference": reference_text(reference),
-        "wire": wire_text(model, balance),
+        "wire": IdentifiedWire(model, balance).text(),
         "inverse": "hysteresis" if isinstance(inverse, HysteresisInverse) else "plain map",
     }
     return _open(path, rig, {**metadata, **notes}, reference.duration_s)

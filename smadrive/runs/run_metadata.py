@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from smadrive.control.references.reference import Reference
 from smadrive.errors import DataError
 from smadrive.files.config import validate
-from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import Excitation, ExcitationRecord
 from smadrive.rig.config import RigConfig
 from smadrive.runs.log.reader import Log
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
-from smadrive.wire.wire_file import parse_wire
+from smadrive.wire.identified_wire import IdentifiedWire, parse_wire
 
 COMPLETE = 0.98
 """An experiment that reached this share of its duration counts as complete."""
@@ -59,8 +58,8 @@ def reference_of(log: Log) -> Reference:
     return log.parsed("reference", _reference)
 
 
-def wire_of(log: Log) -> tuple[HysteresisModel, HeatBalance]:
-    """Model and heat balance of a tracking run. DataError when the log is of another experiment."""
+def wire_of(log: Log) -> IdentifiedWire:
+    """The wire of a tracking run, with its heat balance. DataError when the log is of another experiment."""
     return parse_wire(log.text("wire"), f"{log.path}: wire")
 
 

@@ -27,7 +27,7 @@ def error_percent(log: Log) -> Array:
 
     DataError when the log is not of a tracking run.
     """
-    cold_mm, hot_mm = travel_mm(wire_of(log)[0])
+    cold_mm, hot_mm = travel_mm(wire_of(log).model)
     error_mm = log.column_with_gaps("setpoint_mm") - log.column_with_gaps("displacement_mm")
     is_scored = log.column("time_s") >= reference_of(log).scored_from_s
     return np.where(is_scored, 100.0 * error_mm / abs(hot_mm - cold_mm), nan)

@@ -1,10 +1,10 @@
-"""Which displacements a wire can have at a temperature: those between its branches, and nothing else.
+"""The displacements that are possible at a temperature: those between the branches of the model.
 
     y_low(T) = y₊(T - δ) - m        y_high(T) = y₋(T + δ) + m        y₊, y₋ the branches of the major loop
 
-with δ for a bead that is not quite as warm as the wire and m for a model that has aged. A sensor that is stuck, scaled
-in another unit, or has lost its zero leaves the band as soon as the wire goes through its loop, and so does a wire that
-is blocked or slack. Nothing else tells: a driver that believes such a sensor heats as far as its limits allow.
+with δ for a bead that is colder or warmer than the wire, and m for a model that has aged. A sensor that is stuck, has
+another unit or has lost its zero leaves the band as soon as the wire goes through its loop; so does a blocked or slack
+wire. No other check finds these: a driver with such a sensor heats as far as its limits allow.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
 
 UNSURE_C = 10.0
-"""By how much the wire's temperature may differ from the reading, K."""
+"""Largest difference between the wire's temperature and the reading, K."""
 
 MARGIN = 0.1
-"""By how much a wire may leave the loop of its model, in strokes of it."""
+"""Largest distance of the wire from the loop of its model, in strokes."""
 
 POINTS = 400
-"""Of each branch."""
+"""Points of each branch."""
 
 
 class DisplacementBand:
@@ -46,8 +46,8 @@ class DisplacementBand:
         """The least and the greatest displacement at a reading of `temperature_c`."""
         return self._low.at(temperature_c), self._high.at(temperature_c)
 
-    def misplaced(self, temperature_c: float, displacement_mm: float) -> str | None:
-        """What is wrong with a displacement at this reading; None when it fits, or one of them is unknown."""
+    def outside(self, temperature_c: float, displacement_mm: float) -> str | None:
+        """Measured and possible displacement as text; None inside the band, or when a reading is missing."""
         if not (isfinite(temperature_c) and isfinite(displacement_mm)):
             return None
         low_mm, high_mm = self.band_mm(temperature_c)
@@ -56,6 +56,6 @@ class DisplacementBand:
         return f"{displacement_mm:.3f} mm measured, {low_mm:.2f} to {high_mm:.2f} mm possible at {temperature_c:.1f} °C"
 
     def nearest_mm(self, temperature_c: float, displacement_mm: float) -> float:
-        """What comes nearest to `displacement_mm` of all that a wire can have at just this temperature."""
+        """The displacement nearest to `displacement_mm` that is possible at exactly this temperature."""
         ends = [branch.at(temperature_c) for branch in self._branches]
         return min(max(displacement_mm, min(ends)), max(ends))

@@ -1,6 +1,6 @@
-"""The faults of the host: numbered, each with its cause and what to do about it.
+"""The faults of the host: each with its number, cause and remedy.
 
-Numbers are stable: they stand in logs and in the heads of people. A new fault gets a new one.
+Numbers are stable, because logs keep them and users know them. A new fault gets a new number.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Fault(Enum):
 
     DISPLACEMENT_IMPLAUSIBLE = (
         17,
-        "the displacement is none that the wire can have at its temperature",
+        "displacement outside the model's range at this temperature",
         "is the sensor alive, in millimetres and zero at the cold wire? is the wire blocked, slack or another one?",
     )
 
@@ -91,7 +91,7 @@ class Fault(Enum):
 
 
 CLEAR = "Clear it once its cause is gone: `smadrive off RIG --clear-faults`, or Clear faults on the tuning page"
-"""What to do about a latched fault."""
+"""The cure of a latched fault."""
 
 
 @dataclass(frozen=True, slots=True)

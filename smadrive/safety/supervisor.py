@@ -1,7 +1,7 @@
-"""The supervisor: looks at every measurement, knows no controller, and can always stop it.
+"""The supervisor: checks every measurement, is independent of the controller, and can always stop the run.
 
-The first fault is latched. Conditions that noise can fake are debounced: a fault is raised when `needed` of the last
-`window` samples show it. Data that are late, wrong or missing count as faults like a wire that is too hot.
+The first fault is latched. Conditions that noise can cause are debounced: a fault is raised when `needed` of the last
+`window` samples show it. Late, wrong or missing data are faults too, like a wire that is too hot.
 """
 
 from __future__ import annotations
@@ -18,16 +18,19 @@ from smadrive.safety.faults import CLEAR, Fault, Trip
 from smadrive.safety.temperature_band import FROZEN_C, TemperatureBand
 
 LATE_TICKS = 20
-"""So many missed deadlines in a row are a fault."""
+"""Number of missed deadlines in a row that is a fault."""
+
+REFUSED = "refused to arm"
+"""Start of the message when heating must not begin."""
 
 
 @dataclass(frozen=True, slots=True)
 class SafetyLimits:
-    """What the supervisor guards; all limits are of the rig's config.
+    """Limits of a run, from the rig's config.
 
-    `settle_s` is how long the heat source takes to reach a commanded current: the measured one must lie within what was
-    commanded in that time, give or take `current_tolerance_a`. `misplaced_for_s` is for how long a lagging thermocouple
-    may excuse a displacement that the wire cannot have at its reading.
+    `settle_s` is the time in which the heat source reaches a commanded current: the measured current must lie within
+    the commands of that time, within `current_tolerance_a`. `misplaced_for_s` is the time for which a displacement may
+    leave its band, because the thermocouple lags.
     """
 
     temperature_max_c: float
@@ -45,19 +48,19 @@ class SafetyLimits:
 class Supervisor:
     """Checks each measurement and each silence; the first fault is latched as `trip`.
 
-    `plausible`, where it is given, checks the reading against the heat that went in, `placed` the displacement against
-    the model of the wire.
+    `temperature_band` checks the reading against the heat that went in, `displacement_band` the displacement against
+    the model of the wire; None: not checked.
     """
 
     def __init__(
         self,
         limits: SafetyLimits,
-        plausible: TemperatureBand | None = None,
-        placed: DisplacementBand | None = None,
+        temperature_band: TemperatureBand | None = None,
+        displacement_band: DisplacementBand | None = None,
     ) -> None:
         self._limits = limits
-        self._plausible = plausible
-        self._placed = placed
+        self._temperature_band = temperature_band
+        self._displacement_band = displacement_band
         self.trip: Trip | None = None
         self._hot = Debounce(2, 3)
         self._cold = Debounce(3, 5)
@@ -75,7 +78,7 @@ class Supervisor:
         self._displaced_s = inf
         limits_mm = limits.displacement_min_mm, limits.displacement_max_mm, limits.tracking_max_mm
         self._limits_displacement = any(map(isfinite, limits_mm))
-        self._placed_s: float | None = None
+        self._in_band_s: float | None = None
         self._late_ticks = 0
 
     def update(self, measurement: Measurement, setpoint_mm: float) -> Trip | None:
@@ -87,9 +90,9 @@ class Supervisor:
         self._check_temperature(measurement)
         self._check_current(measurement)
         self._check_power(measurement)
-        self._check_heat(measurement, dt_s)
+        self._check_temperature_band(measurement, dt_s)
         self._check_displacement(measurement, setpoint_mm)
-        self._check_placement(measurement)
+        self._check_displacement_band(measurement)
         return self.trip
 
     def check_fresh(self, now_s: float) -> Trip | None:
@@ -104,7 +107,7 @@ class Supervisor:
         return self.trip
 
     def check_deadline(self, missed: bool, now_s: float) -> Trip | None:
-        """Judge the punctuality of a tick; the latched trip, if any."""
+        """Count a late tick; returns the latched trip, if any."""
         self._late_ticks = self._late_ticks + 1 if missed else 0
         if self._late_ticks >= LATE_TICKS:
             self._raise(Fault.DEADLINES_MISSED, now_s, f"{self._late_ticks} in a row")
@@ -117,32 +120,24 @@ class Supervisor:
         """
         if measurement.device_faults:
             latched = ", ".join(measurement.device_faults)
-            raise SafetyError(f"refused to arm: latched on the device: {latched}. {CLEAR}")
+            raise SafetyError(f"{REFUSED}: latched on the device: {latched}", cure=CLEAR)
         check_thermocouple(measurement)
         limits, temperature_c = self._limits, measurement.temperature_c
         if temperature_c > limits.temperature_max_c:
-            raise SafetyError(
-                f"refused to arm: the wire is at {temperature_c:.1f} °C, "
-                f"above temperature_max_c = {limits.temperature_max_c:g}; {Fault.OVER_TEMPERATURE.remedy}"
-            )
+            raise _too_far(Fault.OVER_TEMPERATURE, temperature_c, "temperature_max_c", limits.temperature_max_c)
         if temperature_c < limits.temperature_min_c:
-            raise SafetyError(
-                f"refused to arm: the wire reads {temperature_c:.1f} °C, "
-                f"below temperature_min_c = {limits.temperature_min_c:g}; {Fault.UNDER_TEMPERATURE.remedy}"
-            )
+            raise _too_far(Fault.UNDER_TEMPERATURE, temperature_c, "temperature_min_c", limits.temperature_min_c)
         if not isfinite(measurement.current_a):
             fault, reason = Fault.POWER_UNKNOWN, measurement.supply_fault or "no reading of the current"
-            raise SafetyError(f"refused to arm: {fault.cause} ({reason}): {fault.remedy}")
+            raise SafetyError(f"{REFUSED}: {fault.cause}", value=reason, cure=fault.remedy)
         if measurement.current_a > limits.current_tolerance_a:
-            raise SafetyError(
-                f"refused to arm: {measurement.current_a:.3f} A flow although none was commanded; "
-                f"{Fault.UNEXPECTED_HEATING.remedy}"
-            )
-        misplaced = self._misplaced(measurement)
-        if misplaced is not None:
-            raise SafetyError(f"refused to arm: {misplaced}; {Fault.DISPLACEMENT_IMPLAUSIBLE.remedy}")
-        if self._plausible is not None:
-            self._plausible.start(temperature_c)
+            what, cure = f"{REFUSED}: current flows although none was commanded", Fault.UNEXPECTED_HEATING.remedy
+            raise SafetyError(what, value=f"{measurement.current_a:.3f} A", cure=cure)
+        outside = self._outside_band(measurement)
+        if outside is not None:
+            raise SafetyError(f"{REFUSED}: {outside}", cure=Fault.DISPLACEMENT_IMPLAUSIBLE.remedy)
+        if self._temperature_band is not None:
+            self._temperature_band.start(temperature_c)
 
     def _check_device(self, measurement: Measurement) -> None:
         if measurement.device_faults:
@@ -179,18 +174,18 @@ class Supervisor:
             )
 
     def _check_power(self, measurement: Measurement) -> None:
-        """The heat is not known without current and voltage; a sample without them counts as the one before."""
+        """Current and voltage give the heat; for a sample without them the last power is used."""
         power_w = measurement.current_a * measurement.voltage_v
         if is_known := isfinite(power_w):
             self._power_w = power_w
         if self._powerless.update(not is_known):
             self._raise(Fault.POWER_UNKNOWN, measurement.time_s, measurement.supply_fault or "no reading")
 
-    def _check_heat(self, measurement: Measurement, dt_s: float) -> None:
-        if self._plausible is None:
+    def _check_temperature_band(self, measurement: Measurement, dt_s: float) -> None:
+        if self._temperature_band is None:
             return
         reading_c = measurement.temperature_c
-        band = self._plausible.update(reading_c, self._power_w, dt_s)
+        band = self._temperature_band.update(reading_c, self._power_w, dt_s)
         if band.coldest_c > self._limits.temperature_max_c:
             detail = (
                 f"at least {band.coldest_c:.0f} °C by the heat that went in, the thermocouple reads {reading_c:.1f} °C"
@@ -219,17 +214,17 @@ class Supervisor:
             detail = f"{setpoint_mm:.3f} mm wanted, {measured_mm:.3f} mm measured for {limits.tracking_for_s:g} s"
             self._raise(Fault.TRACKING_LOST, measurement.time_s, detail)
 
-    def _check_placement(self, measurement: Measurement) -> None:
-        misplaced = self._misplaced(measurement)
-        if self._placed_s is None or misplaced is None:
-            self._placed_s = measurement.time_s
-        elif measurement.time_s - self._placed_s > self._limits.misplaced_for_s:
-            self._raise(Fault.DISPLACEMENT_IMPLAUSIBLE, measurement.time_s, misplaced)
+    def _check_displacement_band(self, measurement: Measurement) -> None:
+        outside = self._outside_band(measurement)
+        if self._in_band_s is None or outside is None:
+            self._in_band_s = measurement.time_s
+        elif measurement.time_s - self._in_band_s > self._limits.misplaced_for_s:
+            self._raise(Fault.DISPLACEMENT_IMPLAUSIBLE, measurement.time_s, outside)
 
-    def _misplaced(self, measurement: Measurement) -> str | None:
-        if self._placed is None:
+    def _outside_band(self, measurement: Measurement) -> str | None:
+        if self._displacement_band is None:
             return None
-        return self._placed.misplaced(measurement.temperature_c, measurement.displacement_mm)
+        return self._displacement_band.outside(measurement.temperature_c, measurement.displacement_mm)
 
     def _raise(self, fault: Fault, time_s: float, detail: str) -> None:
         if self.trip is None:
@@ -237,14 +232,19 @@ class Supervisor:
 
 
 def check_thermocouple(measurement: Measurement) -> None:
-    """SafetyError with the cure when the temperature of the wire is not known."""
+    """Raise SafetyError when the temperature of the wire is unknown."""
     if measurement.temperature_fault or not isfinite(measurement.temperature_c):
         fault, reason = Fault.SENSOR_INVALID, measurement.temperature_fault or "no reading"
-        raise SafetyError(f"refused to arm: {fault.cause} ({reason}): {fault.remedy}")
+        raise SafetyError(f"{REFUSED}: {fault.cause}", value=reason, cure=fault.remedy)
+
+
+def _too_far(fault: Fault, temperature_c: float, key: str, limit_c: float) -> SafetyError:
+    value, limit = f"{temperature_c:.1f} °C", f"{key} = {limit_c:g} °C"
+    return SafetyError(f"{REFUSED}: {fault.cause}", value=value, limit=limit, cure=fault.remedy)
 
 
 def _is_excused(measurement: Measurement, commanded_a: float) -> bool:
-    """Whether the device gives less than asked and says why; a voltage limit that halves the current is a bad wire."""
+    """Whether the device reports why the current is low; a voltage limit that halves the current is a bad wire."""
     if measurement.device_limits == ("voltage",):
         return measurement.current_a > 0.5 * commanded_a
     return bool(measurement.device_limits)

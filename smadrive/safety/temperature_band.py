@@ -1,4 +1,4 @@
-"""Between which temperatures the wire must be, given the heat that went in: the check that no sensor can talk away.
+"""The range of temperatures that the heat input allows: a check that is independent of the sensor.
 
 Two heat balances bracket the true one. The coldest wire takes up heat slowly (all capacities multiplied by the
 uncertainty, the latent heat spread over `TRANSFORMATION_C`), loses it fast, and cools at once; the hottest does the
@@ -7,14 +7,14 @@ opposite:
     coldest: C = u_c (m c + Q / span) while it warms, m c / u_c while it cools;  h A · u_h;  colder surroundings
     hottest: C = m c / u_c while it warms, u_c (m c + Q / span) while it cools;  h A / u_h;  warmer surroundings
 
-The reading must lie between them, each seen through a thermocouple that follows late when that widens the band. A bead
-that fell off, a reversed thermocouple, a heater that is not measured: all leave the band.
+The reading must lie between them, each seen through the lag of the thermocouple where that widens the band. A bead
+that fell off, a reversed thermocouple or a heater that is not measured leaves the band.
 
-A reading that stands still to the last digit is found out sooner, by what the power has changed since then:
+A reading that is frozen to the last digit is found sooner, from the change of the power since it last changed:
 
     C dΔ/dt = P - P₀ - h A Δ,     C and h A of the coldest wire, P₀ the power when the reading last changed
 
-Whatever the balance did not know then, it does not know now; a wire that has been driven Δ away must show it.
+Errors of the heat balance are the same then and now, so they cancel; a wire that has moved by Δ must show it.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from smadrive.wire.heat_balance import BalanceSource, HeatBalance
 TRANSFORMATION_C = 20.0
 """Span over which the latent heat is taken up, K."""
 SURROUNDINGS_C = 10.0
-"""By how much the surroundings may differ from the ambient temperature of the heat balance, K."""
+"""Largest difference between the surroundings and the ambient temperature of the heat balance, K."""
 MARGIN_C = 6.0
-"""What is added on both sides of the band for noise and quantisation, K."""
+"""Added on both sides of the band for noise and quantisation, K."""
 FROZEN_C = 3.0
-"""By how much the wire must have moved under a reading that stands still, K."""
+"""Movement of the wire under a constant reading that is a fault, K."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -48,11 +48,11 @@ NOMINAL = Uncertainty(capacity=3.0, loss=1.6)
 IDENTIFIED = Uncertainty(capacity=1.5, loss=1.4)
 """A balance identified on this rig, some draught later."""
 UNCERTAINTIES = {BalanceSource.DATA_SHEET: NOMINAL, BalanceSource.IDENTIFIED: IDENTIFIED}
-"""How well a heat balance is known, by its source."""
+"""Uncertainty of a heat balance, by its source."""
 
 
 class Band(NamedTuple):
-    """What the heat allows."""
+    """Limits that follow from the heat input."""
 
     low_c: float
     """The least reading."""
@@ -61,7 +61,7 @@ class Band(NamedTuple):
     coldest_c: float
     """The least temperature of the wire itself."""
     unseen_c: float
-    """By how much the wire has at least moved under a reading that stands still."""
+    """The least movement of the wire under a constant reading."""
 
 
 class TemperatureBand:
@@ -86,7 +86,7 @@ class TemperatureBand:
         self._changed(reading_c, 0.0)
 
     def update(self, reading_c: float, power_w: float, dt_s: float) -> Band:
-        """What is possible after `dt_s` at `power_w`, now that `reading_c` is read."""
+        """The band after `dt_s` at `power_w`, with the new reading `reading_c`."""
         coldest_c = self._coldest.step(power_w, dt_s)
         hottest_c = self._hottest.step(power_w, dt_s)
         follow = 1.0 - exp(-dt_s / self._lag_s) if self._lag_s > 0 else 1.0

@@ -5,7 +5,7 @@ One lumped temperature T, austenite fraction w (the state of the hysteresis mode
     m c · dT/dt = P - Q · dw/dt - h A (T - T_ambient)        P = I² R(w),  R(w) = R_cold (1 + r w),  Q = m L_h
 
 Latent heat Q is absorbed on heating and given back on cooling; at mid-transformation it doubles the apparent heat
-capacity, so a feedforward without it is wrong where it matters most. r differs in sign between wires: it is fitted.
+capacity, so the feedforward needs it. The sign of r differs between wires, so r is fitted.
 The thermocouple, a bead on the wire, follows with a first-order lag: lag · dT_tc/dt = T - T_tc.
 """
 
@@ -19,19 +19,22 @@ from smadrive.errors import ModelError
 
 
 class BalanceSource(StrEnum):
-    """Where the parameters of a heat balance come from; how far they are believed depends on it."""
+    """The origin of a heat balance's parameters; the assumed uncertainty depends on it."""
 
     DATA_SHEET = "data sheet"
-    """The wire file."""
+    """The wire's data sheet."""
     IDENTIFIED = "identified"
-    """A record of this wire."""
+    """A fit to a record of this wire."""
+
+
+RESISTANCE_CHANGE = "heat balance: resistance_change"
 
 
 @dataclass(frozen=True, slots=True)
 class HeatBalance:
-    """Parameters of the heat balance above, and their source. Every model of this module is a method of it.
+    """Parameters of the heat balance above, their source, and the equations as methods.
 
-    Raises ModelError when a parameter that must be positive is not, or is no finite number.
+    Raises ModelError for a parameter that is out of its range or not finite.
     """
 
     heat_capacity_j_per_k: float
@@ -44,20 +47,21 @@ class HeatBalance:
     source: BalanceSource = BalanceSource.IDENTIFIED
 
     def __post_init__(self) -> None:
-        """Refuse parameters that no wire has."""
+        """Raise ModelError for parameters that no wire has."""
         for name in ("heat_capacity_j_per_k", "loss_w_per_k", "resistance_cold_ohm"):
             value = getattr(self, name)
             if not value > 0:
-                raise ModelError(f"heat balance: {name} must be positive, it is {value:g}")
+                raise ModelError("not positive", where=f"heat balance: {name}", value=value)
         for name in ("latent_heat_j", "thermocouple_lag_s"):
             value = getattr(self, name)
             if not value >= 0:
-                raise ModelError(f"heat balance: {name} must not be negative, it is {value:g}")
+                raise ModelError("negative", where=f"heat balance: {name}", value=value)
         for name in PARAMETERS:
             if not isfinite(value := getattr(self, name)):
-                raise ModelError(f"heat balance: {name} must be finite, it is {value:g}")
+                raise ModelError("not finite", where=f"heat balance: {name}", value=value)
         if not self.resistance_change > -1:
-            raise ModelError(f"heat balance: resistance_change must exceed -1, it is {self.resistance_change:g}")
+            value = self.resistance_change
+            raise ModelError("the hot wire has no resistance", where=RESISTANCE_CHANGE, value=value, limit=-1)
 
     @property
     def time_constant_s(self) -> float:
@@ -69,7 +73,7 @@ class HeatBalance:
         return self.resistance_cold_ohm * (1.0 + self.resistance_change * phase)
 
     def step(self, temperature_c: float, power_w: float, phase_per_k: float, dt_s: float) -> float:
-        """Temperature after `dt_s` at constant power, with the transformation's slope dw/dT frozen (exact then)."""
+        """Temperature after `dt_s` at constant power: exact for a constant slope dw/dT of the transformation."""
         settled_c = self.ambient_c + power_w / self.loss_w_per_k
         capacity = self.heat_capacity_j_per_k + self.latent_heat_j * phase_per_k
         return settled_c + (temperature_c - settled_c) * exp(-dt_s * self.loss_w_per_k / capacity)
@@ -84,7 +88,7 @@ class HeatBalance:
         return wire_before_c + (reading_c - wire_before_c) * decay + ramp_c * (1.0 - (1.0 - decay) * lag_s / dt_s)
 
     def power_w(self, temperature_c: float, rate_c_per_s: float, phase_rate_per_s: float) -> float:
-        """Inverse heat balance: the power that moves the wire at this rate. Negative: the wire cannot cool so fast."""
+        """Inverse heat balance: power for this rate; negative: the wire cannot cool so fast."""
         return (
             self.heat_capacity_j_per_k * rate_c_per_s
             + self.latent_heat_j * phase_rate_per_s
@@ -97,4 +101,4 @@ class HeatBalance:
 
 
 PARAMETERS = tuple(field.name for field in fields(HeatBalance) if field.name != "source")
-"""The names of the numbers."""
+"""The names of the numeric parameters."""

@@ -1,9 +1,9 @@
-"""The wire as it was identified: heat balance and hysteresis together, one step at a time.
+"""The identified wire in steps: heat balance and hysteresis together.
 
-Temperature and phase depend on each other: the transformation takes heat, and the temperature drives it. Over a short
-way the slope dw/dT is constant, and the balance is exact then; a longer way is gone in pieces, each with the mean slope
-over it (that at its start, improved once). A state that a correction has put outside its branches falls back to them
-against the direction of the temperature; that is no transformation, and takes no heat.
+Temperature and phase depend on each other: the transformation takes heat, and the temperature drives it. Over a small
+change of temperature the slope dw/dT is constant, and the heat balance is exact. A larger change is divided into
+pieces, each with its mean slope (the slope at its start, improved once). A state that a correction has put outside its
+branches returns to them against the direction of the temperature; this is no transformation and takes no heat.
 """
 
 from __future__ import annotations
@@ -11,17 +11,17 @@ from __future__ import annotations
 from math import ceil
 from typing import NamedTuple
 
-from smadrive.hysteresis import HysteresisModel, HysteresisState
+from smadrive.hysteresis import DuhemModel, HysteresisModel, HysteresisState, TSFuzzyDuhem
 from smadrive.wire.heat_balance import HeatBalance
 
 SHORT_WAY_C = 0.1
-"""Over this way the slope of the hysteresis is taken for constant, K."""
+"""Change of temperature over which the slope of the hysteresis counts as constant, K."""
 
 PIECE_C = 2.0
-"""Length of the pieces of a longer way, K."""
+"""Length of the pieces of a larger change, K."""
 
 MOST_PIECES = 200
-"""Pieces of one step: beyond 400 K no wire is left, and an absurd power must not take the loop's time."""
+"""Most pieces of one step (400 K), so that an absurd power does not take the loop's time."""
 
 
 class WireState(NamedTuple):
@@ -38,13 +38,13 @@ def travel_mm(model: HysteresisModel) -> tuple[float, float]:
 
 
 class WireModel:
-    """The identified wire. Its `step` is that of every model: state in, state out.
+    """The identified wire as a model with `step`: state in, state out.
 
     The phase of the heat balance is the displacement over the travel, as it was when the balance was identified. The
     state w of the hysteresis model is another quantity: a model may use only a part of [0, 1].
     """
 
-    def __init__(self, model: HysteresisModel, balance: HeatBalance) -> None:
+    def __init__(self, model: DuhemModel | TSFuzzyDuhem, balance: HeatBalance) -> None:
         self.model = model
         self.balance = balance
         self.cold_mm, hot_mm = travel_mm(model)
@@ -56,7 +56,7 @@ class WireModel:
         return self._moved(last, after_c)
 
     def temperature_c(self, state: WireState, power_w: float, dt_s: float) -> float:
-        """The temperature alone after `dt_s` at constant power, for who moves the hysteresis in another way."""
+        """The temperature after `dt_s` at constant power, for callers that step the hysteresis themselves."""
         return self._way(state, power_w, dt_s)[1]
 
     def _way(self, state: WireState, power_w: float, dt_s: float) -> tuple[WireState, float]:

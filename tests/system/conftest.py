@@ -12,7 +12,6 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_log import record_excitation
 from smadrive.runs.run_metadata import excitation_record, nominal_balance
-from smadrive.wire.wire_file import wire_text
 
 
 class Identified(NamedTuple):
@@ -30,7 +29,7 @@ def _identify(folder):
             rig.excite(excitation, recorder.tick)
     log = read_log(folder / "excitation.h5")
     wire = identify_wire(excitation_record(log), nominal_balance(log))
-    (folder / "wire.json").write_text(wire_text(wire.hysteresis.model, wire.thermal.balance))
+    (folder / "wire.json").write_text(wire.wire.text())
     (folder / "wire.pickle").write_bytes(pickle.dumps(wire))
 
 

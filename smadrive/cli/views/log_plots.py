@@ -113,7 +113,7 @@ def _plane(log: Log) -> Plot:
     figure.colorbar(dots, ax=ax, label="time / s", pad=0.01, aspect=30).outline.set_visible(False)
     caption = "Measured displacement over the estimated temperature of the wire."
     if "wire" in log.metadata:
-        _branches(ax, wire_of(log)[0])
+        _branches(ax, wire_of(log).model)
         caption += " Lines: the major loop of its model; inside it run the minor loops."
         legend(ax)
     ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")

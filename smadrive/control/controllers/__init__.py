@@ -1,0 +1,1 @@
+"""Controllers: temperature, displacement tracking, and their feedback."""

@@ -2,11 +2,11 @@
 
     measurement → observer → (one period on) → inverse feedforward with preview → temperature feedback → power → current
 
-A command acts one period after the measurement that it answers. So the estimate is taken one period on, with the power
-that is in force until then, and everything is computed for that moment.
+A command acts one period after the measurement that it answers. So the estimate is advanced by one period, with the
+power in force until then, and everything is computed for that moment.
 
-What a controller has learned is a value: a new one for another reference, model or setting takes it over and goes on
-without a bump, within the tick in which it is put into the old one's place.
+The state of a controller is a value: a controller for another reference, model or setting takes it over and continues
+without a bump, within the tick in which it replaces the old one.
 """
 
 from __future__ import annotations
@@ -19,8 +19,8 @@ from smadrive.control.controllers.feedback import PIGains, TemperatureFeedback
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.controllers.trim import DisplacementTrim
 from smadrive.control.estimation.observer import WireEstimate, WireObserver
-from smadrive.control.feedforward.displacement import DisplacementFeedforward, DisplacementInverse
-from smadrive.control.feedforward.reversal_preview import ReversalPreview, Turn
+from smadrive.control.feedforward.displacement import DisplacementFeedforward, DisplacementInverse, Feedforward
+from smadrive.control.feedforward.reversal_preview import Reversal, ReversalPreview
 from smadrive.control.references.reference import Reference
 from smadrive.measurement import Measurement
 from smadrive.wire.wire_model import WireModel
@@ -31,11 +31,11 @@ DISPLACEMENT_NOISE = 0.001
 
 @dataclass(frozen=True, slots=True)
 class TrackingSettings:
-    """What a controller needs besides reference and wire; its gains follow from the wire's heat balance.
+    """Settings of a controller besides reference and wire; its gains follow from the wire's heat balance.
 
-    `closed_loop_s`: time constant of the temperature loop, `integral_s`: in which a model error is gone, `noise_c`:
-    standard deviation of the thermocouple. `feedforward_share` of the feedforward's power is used; less than 1 leaves
-    more to the feedback.
+    `closed_loop_s`: time constant of the temperature loop. `integral_s`: time constant in which the effect of a model
+    error decays. `noise_c`: standard deviation of the thermocouple. `feedforward_share`: share of the feedforward's
+    power that is used; less than 1 leaves more to the feedback.
     """
 
     period_s: float
@@ -47,20 +47,30 @@ class TrackingSettings:
 
 
 class TrackingState(NamedTuple):
-    """What a TrackingController knows of the past, besides the integral of its feedback.
+    """State of a TrackingController, besides the integral of its feedback.
 
-    The estimate, the power in force, the trim, the direction of the phase, the turn that the wire is in.
+    The estimate, the power in force, the trim, the direction of the phase, the reversal that the wire is in.
     """
 
     estimate: WireEstimate
     power_w: float
     trim_mm: float
     direction: int
-    turn: Turn | None
+    reversal: Reversal | None
+
+
+class _Period(NamedTuple):
+    """The coming period: its start, the estimate there, the largest power, the setpoint and its rate."""
+
+    time_s: float
+    ahead: WireEstimate
+    limit_w: float
+    setpoint_mm: float
+    rate_mm_per_s: float
 
 
 class TrackingController:
-    """The controller above for one wire and one reference; cheap to make."""
+    """The controller above for one wire and one reference; cheap to construct."""
 
     def __init__(
         self,
@@ -86,39 +96,34 @@ class TrackingController:
 
     @property
     def state(self) -> TrackingState | None:
-        """What this controller knows; None before the first update."""
+        """The state after the last update; None before the first one."""
         return self._state
 
     def take_over(self, before: TrackingController) -> None:
-        """Go on where `before` stands: the same wire, in the terms of this model, and a command that does not jump."""
+        """Continue from the state of `before`, converted to this model, without a jump of the command."""
         if before.state is not None:
-            turn = before.state.turn if before._reference is self._reference else None
-            self._state = before.state._replace(estimate=self._observer.adopt(before.state.estimate), turn=turn)
+            reversal = before.state.reversal if before._reference is self._reference else None
+            estimate = self._observer.adopt(before.state.estimate)
+            self._state = before.state._replace(estimate=estimate, reversal=reversal)
             self._feedback.take_over(before._feedback)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """The command for the coming period of `dt_s`, which begins `dt_s` after the measurement."""
         before = self._state or self._started(measurement)
         estimate = self._observed(measurement, dt_s)
-        ahead = self._observer.predict(estimate, before.power_w, dt_s)
-        limit_w = self._limit_a**2 * self._wire.resistance_ohm(ahead.hysteresis)
-        setpoint_mm, rate_mm_per_s = self._wanted(time_s + dt_s, dt_s)
-        direction, turn = self._course(before, ahead, time_s + dt_s, rate_mm_per_s, limit_w)
-        if turn is None:
-            target = self._feedforward.update(ahead, setpoint_mm + before.trim_mm, rate_mm_per_s, direction)
-        else:
-            target = self._feedforward.hold(ahead, turn.meets_c)
-        error_c = target.temperature_c - ahead.temperature_c
-        power_w = self._feedback.update(error_c, self._share * target.power_w, limit_w, dt_s)
+        period = self._coming_period(self._observer.predict(estimate, before.power_w, dt_s), time_s + dt_s, dt_s)
+        direction, reversal = self._course(before, period)
+        target = self._target(period, before.trim_mm, direction, reversal)
+        error_c = target.temperature_c - period.ahead.temperature_c
+        power_w = self._feedback.update(error_c, self._share * target.power_w, period.limit_w, dt_s)
         trim_mm = 0.0
-        if turn is None and isfinite(measurement.displacement_mm):
-            free = 0.0 < power_w < limit_w
-            trim_mm = self._trim.update(
-                before.trim_mm, setpoint_mm - ahead.hysteresis.y, error_c if free else inf, dt_s
-            )
-        self._state = TrackingState(estimate, power_w, trim_mm, direction, turn)
+        if reversal is None and isfinite(measurement.displacement_mm):
+            is_free = 0.0 < power_w < period.limit_w
+            error_mm = period.setpoint_mm - period.ahead.hysteresis.y
+            trim_mm = self._trim.update(before.trim_mm, error_mm, error_c if is_free else inf, dt_s)
+        self._state = TrackingState(estimate, power_w, trim_mm, direction, reversal)
         return Command(
-            self._wire.balance.current_a(power_w, self._wire.phase(ahead.hysteresis)),
+            self._wire.balance.current_a(power_w, self._wire.phase(period.ahead.hysteresis)),
             target.temperature_c,
             self._reference.value_mm(time_s),
             estimate.temperature_c,
@@ -127,7 +132,7 @@ class TrackingController:
         )
 
     def _started(self, measurement: Measurement) -> TrackingState:
-        """A wire at rest."""
+        """The state of a wire at rest."""
         estimate = self._observer.start(measurement.temperature_c, measurement.displacement_mm)
         return TrackingState(estimate, 0.0, 0.0, 1, None)
 
@@ -144,21 +149,29 @@ class TrackingController:
             dt_s,
         )
 
-    def _wanted(self, time_s: float, dt_s: float) -> tuple[float, float]:
-        """Reference and its rate over the period that begins at `time_s`."""
+    def _coming_period(self, ahead: WireEstimate, time_s: float, dt_s: float) -> _Period:
+        """Estimate, largest power and setpoint for the period that begins at `time_s`."""
+        limit_w = self._limit_a**2 * self._wire.resistance_ohm(ahead.hysteresis)
         setpoint_mm = self._reference.value_mm(time_s)
-        return setpoint_mm, (self._reference.value_mm(time_s + dt_s) - setpoint_mm) / dt_s
+        rate_mm_per_s = (self._reference.value_mm(time_s + dt_s) - setpoint_mm) / dt_s
+        return _Period(time_s, ahead, limit_w, setpoint_mm, rate_mm_per_s)
 
-    def _course(
-        self, before: TrackingState, ahead: WireEstimate, time_s: float, rate_mm_per_s: float, limit_w: float
-    ) -> tuple[int, Turn | None]:
-        """The direction of the phase, and the turn that the wire is in or begins."""
-        if before.turn is not None and not before.turn.is_over(time_s, ahead.hysteresis, self._wire.travel_mm):
-            return before.direction, before.turn
+    def _course(self, before: TrackingState, period: _Period) -> tuple[int, Reversal | None]:
+        """The direction of the phase, and the reversal that the wire is in or begins."""
+        travel_mm, reversal = self._wire.travel_mm, before.reversal
+        if reversal is not None and not reversal.is_over(period.time_s, period.ahead.hysteresis, travel_mm):
+            return before.direction, reversal
         direction = before.direction
-        if rate_mm_per_s:
-            direction = 1 if rate_mm_per_s / self._wire.travel_mm > 0 else -1
+        if period.rate_mm_per_s:
+            direction = 1 if period.rate_mm_per_s / travel_mm > 0 else -1
         if self._preview is None:
             return direction, None
-        turn = self._preview.update(ahead, self._reference, time_s, direction, limit_w)
-        return (direction, None) if turn is None else (-direction, turn)
+        reversal = self._preview.update(period.ahead, self._reference, period.time_s, direction, period.limit_w)
+        return (direction, None) if reversal is None else (-direction, reversal)
+
+    def _target(self, period: _Period, trim_mm: float, direction: int, reversal: Reversal | None) -> Feedforward:
+        """Temperature and power of the feedforward: for the setpoint, or for the meeting point of a reversal."""
+        if reversal is not None:
+            return self._feedforward.hold(period.ahead, reversal.meets_c)
+        setpoint_mm = period.setpoint_mm + trim_mm
+        return self._feedforward.update(period.ahead, setpoint_mm, period.rate_mm_per_s, direction)

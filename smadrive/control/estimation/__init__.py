@@ -1,0 +1,1 @@
+"""Observer of wire temperature and phase, and its gains."""

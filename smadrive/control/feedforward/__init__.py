@@ -1,0 +1,1 @@
+"""Inverse feedforward from displacement to temperature and power, with preview of reversals."""

@@ -3,7 +3,7 @@
 The inverse starts from where the observer believes the wire to be, not from where it was meant to be. Its direction is
 that of the reference: an estimate a hair ahead of the reference must make the wire wait, not turn back, because after
 a turning point a hysteretic wire answers only many kelvin later. Only a lead turns it that exceeds `REVERSAL_TOLERANCE`
-by more than the reference makes up for within `TURN_S`: to go and come back would take longer.
+by more than the reference makes up for within `REVERSAL_S`: to go and come back would take longer.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from smadrive.wire.wire_model import WireModel, travel_mm
 REVERSAL_TOLERANCE = 0.01
 """Fraction of the stroke by which the estimate may lead the reference before the wire is driven back."""
 
-TURN_S = 1.0
+REVERSAL_S = 1.0
 """About what it takes a wire to cross its hysteresis and come back."""
 
 WAITING_RANGE_C = 0.5
@@ -82,7 +82,7 @@ class HysteresisInverse:
         if (setpoint_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
             return Target(self._model.input_range[0] - COLDER_C, 0.0)
         lead = direction * (state.y - setpoint_mm) / self._travel_mm
-        made_up = max(direction * rate_mm_per_s / self._travel_mm * TURN_S, 0.0)
+        made_up = max(direction * rate_mm_per_s / self._travel_mm * REVERSAL_S, 0.0)
         if 0.0 <= lead <= REVERSAL_TOLERANCE + made_up:
             return self._wait(state, lead, direction)
         inversion = self._inverse.update(state, setpoint_mm)

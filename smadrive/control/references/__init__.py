@@ -1,0 +1,1 @@
+"""Displacement references: samples, shapes, cycles."""

@@ -97,7 +97,7 @@ class Reference:
         return PiecewiseLinear(self.times_s.tolist(), self.displacement_mm.tolist())
 
     @cached_property
-    def _turns(self) -> tuple[list[float], list[float]]:
+    def _reversals(self) -> tuple[list[float], list[float]]:
         """When the reference begins to move the other way, and in which direction; an endless one in two cycles."""
         times, values = self.times_s, self.displacement_mm
         if self.endless:
@@ -109,9 +109,9 @@ class Reference:
         changes = moving[1:][moves[moving][1:] != moves[moving][:-1]]
         return times[changes].tolist(), moves[changes].tolist()
 
-    def next_turn_s(self, time_s: float, direction: int) -> float:
+    def next_reversal_s(self, time_s: float, direction: int) -> float:
         """When, after `time_s`, the reference next begins to move against `direction`; inf when it does not."""
-        times_s, directions = self._turns
+        times_s, directions = self._reversals
         begun_s = self._begun_s(time_s)
         for number in range(bisect_right(times_s, time_s - begun_s), len(times_s)):
             if directions[number] != direction:

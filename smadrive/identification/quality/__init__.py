@@ -1,0 +1,1 @@
+"""Quality of a fit: residuals, hold-out, leave-one-out, caveats."""

@@ -1,7 +1,7 @@
-"""What an identified model must not be trusted in, in sentences to be read beside its figures.
+"""Reasons to distrust an identified model, as sentences beside its metrics.
 
-A model can have a certificate, which is about its rules, and yet say little of the wire: because it misses the record,
-or because the record says nothing where the model bridges a gap. Figures alone do not tell either.
+A certificate is about the rules of a model. The model can still be wrong about the wire: it may miss the record, or
+bridge a gap of the record. The metrics alone do not show this.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _BRIDGED = 20.0  # % of the output span that a branch may move between two neigh
 
 
 def misses_record(rms_percent: float) -> tuple[str, ...]:
-    """Whether the model does not describe what it was fitted to."""
+    """A caveat when the model misses the record that it was fitted to."""
     if rms_percent <= _POOR:
         return ()
     missed = f"it misses its own record by {rms_percent:.1f} % RMS of the output span, where wires are met to 1 or 2 %"
@@ -30,7 +30,7 @@ def misses_record(rms_percent: float) -> tuple[str, ...]:
 
 
 def bridges_gaps(model: HysteresisModel, record: Record) -> tuple[str, ...]:
-    """The widest step that either branch of the model takes between neighbouring inputs of its direction."""
+    """A caveat for each branch with a large step between neighbouring inputs of its direction."""
     found = []
     for name, rising, branch in (("rising", True, model.engine.heating), ("falling", False, model.engine.cooling)):
         reached = np.flatnonzero(record.rising == rising)
@@ -48,7 +48,7 @@ def bridges_gaps(model: HysteresisModel, record: Record) -> tuple[str, ...]:
 
 
 def undetermined(branch: str, mixture: GaussianMixture, errors: MixtureErrors) -> tuple[str, ...]:
-    """Whether Gaussians of a branch might as well be absent: a weight less than twice its standard error."""
+    """A caveat when the weight of a Gaussian is less than twice its standard error."""
     count = len(mixture.weights)
     weight, error = min(zip(mixture.weights, errors.weights, strict=True), key=lambda one: one[0] / max(one[1], 1e-12))
     if weight >= 2 * error:

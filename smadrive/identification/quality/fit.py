@@ -30,7 +30,7 @@ class Fit(Generic[ModelT]):
     path       input without false reversals, as the model saw it
     predicted  the model's output on that path, from `y0`
     residual   predicted - measured, one per sample, in the unit of y
-    caveats    what the model must not be trusted in, as sentences about it
+    caveats    reasons to distrust the model, one sentence each
     """
 
     model: ModelT
@@ -52,6 +52,11 @@ class Fit(Generic[ModelT]):
         return float(100 * np.max(np.abs(self.residual)) / self.output_span)
 
     @property
+    def metrics(self) -> dict[str, float]:
+        """`rms_percent` and `max_percent`, as a wire's file keeps them."""
+        return {"rms_percent": self.rms_percent, "max_percent": self.max_percent}
+
+    @property
     def y0(self) -> float:
         """Output at the first sample from which the model was run."""
         return float(self.predicted[0])
@@ -65,16 +70,18 @@ def rms_percent(residual: FloatArray, span: float) -> float:
 def judge(model: ModelT, record: Record, y0: float) -> Fit[ModelT]:
     """Run `model` along the path of `record` from output y0 and compare.
 
-    Raises IdentificationError when that says hardly more of the record than its mean does.
+    Raises IdentificationError when the model explains less than half of the output's variance.
     """
     predicted = model.simulate(record.path, y0)
     residual = predicted - record.y
     explained = 1 - float(np.var(residual) / np.var(record.y))
     if explained < _EXPLAINED:
-        raise IdentificationError(
-            f"the output does not follow the input: a loop explains {100 * explained:.0f} % of its variance, at least "
-            f"{100 * _EXPLAINED:.0f} % are needed; check that both columns belong to one wire; if the wire expands "
-            "more than it transforms, subtract the slope of its hot end times the input from the output"
+        cure = (
+            "check that both columns belong to one wire; if the wire expands more than it transforms, subtract the "
+            "slope of its hot end times the input from the output"
         )
+        value, limit = f"{100 * explained:.0f} %", f"{100 * _EXPLAINED:.0f} %"
+        what = "does not follow the input: a loop explains too little of its variance"
+        raise IdentificationError(what, where="output", value=value, limit=limit, cure=cure)
     caveats = misses_record(rms_percent(residual, record.output_span)) + bridges_gaps(model, record)
     return Fit(model, record.path, predicted, residual, record.output_span, model.certificate(), caveats)

@@ -1,14 +1,14 @@
-"""Training and validation: a fit to every other sample, judged on the samples between.
+"""Training and validation: a fit to every other sample, validated on the samples between.
 
-Only outputs are hidden from the fit. The wire has remembered the input's whole path, so the fit follows the path of
-the whole record, through its turning points, which every half keeps and none is judged on. (A step of the models is
-exact whatever its size: samples between turning points can go without changing the path.)
+Only outputs are hidden from the fit. The state of the wire depends on the whole path of the input, so the fit follows
+the path of the whole record. Both halves keep its turning points, and neither is validated on them. (A step of the
+models is exact for any size: samples between turning points can be left out without changing the path.)
 
-Where the output jumps between two samples, on steep and sparsely sampled parts of a loop, no fit can know what lies
-between them. What straight lines between the fitted neighbours say of the samples left out tells how much that is.
+Where the output jumps between two samples, on steep and sparsely sampled parts of a loop, no fit can predict the values
+between them. The error of linear interpolation between the fitted neighbours measures how large this effect is.
 
-Near samples of one record share its drift and its loop, so this finds rules that follow single samples; what a model is
-worth on another loop only another record tells.
+Neighbouring samples of one record share its drift and its loop, so hold-out finds rules that follow single samples. The
+error of a model on another loop needs another record.
 """
 
 from __future__ import annotations

@@ -1,16 +1,16 @@
-"""Whether a fit says as much of the samples it has not seen as of those it has: leave-one-out, without fitting again.
+"""Leave-one-out error of a fit, without fitting again: does it predict samples that it has not seen?
 
 Near its minimum a least-squares fit is linear in the measured outputs. With the Jacobian J of all residuals, ties
 included, and J_i its row of sample i, leaving sample i out turns its residual r_i into
 
     r_i/(1 - h_i)          h_i = J_i (JᵀJ)⁻¹ J_iᵀ,   its leverage in [0, 1]
 
-(Allen's PRESS). A leverage near one means that a rule serves this sample alone: its residual says nothing. On steep,
-sparsely sampled parts of a loop that is what free rules do.
+(Allen's PRESS). A leverage near one means that a rule serves this sample alone; its residual then has no meaning. Free
+rules do this on steep, sparsely sampled parts of a loop.
 
-Noise and gaps both make a sample left out look worse. For every other sample left out the usual bound is 1.2 times the
-training error, an excess variance of 0.44. Leaving one sample out of the *training* half opens a gap twice as wide, and
-the excess at least doubles: the bound here is (1 + 2 · 0.44)^½ = 1.37.
+Noise and gaps both raise the error of a sample that is left out. With every other sample left out the usual bound is
+1.2 times the training error, an excess variance of 0.44. Leaving one sample out of the *training* half opens a gap
+twice as wide, and the excess at least doubles: the bound here is (1 + 2 · 0.44)^½ = 1.37.
 """
 
 from __future__ import annotations

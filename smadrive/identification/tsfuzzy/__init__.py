@@ -1,0 +1,1 @@
+"""The fit of a T-S fuzzy Duhem model: problem, derivatives, prior, monotone slopes."""

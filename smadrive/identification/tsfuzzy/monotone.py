@@ -1,15 +1,15 @@
-"""Rules that never turn the wrong way: the condition for a unique inverse, in the fit and exactly on its result.
+"""Slopes of the right sign: the condition for a unique inverse, in the fit and exactly on its result.
 
-The slope is affine in w, so over the whole loop between its branches H (heating) and C (cooling) it has the right sign
-where it has on the far branch:
+The slope is affine in w. So it has the right sign over the whole loop between the branches H (heating) and C (cooling)
+wherever it has the right sign on the far branch:
 
     heating:  p(v) - (p + q)(v) C(v) ≥ 0           cooling:  q(v) - (p + q)(v) (1 - H(v)) ≥ 0
 
 that is S ≥ C and R ≤ H. The loop is the closed one over the whole range, which a full sweep up and down maps onto
-itself, whether a record went there or not. Inner loops that stay flat where they turn ask for less: slopes then have
-the right sign to a `depth` of the loop, 1 for all of it, 0 for the branches themselves, H + depth (C - H) in place of C
-and C - depth (C - H) in place of H. In the fit slopes of the wrong sign are penalised; what is left of them goes when q
-of the heating and p of the cooling rules shrink.
+itself, whether a record covers it or not. Inner loops that stay flat after a reversal need less: slopes then have the
+right sign to a `depth` of the loop, 1 for all of it, 0 for the branches alone, with H + depth (C - H) in place of C and
+C - depth (C - H) in place of H. The fit penalises slopes of the wrong sign. Those that remain are removed from its
+result: q of the heating rules and p of the cooling rules shrink.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from typing import NamedTuple
 import numpy as np
 
 from smadrive.hysteresis.tsfuzzy import MembershipGrid, TSFuzzyDuhem
-from smadrive.identification.tsfuzzy.record_reversal import NOWHERE, Mask, Turning
+from smadrive.identification.tsfuzzy.record_reversal import NOWHERE, Mask, RecordReversals
 from smadrive.identification.tsfuzzy.sensitivity import RuleTables
 from smadrive.numerics.arrays import FloatArray
 
-_ROUNDS = 20  # shrinking q lifts H, shrinking p lowers C: few rounds settle, and what they do not goes altogether
-_MARGIN = 3e-3  # of what a rule keeps: what shrinks a little too much need not shrink again
+_ROUNDS = 20  # shrinking q lifts H, shrinking p lowers C: a few rounds settle; after them shares are set to zero
+_MARGIN = 3e-3  # of a rule's share: a rule that shrinks a little too much need not shrink again
 
 
 class Loop(NamedTuple):
@@ -110,14 +110,14 @@ def _branch_derivatives(tables: RuleTables, loop: Loop) -> tuple[FloatArray, Flo
     return heating, down.target + d_top * fall + (loop.top - 1) * d_fall
 
 
-def monotone(model: TSFuzzyDuhem, depth: float = 1.0, turning: Turning = NOWHERE) -> TSFuzzyDuhem:
-    """`model` with q of the heating and p of the cooling rules shrunk just enough that no slope has the wrong sign.
+def monotone(model: TSFuzzyDuhem, depth: float = 1.0, reversals: RecordReversals = NOWHERE) -> TSFuzzyDuhem:
+    """`model` without slopes of the wrong sign to this depth of the loop, by the least shrinking of q and p.
 
-    To this depth of the loop, except by rules at work where the wire itself turns.
+    Rules that are active where the wire itself reverses stay as they are.
     """
     p_heating, q_heating = model.heating_law[1], -model.heating_law[0] - model.heating_law[1]
     p_cooling, q_cooling = -model.cooling_law[1], model.cooling_law[0] + model.cooling_law[1]
-    grid, (up, down) = MembershipGrid(model.sets, model.engine.nodes), turning.at(model.engine.nodes)
+    grid, (up, down) = MembershipGrid(model.sets, model.engine.nodes), reversals.at(model.engine.nodes)
     mu, heating, cooling = grid.at_nodes, model.engine.heating.target, model.engine.cooling.target
     for number in range(_ROUNDS + 2 * len(p_heating)):
         beyond = depth * np.maximum(cooling - heating, 0.0)  # branches that saturate together may cross a little
@@ -145,7 +145,7 @@ def monotone(model: TSFuzzyDuhem, depth: float = 1.0, turning: Turning = NOWHERE
 def _largest_share(mu: FloatArray, gain: FloatArray, loss: FloatArray, far: FloatArray, turns: Mask) -> FloatArray:
     """Share of each rule's loss that leaves gain (1 - far) - loss far ≥ 0 at all nodes where the rule is active.
 
-    Only rules shrink that have the wrong sign themselves: their neighbours' targets would run ahead of them.
+    Only rules that have the wrong sign themselves shrink: otherwise their neighbours' targets would run ahead of them.
     """
     room, need = (mu @ gain) * (1 - far), (mu @ loss) * far
     short = need > room

@@ -1,4 +1,4 @@
-"""What the rules are tied to where a record is silent: the local laws of a Duhem fit.
+"""The prior of the rules, for the parts of the input where a record is silent: the local laws of a Duhem fit.
 
 Each rule may stray from it at about the cost of one sample off by the noise, so that data, where there are any, decide.
 """

@@ -1,6 +1,6 @@
-"""The least-squares problem behind identify_tsfuzzy: what is unknown, what is minimised, and the exact derivatives.
+"""The least-squares problem behind identify_tsfuzzy: unknowns, residuals and their exact derivatives.
 
-x = (rates p, q of every rule · span, logits of the gaps between centres if they move, bottom, top, first state)
+x: see unknowns
 r = (error of the simulated output; stray of the rates and gaps from the Duhem fit; slopes of the wrong sign)
 """
 
@@ -19,8 +19,9 @@ from smadrive.identification.quality.leave_one_out import leave_one_out_ratio
 from smadrive.identification.record import Record
 from smadrive.identification.tsfuzzy.monotone import least_slope_derivatives, least_slopes
 from smadrive.identification.tsfuzzy.prior import Prior
-from smadrive.identification.tsfuzzy.record_reversal import Turning, find_record_reversals
+from smadrive.identification.tsfuzzy.record_reversal import RecordReversals, find_record_reversals
 from smadrive.identification.tsfuzzy.sensitivity import RuleRates, RuleTables, Runs
+from smadrive.identification.tsfuzzy.unknowns import BOTTOM, FIRST_STATE, TOP, Unknowns
 from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.interpolation_matrix import InterpolationMatrix
 from smadrive.numerics.levenberg_marquardt import Minimum, minimise
@@ -55,7 +56,7 @@ class RuleProblem:
     reach: FloatArray
     centres: FloatArray
     fit_centres: bool
-    turning: Turning
+    reversals: RecordReversals
     monotony: float = 0.0
     depth: float = 1.0
     _latest: list[_Trial] = field(default_factory=list, init=False)
@@ -79,39 +80,46 @@ class RuleProblem:
             find_record_reversals(record),
         )
 
+    @property
+    def unknowns(self) -> Unknowns:
+        """The slices of x."""
+        sets = len(self.centres)
+        return Unknowns(sets, sets + 1 if self.fit_centres else 0)
+
     def place(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Centres and their derivative with respect to the gaps' logits."""
-        sets = len(self.centres)
+        unknowns = self.unknowns
         if not self.fit_centres:
-            return self.centres, np.empty((sets, 0))
+            return self.centres, np.empty((unknowns.sets, 0))
         lower, upper = self.record.input_range
-        free = 1 - (sets + 1) * LEAST_GAP
-        share = softmax(x[4 * sets : 5 * sets + 1])
+        free = 1 - unknowns.gaps * LEAST_GAP
+        share = softmax(x[unknowns.logits])
         centres = lower + (upper - lower) * np.cumsum(LEAST_GAP + free * share)[:-1]
         slope = free * (np.diag(share) - np.outer(share, share))
         return centres, (upper - lower) * np.cumsum(slope, axis=0)[:-1]
 
     def _trial(self, x: FloatArray) -> _Trial:
-        """What stands for x; that of the last x is kept, for the derivatives that follow the residuals."""
+        """The trial at x; the last one is kept, for the derivatives at the x of the residuals."""
         if not (self._latest and np.array_equal(self._latest[0].x, x)):
             centres, moves = self.place(x)
             p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
             rates = RuleRates(p_heating, q_heating, p_cooling, q_cooling, centres)
             tables = RuleTables(rates, *self.record.input_range)
-            self._latest[:] = [_Trial(x.copy(), moves, tables, tables.states(self.runs, float(x[-1])))]
+            self._latest[:] = [_Trial(x.copy(), moves, tables, tables.states(self.runs, float(x[FIRST_STATE])))]
         return self._latest[0]
 
     def _rates(self, x: FloatArray) -> FloatArray:
         lower, upper = self.record.input_range
-        return x[: 4 * len(self.centres)].reshape(4, -1) / (upper - lower)
+        return x[self.unknowns.rates].reshape(4, -1) / (upper - lower)
 
     def residuals(self, x: FloatArray) -> FloatArray:
         """r(x)."""
-        record, rates = self.record, 4 * len(self.centres)
+        record, unknowns = self.record, self.unknowns
         _, _, tables, w = self._trial(x)
-        error = (x[-3] + (x[-2] - x[-3]) * w - record.mean_y / record.output_span) * np.sqrt(record.count)
-        stray = (x[:rates] - self.prior.at(tables.rates.centres)[0].ravel()) / self.reach
-        shift = (x[rates:-3] - self.start[rates:-3]) / _STRAY_GAP
+        output = x[BOTTOM] + (x[TOP] - x[BOTTOM]) * w
+        error = (output - record.mean_y / record.output_span) * np.sqrt(record.count)
+        stray = (x[unknowns.rates] - self.prior.at(tables.rates.centres)[0].ravel()) / self.reach
+        shift = (x[unknowns.logits] - self.start[unknowns.logits]) / _STRAY_GAP
         if not self.monotony:
             return np.concatenate([error, self.prior.weight * stray, self.prior.weight * shift])
         wrong, weight = self._wrong_slopes(x)
@@ -123,10 +131,10 @@ class RuleProblem:
         return float(np.sqrt(error @ error / self.record.count.sum()))
 
     def leave_one_out_ratio(self, x: FloatArray) -> float:
-        """Leave-one-out error over training error at the minimum x; see confirmation."""
-        rates, (low, _) = 4 * len(self.centres), self._bounds()
+        """Leave-one-out error over training error at the minimum x; see leave_one_out."""
+        rates, (low, _) = self.unknowns.rates, self._bounds()
         free = np.ones(len(x), dtype=bool)
-        free[:rates] = x[:rates] > low[:rates]
+        free[rates] = x[rates] > low[rates]
         jacobian = np.vstack([*self.jacobian(x)])[:, free]
         return leave_one_out_ratio(self.residuals(x), jacobian, len(self.record.v), self.record.scatter)
 
@@ -135,7 +143,7 @@ class RuleProblem:
         tables, (lower, upper) = self._trial(x).tables, self.record.input_range
         missing = -least_slopes(tables, self.depth) * (upper - lower)
         weight = self.monotony * np.sqrt(self.record.count.sum()) * self.prior.slope_tie(tables.nodes)
-        return missing, np.where((missing > 0) & ~self.turning.at(tables.nodes), weight, 0.0)
+        return missing, np.where((missing > 0) & ~self.reversals.at(tables.nodes), weight, 0.0)
 
     def jacobian(self, x: FloatArray) -> Iterator[FloatArray]:
         """∂r/∂x, in blocks of rows."""
@@ -145,37 +153,37 @@ class RuleProblem:
             yield self._wrong_slope_derivatives(x)
 
     def _error_derivatives(self, x: FloatArray) -> InterpolationMatrix:
-        record, sets, scale = self.record, len(self.centres), x[-2] - x[-3]
+        record, unknowns, scale = self.record, self.unknowns, x[TOP] - x[BOTTOM]
         lower, upper = record.input_range
         _, moves, tables, w = self._trial(x)
         dw = tables.jacobian(self.runs, w)
-        known = len(dw.rows)
-        rows = np.zeros((known + 2, len(x)))
-        np.multiply(dw.rows[:, : 4 * sets], scale / (upper - lower), out=rows[:known, : 4 * sets])
-        np.matmul(scale * dw.rows[:, 4 * sets : 5 * sets], moves, out=rows[:known, 4 * sets : -3])
-        np.multiply(dw.rows[:, -1], scale, out=rows[:known, -1])
-        rows[known, -3] = rows[known + 1, -2] = 1.0
-        ends = np.broadcast_to(np.array([known, known + 1], dtype=np.int32), (len(w), 2))
+        count = len(dw.rows)
+        rows = np.zeros((count + 2, len(x)))
+        np.multiply(dw.rows[:, unknowns.rates], scale / (upper - lower), out=rows[:count, unknowns.rates])
+        np.matmul(scale * dw.rows[:, unknowns.centres], moves, out=rows[:count, unknowns.logits])
+        np.multiply(dw.rows[:, -1], scale, out=rows[:count, FIRST_STATE])
+        rows[count, BOTTOM] = rows[count + 1, TOP] = 1.0
+        ends = np.broadcast_to(np.array([count, count + 1], dtype=np.int32), (len(w), 2))
         shares = np.column_stack([dw.shares, 1 - w, w]) * np.sqrt(record.count)[:, None]
         return InterpolationMatrix(np.hstack([dw.places, ends]), shares, rows)
 
     def _stray_derivatives(self, x: FloatArray) -> FloatArray:
         _, moves, tables, _ = self._trial(x)
-        sets, gaps = len(self.centres), moves.shape[1]
-        tie = np.zeros((4 * sets + gaps, len(x)))
-        np.fill_diagonal(tie, self.prior.weight / np.concatenate([self.reach, np.full(gaps, _STRAY_GAP)]))
+        unknowns = self.unknowns
+        tie = np.zeros((unknowns.logits.stop, len(x)))
+        np.fill_diagonal(tie, self.prior.weight / np.concatenate([self.reach, np.full(unknowns.gaps, _STRAY_GAP)]))
         followed = np.vstack([slope[:, None] * moves for slope in self.prior.at(tables.rates.centres)[1]])
-        tie[: 4 * sets, 4 * sets : -3] = -self.prior.weight * followed / self.reach[:, None]
+        tie[unknowns.rates, unknowns.logits] = -self.prior.weight * followed / self.reach[:, None]
         return tie
 
     def _wrong_slope_derivatives(self, x: FloatArray) -> FloatArray:
-        sets, (lower, upper) = len(self.centres), self.record.input_range
+        unknowns, (lower, upper) = self.unknowns, self.record.input_range
         _, moves, tables, _ = self._trial(x)
         derivatives, weight = least_slope_derivatives(tables, self.depth), self._wrong_slopes(x)[1].ravel()
         derivatives = derivatives.reshape(len(weight), -1)
         rows = np.zeros((len(weight), len(x)))
-        rows[:, : 4 * sets] = -weight[:, None] * derivatives[:, : 4 * sets]
-        rows[:, 4 * sets : -3] = -weight[:, None] * (upper - lower) * (derivatives[:, 4 * sets :] @ moves)
+        rows[:, unknowns.rates] = -weight[:, None] * derivatives[:, unknowns.rates]
+        rows[:, unknowns.logits] = -weight[:, None] * (upper - lower) * (derivatives[:, unknowns.centres] @ moves)
         return rows
 
     def solve(self, start: FloatArray, iterations: int, tolerance: float) -> Minimum:
@@ -184,21 +192,22 @@ class RuleProblem:
         return minimise(self.residuals, self.jacobian, start, bounds, iterations=iterations, tolerance=tolerance)
 
     def _bounds(self) -> tuple[FloatArray, FloatArray]:
-        sets = len(self.centres)
+        unknowns = self.unknowns
         low, high = np.full(len(self.start), -np.inf), np.full(len(self.start), np.inf)
-        low[: 4 * sets], high[: 4 * sets] = 0.0, _LARGEST_RATE
-        low[:sets] = low[3 * sets : 4 * sets] = _LEAST_RATE
-        low[-3:], high[-3:] = self._output_bounds()
+        low[unknowns.rates], high[unknowns.rates] = 0.0, _LARGEST_RATE
+        for rates in unknowns.contracting:
+            low[rates] = _LEAST_RATE
+        low[BOTTOM:], high[BOTTOM:] = self._output_bounds()
         return low, high
 
     def _output_bounds(self) -> tuple[list[float], list[float]]:
-        """Of bottom, top and first state: no state is an output that neither the record nor the Duhem fit knows."""
-        ends = np.sort(self.start[-3:-1])
+        """Bounds of bottom, top and first state: outputs stay near those of the record and of the Duhem fit."""
+        ends = np.sort(self.start[[BOTTOM, TOP]])
         measured = self.record.mean_y / self.record.output_span
         lowest, highest = min(ends[0], measured.min()), max(ends[1], measured.max())
         spare, middle = _SPARE_OUTPUT * (highest - lowest), 0.5 * (lowest + highest)
         lower_end, upper_end = (lowest - spare, middle), (middle, highest + spare)
-        bottom, top = (lower_end, upper_end) if self.start[-2] > self.start[-3] else (upper_end, lower_end)
+        bottom, top = (lower_end, upper_end) if self.start[TOP] > self.start[BOTTOM] else (upper_end, lower_end)
         return [bottom[0], top[0], 0.0], [bottom[1], top[1], 1.0]
 
     def model(self, x: FloatArray) -> TSFuzzyDuhem:
@@ -210,14 +219,14 @@ class RuleProblem:
             b_heating=p_heating,
             a_cooling=p_cooling + q_cooling,
             b_cooling=-p_cooling,
-            scale=float(x[-2] - x[-3]) * self.record.output_span,
-            offset=float(x[-3]) * self.record.output_span,
+            scale=float(x[TOP] - x[BOTTOM]) * self.record.output_span,
+            offset=float(x[BOTTOM]) * self.record.output_span,
             input_range=self.record.input_range,
         )
 
     def first_output(self, x: FloatArray) -> float:
         """Output at the first sample."""
-        return float(x[-3] + (x[-2] - x[-3]) * x[-1]) * self.record.output_span
+        return float(x[BOTTOM] + (x[TOP] - x[BOTTOM]) * x[FIRST_STATE]) * self.record.output_span
 
 
 def _gap_logits(centres: FloatArray, lower: float, upper: float) -> FloatArray:

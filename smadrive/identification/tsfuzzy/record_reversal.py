@@ -1,9 +1,9 @@
-"""Where a record itself turns the wrong way: falls while its input runs the way it should rise, or the reverse.
+"""Stretches of a record in which the output moves against its input.
 
-A wire that only transforms has monotone branches, and rules that turn are then an artefact of the fit. A wire that also
-expands does turn where it is saturated, which no fit may hide. The record decides, without a model: each of its runs is
-compared with the monotone curve nearest to it. Stretches which that curve replaces by a constant are where the output
-turns; they count only if the record is materially further from monotone curves than a measurement is.
+A wire that only transforms has monotone branches; slopes of the wrong sign are then an artefact of the fit. A wire that
+also expands does reverse where it is saturated, and a fit must show it. The record decides, without a model: each of
+its runs is compared with the nearest monotone curve. The output reverses over the stretches that this curve replaces by
+a constant. They count only if the record is materially further from monotone curves than measurement errors explain.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from smadrive.numerics.arrays import FloatArray
 Mask = NDArray[np.bool_]
 
 MATERIAL = 0.005
-"""RMS in output spans up to which a departure from monotone curves is taken for that of a measurement."""
+"""Largest RMS departure from monotone curves, in output spans, that counts as a measurement error."""
 
 
 @dataclass(frozen=True, slots=True)
-class Turning:
-    """Stretches (from, to) of the input over which the output turns, on heating and on cooling."""
+class RecordReversals:
+    """Stretches (from, to) of the input over which the output reverses, on heating and on cooling."""
 
     heating: tuple[tuple[float, float], ...] = ()
     cooling: tuple[tuple[float, float], ...] = ()
 
     def at(self, v: FloatArray) -> Mask:
-        """Whether the output turns at inputs v, (2, len(v)): on heating, on cooling."""
+        """Whether the output reverses at inputs v, (2, len(v)): on heating, on cooling."""
         found = np.zeros((2, len(v)), dtype=bool)
         for row, stretches in enumerate((self.heating, self.cooling)):
             for start, end in stretches:
@@ -40,12 +40,12 @@ class Turning:
         return found
 
 
-NOWHERE = Turning()
-"""Of a wire with monotone branches."""
+NOWHERE = RecordReversals()
+"""For a wire with monotone branches."""
 
 
-def find_record_reversals(record: Record) -> Turning:
-    """The stretches of `record`; none where it is as near to monotone curves as its noise lets it be."""
+def find_record_reversals(record: Record) -> RecordReversals:
+    """The stretches of `record`; NOWHERE if its distance from monotone curves is within its noise."""
     rises = bool(np.corrcoef(record.v, record.mean_y)[0, 1] > 0)
     material = float(np.hypot(MATERIAL, record.noise))
     squares = 0.0
@@ -60,7 +60,7 @@ def find_record_reversals(record: Record) -> Turning:
                 stretches[heating].append((float(v[start:end].min()), float(v[start:end].max())))
     if np.sqrt(squares / record.count.sum()) <= material:
         return NOWHERE
-    return Turning(tuple(stretches[True]), tuple(stretches[False]))
+    return RecordReversals(tuple(stretches[True]), tuple(stretches[False]))
 
 
 def _runs(v: FloatArray) -> list[slice]:

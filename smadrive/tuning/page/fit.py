@@ -3,7 +3,7 @@
 It runs in a process of its own below the loop's priority, and only proposes: what it finds goes through the same checks
 as any other change. A running reference drives the wire through a part of its travel only, and a model of that part
 alone could not tell where a cold wire is. So the record is completed by the model in force where it is silent: beyond
-the temperatures that were driven, with far fewer samples than were measured.
+the temperatures that were driven, with far fewer samples than were measured, and from the measured displacement on.
 """
 
 from __future__ import annotations
@@ -12,7 +12,6 @@ import json
 import os
 from concurrent.futures import BrokenExecutor, Future, ProcessPoolExecutor
 from multiprocessing import get_context
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,15 +21,21 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.record import prepare
 from smadrive.identification.wire import Kind, identify_hysteresis
 from smadrive.tuning.link.channel import COLUMNS, Rows
-from smadrive.wire.wire_file import parse_wire, wire_text
+from smadrive.wire.identified_wire import IdentifiedWire, parse_wire
 from smadrive.wire.wire_model import travel_mm
 
 NICENESS = 10
 MOST_SAMPLES = 12000
 """More are thinned."""
 
-SILENT_SAMPLES = 50
+SILENT_SAMPLES = 100
 """Taken from the model in force for each branch and each end of the travel."""
+
+UNMET = 0.1
+"""Share of the driven temperatures over which an inner branch comes near the outer one."""
+
+NOTHING_LEFT = 1e-9
+"""A model with less way left, in mm or relative to what was measured, is at its end already."""
 
 LEAST_MOVED = 0.1
 """Share of the travel; less is rather noise than a loop."""
@@ -39,13 +44,6 @@ DRIFTED = 0.5
 """% of the output span; by 0.2 at most the fit's error differs between the two halves of a sound record."""
 
 Array = NDArray[np.float64]
-
-
-class FittedWire(NamedTuple):
-    """The text of a wire's file, and what its model must not be trusted in."""
-
-    text: str
-    caveats: tuple[str, ...]
 
 
 class Fitter:
@@ -58,7 +56,7 @@ class Fitter:
         """End the process; a fit that still runs is given up."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
-    def fit(self, rows: Rows, seconds: float, wire: str) -> Future[FittedWire]:
+    def fit(self, rows: Rows, seconds: float, wire: str) -> Future[IdentifiedWire]:
         """A model of the kind in `wire`, fitted to the last `seconds` of heated rows.
 
         IdentificationError when they do not determine one.
@@ -92,7 +90,7 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
     driven = _warmed_up(wire_c[used])
     wire_c, reached_mm = wire_c[used][driven:], reached_mm[used][driven:]
     try:
-        _check_loop(wire_c, reached_mm, parse_wire(wire, place="the wire in force")[0])
+        _check_loop(wire_c, reached_mm, parse_wire(wire, place="the wire in force").model)
     except IdentificationError as error:
         raise IdentificationError(
             f"the last {seconds:g} s cannot be fitted: {error}; let a reference go up and down once more, then fit "
@@ -117,16 +115,16 @@ def _check_loop(wire_c: Array, reached_mm: Array, model: HysteresisModel) -> Non
     prepare(wire_c, reached_mm, dead_band=None)
 
 
-def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> FittedWire:
+def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> IdentifiedWire:
     """`wire` with its model fitted to other data; see Fitter."""
-    model, balance = parse_wire(wire, place="the wire in force")
+    in_force = parse_wire(wire, place="the wire in force")
     document = json.loads(wire)
     kind: Kind = document["kind"]
     sets = len(document["sets"]["centres"]) if kind == "tsfuzzy" else 0
-    silent_c, expected_mm = _silent(model, float(wire_c.min()), float(wire_c.max()))
+    silent_c, expected_mm = _silent(in_force.model, wire_c, reached_mm)
     fit = identify_hysteresis(np.concatenate((wire_c, silent_c)), np.concatenate((reached_mm, expected_mm)), kind, sets)
     measured_percent = 100.0 * fit.residual[: wire_c.size] / fit.output_span
-    return FittedWire(wire_text(fit.model, balance), (*_drifts(measured_percent), *fit.caveats))
+    return IdentifiedWire(fit.model, in_force.heat_balance, (*_drifts(measured_percent), *fit.caveats))
 
 
 def _drifts(residual_percent: Array) -> tuple[str, ...]:
@@ -139,10 +137,28 @@ def _drifts(residual_percent: Array) -> tuple[str, ...]:
     return (f"{differ}: does a sensor drift, or the wire? Undo the fit, and look for the cause before you fit again",)
 
 
-def _silent(model: HysteresisModel, low_c: float, high_c: float) -> tuple[Array, Array]:
-    """What `model` does beyond the two temperatures: on to its hot end and back, then to its cold end and back."""
+def _silent(model: HysteresisModel, wire_c: Array, reached_mm: Array) -> tuple[Array, Array]:
+    """Temperatures beyond the record and the displacements expected there: to the hot end and back, then the cold end.
+
+    Both ways out begin at the displacement that was measured, wherever `model` has it: a sudden step between the two
+    would contradict the record, and the fit would bend the ends of the travel to halve it. The way to the cold end
+    begins on the branch from the hot end, the record on an inner one; where they have not met yet it has no samples.
+    """
     cold_c, hot_c = model.input_range
-    hot = np.linspace(high_c, max(hot_c, high_c), SILENT_SAMPLES)
-    cold = np.linspace(low_c, min(cold_c, low_c), SILENT_SAMPLES)
+    hottest, coldest = int(np.argmax(wire_c)), int(np.argmin(wire_c))
+    hot = np.linspace(wire_c[hottest], max(hot_c, wire_c[hottest]), SILENT_SAMPLES)
+    cold = np.linspace(wire_c[coldest], min(cold_c, wire_c[coldest]), SILENT_SAMPLES)
     path_c = np.concatenate((hot, hot[::-1], cold, cold[::-1]))
-    return path_c, model.simulate(np.concatenate(([cold_c], path_c)))[1:]
+    to_hot, from_hot, to_cold, from_cold = np.split(model.simulate(np.concatenate(([cold_c], path_c)))[1:], 4)
+    to_hot, to_cold = _begun_at(reached_mm[hottest], to_hot), _begun_at(reached_mm[coldest], to_cold)
+    used = np.ones(path_c.size, dtype=bool)
+    used[2 * SILENT_SAMPLES : 3 * SILENT_SAMPLES] = cold <= wire_c[coldest] - UNMET * np.ptp(wire_c)
+    return path_c[used], np.concatenate((to_hot, from_hot, to_cold, from_cold))[used]
+
+
+def _begun_at(start_mm: float, way_mm: Array) -> Array:
+    """The way to an end of the travel with another beginning: what is left of it shrinks or grows in proportion."""
+    end_mm, left_mm = way_mm[-1], way_mm - way_mm[-1]
+    if abs(left_mm[0]) <= NOTHING_LEFT * max(abs(start_mm - end_mm), NOTHING_LEFT):
+        return way_mm
+    return np.asarray(end_mm + left_mm * (start_mm - end_mm) / left_mm[0])

@@ -18,10 +18,11 @@ from smadrive.errors import SmadriveError
 from smadrive.hysteresis.model_file import parse_model
 from smadrive.tuning.page.client_registry import WATCHES, ClientRegistry
 from smadrive.tuning.page.controls import LAWS, Controls
-from smadrive.tuning.page.fit import FittedWire, Fitter
+from smadrive.tuning.page.fit import Fitter
 from smadrive.tuning.page.panel import Timing, banner_html, chips_html, events_html, scores_html
 from smadrive.tuning.page.plots import POINTS, Plots
 from smadrive.tuning.page.save import save_tuning
+from smadrive.wire.identified_wire import IdentifiedWire
 
 HERE = Path(__file__).parent
 
@@ -164,10 +165,10 @@ class Page:
         self._note = f"fitting the last {seconds:g} s …"
         fitting.add_done_callback(lambda done: self._doc.add_next_tick_callback(partial(self._fitted, seconds, done)))
 
-    def _fitted(self, seconds: float, fitting: Future[FittedWire]) -> None:
+    def _fitted(self, seconds: float, fitting: Future[IdentifiedWire]) -> None:
         try:
-            text, caveats = fitting.result()
-            self._ask("model", text=text, caveats=caveats, source=f"fit to the last {seconds:g} s")
+            wire = fitting.result()
+            self._ask("model", text=wire.text(), caveats=wire.caveats, source=f"fit to the last {seconds:g} s")
         except SmadriveError as error:
             self._unfit(str(error))
         except BrokenExecutor:

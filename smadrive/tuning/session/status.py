@@ -12,7 +12,7 @@ from smadrive.tuning.session.change_queue import ChangeQueue
 from smadrive.tuning.session.swappable_controller import SwappableController
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.wire_file import wire_text
+from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import travel_mm
 
 STATUS_S = 0.1
@@ -105,7 +105,7 @@ class Status:
         if self._told is None or self._told[0] is not tuning:
             certificate = tuning.model.certificate()
             document = {
-                "wire": wire_text(tuning.model, self._balance),
+                "wire": IdentifiedWire(tuning.model, self._balance).text(),
                 "shape": tuning.shape._asdict(),
                 "feedback": tuning.feedback.model_dump(),
                 "change": tuning.change,

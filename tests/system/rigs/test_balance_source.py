@@ -13,7 +13,7 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.safety.faults import Fault
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
-from smadrive.wire.wire_file import parse_wire, wire_text
+from smadrive.wire.identified_wire import IdentifiedWire, parse_wire
 
 WIRE = DuhemModel.gaussian(
     mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 130)
@@ -22,7 +22,7 @@ COPIES = {
     "same object": lambda balance: balance,
     "equal copy": replace,
     "from JSON": lambda balance: HeatBalance(**json.loads(json.dumps(asdict(balance)))),
-    "from a saved wire": lambda balance: parse_wire(wire_text(WIRE, balance), "status")[1],
+    "from a saved wire": lambda balance: parse_wire(IdentifiedWire(WIRE, balance).text(), "status").heat_balance,
 }
 
 

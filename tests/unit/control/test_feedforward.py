@@ -13,6 +13,7 @@ from smadrive.control.feedforward.displacement import (
 )
 from smadrive.errors import DataError
 from smadrive.hysteresis import DuhemModel
+from smadrive.hysteresis.reversal import Play
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel, travel_mm
 
@@ -27,7 +28,7 @@ FALLING = DuhemModel.gaussian(
 
 def at_rest(state, unexplained_w=0.0):
     """The estimate of a wire that has long been at one temperature."""
-    return WireEstimate(state.v, state.v, state, unexplained_w, state.v, 0)
+    return WireEstimate(state.v, state.v, state, unexplained_w, Play(state.v))
 
 
 @pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])

@@ -68,7 +68,7 @@ def test_a_chirp_swings_ever_faster():
     assert reference.displacement_mm.min() == pytest.approx(2.0, abs=1e-3)
     assert reference.displacement_mm.max() == pytest.approx(8.0, abs=1e-3)
     turns, time_s, direction = [], 0.0, 1
-    while (time_s := reference.next_turn_s(time_s, direction)) < 100.0:
+    while (time_s := reference.next_reversal_s(time_s, direction)) < 100.0:
         turns.append(time_s)
         direction = -direction
     assert len(turns) == 11  # 6 periods: the frequency is 0.06 Hz in the mean
@@ -219,19 +219,19 @@ def test_without_end_it_returns_to_where_it_begins():
 
 def test_a_reference_knows_when_it_next_turns():
     trapezoid = Reference.from_samples([0, 2, 5, 7, 9, 11], [1, 3, 3, 1, 1, 2])
-    assert trapezoid.next_turn_s(0.0, 1) == 5.0
-    assert trapezoid.next_turn_s(4.9, 1) == 5.0
-    assert trapezoid.next_turn_s(5.0, -1) == 9.0
-    assert trapezoid.next_turn_s(0.0, -1) == 9.0
-    assert trapezoid.next_turn_s(9.0, 1) == float("inf")
+    assert trapezoid.next_reversal_s(0.0, 1) == 5.0
+    assert trapezoid.next_reversal_s(4.9, 1) == 5.0
+    assert trapezoid.next_reversal_s(5.0, -1) == 9.0
+    assert trapezoid.next_reversal_s(0.0, -1) == 9.0
+    assert trapezoid.next_reversal_s(9.0, 1) == float("inf")
 
 
 def test_an_endless_reference_turns_again_and_again():
     reference = Reference.from_samples([0, 2, 5, 7], [1, 3, 3, 1]).without_end(return_s=1.0)
-    assert reference.next_turn_s(0.0, 1) == 5.0
-    assert reference.next_turn_s(5.5, -1) == pytest.approx(7.0)
-    assert reference.next_turn_s(5.5 + 700.0, -1) == pytest.approx(707.0)
-    assert reference.next_turn_s(8.0, 1) == pytest.approx(12.0)
+    assert reference.next_reversal_s(0.0, 1) == 5.0
+    assert reference.next_reversal_s(5.5, -1) == pytest.approx(7.0)
+    assert reference.next_reversal_s(5.5 + 700.0, -1) == pytest.approx(707.0)
+    assert reference.next_reversal_s(8.0, 1) == pytest.approx(12.0)
 
 
 GOOD = {"low_mm": 2.0, "high_mm": 9.0, "period_s": 8.0, "cycles": 2.0, "steps": 4.0, "dwell_s": 5.0, "rise_s": 2.0}

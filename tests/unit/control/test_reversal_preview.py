@@ -7,6 +7,7 @@ from smadrive.control.estimation.observer import WireEstimate
 from smadrive.control.feedforward.reversal_preview import ReversalPreview
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import DuhemModel
+from smadrive.hysteresis.reversal import Play
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel, WireState
 
@@ -33,7 +34,7 @@ def at(reference, time_s, model=LOOP):
     phase = (reference.value_mm(time_s) - model.offset) / model.scale
     temperatures = np.linspace(60, 120, 6001)
     state = model.initial_state(float(temperatures[np.searchsorted(model.heating.cdf(temperatures), phase)]))
-    return WireEstimate(state.v, state.v, state, 0.0, state.v, 1)
+    return WireEstimate(state.v, state.v, state, 0.0, Play(state.v, 1))
 
 
 def leaves_s(reference, model=LOOP):

@@ -1,4 +1,4 @@
-"""Model files: they come back bit for bit, and what is no certified model is refused with file, key and cure."""
+"""Model files come back bit for bit; a malformed file or an uncertified model is rejected with file, key and cure."""
 
 import json
 
@@ -7,6 +7,7 @@ import pytest
 
 from smadrive.errors import CertificateError, ModelError
 from smadrive.hysteresis import TriangularSets, TSFuzzyDuhem, load_model, save_model
+from smadrive.hysteresis.model_file import CURE, MOST_BYTES
 
 
 @pytest.fixture
@@ -31,51 +32,55 @@ def test_round_trip(model, turns, path):
     assert [entry.name for entry in path.parent.iterdir()] == ["model.json"]
 
 
-def test_a_failed_write_leaves_the_old_file(model, path):
+def test_failed_write_keeps_the_old_file(model, path):
     save_model(model, path)
     before = path.read_bytes()
-    with pytest.raises(ModelError, match="provenance"):
+    with pytest.raises(ModelError) as error:
         save_model(model, path, provenance={"rms": float("nan")})
+    assert error.value.where == f"{path}: provenance"
     assert path.read_bytes() == before
 
 
 @pytest.mark.parametrize(
-    ("changes", "message"),
+    ("changes", "key", "value"),
     [
-        ({"schema": 99}, "schema is 99"),
-        ({"kind": "preisach"}, "kind = 'preisach'"),
-        ({"scale": None}, "'scale' is missing"),
-        ({"scale": "wide"}, "scale = 'wide' is not a number"),
-        ({"scale": 0}, "scale is 0"),
-        ({"scale": 10**400}, "is not a number; put a finite number there"),
-        ({"input_range": [1, 2, 3]}, "input_range has 3 numbers"),
-        ({"input_range": [5, -5]}, "increasing"),
+        ({"schema": 99}, "schema", "99"),
+        ({"kind": "preisach"}, "kind", "'preisach'"),
+        ({"scale": None}, "scale", None),
+        ({"scale": "wide"}, "scale", "'wide'"),
+        ({"scale": 0}, "scale", 0.0),
+        ({"scale": 10**400}, "scale", ...),
+        ({"input_range": [1, 2, 3]}, "input_range", 3),
+        ({"input_range": [5, -5]}, "input_range", (5.0, -5.0)),
     ],
 )
-def test_broken_files_are_refused(model, path, changes, message):
+def test_wrong_value_is_rejected_by_its_key(model, path, changes, key, value):
     save_model(model, path)
     edited(path, **changes)
-    with pytest.raises(ModelError, match=message) as caught:
+    with pytest.raises(ModelError) as error:
         load_model(path)
-    assert str(path) in str(caught.value)
-    assert "\n" not in str(caught.value)
+    assert error.value.where == f"{path}: {key}"
+    assert value in (..., error.value.value)
+    assert "\n" not in str(error.value)
+    assert len(str(error.value)) < 400
 
 
-def test_missing_and_foreign_files_are_refused(path):
-    with pytest.raises(ModelError, match="cannot be read"):
+def test_missing_file_is_rejected(path):
+    with pytest.raises(ModelError) as error:
         load_model(path)
-    path.write_text("not json")
-    with pytest.raises(ModelError, match="not a JSON file"):
-        load_model(path)
-    path.write_text("[1, 2]")
-    with pytest.raises(ModelError, match="expected a JSON object"):
-        load_model(path)
-    path.write_text("[" * 100_000)
-    with pytest.raises(ModelError, match="nested too deeply for a model file"):
-        load_model(path)
+    assert isinstance(error.value.__cause__, FileNotFoundError)
 
 
-def test_a_byte_order_mark_is_no_part_of_it(model, path):
+@pytest.mark.parametrize("text", ["not json", "[1, 2]", "[" * 100_000])
+def test_file_of_another_kind_is_rejected(path, text):
+    path.write_text(text)
+    with pytest.raises(ModelError) as error:
+        load_model(path)
+    assert error.value.where == str(path)
+    assert error.value.cure == CURE
+
+
+def test_byte_order_mark_is_accepted(model, path):
     save_model(model, path)
     path.write_text("\ufeff" + path.read_text())
     assert load_model(path).input_range == model.input_range
@@ -92,13 +97,14 @@ def test_expanding_rules_need_permission(path):
     )
     assert not model.certificate().contracting
     save_model(model, path)
-    with pytest.raises(CertificateError, match="not certified"):
+    with pytest.raises(CertificateError) as error:
         load_model(path)
+    assert error.value.where == str(path)
     assert load_model(path, allow_uncertified=True).simulate([0.0, 1.0], 0.5)[1] == pytest.approx(0.5 * np.e)
 
 
-def test_a_model_whose_branch_comes_back_is_refused(path):
-    """Contracting and bounded, and yet cooling to the cold end takes it back to 0.6."""
+def test_model_whose_branch_reverses_is_rejected(path):
+    """The model is contracting and bounded, but cooling to the cold end takes it back to w = 0.6."""
     model = TSFuzzyDuhem(
         TriangularSets((20.0, 40.0, 60.0, 80.0)),
         a_heating=[-1e-3, -1e-3, -0.5, -0.5],
@@ -113,12 +119,14 @@ def test_a_model_whose_branch_comes_back_is_refused(path):
     assert certificate.turned_share > 0.5
     assert not certificate.holds
     save_model(model, path)
-    with pytest.raises(CertificateError, match=r"a branch comes back by \d+ % of the travel"):
+    with pytest.raises(CertificateError) as error:
         load_model(path)
+    assert len(certificate.shortcomings) == 1
+    assert certificate.shortcomings[0] in error.value.what
     assert load_model(path, allow_uncertified=True).input_range == model.input_range
 
 
-def test_more_sets_than_are_of_use_are_refused(path):
+def test_too_many_sets_are_rejected(path):
     count = 20_000
     laws = {"a_heating": -1.0, "b_heating": 1.0, "a_cooling": 1.0, "b_cooling": 0.0}
     document = {
@@ -131,12 +139,14 @@ def test_more_sets_than_are_of_use_are_refused(path):
         "input_range": [0, count],
     }
     path.write_text(json.dumps(document))
-    with pytest.raises(ModelError, match="at most 200") as caught:
+    with pytest.raises(ModelError) as error:
         load_model(path)
-    assert len(str(caught.value)) < 300
+    assert (error.value.value, error.value.limit) == (count, 200)
+    assert len(str(error.value)) < 300
 
 
-def test_file_larger_than_any_model_is_refused(model, path):
+def test_too_large_file_is_rejected(model, path):
     save_model(model, path, provenance={"source": "x" * (1 << 20)})
-    with pytest.raises(ModelError, match="bytes"):
+    with pytest.raises(ModelError) as error:
         load_model(path)
+    assert error.value.limit == MOST_BYTES

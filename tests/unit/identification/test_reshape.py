@@ -72,26 +72,28 @@ def test_falling_output_keeps_its_sign(rules):
         input_range=rules.input_range,
     )
     assert reshaped(falling, shape_of(falling)._replace(scale=-10.0)).scale == -10.0
-    with pytest.raises(ModelError, match="sign"):
+    with pytest.raises(ModelError) as error:
         reshaped(falling, shape_of(falling)._replace(scale=10.0))
+    assert (error.value.where, error.value.value, error.value.limit) == ("scale", 10.0, -12.0)
 
 
 @pytest.mark.parametrize(
-    ("move", "complaint"),
+    "move",
     [
-        ({"mu_heating": 68.0}, "must exceed mu_cooling"),
-        ({"mu_heating": 400.0}, "outside the model's range"),
-        ({"sigma_cooling": -1.0}, "must be positive"),
-        ({"scale": 0.0}, "zero"),
-        ({"scale": float("nan")}, "scale"),
-        ({"mu_cooling": float("nan")}, "mu_cooling"),
+        {"mu_heating": 68.0},
+        {"mu_heating": 400.0},
+        {"sigma_cooling": -1.0},
+        {"scale": 0.0},
+        {"scale": float("nan")},
+        {"mu_cooling": float("nan")},
     ],
 )
 @pytest.mark.parametrize("kind", ["duhem", "rules"])
-def test_shapes_that_no_wire_has_are_refused(rules, kind, move, complaint):
+def test_impossible_shape_is_rejected_by_name(rules, kind, move):
     model = rules if kind == "rules" else duhem(SHAPE)
-    with pytest.raises(ModelError, match=complaint):
+    with pytest.raises(ModelError) as error:
         reshaped(model, shape_of(model)._replace(**move))
+    assert [error.value.where] == list(move)
 
 
 def test_rules_without_a_branch_cannot_be_moved(rules):
@@ -106,5 +108,6 @@ def test_rules_without_a_branch_cannot_be_moved(rules):
         input_range=rules.input_range,
     )
     assert shape_of(never_rises).sigma_heating == 0.0
-    with pytest.raises(ModelError, match="take back what changed them"):
+    with pytest.raises(ModelError) as error:
         reshaped(never_rises, SHAPE)
+    assert error.value.where == "rules"

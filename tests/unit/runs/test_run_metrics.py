@@ -13,7 +13,7 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.runs.log.reader import Log
 from smadrive.runs.run_metrics import tracking_caveats, tracking_metrics
 from smadrive.wire.heat_balance import HeatBalance
-from smadrive.wire.wire_file import wire_text
+from smadrive.wire.identified_wire import IdentifiedWire
 
 WIRE = DuhemModel.gaussian(
     mu_heating=90, mu_cooling=70, sigma_heating=5, sigma_cooling=5, scale=10, input_range=(0, 200)
@@ -29,7 +29,7 @@ def log_of(lost):
     measured_mm[APPROACH + np.array(lost, dtype=int)] = nan
     reference = {"times_s": [0, 120], "displacement_mm": [5, 5], "scored_from_s": APPROACH, "endless": False}
     columns = {"time_s": time_s, "setpoint_mm": np.full(time_s.size, 5.0), "displacement_mm": measured_mm}
-    metadata = {"reference": json.dumps(reference), "wire": wire_text(WIRE, BALANCE)}
+    metadata = {"reference": json.dumps(reference), "wire": IdentifiedWire(WIRE, BALANCE).text()}
     return Log(Path("run.h5"), columns, metadata, events=(), start_time="", end_time="", version="")
 
 

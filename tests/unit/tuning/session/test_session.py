@@ -10,7 +10,7 @@ from firmware_sim.config import load_sim
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, DataError
 from smadrive.tuning.session.reference_catalogue import ReferenceCatalogue
-from smadrive.wire.wire_file import parse_wire
+from smadrive.wire.identified_wire import parse_wire
 from tests.unit.tuning.conftest import REFERENCE
 
 NONE_A = 0.002
@@ -345,13 +345,15 @@ def test_a_tuning_is_not_compared_with_itself_whichever_way_it_was_come_by(bench
 
 def half_way_c(wire):
     """Where the heating branch of a wire's file is half way up."""
-    model, _ = parse_wire(wire, place="status")
+    model = parse_wire(wire, place="status").model
     return float(np.interp(0.5, model.engine.heating.target, model.engine.nodes))
 
 
 @pytest.mark.exhaustive
 @pytest.mark.xfail(
-    reason="the branch ends 0.9 to 1.7 K from the truth, by where the ticks lie between the conversions", strict=False
+    reason="a reference of 2 to 9 mm never shows the hot end: the scale is not determined (10.4 to 14.7 instead of "
+    "12 mm), and the temperature at half the scale moves with it, though the branch in mm is right within 0.6 K",
+    strict=False,
 )
 def test_the_rules_follow_a_wire_that_changed_and_one_undo_takes_it_back(ruled_bench):
     ruled_bench.at(1.0, "arm")
@@ -458,7 +460,7 @@ def test_a_wire_of_unknown_temperature_is_not_armed(bench):
     bench.do(0.5, bench.device.bench.sensors.faults.open_thermocouple)
     arm = bench.at(1.0, "arm")
     bench.run(until_s=2.0)
-    assert "gives no valid reading (thermocouple_open): check the bead" in bench.answers[arm]
+    assert "gives no valid reading (thermocouple_open). Check the bead" in bench.answers[arm]
 
 
 def test_a_model_without_rules_cannot_be_adapted(bench):

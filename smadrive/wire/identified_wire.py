@@ -1,0 +1,113 @@
+"""An identified wire: hysteresis model, heat balance, caveats, and its file.
+
+The file is that of the model; heat balance, caveats and origin stand in its provenance.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from smadrive.errors import ModelError
+from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem, save_model
+from smadrive.hysteresis.model_file import Fields, model_text, parse_model, read_model
+from smadrive.wire.heat_balance import PARAMETERS, BalanceSource, HeatBalance
+from smadrive.wire.wire_model import WireModel
+
+
+@dataclass(frozen=True)
+class IdentifiedWire:
+    """One wire, as it was identified.
+
+    model          certified hysteresis model, wire temperature in °C to displacement in mm
+    heat_balance   None for a model that was identified from temperatures and displacements alone
+    caveats        reasons to distrust the model, one sentence each
+    metrics        how well the model fits its record (rms_percent, max_percent)
+    source         the record from which it was identified
+    """
+
+    model: DuhemModel | TSFuzzyDuhem
+    heat_balance: HeatBalance | None = None
+    caveats: tuple[str, ...] = ()
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    source: str = ""
+
+    def save(self, path: Path) -> None:
+        """Write the wire's file, with the time of writing. ModelError for a model that has no file format."""
+        provenance: dict[str, Any] = {
+            "source": self.source,
+            "identified": datetime.now(UTC).isoformat(timespec="seconds"),
+            **self.metrics,
+            "caveats": list(self.caveats),
+        }
+        if self.heat_balance is not None:
+            provenance["heat_balance"] = asdict(self.heat_balance)
+        save_model(self.model, path, provenance=provenance)
+
+    def text(self) -> str:
+        """Model and heat balance in the format of the file: the form in which a log keeps the wire."""
+        return model_text(self.model, _balance_provenance(self.heat_balance), place="wire")
+
+    def wire_model(self) -> WireModel:
+        """The model that steps temperature and displacement together. ModelError without a heat balance."""
+        if self.heat_balance is None:
+            raise ModelError("no heat balance", where=self.source or "wire", cure="record the wire again")
+        return WireModel(self.model, self.heat_balance)
+
+
+def load_wire(path: Path | str) -> IdentifiedWire:
+    """The wire in a file. Raises ModelError for a file that is no wire, CertificateError for an uncertified model."""
+    return parse_wire(read_model(Path(path)), str(path))
+
+
+def parse_wire(text: str, place: str) -> IdentifiedWire:
+    """The wire in the text of a file or of a log; errors call it `place`. ModelError, CertificateError."""
+    model, provenance = parse_model(text, place=place), _provenance(text, place)
+    if provenance is None:
+        return IdentifiedWire(model, source=place)
+    return IdentifiedWire(model, _heat_balance(provenance, place), _caveats(provenance), source=place)
+
+
+def _balance_provenance(balance: HeatBalance | None) -> dict[str, Any]:
+    return {} if balance is None else {"heat_balance": asdict(balance)}
+
+
+def _provenance(text: str, place: str) -> Fields | None:
+    document = json.loads(text)
+    return Fields(place, document).inner("provenance") if "provenance" in document else None
+
+
+def _caveats(provenance: Fields) -> tuple[str, ...]:
+    return provenance.texts("caveats") if "caveats" in provenance.document else ()
+
+
+def _heat_balance(provenance: Fields, place: str) -> HeatBalance | None:
+    """The heat balance in the provenance, None when it has none."""
+    if provenance.document.get("heat_balance") is None:
+        return None
+    parameters = provenance.inner("heat_balance")
+    unknown = sorted(parameters.document.keys() - {*PARAMETERS, "source"})
+    if unknown:
+        raise ModelError("unknown key", where=f"{parameters.place}: {unknown[0]}", cure="identify the wire again")
+    try:
+        return HeatBalance(**{name: parameters.number(name) for name in PARAMETERS}, source=_source(parameters))
+    except ModelError as error:
+        if not error.where.startswith(place):
+            error.where = f"{place}: {error.where}"
+        raise
+
+
+def _source(parameters: Fields) -> BalanceSource:
+    """The origin of the heat balance; one without a source was identified."""
+    source = parameters.document.get("source", BalanceSource.IDENTIFIED.value)
+    try:
+        return BalanceSource(source)
+    except ValueError:
+        allowed = " or ".join(f"'{one}'" for one in BalanceSource)
+        raise ModelError(
+            "unknown source", where=f"{parameters.place}: source", value=f"{source!r}", limit=allowed
+        ) from None

@@ -1,0 +1,139 @@
+"""A wire's file: model, heat balance and caveats come back, or the file is rejected."""
+
+import json
+from dataclasses import replace
+
+import pytest
+
+from smadrive.errors import ModelError
+from smadrive.hysteresis import DuhemModel
+from smadrive.wire.heat_balance import BalanceSource, HeatBalance
+from smadrive.wire.identified_wire import IdentifiedWire, load_wire, parse_wire
+
+MODEL = DuhemModel.gaussian(
+    mu_heating=90, mu_cooling=70, sigma_heating=5, sigma_cooling=5, scale=10, input_range=(0, 200)
+)
+BALANCE = HeatBalance(0.02, 0.01, 0.1, 22.0, 10.0, 0.1, 0.1)
+WIRE = IdentifiedWire(MODEL, BALANCE, metrics={"rms_percent": 0.3}, source="a test")
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "wire.json"
+    WIRE.save(path)
+    return path
+
+
+def change(path, **values):
+    """Write other values into the document of the file."""
+    path.write_text(json.dumps(json.loads(path.read_text()) | values))
+
+
+def change_balance(path, **values):
+    document = json.loads(path.read_text())
+    document["provenance"]["heat_balance"] |= values
+    path.write_text(json.dumps(document))
+
+
+def test_heat_balance_comes_back(path):
+    assert load_wire(path).heat_balance == BALANCE
+
+
+def test_byte_order_mark_is_accepted(path):
+    path.write_text("\ufeff" + path.read_text())
+    assert load_wire(path).heat_balance == BALANCE
+
+
+def test_file_keeps_origin_and_metrics(path):
+    provenance = json.loads(path.read_text())["provenance"]
+    assert (provenance["source"], provenance["rms_percent"]) == ("a test", 0.3)
+
+
+@pytest.mark.parametrize("source", BalanceSource)
+def test_source_of_the_heat_balance_comes_back(path, source):
+    balance = replace(BALANCE, source=source)
+    wire = replace(WIRE, heat_balance=balance)
+    wire.save(path)
+    assert load_wire(path).heat_balance == balance
+    assert parse_wire(wire.text(), "a log").heat_balance == balance
+
+
+def test_heat_balance_without_a_source_counts_as_identified(path):
+    document = json.loads(path.read_text())
+    del document["provenance"]["heat_balance"]["source"]
+    path.write_text(json.dumps(document))
+    assert load_wire(path).heat_balance.source is BalanceSource.IDENTIFIED
+
+
+@pytest.mark.parametrize("source", ["guessed", 1, None])
+def test_unknown_source_is_rejected(path, source):
+    change_balance(path, source=source)
+    with pytest.raises(ModelError) as error:
+        load_wire(path)
+    assert error.value.where.startswith(str(path))
+    assert error.value.value == repr(source)
+
+
+def test_wire_without_heat_balance_is_loaded_but_has_no_wire_model(path):
+    IdentifiedWire(MODEL).save(path)
+    wire = load_wire(path)
+    assert wire.heat_balance is None
+    with pytest.raises(ModelError) as error:
+        wire.wire_model()
+    assert error.value.where == str(path)
+
+
+def test_wire_model_steps_the_loaded_wire(path):
+    wire = load_wire(path)
+    assert wire.wire_model().balance == BALANCE
+    assert wire.wire_model().model is wire.model
+
+
+def test_caveats_come_back(path):
+    assert load_wire(path).caveats == ()
+    IdentifiedWire(MODEL, caveats=("it misses its record", "it guesses")).save(path)
+    assert load_wire(path).caveats == ("it misses its record", "it guesses")
+
+
+def test_model_file_without_provenance_gives_a_model_alone(path):
+    document = json.loads(path.read_text())
+    del document["provenance"]
+    path.write_text(json.dumps(document))
+    wire = load_wire(path)
+    assert (wire.heat_balance, wire.caveats) == (None, ())
+
+
+@pytest.mark.parametrize("caveats", ["it guesses", [1.0], None])
+def test_caveats_of_another_shape_are_rejected(path, caveats):
+    provenance = json.loads(path.read_text())["provenance"]
+    change(path, provenance=provenance | {"caveats": caveats})
+    with pytest.raises(ModelError) as error:
+        load_wire(path)
+    assert error.value.where == f"{path}: provenance: caveats"
+
+
+@pytest.mark.parametrize(
+    ("values", "key"),
+    [
+        ({"ambient_c": "22"}, "provenance: heat_balance: ambient_c"),
+        ({"ambient_c": float("nan")}, "provenance: heat_balance: ambient_c"),
+        ({"ambient_c": None}, "provenance: heat_balance: ambient_c"),
+        ({"loss_w_per_k": True}, "provenance: heat_balance: loss_w_per_k"),
+        ({"loss_w_per_k": -1.0}, "heat balance: loss_w_per_k"),
+        ({"colour": 1.0}, "provenance: heat_balance: colour"),
+    ],
+)
+def test_wrong_parameter_is_rejected_by_its_key(path, values, key):
+    change_balance(path, **values)
+    for read in (load_wire, lambda path: parse_wire(path.read_text(), str(path))):
+        with pytest.raises(ModelError) as error:
+            read(path)
+        assert error.value.where == f"{path}: {key}"
+
+
+@pytest.mark.parametrize("provenance", [None, [], "a test", {"heat_balance": 3}])
+def test_provenance_of_another_shape_is_rejected(path, provenance):
+    change(path, provenance=provenance)
+    with pytest.raises(ModelError) as error:
+        load_wire(path)
+    assert error.value.where.startswith(f"{path}: provenance")
