@@ -22,7 +22,6 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.tuning.link.channel import ControlEnd
-from smadrive.tuning.link.mailbox import ParcelPair
 from smadrive.tuning.link.real_time import use_real_time_scheduling
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
@@ -55,8 +54,7 @@ def main(
     tuning = Tuning.of(known.model, config.feedback, "as loaded", known.caveats)
     references = _references(reference or [], known.model)
     with (
-        ParcelPair() as parcels,
-        BuilderProcess(parcels) as workshop,
+        BuilderProcess() as builder,
         ControlEnd() as channel,
         Rig(config) as bench,
     ):
@@ -65,7 +63,7 @@ def main(
         bench.check_balance(balance)
         page = TuningPage(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
         view = TuneView(config.name, page, channel)
-        session = TuningSession(bench, tuning, balance, references, channel, workshop, view.tick)
+        session = TuningSession(bench, tuning, balance, references, channel, builder, view.tick)
         with page:
             output.say(f"{config.name}: {page.url}")
             output.result({"url": page.url, "pid": page.server.pid})

@@ -1,4 +1,4 @@
-"""The tuning page in a real browser: it shows, it acts, and OFF works whatever else does not."""
+"""The tuning page in a real browser: plots, widgets, requests, and OFF while other processes are stopped or killed."""
 
 import http.client
 import http.server
@@ -14,6 +14,7 @@ import pytest
 
 from smadrive.hysteresis import load_model
 from smadrive.rig.config import load_rig
+from smadrive.tuning.session.modes import Mode
 
 from .conftest import PATIENCE_S, Session
 
@@ -23,7 +24,7 @@ pytestmark = pytest.mark.timeout(400)
 
 
 def press(page, name):
-    """Click a button once it can be; a busy machine draws too seldom to wait for it to stand still."""
+    """Click a button as soon as it is enabled, without waiting until its position is stable."""
     page.locator("button:enabled", has_text=re.compile(f"^{name}$")).dispatch_event("click")
 
 
@@ -54,9 +55,9 @@ def opened_editor(page, cell):
 
 def heat(page, live):
     press(page, "Arm")
-    live.wait(lambda: live.session.is_heating)
+    live.wait(lambda: live.session.mode.heats)
     press(page, "Start")
-    live.wait(lambda: live.session.is_tracking and live.current_a > 0.1)  # a warm wire is heated to be held, too
+    live.wait(lambda: live.session.mode is Mode.TRACKING and live.current_a > 0.1)
 
 
 def drawn(page, *columns):
@@ -77,7 +78,7 @@ def errors(page):
     return {time_s: percent for time_s, percent in pairs if math.isfinite(percent)}
 
 
-def test_everything_the_page_needs_comes_from_this_machine_and_the_plots_move(client, live):
+def test_page_loads_nothing_from_elsewhere_and_its_plots_move(client, live):
     page = client()
     assert page.requests
     assert not [url for url in page.requests if not url.startswith(live.page.url.split("?")[0])]
@@ -86,7 +87,7 @@ def test_everything_the_page_needs_comes_from_this_machine_and_the_plots_move(cl
 
 
 @pytest.mark.parametrize("width", [390, 700, 1000, 1280, 1600])
-def test_nothing_is_cut_off_however_wide_the_window(client, width):
+def test_nothing_is_cut_off_at_any_window_width(client, width):
     page = client()
     page.set_viewport_size({"width": width, "height": 800})
     beyond = """() => [...document.querySelectorAll("header > *, .card")].filter(
@@ -119,14 +120,14 @@ OVER_OFF = """() => {
 
 
 @pytest.mark.parametrize("width", [390, 700, 720, 1000, 1280, 1600])
-def test_nothing_lies_over_anything_else_however_wide_the_window(client, width):
+def test_nothing_overlaps_at_any_window_width(client, width):
     page = client()
     page.set_viewport_size({"width": width, "height": 800})
     assert page.evaluate(OVERLAPS) == []
     assert page.evaluate(OVER_OFF) == 0
 
 
-def test_what_is_turned_and_what_is_pressed_have_one_colour_on_a_page_that_watched_before(client, live):
+def test_page_that_watched_before_shows_active_widgets_in_the_accent_colour(client, live):
     first, page = client(), client(says="watches")
     first.close()
     arm = page.get_by_role("button", name="Arm", exact=True)
@@ -140,10 +141,10 @@ def test_arm_start_hold_and_disarm(client, live):
     page = client()
     heat(page, live)
     press(page, "Hold")
-    live.wait(lambda: not live.session.is_tracking)
-    assert live.session.is_heating
+    live.wait(lambda: live.session.mode is not Mode.TRACKING)
+    assert live.session.mode.heats
     press(page, "Disarm")
-    live.wait(lambda: live.current_a < NONE_A and not live.session.is_heating)
+    live.wait(lambda: live.current_a < NONE_A and not live.session.mode.heats)
 
 
 @pytest.mark.parametrize("way", ["button", "key", "curl"])
@@ -156,7 +157,7 @@ def test_off_switches_the_heater_off(client, live, way):
         page.keyboard.press("Escape")
     else:
         assert post_off(live) == 200
-    live.wait(lambda: live.current_a < NONE_A and not live.session.is_heating)
+    live.wait(lambda: live.current_a < NONE_A and not live.session.mode.heats)
 
 
 def post_off(live, **headers):
@@ -173,53 +174,53 @@ HOLD_BACK = """() => {
     WebSocket.prototype.send = function (...parts) { held.push(() => send.apply(this, parts)); };
     window.letGo = () => { WebSocket.prototype.send = send; held.forEach(sent => sent()); };
 }"""
-"""What the page sends from now on arrives when it is let go."""
+"""Holds back the messages of the page until `letGo()`."""
 
 
 def offs(page):
     """How many OFFs the page knows of."""
-    return page.evaluate("() => Bokeh.documents[0].get_model_by_name('presses').offs")
+    return page.evaluate("() => Bokeh.documents[0].get_model_by_name('button_events').offs")
 
 
 def is_refused_and_the_next_one_arms(page, live):
-    page.locator(".banner", has_text="OFF was pressed after this: press again").wait_for()
-    assert not live.session.is_heating
+    page.locator(".banner", has_text="OFF was pressed after this. Press again").wait_for()
+    assert not live.session.mode.heats
     press(page, "Arm")
-    live.wait(lambda: live.session.is_heating)
+    live.wait(lambda: live.session.mode.heats)
 
 
-def test_an_arm_that_arrives_after_an_off_elsewhere_is_refused_and_the_next_one_arms(client, live):
+def test_off_elsewhere_wins_over_an_earlier_arm_and_the_next_arm_is_accepted(client, live):
     page = client()
     page.evaluate(HOLD_BACK)
     press(page, "Arm")
-    known = offs(page)
+    before = offs(page)
     assert post_off(live) == 200
-    live.wait(lambda: offs(page) == known + 1)
+    live.wait(lambda: offs(page) == before + 1)
     page.evaluate("() => letGo()")
     is_refused_and_the_next_one_arms(page, live)
 
 
-def test_a_page_that_has_miscounted_the_offs_is_told_by_its_first_refusal(client, live):
+def test_page_with_a_wrong_count_of_offs_gets_the_right_one_after_a_refusal(client, live):
     page = client()
-    page.evaluate("() => Bokeh.documents[0].get_model_by_name('presses').setv({offs: 7}, {sync: false})")
+    page.evaluate("() => Bokeh.documents[0].get_model_by_name('button_events').setv({offs: 7}, {sync: false})")
     press(page, "Arm")
     is_refused_and_the_next_one_arms(page, live)
 
 
-def test_an_arm_right_after_off_on_the_same_page_arms(client, live):
+def test_arm_right_after_off_on_the_same_page_is_accepted(client, live):
     page = client()
     arm = page.locator("button:enabled", has_text=re.compile("^Arm$")).element_handle()
     page.evaluate("arm => { document.getElementById('off').click(); arm.click(); }", arm)
-    live.wait(lambda: live.session.is_heating)
+    live.wait(lambda: live.session.mode.heats)
     assert page.locator(".banner", has_text="OFF was pressed").count() == 0
 
 
-def test_off_works_for_a_watcher_and_without_the_socket(client, live):
+def test_off_works_on_a_watching_page_without_its_socket(client, live):
     heat(client(), live)
     watcher = client(token=False)
     watcher.evaluate("() => { WebSocket.prototype.send = () => {} }")
     watcher.locator("#off").dispatch_event("click")
-    live.wait(lambda: live.current_a < NONE_A and not live.session.is_heating)
+    live.wait(lambda: live.current_a < NONE_A and not live.session.mode.heats)
 
 
 FOREIGN = [
@@ -230,13 +231,13 @@ FOREIGN = [
 
 
 @pytest.mark.parametrize("headers", FOREIGN)
-def test_pages_of_other_sites_may_not_even_switch_off(client, live, headers):
+def test_off_from_another_site_is_refused(client, live, headers):
     heat(client(), live)
     assert post_off(live, **headers) == 403
-    assert live.session.is_heating
+    assert live.session.mode.heats
 
 
-def test_a_knob_changes_the_model_in_the_loop_and_undo_restores_it(client, live):
+def test_knob_changes_the_model_in_the_loop_and_undo_restores_it(client, live):
     page = client()
     turn(page, "μ heating", 90.5)
     live.wait(lambda: live.in_force.shape.mu_heating == 90.5)
@@ -251,7 +252,7 @@ def test_a_knob_changes_the_model_in_the_loop_and_undo_restores_it(client, live)
     live.wait(lambda: live.in_force.shape.mu_heating == 91.0)
 
 
-def test_a_slider_is_dragged_by_its_keys(client, live):
+def test_slider_can_be_moved_by_its_keys(client, live):
     page = client()
     before = live.in_force.feedback.feedforward_share
     handle = page.locator(".bk-Row", has=page.get_by_text("feedforward share")).locator(".noUi-handle")
@@ -261,7 +262,7 @@ def test_a_slider_is_dragged_by_its_keys(client, live):
     live.wait(lambda: live.in_force.feedback.feedforward_share < before - 0.02)
 
 
-def test_a_bad_value_is_refused_with_its_reason_and_the_value_in_force_comes_back(client, live):
+def test_refused_value_shows_its_reason_and_the_value_in_force_again(client, live):
     page = client()
     before = live.in_force
     turn(page, "μ heating", 60.0)
@@ -270,7 +271,7 @@ def test_a_bad_value_is_refused_with_its_reason_and_the_value_in_force_comes_bac
     live.wait(lambda: abs(float(field(page, "μ heating").input_value()) - live.in_force.shape.mu_heating) < 0.001)
 
 
-def test_a_rule_is_edited_in_the_table(client, live):
+def test_rule_edited_in_the_table_is_put_in_force(client, live):
     page = client()
     editor = opened_editor(page, page.locator(".slick-row").nth(2).locator(".slick-cell").nth(1))
     editor.fill("-0.05")
@@ -284,7 +285,7 @@ def cells(page, column):
     return [float(text) for text in page.locator(f".slick-cell.l{column}").all_inner_texts()[:4]]
 
 
-def test_the_table_shows_the_rules_in_force(client, live):
+def test_table_shows_the_rules_in_force(client, live):
     page = client()
     turn(page, "μ heating", 99.0)
     live.wait(lambda: live.in_force.shape.mu_heating == 99.0)
@@ -293,7 +294,7 @@ def test_the_table_shows_the_rules_in_force(client, live):
     live.wait(lambda: cells(page, 3) == pytest.approx(list(a), abs=0.000051))
 
 
-def test_a_rule_that_is_refused_comes_back_in_the_table(client, live):
+def test_table_shows_the_rule_in_force_after_a_refusal(client, live):
     page = client()
     before = live.in_force
     editor = opened_editor(page, page.locator(".slick-row").nth(2).locator(".slick-cell").nth(1))
@@ -304,7 +305,7 @@ def test_a_rule_that_is_refused_comes_back_in_the_table(client, live):
     live.wait(lambda: cells(page, 1)[2] == pytest.approx(before.model.heating_law[0][2], abs=0.000051))
 
 
-def test_saving_writes_files_that_load_and_none_is_written_over(client, live):
+def test_saved_files_load_and_no_file_is_overwritten(client, live):
     page = client()
     turn(page, "closed loop", 0.4)
     live.wait(lambda: live.in_force.feedback.closed_loop_s == 0.4)
@@ -319,10 +320,10 @@ def test_saving_writes_files_that_load_and_none_is_written_over(client, live):
     page.get_by_text("choose another name").wait_for()
     name(page, "../elsewhere")
     press(page, "Save")
-    page.get_by_text("is no name for a file").wait_for()
+    page.get_by_text("invalid file name").wait_for()
 
 
-def test_a_page_opened_later_draws_the_same_errors(client, live):
+def test_page_opened_later_draws_the_same_errors(client, live):
     page = client()
     heat(page, live)
     live.wait(lambda: len(errors(page)) > 20)
@@ -332,7 +333,7 @@ def test_a_page_opened_later_draws_the_same_errors(client, live):
     assert {time_s: late[time_s] for time_s in both} == pytest.approx({time_s: early[time_s] for time_s in both})
 
 
-def test_a_second_client_watches_until_the_first_leaves(client, live):
+def test_second_client_watches_until_the_first_leaves(client, live):
     before = live.in_force
     first, second, outsider = client(), client(says="watches"), client(token=False)
     for watcher in (second, outsider):
@@ -349,7 +350,7 @@ def test_a_second_client_watches_until_the_first_leaves(client, live):
     assert outsider.get_by_role("button", name="Arm", exact=True).is_disabled()
 
 
-def test_the_terminal_is_told_of_the_pages_that_are_open(client, live):
+def test_control_process_knows_how_many_pages_are_open(client, live):
     live.wait(lambda: live.channel.pages == (0, False))
     page = client()
     client(token=False)
@@ -358,7 +359,7 @@ def test_the_terminal_is_told_of_the_pages_that_are_open(client, live):
     live.wait(lambda: live.channel.pages == (1, False))
 
 
-def test_a_killed_page_comes_back_and_the_loop_has_not_noticed(client, live):
+def test_killed_page_process_is_restarted_while_the_loop_continues(client, live):
     page = client()
     heat(page, live)
     killed_s, restarts = time.monotonic(), live.page.server.restarts
@@ -367,13 +368,13 @@ def test_a_killed_page_comes_back_and_the_loop_has_not_noticed(client, live):
     live.wait(lambda: live.page.server.restarts > restarts)
     page.wait_for_function("() => !window.isOld")
     page.get_by_text("tracking").first.wait_for()
-    assert live.session.is_tracking
+    assert live.session.mode is Mode.TRACKING
     assert len([stamp for stamp, _ in live.ticks if stamp > killed_s]) > 10
     page.locator("#off").dispatch_event("click")
-    live.wait(lambda: not live.session.is_heating)
+    live.wait(lambda: not live.session.mode.heats)
 
 
-def test_a_page_that_is_asked_for_while_its_process_starts_is_there_as_soon_as_that_answers(browser, live):
+def test_page_requested_during_a_restart_loads_when_the_process_answers(browser, live):
     context = browser.new_context()
     for _ in range(2):
         restarts = live.page.server.restarts
@@ -386,7 +387,7 @@ def test_a_page_that_is_asked_for_while_its_process_starts_is_there_as_soon_as_t
     context.close()
 
 
-def test_a_frozen_page_holds_up_neither_the_loop_nor_off(client, live):
+def test_frozen_page_process_delays_neither_the_loop_nor_off(client, live):
     page = client()
     heat(page, live)
     os.kill(live.page.server.pid, signal.SIGSTOP)
@@ -394,15 +395,15 @@ def test_a_frozen_page_holds_up_neither_the_loop_nor_off(client, live):
         page.get_by_text("The page has lost its server").wait_for()
         ticks = len(live.ticks)
         live.wait(lambda: len(live.ticks) > ticks + 40)
-        assert live.session.is_tracking
+        assert live.session.mode is Mode.TRACKING
         page.locator("#off").dispatch_event("click")
-        live.wait(lambda: live.current_a < NONE_A and not live.session.is_heating)
+        live.wait(lambda: live.current_a < NONE_A and not live.session.mode.heats)
     finally:
         os.kill(live.page.server.pid, signal.SIGCONT)
     page.get_by_text("The page has lost its server").wait_for(state="hidden")
 
 
-def test_a_killed_front_process_comes_back_and_the_page_says_so_meanwhile(client, live):
+def test_killed_front_process_is_restarted_and_the_page_shows_the_loss(client, live):
     page = client()
     page.evaluate("() => { window.isOld = true }")
     os.kill(live.page.front.pid, signal.SIGKILL)
@@ -411,7 +412,7 @@ def test_a_killed_front_process_comes_back_and_the_page_says_so_meanwhile(client
     page.get_by_text("controls", exact=True).wait_for()
     heat(page, live)
     page.locator("#off").dispatch_event("click")
-    live.wait(lambda: not live.session.is_heating)
+    live.wait(lambda: not live.session.mode.heats)
 
 
 class Elsewhere(http.server.BaseHTTPRequestHandler):
@@ -423,7 +424,7 @@ class Elsewhere(http.server.BaseHTTPRequestHandler):
         self.wfile.write(b"<p>elsewhere</p>")
 
     def log_message(self, *args):
-        """Nothing is told."""
+        """Log nothing."""
 
 
 @pytest.fixture
@@ -437,7 +438,7 @@ def elsewhere():
         serving.join()
 
 
-def test_a_page_of_another_server_can_neither_switch_off_nor_have_pages_built(browser, live, elsewhere):
+def test_page_of_another_server_can_neither_switch_off_nor_load_pages(browser, live, elsewhere):
     live.wait(lambda: live.channel.pages == (0, False))
     offs, url = live.channel.offs, live.page.url.split("?")[0]
     with browser.new_context() as context:
@@ -452,7 +453,7 @@ def test_a_page_of_another_server_can_neither_switch_off_nor_have_pages_built(br
     assert live.channel.pages == (0, False)
 
 
-def test_a_page_says_that_the_run_has_ended_and_the_heater_is_confirmed_off(browser, tmp_path):
+def test_page_shows_that_the_run_has_ended_and_the_heater_is_confirmed_off(browser, tmp_path):
     with browser.new_context() as context:
         page = context.new_page()
         with Session(tmp_path) as live:
@@ -465,7 +466,7 @@ def test_a_page_says_that_the_run_has_ended_and_the_heater_is_confirmed_off(brow
         assert page.get_by_text("The run has ended. The heater is off, confirmed.").is_visible()
 
 
-def test_what_cannot_be_fitted_is_told(client, live):
+def test_failed_fit_is_shown(client, live):
     page = client()
     idle_s = live.ticks[-1][1].measurement.time_s
     live.wait(lambda: live.ticks[-1][1].measurement.time_s > idle_s + 10.0)

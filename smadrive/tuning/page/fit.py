@@ -1,9 +1,9 @@
-"""A model from what the loop has just recorded: "fit to the last N seconds".
+"""A model fitted to the last N seconds of the loop.
 
-It runs in a process of its own below the loop's priority, and only proposes: what it finds goes through the same checks
-as any other change. A running reference drives the wire through a part of its travel only, and a model of that part
-alone could not tell where a cold wire is. So the record is completed by the model in force where it is silent: beyond
-the temperatures that were driven, with far fewer samples than were measured.
+The fit runs in a process of its own with a low priority. Its model goes through the same checks as any other change. A
+running reference drives the wire through a part of its travel only, and a model of that part alone would not determine
+the displacement of a cold wire. So beyond the temperatures that were driven the record is completed by samples of the
+model in force, far fewer than were measured.
 """
 
 from __future__ import annotations
@@ -21,28 +21,28 @@ from smadrive.errors import IdentificationError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.record import prepare
 from smadrive.identification.wire import Kind, identify_hysteresis
-from smadrive.tuning.link.channel import COLUMNS, Rows
+from smadrive.tuning.link.samples import COLUMNS, Rows
 from smadrive.wire.wire_file import parse_wire, wire_text
 from smadrive.wire.wire_model import travel_mm
 
 NICENESS = 10
-MOST_SAMPLES = 12000
-"""More are thinned."""
+MAX_SAMPLES = 12000
+"""A longer record is thinned."""
 
-SILENT_SAMPLES = 50
-"""Taken from the model in force for each branch and each end of the travel."""
+COMPLETING_SAMPLES = 50
+"""Samples of the model in force, for each branch and each end of the travel."""
 
-LEAST_MOVED = 0.1
-"""Share of the travel; less is rather noise than a loop."""
+MIN_MOVED = 0.1
+"""Share of the travel; a shorter path is noise rather than a loop."""
 
 DRIFTED = 0.5
-"""% of the output span; by 0.2 at most the fit's error differs between the two halves of a sound record."""
+"""% of the output span. Between the two halves of a sound record the fit's error differs by 0.2 at most."""
 
 Array = NDArray[np.float64]
 
 
 class FittedWire(NamedTuple):
-    """The text of a wire's file, and what its model must not be trusted in."""
+    """The text of a wire file, and the reasons to distrust its model."""
 
     text: str
     caveats: tuple[str, ...]
@@ -66,7 +66,7 @@ class Fitter:
         loop = heated_loop(rows, seconds, wire)
         try:
             return self._pool.submit(fit_wire, *loop, wire)
-        except BrokenExecutor:  # its process died with an earlier fit, and was told there
+        except BrokenExecutor:  # its process died with an earlier fit, which has reported it
             self._pool = _new_pool()
             return self._pool.submit(fit_wire, *loop, wire)
 
@@ -78,16 +78,16 @@ def _new_pool() -> ProcessPoolExecutor:
 def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
     """Wire temperature and displacement of the last `seconds`, heated and measured, without a warm-up before them.
 
-    IdentificationError when they are no full loop.
+    IdentificationError when they do not contain a full loop.
     """
     wire_c, reached_mm = (rows[:, COLUMNS.index(name)] for name in ("estimated_c", "displacement_mm"))
     times_s = rows[:, COLUMNS.index("time_s")]
     if not times_s.size:
-        raise IdentificationError("nothing was recorded yet: arm and start a reference, then fit")
+        raise IdentificationError("nothing was recorded yet", cure="arm and start a reference, then fit")
     used = (times_s > times_s[-1] - seconds) & np.isfinite(wire_c) & np.isfinite(reached_mm)
     if not used.any():
         raise IdentificationError(
-            f"no displacement was measured on a heated wire within the last {seconds:g} s: nothing to fit"
+            "no displacement was measured on a heated wire: nothing to fit", where=f"the last {seconds:g} s"
         )
     driven = _warmed_up(wire_c[used])
     wire_c, reached_mm = wire_c[used][driven:], reached_mm[used][driven:]
@@ -95,54 +95,57 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
         _check_loop(wire_c, reached_mm, parse_wire(wire, place="the wire in force")[0])
     except IdentificationError as error:
         raise IdentificationError(
-            f"the last {seconds:g} s cannot be fitted: {error}; let a reference go up and down once more, then fit "
-            "again, to as many seconds as that takes at least"
+            f"they cannot be fitted: {error}",
+            where=f"the last {seconds:g} s",
+            cure="let a reference go up and down once more, then fit again, to as many seconds as that takes at least",
         ) from None
-    step = max(1, wire_c.size // MOST_SAMPLES)
+    step = max(1, wire_c.size // MAX_SAMPLES)
     return wire_c[::step], reached_mm[::step]
 
 
 def _warmed_up(wire_c: Array) -> int:
-    """The first sample as warm as the wire was where it had cooled most: what is before was left for good."""
+    """The first sample as warm as the wire was after its largest cooling: the samples before it are the warm-up."""
     coolest_c = wire_c[np.argmax(np.maximum.accumulate(wire_c) - wire_c)]
     return int(np.argmax(wire_c >= coolest_c))
 
 
 def _check_loop(wire_c: Array, reached_mm: Array, model: HysteresisModel) -> None:
-    """What was measured must be a loop by itself: what completes it would hide that it is none."""
+    """IdentificationError unless the measured samples contain a loop: the completing samples would always."""
     cold_mm, hot_mm = travel_mm(model)
     moved_mm = float(np.ptp(reached_mm))
-    if moved_mm < LEAST_MOVED * abs(hot_mm - cold_mm):
-        raise IdentificationError(f"the wire moved by {moved_mm:.2g} mm only")
+    if moved_mm < MIN_MOVED * abs(hot_mm - cold_mm):
+        raise IdentificationError("the wire moved too little", value=f"{moved_mm:.2g} mm")
     prepare(wire_c, reached_mm, dead_band=None)
 
 
 def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> FittedWire:
-    """`wire` with its model fitted to other data; see Fitter."""
+    """`wire` with its model fitted to these samples; see Fitter."""
     model, balance = parse_wire(wire, place="the wire in force")
     document = json.loads(wire)
     kind: Kind = document["kind"]
     sets = len(document["sets"]["centres"]) if kind == "tsfuzzy" else 0
-    silent_c, expected_mm = _silent(model, float(wire_c.min()), float(wire_c.max()))
-    fit = identify_hysteresis(np.concatenate((wire_c, silent_c)), np.concatenate((reached_mm, expected_mm)), kind, sets)
+    completing_c, expected_mm = _completing(model, float(wire_c.min()), float(wire_c.max()))
+    fit = identify_hysteresis(
+        np.concatenate((wire_c, completing_c)), np.concatenate((reached_mm, expected_mm)), kind, sets
+    )
     measured_percent = 100.0 * fit.residual[: wire_c.size] / fit.output_span
     return FittedWire(wire_text(fit.model, balance), (*_drifts(measured_percent), *fit.caveats))
 
 
 def _drifts(residual_percent: Array) -> tuple[str, ...]:
-    """Whether what was measured is no record of one wire: its model then lies between what was and what is."""
+    """A caveat when the halves of the record differ: wire or sensor has changed, and the model is a mean of both."""
     earlier, later = np.array_split(residual_percent, 2)
     percent = abs(float(np.mean(later)) - float(np.mean(earlier)))
     if percent <= DRIFTED:
         return ()
     differ = f"the two halves of its record differ by {percent:.1f} % of the output span, those of a sound one by 0.2 %"
-    return (f"{differ}: does a sensor drift, or the wire? Undo the fit, and look for the cause before you fit again",)
+    return (f"{differ}: a sensor or the wire may drift. Undo the fit, and find the cause before you fit again",)
 
 
-def _silent(model: HysteresisModel, low_c: float, high_c: float) -> tuple[Array, Array]:
-    """What `model` does beyond the two temperatures: on to its hot end and back, then to its cold end and back."""
+def _completing(model: HysteresisModel, low_c: float, high_c: float) -> tuple[Array, Array]:
+    """Samples of `model` beyond the two temperatures: to its hot end and back, then to its cold end and back."""
     cold_c, hot_c = model.input_range
-    hot = np.linspace(high_c, max(hot_c, high_c), SILENT_SAMPLES)
-    cold = np.linspace(low_c, min(cold_c, low_c), SILENT_SAMPLES)
+    hot = np.linspace(high_c, max(hot_c, high_c), COMPLETING_SAMPLES)
+    cold = np.linspace(low_c, min(cold_c, low_c), COMPLETING_SAMPLES)
     path_c = np.concatenate((hot, hot[::-1], cold, cold[::-1]))
     return path_c, model.simulate(np.concatenate(([cold_c], path_c)))[1:]

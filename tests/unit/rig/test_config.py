@@ -75,15 +75,16 @@ def test_a_tuning_is_saved_whole_or_not_at_all(folder, text):
     rig.unlink()
     if text is not None:
         rig.write_bytes(text)
-    with pytest.raises(ConfigError, match=r"rig\.toml.*put it back, then save again"):
+    with pytest.raises(ConfigError) as refused:
         save_tuning(folder, "tuned", rig, TUNED)
+    assert refused.value.where == str(rig)
     assert not (folder / "tuned.json").exists()
     rig.write_bytes(before)
     assert all(path.exists() for path in save_tuning(folder, "tuned", rig, TUNED))
 
 
 def test_a_tuning_without_a_name_is_not_saved(folder):
-    with pytest.raises(ConfigError, match="give a name"):
+    with pytest.raises(ConfigError, match="name"):
         save_tuning(folder, "", folder / "rig.toml", TUNED)
 
 
