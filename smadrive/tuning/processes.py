@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import socket
-from contextlib import ExitStack, suppress
+from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
-from typing import Self
-
-import zmq
+from typing import TYPE_CHECKING, Self
 
 from smadrive.errors import ConfigError
 from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResult
@@ -17,6 +15,9 @@ from smadrive.tuning.builder.packing import pack_request, unpack_result
 from smadrive.tuning.link.address import ADDRESS
 from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.link.supervised_process import SupervisedProcess
+
+if TYPE_CHECKING:
+    from smadrive.tuning.link.message_socket import MessageSocket
 
 BACKLOG = 512
 """Connections that wait while the front process is restarted."""
@@ -143,13 +144,11 @@ class BuilderProcess(SupervisedProcess):
         self._deaths_before = 0
 
     def __enter__(self) -> Self:
-        """Start it. It listens in a folder of this user alone: what arrives from there is unpickled."""
+        """Start it. It listens in a folder of this user alone: messages from there are unpickled."""
         with ExitStack() as stack:
             folder = stack.enter_context(TemporaryDirectory(prefix="smadrive-"))
             self._parameters["address"] = f"ipc://{folder}/builder"
-            self._socket = stack.enter_context(stack.enter_context(zmq.Context()).socket(zmq.DEALER))
-            self._socket.linger = 0
-            self._socket.connect(self._parameters["address"])
+            self._link = stack.enter_context(_connected(self._parameters["address"]))
             super().__enter__()
             self._on_exit = stack.pop_all()
         return self
@@ -165,8 +164,7 @@ class BuilderProcess(SupervisedProcess):
         """See ModelBuilder. A request that is sent while the process is restarted waits for the new one."""
         self._number += 1
         self._request, self._deaths_before = request, self.deaths
-        with suppress(zmq.Again):
-            self._socket.send_multipart([b"%d" % self._number, pack_request(request)], zmq.NOBLOCK)
+        self._link.send(b"%d" % self._number, pack_request(request))
 
     def result(self) -> BuildResult | None:
         """See ModelBuilder; a request that was lost with its process fails."""
@@ -181,8 +179,15 @@ class BuilderProcess(SupervisedProcess):
 
     def _received(self, request: BuildRequest) -> BuildResult | None:
         """The result that has arrived; that of an earlier request is dropped."""
-        try:
-            number, content = self._socket.recv_multipart(zmq.NOBLOCK)
-        except zmq.Again:
+        message = self._link.received()
+        if message is None or int(message[0]) != self._number:
             return None
-        return unpack_result(content, request) if int(number) == self._number else None
+        return unpack_result(message[1], request)
+
+
+def _connected(address: str) -> MessageSocket:
+    try:
+        from smadrive.tuning.link.message_socket import MessageSocket  # noqa: PLC0415 (of the extra `tune`)
+    except ImportError:
+        raise ConfigError("the tuning page needs pyzmq", cure="install it with pip install 'smadrive[tune]'") from None
+    return MessageSocket(address, listens=False)

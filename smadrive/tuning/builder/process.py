@@ -5,28 +5,24 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-import zmq
-
 from smadrive.errors import SmadriveError
 from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResult, build
 from smadrive.tuning.builder.packing import ModelCache, pack_result, unpack_request
 from smadrive.tuning.link.child import report_ready, run
+from smadrive.tuning.link.message_socket import MessageSocket
 
 
 def serve(parameters: dict[str, Any]) -> None:
     """Serve at `parameters["address"]` until standard input ends."""
     cache = ModelCache()
-    with zmq.Context() as context, context.socket(zmq.DEALER) as link:
-        link.linger = 0
-        link.bind(parameters["address"])
-        poller = zmq.Poller()
-        poller.register(link, zmq.POLLIN)
-        poller.register(sys.stdin, zmq.POLLIN)
+    with MessageSocket(parameters["address"], listens=True) as link:
         report_ready()
-        while sys.stdin.fileno() not in dict(poller.poll()):
-            number, content = link.recv_multipart()
-            request = unpack_request(content, cache)
-            link.send_multipart([number, pack_result(result_of(request, cache), request)])
+        while not link.wait(sys.stdin.fileno()):
+            message = link.received()
+            if message is not None:
+                number, content = message
+                request = unpack_request(content, cache)
+                link.send(number, pack_result(result_of(request, cache), request))
 
 
 def result_of(request: BuildRequest, cache: ModelCache) -> BuildResult:

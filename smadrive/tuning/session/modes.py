@@ -1,10 +1,15 @@
 """The modes of a tuning session, and the table of the requests that each mode refuses.
 
-IDLE ──arm──► ARMING ──first tick──► HOLDING ◄──hold, track──► TRACKING ◄──compare──► COMPARING
-  ▲             │ off, too late        │                         │                       │
-  ├─────────────┴────── off ───────────┴─────────────────────────┴───────────────────────┤
-TRIPPED ◄── a fault, or a silent front process: as IDLE, until the faults are cleared ────┘
-ENDED  ◄── from every mode, when the session is interrupted
+    mode        heater   ends by
+    IDLE        off      Arm → ARMING
+    TRIPPED     off      as IDLE; a fault is open until it is cleared, or until the next run of the loop
+    ARMING      off      first tick of the loop → HOLDING; OFF, or a change that takes too long → IDLE
+    HOLDING     on       Track → TRACKING; OFF → IDLE; a fault, or a silent front process → TRIPPED
+    TRACKING    on       Hold → HOLDING; Compare → COMPARING; OFF and faults as HOLDING
+    COMPARING   on       Compare off → TRACKING; OFF and faults as HOLDING
+    ENDED       off      the session was interrupted
+
+A stop that was requested is no mode of its own: the loop ends before its next exchange.
 """
 
 from __future__ import annotations
@@ -68,7 +73,9 @@ REFUSALS = (
     Refusal((Arm,), HEATING | {Mode.ARMING}, "it is armed already"),
     Refusal((ClearFaults,), HEATING, "the heater is on", "switch it off before clearing faults"),
     Refusal((Track, Hold), OFF, "the heater is off", "arm first"),
-    Refusal((Track, Hold, *CHANGES), frozenset({Mode.COMPARING}), "A and B are being compared", "stop that first"),
+    Refusal(
+        (Track, Hold, *CHANGES), frozenset({Mode.COMPARING}), "A and B are being compared", "stop the comparison first"
+    ),
 )
 
 
