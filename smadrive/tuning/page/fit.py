@@ -95,8 +95,10 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
         _check_loop(wire_c, reached_mm, parse_wire(wire, place="the wire in force")[0])
     except IdentificationError as error:
         raise IdentificationError(
-            f"they cannot be fitted: {error}",
+            f"they cannot be fitted: {error.what}",
             where=f"the last {seconds:g} s",
+            value=error.value,
+            limit=error.limit,
             cure="let a reference go up and down once more, then fit again, to as many seconds as that takes at least",
         ) from None
     step = max(1, wire_c.size // MAX_SAMPLES)

@@ -57,7 +57,11 @@ def _rig_text(rig_file: Path, model_file: Path, feedback: dict[str, float], sour
         load_rig(str(rig_file))
     except ConfigError as error:
         raise ConfigError(
-            f"the rig file was changed: {error}", where=rig_file, cure="restore it, then save again"
+            f"the rig file cannot be loaded any more: {error.what}",
+            where=rig_file,
+            value=error.value,
+            limit=error.limit,
+            cure="restore it, then save again",
         ) from None
     document = tomlkit.parse(rig_file.read_text(encoding="utf-8-sig"))
     document["model"] = model_file.name
