@@ -26,6 +26,12 @@ REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=40.0, cycles=1)
 PERIOD_S = 0.05
 DRIVING = ("arm", "track", "hold", "compare")
 
+NONE_A = 0.002
+"""The noise of the simulated current measurement."""
+
+AFTER_OFF = "OFF was pressed after this. Press again."
+"""The answer to a request that OFF has overtaken."""
+
 
 class DirectBuilder:
     """A builder that builds at once in this process; it has no result while it `is_stopped`."""
@@ -167,6 +173,14 @@ def true_wire(offset_mm=0.0):
         offset=offset_mm,
         input_range=(0.0, 200.0),
     )
+
+
+def currents(ticks):
+    return np.array([tick.measurement.current_a for tick in ticks])
+
+
+def error_mm(ticks):
+    return np.array([tick.command.setpoint_mm - tick.measurement.displacement_mm for tick in ticks])
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from dataclasses import replace
 import pytest
 
 from smadrive.control.references.shapes import sine
-from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
+from smadrive.hysteresis import TriangularSets, TSFuzzyDuhem
 from smadrive.identification.adaptation import Adaptation
 from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
@@ -16,20 +16,15 @@ from smadrive.tuning.builder.build import BuildFailure, BuildRequest, build
 from smadrive.tuning.link.requests import SetFeedback, SetShape
 from smadrive.tuning.processes import BuilderProcess
 from smadrive.tuning.tuning import ADAPTED, Adapted, Tuning
-from smadrive.wire.heat_balance import HeatBalance
+from tests.unit.tuning.conftest import BALANCE, REFERENCE, true_wire
 
-BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
-REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=40.0, cycles=1)
 LONG_REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=300.0, cycles=2)
 CENTRES = (40.0, 60.0, 70.0, 75.0, 80.0, 85.0, 90.0, 100.0, 120.0)
-WIRE = DuhemModel.gaussian(
-    mu_heating=89.9, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(0.0, 200.0)
-)
 
 
 def build_request(change, *, reference=REFERENCE):
     config = load_rig("in-process")
-    tuning = Tuning.of(TSFuzzyDuhem.from_duhem(WIRE, TriangularSets(CENTRES)), config.feedback, "as loaded")
+    tuning = Tuning.of(TSFuzzyDuhem.from_duhem(true_wire(), TriangularSets(CENTRES)), config.feedback, "as loaded")
     return BuildRequest(tuning, change, reference, config, BALANCE)
 
 

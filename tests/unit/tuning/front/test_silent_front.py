@@ -4,8 +4,8 @@ import pytest
 
 from smadrive.errors import FrontSilentError
 from smadrive.tuning.session.off_path import SILENT_S
+from tests.unit.tuning.conftest import NONE_A
 
-NONE_A = 0.002
 TICK_S = 0.05
 
 
