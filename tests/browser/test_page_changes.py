@@ -102,4 +102,6 @@ def test_failed_fit_is_shown(client, live):
     fit_s.press("Enter")
     press(page, "Fit")
     page.locator(".banner", has_text="nothing to fit").wait_for()
-    page.locator(".card", has_text="Events").get_by_text("not fitted: no displacement was measured").first.wait_for()
+    page.locator(".card", has_text="Events").get_by_text(
+        "not fitted: the last 10 s: no displacement was measured"
+    ).first.wait_for()
