@@ -22,7 +22,6 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.tuning.link.channel import ControlEnd
-from smadrive.tuning.link.mailbox import ParcelPair
 from smadrive.tuning.link.real_time import use_real_time_scheduling
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
@@ -59,8 +58,7 @@ def main(
     tuning = Tuning.of(wire.model, config.feedback, "as loaded", wire.caveats)
     references = _references(reference or [], wire.model)
     with (
-        ParcelPair() as parcels,
-        BuilderProcess(parcels) as builder,
+        BuilderProcess() as builder,
         ControlEnd() as channel,
         Rig(config) as open_rig,
     ):

@@ -1,4 +1,4 @@
-"""The processes beside the loop, as the control process sees them: front, page and workshop."""
+"""The processes beside the loop, as the control process starts and ends them: front, page and model builder."""
 
 from __future__ import annotations
 
@@ -7,28 +7,29 @@ from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import TracebackType
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
 from smadrive.errors import ConfigError
-from smadrive.tuning.builder.builder import Order, Outcome, Refused, packed_order, unpacked_outcome
+from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResult
+from smadrive.tuning.builder.packing import pack_request, unpack_result
 from smadrive.tuning.link.address import ADDRESS
 from smadrive.tuning.link.channel import ControlEnd
-from smadrive.tuning.link.mailbox import ParcelPair
 from smadrive.tuning.link.supervised_process import SupervisedProcess
 
+if TYPE_CHECKING:
+    from smadrive.tuning.link.message_socket import MessageSocket
+
 BACKLOG = 512
-"""Connections that wait while the front process is started anew."""
+"""Connections that wait while the front process is restarted."""
 
 NICENESS = 5
-"""The page process stands back; not the workshop, for which somebody waits."""
+"""Of the page process. The model builder keeps 0: the user waits for it."""
 
 FRONT_NICENESS = -10
-"""OFF goes first, where the system grants that."""
+"""OFF is answered before other work, where the system grants that."""
 
 FROZEN_LOOKS = 10
-"""The front process is killed after so many looks without a beat, 1 s. Looks, since the control process may pause."""
-
-COMPLETE = "is the installation complete?"
+"""The front process is killed after so many looks without a heartbeat, 1 s; the control process itself may pause."""
 
 
 class PageProcess(SupervisedProcess):
@@ -43,9 +44,7 @@ class PageProcess(SupervisedProcess):
             "rig_file": str(rig_file),
             "folder": str(folder),
         }
-        super().__init__(
-            "smadrive.tuning.page.process", parameters, tuple(_ends(channel).values()), COMPLETE, niceness=NICENESS
-        )
+        super().__init__("smadrive.tuning.page.process", parameters, tuple(_ends(channel).values()), niceness=NICENESS)
 
 
 class FrontProcess(SupervisedProcess):
@@ -54,14 +53,12 @@ class FrontProcess(SupervisedProcess):
     def __init__(self, channel: ControlEnd, listener: socket.socket, path: str) -> None:
         fds = {**_ends(channel), "listener_fd": listener.fileno()}
         parameters = {**fds, "port": listener.getsockname()[1], "path": path}
-        super().__init__(
-            "smadrive.tuning.front.process", parameters, tuple(fds.values()), COMPLETE, niceness=FRONT_NICENESS
-        )
+        super().__init__("smadrive.tuning.front.process", parameters, tuple(fds.values()), niceness=FRONT_NICENESS)
         self._channel = channel
         self._beats = self._looks = 0
 
     def _is_frozen(self) -> bool:
-        """Whether it has not beaten for so many looks."""
+        """Whether no heartbeat came for FROZEN_LOOKS looks."""
         beats = self._channel.front_beats
         self._looks = self._looks + 1 if beats == self._beats else 0
         self._beats = beats
@@ -71,7 +68,7 @@ class FrontProcess(SupervisedProcess):
 class TuningPage:
     """The tuning page: its port, its front process and its page process. A context manager.
 
-    `url` is where the page is while it lasts. ConfigError when the port is taken.
+    `url` is the address of the page inside the context. ConfigError when the port is taken.
     """
 
     server: PageProcess
@@ -85,7 +82,7 @@ class TuningPage:
 
     @property
     def troubles(self) -> list[str]:
-        """What keeps the front process or the page process from being started anew."""
+        """Why the front process or the page process could not be restarted."""
         processes: list[SupervisedProcess] = [self.front, self.server] if hasattr(self, "_on_exit") else []
         return [process.trouble for process in processes if process.trouble]
 
@@ -95,7 +92,7 @@ class TuningPage:
         return f"http://{ADDRESS}:{self._port}/?token={self._token}"
 
     def __enter__(self) -> Self:
-        """Listen, and start both processes. The front process ends first, since it tells the pages of the end."""
+        """Listen, and start both processes. The front process ends first: it reports the end to the pages."""
         with ExitStack() as stack:
             listener = stack.enter_context(_listen(self._port))
             self._port = listener.getsockname()[1]
@@ -129,35 +126,68 @@ def _listen(port: int) -> socket.socket:
     try:
         return socket.create_server((ADDRESS, port), backlog=BACKLOG)
     except OSError as error:
-        raise ConfigError(f"port {port} of {ADDRESS}: {error.strerror}: choose another --port") from None
+        raise ConfigError(
+            "the port of the page cannot be opened",
+            where=f"{ADDRESS}:{port}",
+            value=error.strerror,
+            cure="choose another --port",
+        ) from None
 
 
 class BuilderProcess(SupervisedProcess):
-    """A ModelBuilder in a process of its own, at the other end of `parcels`."""
+    """A ModelBuilder in a process of its own. Requests and results go over ZeroMQ: the loop never waits for them."""
 
-    def __init__(self, parcels: ParcelPair) -> None:
-        super().__init__("smadrive.tuning.builder.process", {"fds": parcels.fds}, parcels.fds, COMPLETE)
-        self._parcels = parcels
-        self._order: Order | None = None
+    def __init__(self) -> None:
+        super().__init__("smadrive.tuning.builder.process", {}, ())
+        self._request: BuildRequest | None = None
         self._number = 0
         self._deaths_before = 0
 
-    def begin(self, order: Order) -> None:
-        """See ModelBuilder."""
-        self._number += 1
-        self._order, self._deaths_before = order, self.deaths
-        self._parcels.send(self._number, packed_order(order))
+    def __enter__(self) -> Self:
+        """Start it. It listens in a folder of this user alone: messages from there are unpickled."""
+        with ExitStack() as stack:
+            folder = stack.enter_context(TemporaryDirectory(prefix="smadrive-"))
+            self._parameters["address"] = f"ipc://{folder}/builder"
+            self._link = stack.enter_context(_connected(self._parameters["address"]))
+            super().__enter__()
+            self._on_exit = stack.pop_all()
+        return self
 
-    def outcome(self) -> Outcome | None:
-        """See ModelBuilder; an order that died with its process is refused."""
-        if self._order is None:
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """End it."""
+        with self._on_exit:
+            super().__exit__(kind, error, trace)
+
+    def begin(self, request: BuildRequest) -> None:
+        """See ModelBuilder. A request that is sent while the process is restarted waits for the new one."""
+        self._number += 1
+        self._request, self._deaths_before = request, self.deaths
+        self._link.send(b"%d" % self._number, pack_request(request))
+
+    def result(self) -> BuildResult | None:
+        """See ModelBuilder; a request that was lost with its process fails."""
+        if self._request is None:
             return None
-        outcome: Outcome | None = None
-        parcel = self._parcels.received()
-        if parcel is not None and parcel.number == self._number:
-            outcome = unpacked_outcome(parcel.content, self._order)
-        elif self.deaths != self._deaths_before:
-            outcome = Refused("the workshop process ended over it, and is started anew: try again")
-        if outcome is not None:
-            self._order = None
-        return outcome
+        result = self._received(self._request)
+        if result is None and self.deaths != self._deaths_before:
+            result = BuildFailure("the model builder process ended over it, and is restarted: try again")
+        if result is not None:
+            self._request = None
+        return result
+
+    def _received(self, request: BuildRequest) -> BuildResult | None:
+        """The result that has arrived; that of an earlier request is dropped."""
+        message = self._link.received()
+        if message is None or int(message[0]) != self._number:
+            return None
+        return unpack_result(message[1], request)
+
+
+def _connected(address: str) -> MessageSocket:
+    try:
+        from smadrive.tuning.link.message_socket import MessageSocket  # noqa: PLC0415 (of the extra `tune`)
+    except ImportError:
+        raise ConfigError("the tuning page needs pyzmq", cure="install it with pip install 'smadrive[tune]'") from None
+    return MessageSocket(address, listens=False)

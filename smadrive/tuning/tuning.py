@@ -1,4 +1,4 @@
-"""Everything that can be tuned, as one value: changes make a new one, so going back is taking an old one."""
+"""Everything that can be tuned, as one immutable value: a change makes a new one, undo takes an old one."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from smadrive.hysteresis.model_file import model_text, parse_model
 from smadrive.identification.adaptation import Adaptation
 from smadrive.identification.reshape import BranchShape, Model, reshaped, shape_of
 from smadrive.rig.config import FeedbackConfig, LimitsConfig
-from smadrive.tuning.link.messages import SetFeedback, SetModel, SetRule, SetShape
+from smadrive.tuning.link.requests import SetFeedback, SetModel, SetRule, SetShape
 from smadrive.wire.wire_model import travel_mm
 
 CHANGES = (SetShape, SetFeedback, SetRule, SetModel)
 
 ADAPTED = "adaptation"
-"""The change that the adaptation makes again and again: one step, so that one undo takes it all back."""
+"""The name of all changes that the adaptation makes: together they are one step of the history."""
 
 
 @dataclass(frozen=True)
 class Adapted:
-    """The change that the online adaptation asks for: its rules as they are when this is built."""
+    """The change that the online adaptation makes: its rules at the time when the change is built."""
 
     adaptation: Adaptation
 
@@ -37,7 +37,7 @@ Change = SetShape | SetFeedback | SetRule | SetModel | Adapted
 class Tuning:
     """A model and the settings of the feedback; `model` is `unmoved` with its branches moved to `shape`.
 
-    `change` names what made it of the one before, `caveats` are what lets doubt the model, and whatever is made of it.
+    `change` is the name of the change that made it; `caveats` are reasons to distrust the model and its successors.
     """
 
     model: Model
@@ -49,16 +49,16 @@ class Tuning:
 
     @classmethod
     def of(cls, model: Model, feedback: FeedbackConfig, change: str, caveats: tuple[str, ...] = ()) -> Tuning:
-        """With the branches where the model has them."""
+        """A tuning of `model`, with the branches where the model has them."""
         return cls(model, model, shape_of(model), feedback, change, caveats)
 
     def drives_as(self, other: Tuning) -> bool:
-        """Whether a wire is driven just as by the other, whatever made them."""
+        """Whether it drives a wire exactly as the other does; the names of their changes do not matter."""
         texts = [model_text(tuning.model, {}, place=tuning.change) for tuning in (self, other)]
         return self.feedback == other.feedback and texts[0] == texts[1]
 
     def changed(self, change: Change) -> Tuning:
-        """The tuning after a change. ConfigError, ModelError, CertificateError when it cannot be."""
+        """The tuning after a change. ConfigError, ModelError, CertificateError for an invalid one."""
         match change:
             case SetShape(key=key, value=value):
                 shape = self.shape._replace(**{key: value})
@@ -74,18 +74,21 @@ class Tuning:
                 return Tuning.of(adaptation.model, self.feedback, ADAPTED, self.caveats)
 
     def check(self, limits: LimitsConfig, reference: Reference | None) -> None:
-        """Refuse what may not drive the wire: no certificate, or a reference that it takes beyond the rig's limits."""
+        """CertificateError without a certificate; ConfigError when the wire would leave the rig's limits."""
         certificate = self.model.certificate()
         if not certificate.holds:
+            shortcomings = ", ".join(certificate.shortcomings)
             raise CertificateError(
-                f"the changed model is not certified: {', '.join(certificate.shortcomings)}; it may not drive a wire"
+                "it is not certified and may not drive a wire", where="changed model", value=shortcomings
             )
         for name in ("mu_heating", "mu_cooling"):
             value = getattr(self.shape, name)
             if not value < limits.temperature_max_c:
                 raise ConfigError(
-                    f"{name} = {value:g} °C is not below temperature_max_c = {limits.temperature_max_c:g} °C: "
-                    "the wire could never follow"
+                    "it is not below temperature_max_c: the wire could never follow",
+                    where=name,
+                    value=f"{value:g} °C",
+                    limit=f"{limits.temperature_max_c:g} °C",
                 )
         if reference is not None:
             reference.check_within(travel_mm(self.model))
@@ -97,17 +100,20 @@ class Tuning:
         needed_c = InverseFeedforward(self.model).update(cold, hot_mm).v
         if needed_c > limits.temperature_max_c:
             raise ConfigError(
-                f"the reference's {hot_mm:.3g} mm would need {needed_c:.1f} °C, above temperature_max_c = "
-                f"{limits.temperature_max_c:g} °C: choose a smaller reference or another value"
+                f"it would need {needed_c:.1f} °C, above temperature_max_c",
+                where="reference",
+                value=f"{hot_mm:.3g} mm",
+                limit=f"{limits.temperature_max_c:g} °C",
+                cure="choose a smaller reference or another value",
             )
 
 
 def _with_rule(model: Model, change: SetRule) -> TSFuzzyDuhem:
     if isinstance(model, DuhemModel):
-        raise ModelError("a Duhem model has no rules: move its branches, or identify with --kind tsfuzzy")
+        raise ModelError("a Duhem model has no rules", cure="move its branches, or identify with --kind tsfuzzy")
     sets = len(model.sets.centres)
     if change.index >= sets:
-        raise ModelError(f"rule {change.index}: there are {sets} sets, 0 to {sets - 1}")
+        raise ModelError("there is no such rule", where="index", value=change.index, limit=sets - 1)
     laws = {
         "a_heating": model.heating_law[0],
         "b_heating": model.heating_law[1],
@@ -124,13 +130,17 @@ def _with_rule(model: Model, change: SetRule) -> TSFuzzyDuhem:
 
 
 def _check_rule(change: SetRule, branch: str) -> None:
-    """The certificate rule by rule, so that the refusal can name the number: heating a < 0, 0 ≤ b ≤ -a; cooling -."""
+    """The certificate of one rule, so that the error names the number. Heating: a < 0, 0 ≤ b ≤ -a; cooling: the signs
+    are reversed. ModelError.
+    """
     sign = -1.0 if branch == "heating" else 1.0
     if not sign * change.a > 0:
-        raise ModelError(f"a = {change.a:g}: a {branch} rule must contract, a {'<' if sign < 0 else '>'} 0")
+        raise ModelError(
+            f"a {branch} rule must contract", where="a", value=f"{change.a:g}", limit=f"a {'<' if sign < 0 else '>'} 0"
+        )
     low, high = sorted((0.0, -change.a))
     if not low <= change.b <= high:
-        raise ModelError(f"b = {change.b:g}: it must lie between {low:g} and {high:g}, or the state leaves [0, 1]")
+        raise ModelError("the state leaves [0, 1]", where="b", value=f"{change.b:g}", limit=f"{low:g} to {high:g}")
 
 
 def _rule_name(change: SetRule) -> str:

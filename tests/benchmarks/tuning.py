@@ -1,17 +1,18 @@
-"""What the tuning page costs: the punctuality of the loop beside it, the time a change takes, the load it makes.
+"""The cost of the tuning page: lateness of the loop beside it, time until a change is in force, load of the processors.
 
     .venv/bin/python tests/benchmarks/tuning.py [--browser | --off]
 
 The loop runs at 50 Hz on a served simulator, in real time and in a process that does nothing else, as `smadrive tune`
-has it: without a page, with one, with one whose user changes something all the time, and while the page is killed and
-comes back. With --browser a chromium shows the page, and its load is taken at 20 Hz with 2,000 points in every trace.
+has it: without a page, with one, with one whose user changes something all the time, and while the page process is
+killed and restarted. With --browser a chromium shows the page, and its load is taken at 20 Hz with 2,000 points in
+every trace.
 With --off only the time from POST /off to a zero current command is taken, at 20 Hz, while page loads are pending.
 
-Lateness is the driver's own: from a tick's deadline to its beginning. Device, page, browser and workshop share the
-processors with it: how much each used, and how long the loop was ready but had no processor, is told beside it. What
-the system grants decides about that; run it as an ordinary user to see what an ordinary user gets. The simulator serves
-TCP: what comes through a virtual serial port is passed on by a kernel thread that waits for a processor like anybody
-else, and beside a browser on two cores one exchange in a hundred then takes 18 ms longer, whatever the driver does.
+Lateness is from a tick's deadline to its beginning. Device, page, browser and builder share the processors with the
+loop: how much each used, and how long the loop was ready but had no processor, is printed beside it. That depends on
+the scheduling that the system grants; run it as an ordinary user to see what an ordinary user gets. The simulator
+serves TCP: data on a virtual serial port pass through a kernel thread that waits for a processor, and beside a browser
+on two cores one exchange in a hundred then takes 18 ms longer, independent of the driver.
 """
 
 import http.client
@@ -38,9 +39,9 @@ from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.testing.simulator import ServedSimulator
-from smadrive.tuning.link.channel import COLUMNS, ControlEnd, PageEnd
-from smadrive.tuning.link.mailbox import ParcelPair
+from smadrive.tuning.link.channel import ControlEnd, PageEnd
 from smadrive.tuning.link.real_time import use_real_time_scheduling
+from smadrive.tuning.link.samples import COLUMNS
 from smadrive.tuning.page.plots import POINTS
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
@@ -69,7 +70,7 @@ def control(script, rate_hz):
     with ExitStack() as stack:
         simulator = stack.enter_context(ServedSimulator("flexinol-lt-0.15mm", real_time=True, tcp=True))
         config = load_rig("simulated").at(simulator.url).model_copy(update={"rate_hz": rate_hz})
-        workshop = stack.enter_context(BuilderProcess(stack.enter_context(ParcelPair())))
+        builder = stack.enter_context(BuilderProcess())
         channel = stack.enter_context(ControlEnd())
         rig = stack.enter_context(Rig(config))
         tuning = Tuning.of(TSFuzzyDuhem.from_duhem(WIRE, TriangularSets(CENTRES)), config.feedback, "as loaded")
@@ -81,8 +82,8 @@ def control(script, rate_hz):
         def record(_tick):
             nonlocal shown
             front.beat_front()  # a session without a page does not heat
-            if session.bench.in_force is not shown:
-                shown = session.bench.in_force
+            if session.tunings.in_force is not shown:
+                shown = session.tunings.in_force
                 changes.send(CHANGE.pack(shown.shape.mu_heating))
             if is_ending.is_set():
                 raise Ended
@@ -104,12 +105,12 @@ def control(script, rate_hz):
                         pages.close()
             is_ending.set()
 
-        session = TuningSession(rig, tuning, BALANCE, references, channel, workshop, record)
+        session = TuningSession(rig, tuning, BALANCE, references, channel, builder, record)
         fds = (channel.memory_fd, channel.page_socket.fileno(), theirs.fileno())
-        processes = {"loop": os.getpid(), "device": simulator._process.pid, "workshop": workshop.pid}
-        told = json.dumps({"fds": fds, "rate_hz": rate_hz, "processes": processes})
+        processes = {"loop": os.getpid(), "device": simulator._process.pid, "builder": builder.pid}
+        parameters = json.dumps({"fds": fds, "rate_hz": rate_hz, "processes": processes})
         child = subprocess.Popen(
-            [sys.executable, __file__, *sys.argv[1:], "--script", script, told],
+            [sys.executable, __file__, *sys.argv[1:], "--script", script, parameters],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -128,28 +129,28 @@ def control(script, rate_hz):
 
 
 def stand_in_for_hardware(pid):
-    """A board has a processor of its own: its simulator is not to wait for a browser, where that is granted."""
+    """A board has a processor of its own: its simulator runs before a browser, where that is granted."""
     for thread in Path(f"/proc/{pid}/task").iterdir():
         with suppress(OSError):
             os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(2))
 
 
 class Script:
-    """The script's process: it asks as a page does, and reads what the loop publishes."""
+    """The process of the script: it sends requests as a page does, and reads the rows of the loop."""
 
-    def __init__(self, told):
-        memory_fd, socket_fd, changes_fd = told["fds"]
+    def __init__(self, parameters):
+        memory_fd, socket_fd, changes_fd = parameters["fds"]
         self.page = PageEnd(memory_fd, socket.socket(fileno=socket_fd))
         self.changes = socket.socket(fileno=changes_fd)
-        self.rate_hz = told["rate_hz"]
-        self.processes = told["processes"]
+        self.rate_hz = parameters["rate_hz"]
+        self.processes = parameters["processes"]
         self._number = 1_000_000
 
     def ask(self, act, **values):
         self._number += 1
         self.page.send({"number": self._number, "act": act, **values})
 
-    def order(self, what):
+    def command(self, what):
         print(f":{what}", flush=True)
         return json.loads(sys.stdin.readline())
 
@@ -160,7 +161,7 @@ class Script:
         time.sleep(3.0)
 
     def watch(self, name, action, alone=None):
-        """Do something for a while, and tell how late the loop was meanwhile, and who used the processors."""
+        """Do something for a while, and print how late the loop was meanwhile, and the load of the processors."""
         first, used, began_s, waited_s = self.page.written, self.used_s(), time.monotonic(), self.waited_s()
         action(began_s + EACH_S)
         took_s = time.monotonic() - began_s
@@ -193,7 +194,7 @@ class Script:
         return int(Path(f"/proc/{loop}/task/{loop}/schedstat").read_text().split()[1]) * 1e-9
 
     def latencies(self):
-        """From the request to what it does: a knob to the model in the loop, OFF to zero current measured."""
+        """The time from a knob to the model in the loop, and from OFF to zero current measured."""
         knob_ms = []
         for n in range(20):
             value = 90.0 + 0.1 * (n % 5)
@@ -223,7 +224,7 @@ class Script:
         )
 
 
-def punctuality(script):
+def lateness(script):
     """The loop at 50 Hz in every state of the page."""
 
     def hammer(end_s):
@@ -235,13 +236,13 @@ def punctuality(script):
     def kill(end_s):
         for _ in range(3):
             with suppress(ProcessLookupError):  # it is just being started
-                os.kill(script.order("which")["pid"], signal.SIGKILL)
+                os.kill(script.command("which")["pid"], signal.SIGKILL)
             time.sleep(EACH_S / 3.0)
         until(end_s)
 
     script.heat()
     alone = script.watch("no page", until)
-    script.processes["page"] = script.order("open")["pid"]
+    script.processes["page"] = script.command("open")["pid"]
     with ExitStack() as stack:
         if "--browser" in sys.argv:
             stack.enter_context(shown(script))
@@ -250,15 +251,15 @@ def punctuality(script):
         script.watch("page open, changes all the time", hammer, alone)
         del script.processes["page"]
         script.watch("page killed three times", kill, alone)
-    script.order("close")
+    script.command("close")
     script.watch("no page again", until, alone)
 
 
 def load(script):
-    """What server and browser use."""
+    """The load of page process and browser."""
     script.heat()
     until(time.monotonic() + POINTS / LOAD_RATE_HZ)
-    script.processes["page"] = script.order("open")["pid"]
+    script.processes["page"] = script.command("open")["pid"]
     with shown(script):
         time.sleep(5.0)
         before, began_s = script.used_s(), time.monotonic()
@@ -267,12 +268,12 @@ def load(script):
         used = {who: 100.0 * (now_s - before[who]) / took_s for who, now_s in script.used_s().items()}
     print(f"at {LOAD_RATE_HZ:g} Hz, {min(script.page.written, POINTS)} points a trace: ", end="")
     print(f"server {used['page']:.1f} %, browser {used['browser']:.1f} % of a core", flush=True)
-    script.order("close")
+    script.command("close")
 
 
 def off_beside_page_loads(script):
     """From POST /off to the first tick that commands no current, while page loads wait for their answers."""
-    address = urlsplit(script.order("open")["url"]).netloc
+    address = urlsplit(script.command("open")["url"]).netloc
     for count in PENDING_LOADS:
         replied_ms, off_ms = zip(*(off_among(script, address, count) for _ in range(OFF_TRIALS)), strict=True)
         print(
@@ -281,7 +282,7 @@ def off_beside_page_loads(script):
             f"worst {max(off_ms):.0f} ms",
             flush=True,
         )
-    script.order("close")
+    script.command("close")
 
 
 def off_among(script, address, count):
@@ -319,7 +320,7 @@ class shown:  # noqa: N801
             executable_path=shutil.which("chromium"), args=["--no-sandbox"]
         )
         page = self._browser.new_page(viewport={"width": 1600, "height": 1000})
-        page.goto(self._script.order("which")["url"])
+        page.goto(self._script.command("which")["url"])
         page.wait_for_timeout(5000)
         chromium = [pid for pid in children(os.getpid()) if "chromium" in Path(f"/proc/{pid}/cmdline").read_text()]
         self._script.processes["browser"] = chromium
@@ -333,7 +334,7 @@ class shown:  # noqa: N801
 def schedule(rows, period_s):
     """How many ticks were left out, and how much longer than the shortest the exchanges took, ms.
 
-    What is published of a tick is when it was measured, and how late it began: the difference is its deadline and the
+    A row has the time of the measurement and the lateness of its tick; their difference is the deadline plus the
     exchange.
     """
     at_s = rows[:, TIME] - rows[:, LATE]
@@ -365,7 +366,7 @@ def cpu_s(pid):
 
 if __name__ == "__main__":
     if "--script" in sys.argv:
-        {"punctuality": punctuality, "load": load, "off": off_beside_page_loads}[sys.argv[-2]](
+        {"lateness": lateness, "load": load, "off": off_beside_page_loads}[sys.argv[-2]](
             Script(json.loads(sys.argv[-1]))
         )
     else:
@@ -374,5 +375,5 @@ if __name__ == "__main__":
         if "--off" in sys.argv:
             control("off", OFF_RATE_HZ)
         else:
-            control("punctuality", RATE_HZ)
+            control("lateness", RATE_HZ)
         print(json.dumps({"load average": os.getloadavg()}))

@@ -1,7 +1,7 @@
 """A tuning session on a served simulator, its page in a process of its own, and Debian's chromium.
 
-A person watches a page in real time, but what the loop does must not depend on how busy the machine is: the session
-lives on a paced clock, on which no tick is ever late.
+The page is watched in real time, but the loop must not depend on how busy the machine is: the session runs on a paced
+clock, on which no tick is ever late.
 """
 
 import secrets
@@ -18,7 +18,6 @@ from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.tuning.link.channel import ControlEnd, PageEnd
-from smadrive.tuning.link.mailbox import ParcelPair
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
@@ -47,7 +46,7 @@ class Ended(BaseException):
 
 
 class Session:
-    """The control side in a thread of the test: `ticks` is what the loop did, `session` the session itself."""
+    """The control process in a thread of the test: `ticks` are those of the loop, `session` is the session itself."""
 
     def __init__(self, folder):
         self.ticks = []
@@ -60,10 +59,10 @@ class Session:
         rig = Rig(load_rig("simulated").at(simulator.url), PacedClock(simulator.clock))
         self.rig = self._stack.enter_context(rig)
         self.channel = channel = self._stack.enter_context(ControlEnd())
-        workshop = self._stack.enter_context(BuilderProcess(self._stack.enter_context(ParcelPair())))
+        builder = self._stack.enter_context(BuilderProcess())
         tuning = Tuning.of(rules(), self.rig.config.feedback, "as loaded")
         references = {"sine": sine(low_mm=2.0, high_mm=9.0, period_s=30.0, cycles=1)}
-        self.session = TuningSession(self.rig, tuning, BALANCE, references, channel, workshop, self._record)
+        self.session = TuningSession(self.rig, tuning, BALANCE, references, channel, builder, self._record)
         self.page = TuningPage(
             channel, port=0, token=secrets.token_urlsafe(8), rig_file=rig_file("simulated"), folder=self.folder
         )
@@ -88,17 +87,17 @@ class Session:
 
     def switch_off(self):
         PageEnd(self.channel.memory_fd, self.channel.page_socket).request_off()
-        self.wait(lambda: self.ticks and not self.session.is_heating and self.current_a < 0.002)
+        self.wait(lambda: self.ticks and not self.session.mode.heats and self.current_a < 0.002)
 
     @property
-    def told(self):
-        """Mode, faults and events as the page is told them."""
+    def published(self):
+        """Mode, faults and events, as the page gets them."""
         _, status = PageEnd(self.channel.memory_fd, self.channel.page_socket).status(-1)
         return {name: status[name] for name in ("mode", "fault", "lost", "events")}
 
     @property
     def in_force(self):
-        return self.session.bench.in_force
+        return self.session.tunings.in_force
 
     @property
     def time_s(self):
@@ -110,10 +109,10 @@ class Session:
         return self.ticks[-1][1].measurement.current_a
 
     def wait(self, condition):
-        """Until `condition()` holds; fails when it does not come to hold."""
+        """Wait until `condition()` holds; fails after PATIENCE_S."""
         give_up_s = time.monotonic() + PATIENCE_S
         while not condition():
-            assert time.monotonic() < give_up_s, f"it did not come about: {self.told}"
+            assert time.monotonic() < give_up_s, f"not within {PATIENCE_S:g} s: {self.published}"
             time.sleep(0.01)
 
 

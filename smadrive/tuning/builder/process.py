@@ -1,42 +1,40 @@
-"""The workshop process: it works on what the loop orders until its standard input ends."""
+"""The model builder process: it works on the requests of the loop until its standard input ends."""
 
 from __future__ import annotations
 
-import select
 import sys
 from typing import Any
 
 from smadrive.errors import SmadriveError
-from smadrive.tuning.builder.builder import Models, Outcome, Refused, packed_outcome, prepare, unpacked_order
+from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResult, build
+from smadrive.tuning.builder.packing import ModelCache, pack_result, unpack_request
 from smadrive.tuning.link.child import report_ready, run
-from smadrive.tuning.link.mailbox import Parcel, Parcels, other_end
+from smadrive.tuning.link.message_socket import MessageSocket
 
 
-def serve(told: dict[str, Any]) -> None:
-    """Serve until standard input ends."""
-    parcels, models = other_end(tuple(told["fds"])), Models()
-    report_ready()
-    while True:
-        readable, _, _ = select.select([sys.stdin, parcels.messages], [], [])
-        if sys.stdin in readable:
-            return
-        parcel = parcels.received()
-        if parcel is not None:
-            work(parcel, parcels, models)
+def serve(parameters: dict[str, Any]) -> None:
+    """Serve at `parameters["address"]` until standard input ends."""
+    cache = ModelCache()
+    with MessageSocket(parameters["address"], listens=True) as link:
+        report_ready()
+        while not link.wait(sys.stdin.fileno()):
+            message = link.received()
+            if message is not None:
+                number, content = message
+                request = unpack_request(content, cache)
+                link.send(number, pack_result(result_of(request, cache), request))
 
 
-def work(parcel: Parcel, parcels: Parcels, models: Models) -> None:
-    """Do one order. What goes wrong is the outcome, whatever it is: the loop waits for one."""
-    order = unpacked_order(parcel.content, models)
-    outcome: Outcome
+def result_of(request: BuildRequest, cache: ModelCache) -> BuildResult:
+    """The result of a request. An error is a result, too: the loop waits for one."""
     try:
-        outcome = prepare(order)
-        models.keep(outcome.tuning.model)
-    except SmadriveError as refusal:
-        outcome = Refused(str(refusal))
+        built = build(request)
+    except SmadriveError as error:
+        return BuildFailure(str(error))
     except Exception as defect:  # noqa: BLE001
-        outcome = Refused(f"the workshop could not do it: {defect!r}")
-    parcels.send(parcel.number, packed_outcome(outcome, order))
+        return BuildFailure(f"the model builder failed: {defect!r}")
+    cache.keep(built.tuning.model)
+    return built
 
 
 if __name__ == "__main__":

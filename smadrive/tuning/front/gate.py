@@ -1,13 +1,13 @@
-"""Which requests to the tuning page are refused: those that pages of other web sites cause.
+"""The gate of the tuning page: requests that pages of other web sites cause are refused.
 
 A browser sends requests to 127.0.0.1 for any page of any site, and a name of that site may resolve to 127.0.0.1. Three
 headers tell them apart, and no script of a page can change them:
 
-    Host             the name in the address; another name than the page's own resolves to this machine by deceit
+    Host             the name in the address; a foreign name that resolves to this machine is an attack
     Origin           the page that asks, sent with every POST and every websocket
     Sec-Fetch-Site   how that page is related to this one, sent with everything else; "none" is an address typed in
 
-Programs that are no browsers, curl for instance, send neither of the last two and are let in.
+Programs that are no browsers, curl for instance, send neither of the last two and are allowed.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class GatedHandler(RequestHandler):
     """The base of every handler on the page's port: 403 for what `is_allowed` refuses, before anything else."""
 
     def prepare(self) -> None:
-        """Refuse, or go on to the method."""
+        """Refuse the request, or continue with its method."""
         if not is_allowed(self.request, self.settings["hosts"]):
             raise HTTPError(403)
 
@@ -41,7 +41,7 @@ class UnknownPath(GatedHandler):
     """404 for every path without a handler of its own."""
 
     def prepare(self) -> None:
-        """Refuse."""
+        """Refuse the request."""
         super().prepare()
         raise HTTPError(404)
 

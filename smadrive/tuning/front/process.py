@@ -1,15 +1,15 @@
 """The front process: it owns the port of the tuning page, answers OFF, and passes page loads on.
 
-To build a page takes about a second of the page process, and any program can ask for pages. OFF must never wait for
-that, nor for an interpreter that builds one. So this process builds nothing: it counts an OFF in shared memory, where
-the loop sees it at its next tick, and passes on to the page process only as much as that can do.
+Building a page takes the page process about a second, and any program can request pages. OFF must never wait for that,
+nor for an interpreter that builds one. So this process builds nothing: it counts an OFF in shared memory, where the
+loop sees it at its next tick, and passes only as many page loads to the page process as that can build.
 
     POST /off   counted here
-    /state      a websocket that tells how the run ended, and which page process answers
+    /state      a websocket that reports how the run ended, and which page process answers
     /static     the scripts of bokeh
-    /, /ws      passed on to the page process; 503 while MOST_BUILDS pages are being built or MOST_PAGES are open
+    /, /ws      passed on to the page process; 503 while MAX_BUILDS pages are being built or MAX_PAGES are open
 
-The control process owns the listening socket: requests that arrive while this process is started anew wait in it.
+The control process owns the listening socket: requests that arrive while this process is restarted wait in it.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from smadrive.tuning.link.address import page_hosts
 from smadrive.tuning.link.channel import PageEnd
 from smadrive.tuning.link.child import report_ready, run
 
-MOST_CONNECTIONS = 512
+MAX_CONNECTIONS = 512
 """The oldest connection is closed for one more, so that no number of idle connections keeps OFF out."""
 
 IDLE_S = 30.0
@@ -60,28 +60,28 @@ LIMITS = {
 }
 
 STALLED_S = 5.0
-"""A page process that has not read the channel for so long does not answer; building a page takes a second."""
+"""A page process without a heartbeat for this time does not answer; building a page takes a second."""
 
-TELL_MS = 100
+REPORT_MS = 100
 FAREWELL_S = 0.5
-"""The last state must have reached the pages by then."""
+"""The last state is sent to the pages within this time."""
 
 
 class OffHandler(GatedHandler):
     """POST /off: the heater goes off at the loop's next tick."""
 
     def check_xsrf_cookie(self) -> None:
-        """No cookie is asked for: switching off must need no page that was loaded before. The gate suffices."""
+        """No cookie is required: switching off must not need a page that was loaded before. The gate suffices."""
 
     def post(self) -> None:
-        """Count it."""
+        """Count an OFF."""
         channel: PageEnd = self.settings["channel"]
         channel.request_off()
         self.write({"off": "requested"})
 
 
 class States:
-    """What all pages are told, and the websockets on which they are told it."""
+    """The state that is reported to all pages, and the websockets on which it is reported."""
 
     def __init__(self, channel: PageEnd) -> None:
         self._channel = channel
@@ -89,33 +89,33 @@ class States:
         self._text = ""
 
     def enter(self, page: StateHandler) -> None:
-        """Tell a page that has just connected, and from now on."""
+        """Report the state to a page that has just connected, and every change from now on."""
         self._sockets.add(page)
         page.write_message(self._text)
 
     def leave(self, page: StateHandler) -> None:
-        """A page has gone."""
+        """Report nothing more to this page."""
         self._sockets.discard(page)
 
-    def tell(self, end: str | None = None) -> list[Awaitable[None]]:
-        """Tell the state if it has changed: which page process answers, and how the run has ended."""
+    def report(self, end: str | None = None) -> list[Awaitable[None]]:
+        """Report the state if it has changed: which page process answers, and how the run has ended."""
         text = json.dumps({"page": self._channel.page_server(STALLED_S), "end": end})
         if text == self._text:
             return []
         self._text = text
         return [_sent(page, text) for page in self._sockets]
 
-    async def tell_news(self) -> None:
-        """Tell the pages the state if it has changed, and the control process that this one answers."""
+    async def report_changes(self) -> None:
+        """Report a changed state to the pages, and the heartbeat to the control process."""
         self._channel.beat_front()
-        await asyncio.gather(*self.tell())
+        await asyncio.gather(*self.report())
 
-    async def tell_end(self) -> None:
-        """Tell how the run has ended; "unknown" when the control process has gone without a word of it."""
+    async def report_end(self) -> None:
+        """Report how the run has ended; "unknown" when the control process has gone without publishing it."""
         published = self._channel.status(-1)
         end = published[1]["end"] if published else None
         with suppress(TimeoutError):
-            await asyncio.wait_for(asyncio.gather(*self.tell(end or "unknown")), FAREWELL_S)
+            await asyncio.wait_for(asyncio.gather(*self.report(end or "unknown")), FAREWELL_S)
 
 
 async def _sent(page: StateHandler, text: str) -> None:
@@ -124,18 +124,18 @@ async def _sent(page: StateHandler, text: str) -> None:
 
 
 class StateHandler(GatedHandler, WebSocketHandler):
-    """GET /state: tells a page the state as long as it is open."""
+    """GET /state: reports the state to a page as long as it is open."""
 
     def open(self) -> None:
-        """Enter it."""
+        """Report the state to this page."""
         states: States = self.settings["states"]
         states.enter(self)
 
     def on_message(self, message: str | bytes) -> None:
-        """Nothing is asked here."""
+        """Ignore messages of the page."""
 
     def on_close(self) -> None:
-        """Leave."""
+        """Stop reporting to this page."""
         states: States = self.settings["states"]
         states.leave(self)
 
@@ -151,7 +151,7 @@ class FrontServer(HTTPServer):
     def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
         """Close the oldest connection if there are too many."""
         self._streams = [open_one for open_one in self._streams if not open_one.closed()]
-        if len(self._streams) >= MOST_CONNECTIONS:
+        if len(self._streams) >= MAX_CONNECTIONS:
             self._streams.pop(0).close()
         self._streams.append(stream)
         super().handle_stream(stream, address)
@@ -176,26 +176,26 @@ async def serve(parameters: dict[str, Any]) -> None:
         relay=Relay(parameters["path"], channel),
         websocket_max_message_size=MAX_BODY_BYTES,
     )
-    states.tell()
+    states.report()
     server = FrontServer(application)
     listener = socket.socket(fileno=parameters["listener_fd"])
     listener.setblocking(False)
     server.add_socket(listener)
-    telling = PeriodicCallback(states.tell_news, TELL_MS)
-    telling.start()
+    reporting = PeriodicCallback(states.report_changes, REPORT_MS)
+    reporting.start()
     channel.beat_front()
     report_ready()
     await _end_of_input()
-    telling.stop()
+    reporting.stop()
     server.stop()
-    await states.tell_end()
+    await states.report_end()
 
 
 def bokeh_static() -> Path:
-    """The folder of bokeh's scripts; to import bokeh for it would take half a second."""
+    """The folder of bokeh's scripts. Bokeh is not imported for it: that would take half a second."""
     package = find_spec("bokeh")
     if package is None or package.origin is None:
-        raise ConfigError("the tuning page needs bokeh: install it with pip install 'smadrive[tune]'")
+        raise ConfigError("the tuning page needs bokeh", cure="install it with pip install 'smadrive[tune]'")
     return Path(package.origin).parent / "server" / "static"
 
 
@@ -206,5 +206,5 @@ async def _end_of_input() -> None:
 
 
 if __name__ == "__main__":
-    logging.getLogger("tornado.access").setLevel(logging.CRITICAL)  # a refused request is no news for the terminal
+    logging.getLogger("tornado.access").setLevel(logging.CRITICAL)  # refused requests are not shown in the terminal
     run(lambda parameters: asyncio.run(serve(parameters)))

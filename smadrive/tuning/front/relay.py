@@ -1,7 +1,7 @@
-"""What the front process passes on to the page process: page loads and the websockets of open pages, as bytes.
+"""The relay between browsers and the page process: page loads and the websockets of open pages, as bytes.
 
-The head of a request is written anew from the few fields that bokeh needs, so that nothing but this one request reaches
-the page process. A page load keeps its place among the MOST_BUILDS until the page is built, even if its client has left
+The head of a request is composed anew from the few fields that bokeh needs, so that only this one request reaches the
+page process. A page load keeps its place among the MAX_BUILDS until the page is built, even if its client has left
 meanwhile: the page process builds it all the same.
 """
 
@@ -20,10 +20,10 @@ from tornado.web import HTTPError
 from smadrive.tuning.front.gate import GatedHandler
 from smadrive.tuning.link.channel import PageEnd
 
-MOST_BUILDS = 2
+MAX_BUILDS = 2
 """Pages that are built at the same time."""
 
-MOST_PAGES = 8
+MAX_PAGES = 8
 """Pages that are open at the same time."""
 
 CHUNK_BYTES = 1 << 16
@@ -43,16 +43,16 @@ BUSY = (
 
 
 class Places:
-    """Counts what goes on at the same time, `most` of it."""
+    """Counts actions that go on at the same time, at most `limit`."""
 
-    def __init__(self, most: int) -> None:
-        self.most = most
+    def __init__(self, limit: int) -> None:
+        self.limit = limit
         self.taken = 0
 
     @property
     def are_taken(self) -> bool:
-        """Whether there is no room for another one."""
-        return self.taken >= self.most
+        """Whether all places are taken."""
+        return self.taken >= self.limit
 
     @contextmanager
     def one(self) -> Iterator[None]:
@@ -65,18 +65,18 @@ class Places:
 
 
 class Relay:
-    """The way to the page process, which listens on the Unix socket at `path`."""
+    """The connection to the page process, which listens on the Unix socket at `path`."""
 
     def __init__(self, path: str, channel: PageEnd) -> None:
         self._path = path
         self._channel = channel
-        self.builds = Places(MOST_BUILDS)
-        self.sockets = Places(MOST_PAGES)
+        self.builds = Places(MAX_BUILDS)
+        self.sockets = Places(MAX_PAGES)
 
     @property
     def is_busy(self) -> bool:
         """Whether no further page may be built now."""
-        return self.builds.are_taken or self._channel.pages_open >= MOST_PAGES
+        return self.builds.are_taken or self._channel.pages_open >= MAX_PAGES
 
     async def page(self, request: HTTPServerRequest) -> bytes | None:
         """The whole reply to a page load; None when the page process does not give one."""
@@ -96,10 +96,10 @@ class Relay:
 
 
 class PageHandler(GatedHandler):
-    """GET /: a page, built by the page process; 503 when that has enough to do, or is being started."""
+    """GET /: a page, built by the page process; 503 while that is busy or being started."""
 
     async def get(self) -> None:
-        """Pass it on."""
+        """Pass the request on."""
         relay: Relay = self.settings["relay"]
         page = None if relay.is_busy else await relay.page(self.request)
         if page is None:
@@ -116,7 +116,7 @@ class PageSocketHandler(GatedHandler):
     """GET /ws: the websocket of an open page."""
 
     async def get(self) -> None:
-        """Pass on what either end sends, until one of them closes."""
+        """Pass data in both directions, until one end closes."""
         relay: Relay = self.settings["relay"]
         headers = self.request.headers
         if headers.get("Upgrade", "").lower() != "websocket":

@@ -1,4 +1,4 @@
-"""Where the tuning page is reached: on this machine alone."""
+"""The address of the tuning page: on this machine alone."""
 
 from __future__ import annotations
 

@@ -1,18 +1,19 @@
-"""What joins the control process and the page process, so that neither can hold the other up.
+"""The connection between the control process and the processes of the page. Neither side ever waits for the other.
 
-    control → page   samples    a ring of rows in shared memory; the page copies what is new, the oldest is overwritten
+    control → page   rows       a ring in shared memory; the page copies the new rows, the oldest are overwritten
     control → page   status     one JSON document in shared memory, replaced as a whole
-    page → control   off        a counter in shared memory: switching off needs no queue, no room, no answer;
-                                what drives the wire is asked for with the count that was known (see presses);
-                                the front process alone counts, so that no count is lost between two writers
-    page → control   pages      two numbers in shared memory: how many pages are open, and whether one controls
-    page → front     alive      two numbers in shared memory: the page process, and when it last read the channel
-    front → control  beats      a counter in shared memory: the front process increments it as long as it answers
-    both ways        messages   datagrams on a socket pair, each whole or not there; a full queue refuses, never waits
+    front → control  OFF        a counter in shared memory: it needs no queue and no answer, and an OFF that was counted
+                                is not lost when the front process dies. Only the front process counts, so that no count
+                                is lost between two writers. A request that drives the wire carries the count that its
+                                page knew (see button_events.py)
+    page → control   pages      how many pages are open, and whether one of them controls
+    page → front     heartbeat  the page process, and when it last read the channel
+    front → control  heartbeat  a counter that increases as long as the front process answers
+    both ways        messages   JSON datagrams on a socket pair; each arrives whole or not at all; a full queue refuses
 
-The memory has no name: both processes hold its file descriptor, so nothing is left behind whoever dies, when and how.
-A reader that is interrupted by the writer sees that by the number of the row, or the version of the status, and takes
-what is whole.
+The memory has no name: the processes inherit its file descriptor, so nothing is left behind when a process is killed.
+A reader that the writer interrupts sees that by the number of the row, or by the version of the status.
+See docs/decisions/0001-processes-of-the-tuning-page.md.
 """
 
 from __future__ import annotations
@@ -29,82 +30,59 @@ from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import NDArray
 
-from smadrive.control.loop import Tick
-
-COLUMNS = (
-    "time_s",
-    "late_s",
-    "temperature_c",
-    "displacement_mm",
-    "current_a",
-    "voltage_v",
-    "setpoint_c",
-    "setpoint_mm",
-    "estimated_c",
-    "estimated_mm",
-    "power_w",
-    "commanded_a",
-)
-"""One row: what a tick measured, believed and commanded; `time_s` since the session began."""
-
-Row = tuple[float, ...]
+from smadrive.tuning.link.samples import COLUMNS, Row, Rows
 
 CAPACITY = 1 << 15
-"""Rows kept: 27 minutes at 20 Hz."""
+"""Rows in the ring: 27 minutes at 20 Hz."""
 
 STATUS_BYTES = 1 << 18
 MESSAGE_BYTES = 1 << 16
 MESSAGES_PER_TICK = 4
 
-_WRITTEN, _OFF, _VERSION, _LENGTH, _PAGES, _CONTROLLED, _SERVER, _BEAT_NS, _FRONT_BEATS, _HEADER = range(10)
-_SIZE = 8 * _HEADER + STATUS_BYTES + 8 * CAPACITY * (1 + len(COLUMNS))
-
-Rows = NDArray[np.float64]
-
-
-def row_of(tick: Tick, began_s: float) -> Row:
-    """The `COLUMNS` of a tick of a session that began at `began_s`."""
-    measurement, command = tick.measurement, tick.command
-    return (
-        measurement.time_s - began_s,
-        tick.late_s,
-        measurement.temperature_c,
-        measurement.displacement_mm,
-        measurement.current_a,
-        measurement.voltage_v,
-        command.setpoint_c,
-        command.setpoint_mm,
-        command.estimated_c,
-        command.estimated_mm,
-        command.power_w,
-        command.commanded_a,
-    )
+BLOCK = np.dtype(
+    [
+        ("off_count", "i8"),
+        ("rows_written", "i8"),
+        ("status_version", "i8"),  # odd while the status is being written
+        ("status_length", "i8"),
+        ("open_pages", "i8"),
+        ("is_controlled", "i8"),
+        ("page_pid", "i8"),
+        ("page_beat_ns", "i8"),
+        ("front_beats", "i8"),
+        ("status", "u1", STATUS_BYTES),
+        ("row_number", "i8", CAPACITY),  # -1 while the row is being written
+        ("rows", "f8", (CAPACITY, len(COLUMNS))),
+    ]
+)
+"""The layout of the shared memory."""
 
 
 class Channel:
-    """Both ends' view of the memory and one end of the socket."""
+    """The view of both ends: the memory, and one end of the socket pair."""
 
     def __init__(self, memory_fd: int, messages: socket.socket) -> None:
         self.memory_fd = memory_fd
         self.messages = messages
         messages.setblocking(False)
-        memory = mmap.mmap(memory_fd, _SIZE)
-        self._header = np.frombuffer(memory, np.int64, _HEADER)
-        self._status = np.frombuffer(memory, np.uint8, STATUS_BYTES, 8 * _HEADER)
-        rows = np.frombuffer(memory, np.float64, offset=8 * _HEADER + STATUS_BYTES)
-        self._rows = rows.reshape(CAPACITY, 1 + len(COLUMNS))  # the first column is the row's number
+        self._block = np.frombuffer(mmap.mmap(memory_fd, BLOCK.itemsize), BLOCK)
+
+    def _count(self, name: str) -> int:
+        return int(self._block[name][0])
+
+    def _increase(self, name: str) -> None:
+        self._block[name][0] += 1
 
     def send(self, message: dict[str, Any]) -> bool:
-        """Whether the message could be sent: not when the other end is gone, or does not read what it has."""
+        """Whether the message was sent: not when the other end is closed, or its queue is full."""
         with suppress(OSError):
             return self.messages.send(json.dumps(message).encode()) > 0
         return False
 
-    def received(self, most: int) -> Iterator[bytes]:
-        """The messages that have arrived, `most` of them at once."""
-        for _ in range(most):
+    def received(self, limit: int) -> Iterator[bytes]:
+        """The messages that have arrived, at most `limit`."""
+        for _ in range(limit):
             try:
                 yield self.messages.recv(MESSAGE_BYTES)
             except OSError:
@@ -112,122 +90,124 @@ class Channel:
 
 
 class ControlEnd(Channel):
-    """The end of the control process. Nothing here waits, and nothing here fails because of the page."""
+    """The end of the control process. It never waits, and no state of the page makes it fail. A context manager."""
 
     def __init__(self) -> None:
         self.page_socket, own = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
-        super().__init__(anonymous_memory(_SIZE), own)
+        super().__init__(_anonymous_memory(BLOCK.itemsize), own)
         self.offs = 0
         self.published: dict[str, Any] = {}
 
     def __enter__(self) -> Self:
-        """Use as a context: the sockets and the memory are closed at its end; what is still mapped stays usable."""
+        """Return this end."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close."""
+        """Close the sockets and the descriptor; mapped memory stays usable."""
         self.messages.close()
         self.page_socket.close()
         os.close(self.memory_fd)
 
     def append(self, row: Row) -> None:
-        """One row of `COLUMNS`."""
-        number = int(self._header[_WRITTEN])
-        place = self._rows[number % CAPACITY]
-        place[0] = -1.0
-        place[1:] = row
-        place[0] = number
-        self._header[_WRITTEN] = number + 1
+        """Add one row of `COLUMNS`."""
+        number = self._count("rows_written")
+        place = number % CAPACITY
+        numbers = self._block["row_number"][0]
+        numbers[place] = -1
+        self._block["rows"][0, place] = row
+        numbers[place] = number
+        self._increase("rows_written")
 
     def publish(self, status: dict[str, Any]) -> None:
-        """Replace the status; one that is too long is a defect and raises ValueError. `published` is the latest."""
+        """Replace the status; `published` is the latest. ValueError for a status above `STATUS_BYTES` (a defect)."""
         self.published = status
         text = np.frombuffer(json.dumps(status).encode(), np.uint8)
-        self._header[_VERSION] += 1  # odd while it is being written
-        self._status[: text.size] = text
-        self._header[_LENGTH] = text.size
-        self._header[_VERSION] += 1
+        self._increase("status_version")
+        self._block["status"][0, : text.size] = text
+        self._block["status_length"] = text.size
+        self._increase("status_version")
 
     @property
     def pages(self) -> tuple[int, bool]:
         """How many pages are open, and whether one of them controls."""
-        return int(self._header[_PAGES]), bool(self._header[_CONTROLLED])
+        return self._count("open_pages"), bool(self._count("is_controlled"))
 
     @property
     def front_beats(self) -> int:
         """Increases as long as the front process answers."""
-        return int(self._header[_FRONT_BEATS])
+        return self._count("front_beats")
 
     def off_requested(self) -> bool:
-        """Whether a page has asked to switch off since this was last asked; `offs` is how many times by now."""
-        count = int(self._header[_OFF])
-        asked, self.offs = count != self.offs, count
-        return asked
+        """Whether OFF was pressed since the last call; `offs` is how many times until now."""
+        count = self._count("off_count")
+        is_new, self.offs = count != self.offs, count
+        return is_new
 
 
 class PageEnd(Channel):
-    """The end of the page process."""
+    """The end of the page process and of the front process."""
 
     def request_off(self) -> None:
-        """Ask to switch off; the loop sees it at its next tick."""
-        self._header[_OFF] += 1
+        """Count an OFF; the loop sees it at its next tick."""
+        self._increase("off_count")
 
     @property
     def offs(self) -> int:
-        """How many times switching off has been asked for."""
-        return int(self._header[_OFF])
+        """How many times OFF was pressed."""
+        return self._count("off_count")
 
-    def tell_pages(self, count: int, *, is_controlled: bool) -> None:
-        """How many pages are open, and whether one of them controls."""
-        self._header[_PAGES], self._header[_CONTROLLED] = count, is_controlled
+    def report_pages(self, count: int, *, is_controlled: bool) -> None:
+        """Report how many pages are open, and whether one of them controls."""
+        self._block["open_pages"], self._block["is_controlled"] = count, is_controlled
 
     @property
     def pages_open(self) -> int:
         """How many pages are open."""
-        return int(self._header[_PAGES])
+        return self._count("open_pages")
 
     def beat(self) -> None:
-        """Leave word that this process, the page process, answers now."""
-        self._header[_SERVER], self._header[_BEAT_NS] = os.getpid(), time.monotonic_ns()
+        """Report that this process, the page process, answers now."""
+        self._block["page_pid"], self._block["page_beat_ns"] = os.getpid(), time.monotonic_ns()
 
     def beat_front(self) -> None:
-        """Leave word that the front process answers now."""
-        self._header[_FRONT_BEATS] += 1
+        """Report that the front process answers now."""
+        self._increase("front_beats")
 
     def page_server(self, within_s: float) -> int | None:
-        """The page process that has answered within this time; None if there is none."""
-        age_s = 1e-9 * (time.monotonic_ns() - int(self._header[_BEAT_NS]))
-        return int(self._header[_SERVER]) if age_s < within_s else None
+        """The process id of the page process that answered within this time; None without one."""
+        age_s = 1e-9 * (time.monotonic_ns() - self._count("page_beat_ns"))
+        return self._count("page_pid") if age_s < within_s else None
 
     @property
     def written(self) -> int:
-        """How many rows there have ever been."""
-        return int(self._header[_WRITTEN])
+        """How many rows were ever written."""
+        return self._count("rows_written")
 
     def since(self, number: int) -> tuple[int, Rows]:
-        """The rows from `number` on that are still there, (rows, columns), and the number to go on from."""
+        """The number to continue from, and the rows from `number` on that are still there, (rows, columns)."""
         written = self.written
         numbers = np.arange(max(number, written - CAPACITY + 1), written)
-        places = numbers % CAPACITY
-        rows = self._rows[places]
-        whole = (rows[:, 0] == numbers) & (self._rows[places, 0] == numbers)
-        return written, rows[whole, 1:]
+        places, written_numbers = numbers % CAPACITY, self._block["row_number"][0]
+        is_whole = written_numbers[places] == numbers
+        rows = self._block["rows"][0][places]
+        is_whole &= written_numbers[places] == numbers
+        return written, rows[is_whole]
 
     def status(self, seen: int) -> tuple[int, dict[str, Any]] | None:
         """Version and content of the status; None before the first, for version `seen`, and while it is written."""
-        version = int(self._header[_VERSION])
+        version = self._count("status_version")
         if version in (0, seen) or version % 2:
             return None
-        text = self._status[: int(self._header[_LENGTH])].tobytes()
-        if int(self._header[_VERSION]) != version:
+        text = self._block["status"][0, : self._count("status_length")].tobytes()
+        if self._count("status_version") != version:
             return None
         return version, json.loads(text)
 
 
-def anonymous_memory(size: int) -> int:
-    """The descriptor of a memory without a name; it can grow."""
+def _anonymous_memory(size: int) -> int:
+    """The descriptor of a memory without a name."""
     if hasattr(os, "memfd_create"):
         memory_fd = os.memfd_create("smadrive-tuning")
     else:

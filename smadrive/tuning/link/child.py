@@ -1,7 +1,7 @@
-"""The side of a supervised process that faces the control process (see beside).
+"""The side of a supervised process that faces the control process (see supervised_process.py).
 
-It reads one line from standard input and writes one line when it is ready. It ends without a message when standard
-input ends: the control process has gone, or ends it.
+It reads one line of parameters from standard input and writes one line when it is ready. It ends without a message when
+standard input ends: the control process has gone, or ends it.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def run(serve: Callable[[dict[str, Any]], None]) -> None:
 
 
 def report_ready() -> None:
-    """Write the line that says so. BrokenPipeError when the control process has gone."""
+    """Write the line that the control process waits for. BrokenPipeError when the control process has gone."""
     os.write(sys.stdout.fileno(), b"{}\n")
 
 

@@ -1,4 +1,4 @@
-"""What the loop's process does to be on time beside a browser that keeps every core busy."""
+"""Real-time scheduling of the loop, so that its ticks begin on time although a browser keeps every core busy."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ NICENESS = -10
 
 
 def use_real_time_scheduling() -> None:
-    """To be called by the loop's thread, once, after everything has been loaded and started.
+    """Call it once, in the loop's thread, after everything has been loaded and started.
 
-    In real time where the system grants it: such a thread runs as soon as it wants to, before whatever else is running;
-    a niceness only decides who gets how much in the long run. What it starts later begins as anybody does. And what is
-    loaded stays: searching all of it for garbage again and again would take longer than a tick.
+    Where the system grants it, the thread runs as soon as it is ready, before all ordinary threads; a niceness decides
+    only about shares in the long run. Processes that are started later have ordinary scheduling. Loaded objects are
+    excluded from garbage collection: a collection of all of them would take longer than a tick.
     """
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))

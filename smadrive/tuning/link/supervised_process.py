@@ -1,9 +1,9 @@
-"""A process beside the loop: started anew when it dies, ended with the session.
+"""A process beside the loop: restarted when it dies, ended with the session.
 
-What is computed in the loop's own process, in whatever thread, takes the interpreter from a tick; what is computed in
-another takes at most a processor, and there the loop can go first. It is told what it needs by one line on its standard
-input, whose end tells it that the control process is gone, however it went. A thread waits for it, so that its death
-and its new start take nothing from a tick. That thread tries until the new start succeeds, whatever goes wrong.
+Work in a thread of the loop's own process takes the interpreter from a tick. Work in another process takes a processor
+at most, and there the loop can have priority. The process gets its parameters as one line on its standard input; the
+end of its standard input tells it that the control process has gone, however that ended. A thread waits for the
+process, so that its death and its restart take nothing from a tick; it tries until a restart succeeds.
 """
 
 from __future__ import annotations
@@ -31,33 +31,30 @@ START_WITHIN_S = 60.0
 
 END_WITHIN_S = 3.0
 RESTART_S = 0.5
-"""Pause before a new start: a process that dies at once must not keep the machine busy."""
+"""Pause before a restart: a process that dies at once must not keep the machine busy."""
 
 
 class SupervisedProcess:
-    """`python -m MODULE`, a context manager. It is told `told` and answers with one line once it is ready.
+    """`python -m MODULE`, a context manager. It gets `parameters`, and answers with one line when it is ready.
 
-    ConfigError with `cure` when it does not come up. `niceness` is how far it stands back for others; below
-    0 it goes before them, if the system grants that.
+    It inherits the descriptors `fds`. `niceness` lowers its priority; below 0 it raises it, where the system grants
+    that. ConfigError when it does not start.
     """
 
-    def __init__(
-        self, module: str, told: dict[str, Any], fds: tuple[int, ...], cure: str, *, niceness: int = 0
-    ) -> None:
+    def __init__(self, module: str, parameters: dict[str, Any], fds: tuple[int, ...], *, niceness: int = 0) -> None:
         self._module = module
         self._niceness = niceness
-        self._told = told
+        self._parameters = parameters
         self._fds = fds
-        self._cure = cure
         self._is_ending = threading.Event()
         self.deaths = 0
         self.restarts = 0
         self.trouble: str | None = None
-        """Why the last new start failed; None while the process runs."""
+        """Why the last restart failed; None while the process runs."""
 
     @property
     def pid(self) -> int:
-        """The present process."""
+        """The process id of the present process."""
         return self._process.pid
 
     def __enter__(self) -> Self:
@@ -72,55 +69,56 @@ class SupervisedProcess:
     ) -> None:
         """End it."""
         self._is_ending.set()
-        self._keeper.join()  # it may be starting a process just now, and ends that itself
-        self._hang_up()
+        self._keeper.join()  # a restart that is under way is ended there
+        self._close_pipes()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_WITHIN_S)
         self._kill()
 
     def _start(self) -> None:
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-m", self._module],  # -P: no file of the present folder runs instead
+            [sys.executable, "-P", "-m", self._module],  # -P: modules of the present folder are not imported
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
             pass_fds=self._fds,
             env={**os.environ, **ONE_THREAD},
-            start_new_session=True,  # Ctrl-C is the control process's: it switches off, then ends what is beside it
+            start_new_session=True,  # Ctrl-C goes to the control process: it switches off, then ends this process
         )
         try:
-            _give_way(self._process.pid, self._niceness)
-            self._told |= self._reply()  # what it chose: a port stays when it is started anew
+            _set_priority(self._process.pid, self._niceness)
+            self._wait_until_ready()
         except BaseException as error:
             self._kill()
             if isinstance(error, OSError | ValueError):
-                raise ConfigError(f"{self._module} did not start: see above; {self._cure}") from None
+                raise ConfigError(
+                    "the process did not start: see above", where=self._module, cure="check the installation"
+                ) from None
             raise
 
-    def _reply(self) -> dict[str, Any]:
-        """The line of the process that has been sent the parameters. OSError or ValueError without one."""
+    def _wait_until_ready(self) -> None:
+        """Send the parameters and wait for the line of the process. OSError or ValueError without one."""
         stdin, stdout = self._process.stdin, self._process.stdout
         if stdin is None or stdout is None:
             raise ValueError("no standard input and output")
-        stdin.write(json.dumps(self._told) + "\n")
+        stdin.write(json.dumps(self._parameters) + "\n")
         stdin.flush()
         give_up_s = time.monotonic() + START_WITHIN_S
         while not select.select([stdout], [], [], LOOK_S)[0]:
             if self._is_ending.is_set() or time.monotonic() > give_up_s:
                 raise TimeoutError
-        reply: dict[str, Any] = json.loads(stdout.readline())
-        return reply
+        json.loads(stdout.readline())
 
     def _kill(self) -> None:
-        """Whether it still runs or not: afterwards it does not, and its pipes are closed."""
+        """Kill it if it still runs, and close its pipes."""
         self._process.kill()
         self._process.wait()
-        self._hang_up()
+        self._close_pipes()
 
-    def _hang_up(self) -> None:
+    def _close_pipes(self) -> None:
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
-                with suppress(OSError):  # what was still to be written to a process that has gone
+                with suppress(OSError):  # unsent data for a process that has gone
                     pipe.close()
 
     def _keep(self) -> None:
@@ -131,15 +129,15 @@ class SupervisedProcess:
                 self._restart()
 
     def _is_frozen(self) -> bool:
-        """Whether the process runs without doing its work; asked every LOOK_S. Here this is not known."""
+        """Whether the process runs but does not work; called every LOOK_S. A subclass may know; here it is False."""
         return False
 
     def _restart(self) -> None:
-        """Try until it runs, or is not needed any more: a lack of memory or of descriptors passes."""
+        """Try until it runs or the session ends: a lack of memory or of descriptors passes."""
         while not self._is_ending.wait(RESTART_S):
             try:
                 self._start()
-            except Exception as error:  # noqa: BLE001 (whatever it is, OFF must come back)
+            except Exception as error:  # noqa: BLE001 (after any error OFF must come back)
                 self.trouble = f"{self._module} did not start ({error}): it is tried again every {RESTART_S:g} s"
             else:
                 self.restarts += 1
@@ -147,10 +145,10 @@ class SupervisedProcess:
                 return
 
 
-def _give_way(pid: int, niceness: int) -> None:
-    """Set its priority, and on Linux that of its session: there sessions share the processors, whoever is in them.
+def _set_priority(pid: int, niceness: int) -> None:
+    """Set its niceness, and on Linux that of its session: there sessions share the processors among each other.
 
-    A process that has ended already is found out elsewhere. What the system does not grant is left.
+    A process that has already ended is found by the keeper. A priority that the system does not grant is left as it is.
     """
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, pid, niceness)

@@ -1,6 +1,6 @@
-"""The page of one client: it shows what the control process publishes, and passes on what its user asks.
+"""The page of one client: it shows what the control process publishes, and sends the requests of its user.
 
-Everything is drawn from the channel at `FRAME_MS`; nothing is kept that a new page could not show as well.
+Everything is drawn from the channel, every `FRAME_MS`, so that a page that is opened later shows the same.
 """
 
 from __future__ import annotations
@@ -17,10 +17,11 @@ from bokeh.models import Div
 from smadrive.errors import SmadriveError
 from smadrive.hysteresis.model_file import parse_model
 from smadrive.tuning.page.client_registry import WATCHES, ClientRegistry
-from smadrive.tuning.page.controls import LAWS, Controls
+from smadrive.tuning.page.controls import Controls
 from smadrive.tuning.page.fit import Fitter
-from smadrive.tuning.page.panel import Timing, banner_html, chips_html, events_html, scores_html
+from smadrive.tuning.page.panel import LoopTiming, banner_html, chips_html, events_html, scores_html
 from smadrive.tuning.page.plots import POINTS, Plots
+from smadrive.tuning.page.rules_table import LAWS
 from smadrive.tuning.page.save import save_tuning
 from smadrive.wire.identified_wire import IdentifiedWire
 
@@ -28,71 +29,71 @@ HERE = Path(__file__).parent
 
 FRAME_MS = 300
 STATE_FRAMES = 2
-"""The plane and the texts are drawn every so many frames: they are read, not watched move."""
+"""The plane and the texts are drawn once in so many frames: they change slowly."""
 
 TIMING_FRAMES = 7
-"""The loop's punctuality is told anew every so many frames: every new text lays the page out anew."""
+"""The timing of the loop is shown once in so many frames: a new text makes the browser compute the layout again."""
 
 _SPREAD = {"mu_heating": 15.0, "mu_cooling": 15.0}
-"""Sliders reach so far to either side of the value the page begins with; the others from a third to three times it."""
+"""Range of these sliders to either side of the first value; the others range from a third to three times it."""
 
 
 class Page:
     """A document with its figures, widgets and texts."""
 
-    def __init__(self, doc: Document, desk: ClientRegistry, fitter: Fitter, folder: Path, rig_file: Path) -> None:
-        self._doc, self._desk, self._fitter = doc, desk, fitter
+    def __init__(self, doc: Document, clients: ClientRegistry, fitter: Fitter, folder: Path, rig_file: Path) -> None:
+        self._doc, self._clients, self._fitter = doc, clients, fitter
         self._folder, self._rig_file = folder, rig_file
         context = doc.session_context
         self._client = context.id
         token = context.request.arguments.get("token", [b""])[0].decode()
-        self._has_token = desk.may_control(token)
-        status = desk.status
+        self._has_token = clients.may_control(token)
+        status = clients.status
         self._plots = Plots(status["limits"]["current_max_a"], status["limits"]["temperature_max_c"])
         self._controls = Controls(self._act, status["references"])
         self._texts = {name: _text(name) for name in ("chips", "banner", "events", "scores")}
         self._note = ""
-        self._timing = Timing(1.0 / status["rate_hz"])
-        self._punctuality = ""
-        self._seen = max(0, desk.channel.written - POINTS)
+        self._timing = LoopTiming(1.0 / status["rate_hz"])
+        self._timing_text = ""
+        self._seen = max(0, clients.channel.written - POINTS)
         self._seen_on_plane = self._seen
         self._shown: dict[str, Any] = {}
         self._frame = 0
-        self._show_model(status["tuning"])  # before what it drew: errors are told in strokes
+        self._show_model(status["tuning"])  # before the first rows: errors are drawn in percent of its stroke
         self._bound_knobs(status["tuning"])
         for root in (*self._plots.figures, *self._controls.roots, *self._texts.values()):
             doc.add_root(root)
         doc.title = f"smadrive · {status['rig']}"
         doc.template = (HERE / "page.html").read_text(encoding="utf-8")
         doc.template_variables["rig"] = status["rig"]
-        desk.enter(self._client)
+        clients.enter(self._client)
         self._draw()
         doc.add_periodic_callback(self._draw, FRAME_MS)
-        doc.on_session_destroyed(lambda _: desk.leave(self._client))
+        doc.on_session_destroyed(lambda _: clients.leave(self._client))
 
     def _draw(self) -> None:
-        self._controls.presses.know(self._desk.channel.offs)
-        self._seen, rows = self._desk.channel.since(self._seen)
+        self._controls.events.set_offs(self._clients.channel.offs)
+        self._seen, rows = self._clients.channel.since(self._seen)
         if rows.size:
             self._plots.add(rows)
             self._timing.add(rows)
         if self._frame % TIMING_FRAMES == 0:
-            self._punctuality = str(self._timing)
+            self._timing_text = str(self._timing)
         if self._frame % STATE_FRAMES == 0:
             self._draw_state()
         self._frame += 1
 
     def _draw_state(self) -> None:
-        status = self._desk.status
-        controls = self._has_token and self._desk.claim(self._client)
-        self._seen_on_plane, rows = self._desk.channel.since(self._seen_on_plane)
+        status = self._clients.status
+        controls = self._has_token and self._clients.claim(self._client)
+        self._seen_on_plane, rows = self._clients.channel.since(self._seen_on_plane)
         if rows.size:
             self._plots.show_state(rows)
         if status["tuning"] != self._shown:
             self._show_model(status["tuning"])
         self._show_knobs(status["tuning"])
         self._controls.enable(controls, status=status)
-        self._text("chips", chips_html(status, self._punctuality, late=self._timing.missed > 0, controls=controls))
+        self._text("chips", chips_html(status, self._timing_text, late=self._timing.missed > 0, controls=controls))
         self._text("banner", banner_html(status, self._note))
         self._text("events", events_html(status["events"]))
         self._text("scores", scores_html(status["comparison"]))
@@ -103,11 +104,11 @@ class Page:
             self._plots.show_model(model, tuning["travel_mm"])
             document = json.loads(tuning["wire"])
             if "sets" in document:
-                self._controls.show_rules(document["sets"]["centres"], {law: document[law] for law in LAWS})
+                self._controls.rules.show(document["sets"]["centres"], {law: document[law] for law in LAWS})
         self._shown = tuning
 
     def _show_knobs(self, tuning: dict[str, Any], *, now: bool = False) -> None:
-        """At every drawing: what a knob did not show under a hand it shows as soon as the hand is off."""
+        """Show the values in force; a knob that the user moves now shows its value later."""
         for name, value in {**tuning["shape"], **tuning["feedback"]}.items():
             if name in self._controls.knobs:
                 self._controls.knobs[name].show(value, now=now)
@@ -127,8 +128,8 @@ class Page:
             self._texts[name].text = html
 
     def _act(self, act: str, **values: Any) -> None:
-        """The one way from a widget to anything that is done: only for the client that controls."""
-        if not self._desk.controls(self._client):
+        """Every action of a widget comes here; only the client that controls may act."""
+        if not self._clients.controls(self._client):
             self._answered(act, WATCHES)
             return
         match act:
@@ -137,30 +138,30 @@ class Page:
             case "save":
                 self._save(**values)
             case _:
-                self._ask(act, **values)
+                self._send(act, **values)
 
-    def _ask(self, act: str, **values: Any) -> None:
-        self._desk.ask(self._client, act, partial(self._answered, act), **values)
+    def _send(self, act: str, **values: Any) -> None:
+        self._clients.ask(self._client, act, partial(self._answered, act), **values)
 
     def _answered(self, act: str, refused: str | None) -> None:
-        """Note a refusal and bring back what is in force; called outside of the document's own turn."""
+        """Note a refusal and show the values in force again; called outside of the document's own callbacks."""
         self._note = f"{act}: {refused}" if refused else ""
         if refused:
             self._doc.add_next_tick_callback(self._show_again)
 
     def _show_again(self) -> None:
-        self._controls.presses.know_again(self._desk.channel.offs)
+        self._controls.events.resend_offs(self._clients.channel.offs)
         self._shown = {}
-        self._show_model(self._desk.status["tuning"])
-        self._show_knobs(self._desk.status["tuning"], now=True)
+        self._show_model(self._clients.status["tuning"])
+        self._show_knobs(self._clients.status["tuning"], now=True)
 
     def _fit(self, seconds: float) -> None:
-        """Have a model fitted beside everything else, then ask for it."""
-        (_, rows), wire = self._desk.channel.since(0), self._desk.status["tuning"]["wire"]
+        """Fit a model in the process of the fitter, then request it as a change."""
+        (_, rows), wire = self._clients.channel.since(0), self._clients.status["tuning"]["wire"]
         try:
             fitting = self._fitter.fit(rows, seconds, wire)
         except SmadriveError as error:
-            self._unfit(str(error))
+            self._report_unfitted(str(error))
             return
         self._note = f"fitting the last {seconds:g} s …"
         fitting.add_done_callback(lambda done: self._doc.add_next_tick_callback(partial(self._fitted, seconds, done)))
@@ -168,23 +169,23 @@ class Page:
     def _fitted(self, seconds: float, fitting: Future[IdentifiedWire]) -> None:
         try:
             wire = fitting.result()
-            self._ask("model", text=wire.text(), caveats=wire.caveats, source=f"fit to the last {seconds:g} s")
+            self._send("model", text=wire.text(), caveats=wire.caveats, source=f"fit to the last {seconds:g} s")
         except SmadriveError as error:
-            self._unfit(str(error))
+            self._report_unfitted(str(error))
         except BrokenExecutor:
-            self._unfit(f"the fit to the last {seconds:g} s died with its process: fit again")
+            self._report_unfitted(f"the process of the fit to the last {seconds:g} s ended: fit again")
 
-    def _unfit(self, reason: str) -> None:
-        """Have it told among the events of all pages; on this one it stands whatever becomes of that."""
+    def _report_unfitted(self, reason: str) -> None:
+        """Report a failed fit among the events, which all pages show, and in the note of this page."""
 
         def noted(_refused: str | None) -> None:
             self._note = f"fit: {reason}"
 
-        self._desk.ask(self._client, "note", noted, text=f"not fitted: {reason}")
+        self._clients.ask(self._client, "note", noted, text=f"not fitted: {reason}")
 
     def _save(self, name: str) -> None:
         try:
-            files = save_tuning(self._folder, name.strip(), self._rig_file, self._desk.status)
+            files = save_tuning(self._folder, name.strip(), self._rig_file, self._clients.status)
         except SmadriveError as error:
             self._note = f"save: {error}"
             return

@@ -1,4 +1,4 @@
-"""The texts of the page: what holds, what is wrong and what to do about it, how punctual the loop is."""
+"""The texts of the page as HTML: states, faults with their remedy, events, scores, timing of the loop."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from smadrive.control.loop import LATE_FRACTION
-from smadrive.tuning.link.channel import COLUMNS, Rows
+from smadrive.tuning.link.samples import COLUMNS, Rows
 
 TIMED_ROWS = 1200
 SHOWN_EVENTS = 8
@@ -18,8 +18,8 @@ _LATE = COLUMNS.index("late_s")
 _MODES = {"off": "off", "holding": "on", "tracking": "on", "off, unconfirmed": "bad"}
 
 
-class Timing:
-    """How late the last ticks began, and how many of all were too late."""
+class LoopTiming:
+    """How late the last ticks began, and how many of all were missed."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
@@ -27,20 +27,20 @@ class Timing:
         self.missed = 0
 
     def add(self, rows: Rows) -> None:
-        """More ticks."""
+        """Add ticks."""
         late_s = rows[:, _LATE]
         self._late_s.extend(late_s.tolist())
         self.missed += int(np.sum(late_s > LATE_FRACTION * self._period_s))
 
     def __str__(self) -> str:
-        """Median and 99th percentile."""
+        """Period, median and 99th percentile of the lateness, missed ticks."""
         if not self._late_s:
             return "no tick yet"
         median_ms, worst_ms = 1e3 * np.percentile(self._late_s, (50, 99))
         return f"{1e3 * self._period_s:.0f} ms · late {median_ms:.2f} ms, p99 {worst_ms:.2f} ms · {self.missed} missed"
 
 
-def chips_html(status: dict[str, Any], punctuality: str, *, late: bool, controls: bool) -> str:
+def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: bool) -> str:
     """The line of states under the title."""
     mode, limits = status["mode"], status["limited_by"]
     tuning = status["tuning"]
@@ -50,14 +50,14 @@ def chips_html(status: dict[str, Any], punctuality: str, *, late: bool, controls
             _chip("heater", mode, _MODES.get(mode, "on")),
             _chip("limited by", ", ".join(limits) or "nothing", "warn" if limits else "calm"),
             _chip("model", f"{tuning['change']} · {certified}", "warn" if tuning["caveats"] else "calm"),
-            _chip("loop", punctuality, "warn" if late else "calm"),
+            _chip("loop", timing, "warn" if late else "calm"),
             _chip("this page", "controls" if controls else "watches", "on" if controls else "off"),
         ]
     )
 
 
 def banner_html(status: dict[str, Any], note: str) -> str:
-    """What needs attention: faults with their remedy, a lost device, the answer to the last request."""
+    """Faults with their remedy, a lost device, warnings of the model, and `note`: the answer to the last request."""
     lines = []
     if status["mode"] == "off, unconfirmed":
         lines.append(("bad", "The heater could NOT be confirmed off: cut its supply."))
@@ -70,7 +70,7 @@ def banner_html(status: dict[str, Any], note: str) -> str:
         lines.append(("bad", f"latched on the device: {latched}; remove the cause, then Clear faults"))
     if status["temperature_fault"]:
         lines.append(("bad", f"thermocouple: {status['temperature_fault']}"))
-    lines.extend(("note", f"beware of the model in force: {caveat}") for caveat in status["tuning"]["caveats"])
+    lines.extend(("note", f"warning about the model in force: {caveat}") for caveat in status["tuning"]["caveats"])
     if note:
         lines.append(("note", note))
     return "".join(f'<div class="line {kind}">{escape(text)}</div>' for kind, text in lines)
@@ -85,7 +85,7 @@ def events_html(events: list[tuple[float, str]]) -> str:
 
 
 def scores_html(comparison: dict[str, Any]) -> str:
-    """A and B: what they are and how well they did."""
+    """The tunings A and B, and their scores."""
     cells = []
     for slot in ("A", "B"):
         mean_percent, cycles = comparison["scores"][slot]

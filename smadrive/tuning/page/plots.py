@@ -1,6 +1,6 @@
-"""The plots of the page and the data behind them: four over time, the plane of the hysteresis, the rules that fire.
+"""The plots of the page and their data: four over time, the hysteresis plane, the firing strengths of the rules.
 
-All traces over time share one source, so that a fresh row is sent once; axes whose ends are known are given them.
+All traces over time share one source, so that a new row is sent once; axes have fixed ends where these are known.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from bokeh.plotting import figure
 
 from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.identification.reshape import Model
-from smadrive.tuning.link.channel import COLUMNS, Rows
+from smadrive.tuning.link.samples import COLUMNS, Rows
 
 POINTS = 2000
 """Points that a trace keeps."""
@@ -29,17 +29,17 @@ DRAWN = (
     "estimated_mm",
     "commanded_a",
 )
-"""The columns of the channel that are drawn over time."""
+"""The columns that are drawn over time."""
 
 MOVED = 0.004
-"""On the plane a point is drawn where the wire has moved on by this share of an axis: a wire that stands adds none."""
+"""On the plane a point is added when the wire has moved by this share of an axis."""
 
 ERROR_AXES = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Ends of the error's axis, in percent of the stroke."""
 
 BRANCH_POINTS = 200
 
-WANTED, MEASURED, ESTIMATED = "#22303c", "#0b8f87", "#e8890c"
+SETPOINT, MEASURED, ESTIMATED = "#22303c", "#0b8f87", "#e8890c"
 HEATING, COOLING = "#d1495b", "#3a7ca5"
 LIMIT, GRID = "#c0392b", "#e6eaee"
 
@@ -86,7 +86,7 @@ class Plots:
             axis.update(start=low_mm - margin_mm, end=high_mm + margin_mm)
 
     def add(self, rows: Rows) -> None:
-        """Append what is new; a model has been shown before."""
+        """Append new rows; `show_model` was called before."""
         assert self._travel_mm is not None
         columns = {name: rows[:, _COLUMN[name]] for name in DRAWN}
         stroke_mm = abs(self._travel_mm[1] - self._travel_mm[0])
@@ -99,7 +99,7 @@ class Plots:
         self._fit_error_axis()
 
     def _fit_error_axis(self) -> None:
-        """In steps, so that the axis stands still while it is read."""
+        """The axis changes in steps, so that it can be read."""
         errors = np.abs(self.time.data["error_percent"])
         largest = float(np.max(errors[np.isfinite(errors)], initial=0.5))
         end = next((step for step in ERROR_AXES if step >= 1.05 * largest), ERROR_AXES[-1])
@@ -107,7 +107,7 @@ class Plots:
             self._error_range.update(start=-end, end=end)
 
     def show_state(self, rows: Rows) -> None:
-        """Where the wire is on the plane, and which rules fire there; what is new since this was last called."""
+        """Show the wire on the plane, and the firing strengths there; `rows` are new since the last call."""
         before, now = rows[0], rows[-1]
         wire_c, reached_mm = _wire_c(now), _first(now, "displacement_mm", "estimated_mm")
         if not (isfinite(wire_c) and isfinite(reached_mm)):
@@ -123,7 +123,7 @@ class Plots:
             self._rules.data = {"set": centres, "strength": strengths, "colour": [colour] * len(centres)}
 
     def _draw_loop(self, path: Rows) -> None:
-        """Go on with the measured loop along `path`, (rows, 2); it is broken where the wire is not known."""
+        """Continue the measured loop along `path`, (rows, 2); it has a gap where the wire is unknown."""
         reach = np.array([axis.end - axis.start for axis in (self._plane_c, self._plane_mm)])
         drawn = []
         for point in path:
@@ -137,30 +137,30 @@ class Plots:
     def _over_time(self, name: str, label: str, y_range: Range1d) -> figure:
         plot = _figure(name, label, x_range=self._x, y_range=y_range)
         plot.xaxis.formatter.use_scientific = False
-        plot.xaxis.visible = False  # one time axis, under the last of them
+        plot.xaxis.visible = False  # the lowest plot shows the time axis
         return plot
 
     def _displacement(self) -> figure:
         plot = self._over_time("displacement", "displacement / mm", self._mm)
-        _lines(plot, self.time, setpoint_mm=WANTED, displacement_mm=MEASURED, estimated_mm=ESTIMATED)
+        _lines(plot, self.time, setpoint_mm=SETPOINT, displacement_mm=MEASURED, estimated_mm=ESTIMATED)
         return plot
 
     def _temperature(self, temperature_max_c: float) -> figure:
         plot = self._over_time("temperature", "temperature / °C", Range1d(15.0, 1.06 * temperature_max_c))
-        _lines(plot, self.time, setpoint_c=WANTED, temperature_c=MEASURED, estimated_c=ESTIMATED)
+        _lines(plot, self.time, setpoint_c=SETPOINT, temperature_c=MEASURED, estimated_c=ESTIMATED)
         _limit(plot, temperature_max_c)
         return plot
 
     def _current(self, current_max_a: float) -> figure:
         plot = self._over_time("current", "current / A", Range1d(-0.03 * current_max_a, 1.1 * current_max_a))
-        _lines(plot, self.time, commanded_a=WANTED, current_a=MEASURED)
+        _lines(plot, self.time, commanded_a=SETPOINT, current_a=MEASURED)
         _limit(plot, current_max_a)
         return plot
 
     def _error(self) -> figure:
         plot = self._over_time("error", "error / % of stroke", self._error_range)
         _lines(plot, self.time, error_percent=HEATING)
-        plot.add_layout(Span(location=0.0, dimension="width", line_color=WANTED, line_width=1))
+        plot.add_layout(Span(location=0.0, dimension="width", line_color=SETPOINT, line_width=1))
         plot.xaxis.visible = True
         plot.xaxis.axis_label = "time / s"
         return plot
@@ -203,7 +203,7 @@ def _figure(name: str, label: str, **ranges: object) -> figure:
     plot.axis.axis_line_color = plot.axis.major_tick_line_color = "#c3ccd4"
     plot.axis.minor_tick_line_color = None
     plot.grid.grid_line_color = GRID
-    plot.min_border_left, plot.min_border_right = 58, 12  # one time axis for all: they begin below each other
+    plot.min_border_left, plot.min_border_right = 58, 12  # the time axes are aligned
     return plot
 
 
@@ -218,7 +218,7 @@ def _limit(plot: figure, at: float) -> None:
 
 
 def _has_moved(before: Rows, now: Rows, far: Rows) -> bool:
-    """Whether a point is worth drawing; of those that are not known the first is: it ends the line."""
+    """Whether a point is drawn: it has moved, or it is the first unknown one, which ends the line."""
     if np.isnan(now).any():
         return not np.isnan(before).any()
     return not bool((np.abs(now - before) < far).all())

@@ -1,8 +1,7 @@
 """The page process: it builds the pages and serves their data, to the front process alone.
 
-Nothing here can hold the loop up, and nothing leaves the machine: all scripts and styles come from the installed
-packages. It listens on a Unix socket in a folder of this user: requests that the gate has not seen do not reach it.
-What a page does, it does for the one client that brought the token first.
+The loop never waits for it, and nothing leaves the machine: all scripts and styles come from the installed packages.
+It listens on a Unix socket in a folder of this user: only requests that have passed the gate reach it.
 """
 
 from __future__ import annotations
@@ -28,27 +27,27 @@ from smadrive.tuning.page.page import Page
 
 READ_MS = 50
 UNUSED_MS = 1000
-"""A client whose socket has been gone for so long has left."""
+"""A client whose socket was closed for this time has left."""
 
 
 def serve(parameters: dict[str, Any]) -> None:
     """Serve until standard input ends."""
     channel = PageEnd(parameters["memory_fd"], socket.socket(fileno=parameters["socket_fd"]))
-    desk, fitter = ClientRegistry(channel, parameters["token"]), Fitter()
+    clients, fitter = ClientRegistry(channel, parameters["token"]), Fitter()
     folder, rig_file = Path(parameters["folder"]), Path(parameters["rig_file"])
 
     def document(doc: Document) -> None:
-        Page(doc, desk, fitter, folder, rig_file)
+        Page(doc, clients, fitter, folder, rig_file)
 
     def read() -> None:
-        desk.read()
+        clients.read()
         channel.beat()
 
-    desk.read()
-    while not desk.status:  # it is being replaced just now; a page that is asked for at once needs one
+    clients.read()
+    while not clients.status:  # a page needs one; the control process may be writing it
         if is_input_closed(within_s=READ_MS / 1000):
             return
-        desk.read()
+        clients.read()
     server = Server(
         {"/": Application(FunctionHandler(document))},
         unix_socket=parameters["path"],
@@ -66,5 +65,5 @@ def serve(parameters: dict[str, Any]) -> None:
 
 
 if __name__ == "__main__":
-    logging.getLogger("bokeh").setLevel(logging.ERROR)  # a client that leaves is no warning
+    logging.getLogger("bokeh").setLevel(logging.ERROR)  # a client that leaves is not worth a warning
     run(serve)

@@ -1,4 +1,4 @@
-"""Saving what was tuned: a new model file and a new rig file that names it. Nothing that exists is written over."""
+"""Saving a tuning: a new model file and a new rig file that names it. No existing file is overwritten."""
 
 from __future__ import annotations
 
@@ -20,21 +20,21 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
 def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any]) -> tuple[Path, Path]:
     """Write NAME.json and NAME.toml into `folder` from the status of the session; their paths.
 
-    ConfigError for a name that is none or taken and for a rig file that is gone, DataError when a file cannot be
-    written. Either both files are written or none.
+    ConfigError for an invalid or taken name and for a rig file that cannot be read, DataError when a file cannot be
+    written. Either both files are written or neither.
     """
     if not name:
-        raise ConfigError("give a name: that of the new files")
+        raise ConfigError("the new files have no name", cure="type a name")
     if not _NAME.fullmatch(name):
-        raise ConfigError(f"'{name}' is no name for a file: use letters, digits, '.', '-' and '_'")
+        raise ConfigError("invalid file name", value=f"'{name}'", cure="use letters, digits, '.', '-' and '_'")
     model_file, new_rig_file = folder / f"{name}.json", folder / f"{name}.toml"
     for path in (model_file, new_rig_file):
         if path.exists():
-            raise ConfigError(f"{path} exists: choose another name")
+            raise ConfigError("it exists", where=path, cure="choose another name")
     tuning, saved = status["tuning"], datetime.now(UTC).isoformat(timespec="seconds")
     source = f"tuned on rig '{status['rig']}', {saved}; last change: {tuning['change']}"
-    told = {"source": source, "caveats": tuning["caveats"], "events": [text for _, text in status["events"]]}
-    model_text = _model_text(tuning["wire"], told)
+    metadata = {"source": source, "caveats": tuning["caveats"], "events": [text for _, text in status["events"]]}
+    model_text = _model_text(tuning["wire"], metadata)
     rig_text = _rig_text(rig_file, model_file, tuning["feedback"], source)
     _write(model_file, model_text)
     try:
@@ -45,18 +45,24 @@ def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any])
     return model_file, new_rig_file
 
 
-def _model_text(wire: str, told: dict[str, Any]) -> str:
+def _model_text(wire: str, metadata: dict[str, Any]) -> str:
     document = json.loads(wire)
-    document["provenance"] = {**told, **document["provenance"]}
+    document["provenance"] = {**metadata, **document["provenance"]}
     return json.dumps(document, indent=2, allow_nan=False) + "\n"
 
 
 def _rig_text(rig_file: Path, model_file: Path, feedback: dict[str, float], source: str) -> str:
-    """The rig file as it was, comments and all, with the new model and feedback; the files it names stay the same."""
+    """The rig file, comments included, with the new model and feedback; it still names the same other files."""
     try:
         load_rig(str(rig_file))
     except ConfigError as error:
-        raise ConfigError(f"the rig file is not as it was: {error}: put it back, then save again") from None
+        raise ConfigError(
+            f"the rig file cannot be loaded any more: {error.what}",
+            where=rig_file,
+            value=error.value,
+            limit=error.limit,
+            cure="restore it, then save again",
+        ) from None
     document = tomlkit.parse(rig_file.read_text(encoding="utf-8-sig"))
     document["model"] = model_file.name
     folder = rig_file.parent.resolve()

@@ -1,12 +1,12 @@
-"""The online adaptation of a session: fed at every tick, its rules put in force every `PUBLISH_S` as any other change.
+"""The online adaptation of a session: updated at every tick; every `PUBLISH_S` its rules are put in force as a change.
 
-The temperature it learns from is estimated without the displacement: an observer that sees both would explain a wrong
-model by a wrong temperature. It is estimated from the session's first tick on: begun while the wire heats up, it would
-start at a thermocouple that lags 15 K behind, and bend the rules until it had found the wire.
+The wire temperature that it learns from is estimated without the displacement: an observer that uses both would explain
+a wrong model by a wrong temperature. The estimate begins at the first tick of the session: begun while the wire heats
+up, it would start at a thermocouple that lags 15 K behind, and the rules would be bent until it had converged.
 
-The adaptation goes on from whatever model is in force: after a change by hand it starts afresh from that. Undo takes
-all of it back and ends it. When it finds its sensor lying, what it learnt by the lie is in force already: its rules of
-well before are handed out once more, and then it has ended.
+After another change the adaptation restarts from the model in force. Undo takes all of it back and ends it. When it
+finds that its sensor is faulty, rules that were learnt from the fault are in force already: the rules from before the
+fault are put in force once more, and the adaptation ends.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ PUBLISH_S = 2.0
 
 
 class AdaptationRunner:
-    """The switch and what hangs on it."""
+    """Switches the adaptation on and off, and publishes its rules."""
 
     def __init__(self, tuning: Tuning, balance: HeatBalance, period_s: float, noise_c: float) -> None:
         self._balance = balance
@@ -43,15 +43,20 @@ class AdaptationRunner:
 
     @property
     def is_on(self) -> bool:
-        """Whether the rules are adapted."""
+        """Whether the adaptation is on."""
         return self._adaptation is not None
 
     def switch(self, on: bool, tuning: Tuning) -> None:
-        """On, from the rules in force, or off. ConfigError for a model without rules, or while rules are taken back."""
+        """Switch it on, from the rules in force, or off.
+
+        ConfigError for a model without rules, and while rules of an ended adaptation wait to be put in force.
+        """
         if self._ended is not None:
-            raise ConfigError("the adaptation has ended, and its rules of well before wait for their turn: try again")
+            raise ConfigError(
+                "the adaptation has ended, and its rules from before wait to be put in force", cure="try again"
+            )
         if on and not isinstance(tuning.model, TSFuzzyDuhem):
-            raise ConfigError("a Duhem model has no rules to adapt: identify with --kind tsfuzzy")
+            raise ConfigError("a Duhem model has no rules to adapt", cure="identify with --kind tsfuzzy")
         self._adaptation = self._started_from = None
         if on and isinstance(tuning.model, TSFuzzyDuhem):
             self._adaptation, self._started_from = Adaptation(tuning.model, self._noise_c), tuning
@@ -63,7 +68,7 @@ class AdaptationRunner:
         return WireObserver(wire, self._period_s, self._noise_c, abs(tuning.model.scale))
 
     def update(self, tick: Tick, tuning: Tuning, *, is_heating: bool) -> str | None:
-        """Learn from a tick, while the loop runs; why it has ended, None while it goes on or is off."""
+        """Learn from a tick while the loop runs; the reason when the adaptation has ended, otherwise None."""
         wire_c = self._wire_c(tick.measurement)
         if self._adaptation is None or not is_heating:
             return None
@@ -73,25 +78,25 @@ class AdaptationRunner:
         if self._adaptation.lying is None:
             return None
         self._ended, self._adaptation = self._adaptation, None
-        return f"adaptation ended: {self._ended.lying}; its rules of well before are put in force"
+        return f"adaptation ended: {self._ended.lying}; its rules from before are put in force"
 
-    def _wire_c(self, measured: Measurement) -> float:
-        """The wire's temperature by heat and thermocouple alone; NaN while that is not known."""
-        dt_s, self._time_s = measured.time_s - self._time_s, measured.time_s
-        power_w = measured.current_a * measured.voltage_v
+    def _wire_c(self, measurement: Measurement) -> float:
+        """The wire temperature by heat balance and thermocouple alone; NaN while it is not known."""
+        dt_s, self._time_s = measurement.time_s - self._time_s, measurement.time_s
+        power_w = measurement.current_a * measurement.voltage_v
         if not isfinite(power_w):
             self._estimate = None
             return nan
         if self._estimate is None:
-            if not isfinite(measured.temperature_c):
+            if not isfinite(measurement.temperature_c):
                 return nan
-            self._estimate = self._observer.start(measured.temperature_c, measured.displacement_mm)
+            self._estimate = self._observer.start(measurement.temperature_c, measurement.displacement_mm)
         elif dt_s > 0.0:
-            self._estimate = self._observer.update(self._estimate, measured.temperature_c, nan, power_w, dt_s)
+            self._estimate = self._observer.update(self._estimate, measurement.temperature_c, nan, power_w, dt_s)
         return self._estimate.temperature_c
 
     def due(self, time_s: float, *, is_heating: bool) -> Adaptation | None:
-        """The adaptation whose rules are to be put in force now; those of one that has ended, heating or not."""
+        """The adaptation whose rules are due to be put in force, if any; an ended one also while the heater is off."""
         if self._ended is not None:
             return self._ended
         if self._adaptation is None or not is_heating or time_s - self._published_s < PUBLISH_S:
@@ -100,5 +105,5 @@ class AdaptationRunner:
         return self._adaptation
 
     def taken(self) -> None:
-        """What was due is on its way into force: what an ended adaptation leaves is handed out no more."""
+        """The rules that were due are on their way into force: those of an ended adaptation are not due again."""
         self._ended = None

@@ -1,6 +1,6 @@
-"""The wire while no loop runs: measured at zero current, its heater made safe again until that is confirmed.
+"""The wire while no loop runs: measured at zero current; the safe state is tried again until it is confirmed.
 
-Not yet tried is not failed: that the heater could not be confirmed off is told only after it was tried.
+`is_safe` becomes False only after an attempt has failed, not while none was made.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ RETRY_S = 1.0
 
 
 class Idle:
-    """Samples `rig`, and tells `status` what becomes of it."""
+    """Samples `rig`, and reports to `status`."""
 
     def __init__(self, rig: Rig, status: Status) -> None:
         self._rig = rig
@@ -25,7 +25,7 @@ class Idle:
         self._due_s = inf
 
     def make_safe(self) -> None:
-        """Have the safe state tried at the next sample."""
+        """Enter the safe state at the next sample."""
         self._due_s = -inf
 
     def sample(self, now_s: float) -> Measurement | None:
@@ -48,4 +48,4 @@ class Idle:
             self._status.is_safe = False
             raise
         self._status.is_safe, self._due_s = True, inf
-        self._status.tell(now_s, "heater off, confirmed")
+        self._status.add_event(now_s, "heater off, confirmed")

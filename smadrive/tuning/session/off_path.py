@@ -1,4 +1,4 @@
-"""Whether OFF on the tuning page has an effect: the front process that answers it beats in the channel."""
+"""Whether OFF on the tuning page has an effect: the front process that answers it sends heartbeats in the channel."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ SILENT_S = 2.0
 
 
 class OffPath:
-    """Watches the beats of the front process. Without any beat so far it counts as silent."""
+    """Watches the heartbeats of the front process. Before the first one it counts as silent."""
 
     def __init__(self, channel: ControlEnd) -> None:
         self._channel = channel
@@ -20,7 +20,7 @@ class OffPath:
         self._beat_s = -inf
 
     def is_silent(self, now_s: float) -> bool:
-        """Whether no beat has been seen for more than SILENT_S."""
+        """Whether no heartbeat came for more than SILENT_S."""
         if self._channel.front_beats != self._beats:
             self._beats, self._beat_s = self._channel.front_beats, now_s
         return now_s - self._beat_s > SILENT_S
@@ -29,5 +29,8 @@ class OffPath:
 def front_silent() -> FrontSilentError:
     """The reason to switch off, or to refuse to arm."""
     return FrontSilentError(
-        f"OFF of the tuning page: its front process has not answered for {SILENT_S:g} s. It is started again; arm then"
+        "its front process does not answer",
+        where="OFF of the tuning page",
+        limit=f"{SILENT_S:g} s",
+        cure="arm when it has been restarted",
     )

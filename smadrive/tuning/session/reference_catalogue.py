@@ -1,7 +1,7 @@
 """The references that a page can start: those of the session by their names, and any other in its one-line form.
 
-Their tables are made between two ticks, so they are bounded by what that takes: at `LONGEST_S` half a period of 20 Hz.
-On the page a reference begins again by itself; one that is longer is tracked by `smadrive run`.
+Their tables are computed between two ticks, so their length is bounded: at `LONGEST_S` that takes half a period of
+20 Hz. On the page a reference repeats by itself; `smadrive run` tracks longer ones.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from smadrive.wire.wire_model import travel_mm
 LONGEST_S = 600.0
 
 APPROACH_S = 10.0
-"""How long the wire takes to come to the beginning of a reference, and back to it where its ends differ."""
+"""Duration of the approach to the beginning of a reference, and of the return to it when its ends differ."""
 
 
 class ReferenceCatalogue:
@@ -31,28 +31,38 @@ class ReferenceCatalogue:
             try:
                 check_length(reference.cycle_s, reference.times_s.size - 1, LONGEST_S)
             except DataError as error:
-                raise ConfigError(f"'{name}' on the tuning page: {error}; `smadrive run` takes longer ones") from None
+                raise ConfigError(
+                    error.what,
+                    where=f"reference '{name}' of the tuning page",
+                    value=error.value,
+                    limit=error.limit,
+                    cure=f"{error.cure or 'shorten it'}, or track it by `smadrive run`",
+                ) from None
         self._references = references
 
     @property
     def names(self) -> list[str]:
-        """In the order in which they were given."""
+        """The names, in the order in which they were given."""
         return list(self._references)
 
     def path(self, name: str | None, tuning: Tuning, from_mm: float) -> Reference:
-        """A reference by its name or its one-line form, from where the wire is wanted now; None: to stay there."""
+        """A reference by its name or its one-line form, approached from the present setpoint; None: stay there.
+
+        ConfigError, DataError for a text that is neither, or a reference outside the travel of the wire.
+        """
         if name is None:
             return _staying(from_mm)
-        wanted = self._references.get(name) or parse_reference(name, LONGEST_S)
-        wanted.check_within(travel_mm(tuning.model))
-        return wanted.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)
+        reference = self._references.get(name) or parse_reference(name, LONGEST_S)
+        reference.check_within(travel_mm(tuning.model))
+        return reference.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)
 
-    def hold(self, tuning: Tuning, measured: Measurement) -> Reference:
-        """Staying where the wire is, by its sensor, but held to what the model can reach at its temperature.
+    def hold(self, tuning: Tuning, measurement: Measurement) -> Reference:
+        """A reference that stays at the measured displacement, limited to what the model reaches at this temperature.
 
-        A sensor without its zero must not heat a cold wire.
+        The limit is for a sensor that has lost its zero: it must not heat a cold wire.
         """
-        model, temperature_c, displacement_mm = tuning.model, measured.temperature_c, measured.displacement_mm
+        model, temperature_c = tuning.model, measurement.temperature_c
+        displacement_mm = measurement.displacement_mm
         if not isfinite(displacement_mm):
             displacement_mm = model.initial_state(temperature_c).y
         return _staying(DisplacementBand(model).nearest_mm(temperature_c, displacement_mm))

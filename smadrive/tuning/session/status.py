@@ -1,4 +1,4 @@
-"""The status: what a page shows besides the samples, as one JSON document."""
+"""The status: everything that a page shows besides the samples, as one JSON document."""
 
 from __future__ import annotations
 
@@ -8,8 +8,9 @@ from typing import Any
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shutdown_of
-from smadrive.tuning.session.change_queue import ChangeQueue
-from smadrive.tuning.session.swappable_controller import SwappableController
+from smadrive.tuning.session.changes.comparison import Comparison
+from smadrive.tuning.session.changes.tunings import Tunings
+from smadrive.tuning.session.modes import Mode
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -18,28 +19,30 @@ from smadrive.wire.wire_model import travel_mm
 STATUS_S = 0.1
 """How often it is published."""
 
-EVENTS = 40
-"""How many events a page can look back."""
+MAX_EVENTS = 40
 
-LONGEST_EVENT = 400
-"""Characters; all events together must have room in the status."""
+MAX_EVENT_LENGTH = 400
+"""Characters; all events together must fit in the status."""
+
+_HEATER = {Mode.HOLDING: "holding", Mode.TRACKING: "tracking", Mode.COMPARING: "tracking"}
+"""The `mode` that is published while the heater is on."""
 
 
 class Status:
-    """Collects what there is to tell: events, the open fault, a lost connection, the last measurement.
+    """Collects events, the open fault, a lost connection and the last measurement.
 
-    `is_safe` until a try to make the heater safe has failed, and again when one has succeeded. `end` is None while the
-    session lasts, then "off" if the devices have confirmed the safe state, otherwise "unconfirmed".
+    `is_safe` until an attempt to make the heater safe has failed, and again when one has succeeded. `end` is None until
+    the session ends, then "off" if the devices have confirmed the safe state, otherwise "unconfirmed".
     """
 
-    def __init__(self, rig: Rig, references: list[str], balance: HeatBalance, bench: ChangeQueue) -> None:
+    def __init__(self, rig: Rig, references: list[str], balance: HeatBalance) -> None:
         self.fault: str | None = None
         self.fault_type: str | None = None
         self.lost: str | None = None
         self.is_safe = True
         self.end: str | None = None
-        self.measured: Measurement | None = None
-        self.events: deque[tuple[float, str]] = deque(maxlen=EVENTS)
+        self.measurement: Measurement | None = None
+        self.events: deque[tuple[float, str]] = deque(maxlen=MAX_EVENTS)
         config = rig.config
         self._fixed = {
             "rig": config.name,
@@ -52,57 +55,50 @@ class Status:
             "references": references,
         }
         self._balance = balance
-        self._bench = bench
-        self._told: tuple[Tuning, dict[str, Any]] | None = None
+        self._described: tuple[Tuning, dict[str, Any]] | None = None
 
-    def tell(self, time_s: float, event: str) -> None:
-        """Add an event, the beginning of it if it is long."""
-        if len(event) > LONGEST_EVENT:
-            event = event[: LONGEST_EVENT - 1] + "…"
+    def add_event(self, time_s: float, event: str) -> None:
+        """Add an event; a long one is cut."""
+        if len(event) > MAX_EVENT_LENGTH:
+            event = event[: MAX_EVENT_LENGTH - 1] + "…"
         self.events.append((round(time_s, 2), event))
 
     def clear_fault(self) -> None:
-        """No fault is open any more."""
+        """Forget the open fault."""
         self.fault = self.fault_type = None
 
     def fail(self, time_s: float, error: BaseException) -> None:
-        """Take over what `error` says of the fault and of the heater."""
+        """Take the fault and the state of the heater from `error`."""
         outcome = shutdown_of(error)
         self.is_safe = outcome is None or outcome.confirmed
         self.fault = " — ".join([str(error), *getattr(error, "__notes__", ())])
         self.fault_type = type(error).__name__
-        self.tell(time_s, self.fault)
+        self.add_event(time_s, self.fault)
 
-    def document(self, live: SwappableController | None, *, adapts: bool) -> dict[str, Any]:
-        """Everything as plain values."""
-        bench, measured = self._bench, self.measured
-        comparison = bench.comparison
+    def document(self, mode: Mode, tunings: Tunings, *, adapts: bool) -> dict[str, Any]:
+        """The status as plain values."""
+        measurement = self.measurement
         return {
             **self._fixed,
-            "mode": _mode(live, is_safe=self.is_safe),
+            "mode": _HEATER.get(mode, "off" if self.is_safe else "off, unconfirmed"),
             "end": self.end,
             "fault": self.fault,
             "fault_type": self.fault_type,
             "lost": self.lost,
-            "device_faults": [] if measured is None else measured.device_faults,
-            "temperature_fault": None if measured is None else measured.temperature_fault,
-            "limited_by": [] if measured is None else [*measured.device_limits, *measured.host_limits],
-            "tuning": self._tuning(bench.in_force),
-            "undo": bench.history.undo_name,
-            "redo": bench.history.redo_name,
-            "comparison": {
-                "on": comparison.is_on,
-                "turn": comparison.turn,
-                "slots": {slot: tuning.change for slot, tuning in comparison.slots.items()},
-                "scores": {slot: [score.mean_percent, len(score.cycles)] for slot, score in comparison.scores.items()},
-            },
+            "device_faults": [] if measurement is None else measurement.device_faults,
+            "temperature_fault": None if measurement is None else measurement.temperature_fault,
+            "limited_by": [] if measurement is None else [*measurement.device_limits, *measurement.host_limits],
+            "tuning": self._tuning(tunings.in_force),
+            "undo": tunings.history.undo_name,
+            "redo": tunings.history.redo_name,
+            "comparison": _comparison(tunings.comparison),
             "adapts": adapts,
             "events": list(self.events),
         }
 
     def _tuning(self, tuning: Tuning) -> dict[str, Any]:
-        """Of the tuning in force; made once for each."""
-        if self._told is None or self._told[0] is not tuning:
+        """The tuning in force; computed once for each."""
+        if self._described is None or self._described[0] is not tuning:
             certificate = tuning.model.certificate()
             document = {
                 "wire": IdentifiedWire(tuning.model, self._balance).text(),
@@ -114,11 +110,14 @@ class Status:
                 "contraction_rate": certificate.contraction_rate,
                 "invertible_percent": 100.0 * certificate.invertible_share,
             }
-            self._told = tuning, document
-        return self._told[1]
+            self._described = tuning, document
+        return self._described[1]
 
 
-def _mode(live: SwappableController | None, *, is_safe: bool) -> str:
-    if live is not None:
-        return "tracking" if live.reference.endless else "holding"
-    return "off" if is_safe else "off, unconfirmed"
+def _comparison(comparison: Comparison) -> dict[str, Any]:
+    return {
+        "on": comparison.is_on,
+        "turn": comparison.turn,
+        "slots": {slot: tuning.change for slot, tuning in comparison.slots.items()},
+        "scores": {slot: [score.mean_percent, len(score.cycles)] for slot, score in comparison.scores.items()},
+    }

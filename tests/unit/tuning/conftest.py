@@ -1,4 +1,4 @@
-"""A tuning session on the simulated wire in virtual time, its workshop in line, and a page that follows a script."""
+"""A tuning session on the simulated wire in virtual time, with a builder in this process and a scripted page."""
 
 import json
 from contextlib import suppress
@@ -15,7 +15,7 @@ from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
 from smadrive.hysteresis.fuzzy import TriangularSets
 from smadrive.rig.config import FeedbackConfig, load_rig
 from smadrive.rig.rig import Rig
-from smadrive.tuning.builder.builder import Refused, prepare
+from smadrive.tuning.builder.build import BuildFailure, build
 from smadrive.tuning.link.channel import ControlEnd, PageEnd
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
@@ -26,32 +26,38 @@ REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=40.0, cycles=1)
 PERIOD_S = 0.05
 DRIVING = ("arm", "track", "hold", "compare")
 
+NONE_A = 0.002
+"""The noise of the simulated current measurement."""
 
-class InLine:
-    """A workshop that does the work at once; nothing comes out of it while it `stands_still`."""
+AFTER_OFF = "OFF was pressed after this. Press again."
+"""The answer to a request that OFF has overtaken."""
 
-    stands_still = False
 
-    def begin(self, order):
+class DirectBuilder:
+    """A builder that builds at once in this process; it has no result while it `is_stopped`."""
+
+    is_stopped = False
+
+    def begin(self, request):
         try:
-            self._outcome = prepare(order)
-        except SmadriveError as refusal:
-            self._outcome = Refused(str(refusal))
+            self._result = build(request)
+        except SmadriveError as error:
+            self._result = BuildFailure(str(error))
 
-    def outcome(self):
-        return None if self.stands_still else self._outcome
+    def result(self):
+        return None if self.is_stopped else self._result
 
 
 class Ended(BaseException):
     """Ends a session as Ctrl-C does."""
 
 
-class Bench:
-    """The session, the page's end of its channel, the simulated device, and the ticks that were recorded.
+class TunedRig:
+    """A rig on a simulated device with its session, the page's end of its channel, and the recorded ticks.
 
-    `wire` is what was true at each of them: time, temperature and displacement of the plant. `trace_folder` and
-    `stale_after_s` are those of the rig. `status` is what has been published when the session is interrupted, `end`
-    what it publishes afterwards. The front process beats at every tick unless it `front_is_silent`.
+    `wire` is the true state of the plant at each tick: time, temperature and displacement. `trace_folder` and
+    `stale_after_s` are those of the rig. `status` is the last one published before the session is interrupted, `end`
+    that published afterwards. The front process sends a heartbeat at every tick unless `front_is_silent`.
     """
 
     trace_folder = None
@@ -65,7 +71,7 @@ class Bench:
         self.control = control
         self.page = PageEnd(self.control.memory_fd, self.control.page_socket)
         self.model = model
-        self.workshop = InLine()
+        self.builder = DirectBuilder()
         self.ticks = []
         self.wire = []
         self.answers = {}
@@ -74,26 +80,26 @@ class Bench:
         self._number = 0
 
     def at(self, time_s, act, **values):
-        """Have the page ask for something at `time_s`; the number by which its answer is known.
+        """Let the page send a request at `time_s`; its number, by which `answers` has the answer.
 
-        What drives the wire is asked knowing of every OFF until then, unless `offs` tells of how many.
+        A request that drives the wire carries the count of all OFFs until then, unless `offs` is given.
         """
         self._number += 1
         message = {"number": self._number, "act": act, **values}
 
-        def ask():
-            known = {"offs": self.page.offs} if act in DRIVING else {}
-            self.page.send({**known, **message})
+        def send():
+            count = {"offs": self.page.offs} if act in DRIVING else {}
+            self.page.send({**count, **message})
 
-        self.do(time_s, ask)
+        self.do(time_s, send)
         return self._number
 
     def do(self, time_s, action):
-        """Have anything happen at `time_s`."""
+        """Call `action` at `time_s`."""
         self._script.append((time_s, action))
 
     def run(self, until_s):
-        """The session's life."""
+        """Run the session until `until_s`."""
         self._interrupted = None
         script = sorted(self._script, key=lambda entry: entry[0])
 
@@ -116,7 +122,7 @@ class Bench:
         ):
             tuning = Tuning.of(self.model, FeedbackConfig(), "as identified")
             references = {"sine": REFERENCE}
-            self.session = TuningSession(rig, tuning, BALANCE, references, self.control, self.workshop, record)
+            self.session = TuningSession(rig, tuning, BALANCE, references, self.control, self.builder, record)
             self.session.run()
 
     def _config(self):
@@ -142,13 +148,13 @@ class Bench:
         return self.page.status(seen=-1)[1]
 
     def rms_percent(self, models, over_s=40.0):
-        """How far each model is off the true wire in the time before its own, all together, in % of the stroke."""
+        """RMS error of all models against the true wire, each over `over_s` before its time, in % of the stroke."""
         times_s, wire_c, reached_mm = np.array(self.wire).T
         errors = []
         for time_s, model in models:
-            there = (times_s > time_s - over_s) & (times_s <= time_s)
-            state = model.initial_state(wire_c[there][0], reached_mm[there][0])
-            for v, mm in zip(wire_c[there].tolist(), reached_mm[there].tolist(), strict=True):
+            window = (times_s > time_s - over_s) & (times_s <= time_s)
+            state = model.initial_state(wire_c[window][0], reached_mm[window][0])
+            for v, mm in zip(wire_c[window].tolist(), reached_mm[window].tolist(), strict=True):
                 state = model.step(state, v)
                 errors.append(100.0 * (state.y - mm) / 12.0)
         return float(np.sqrt(np.mean(np.square(errors))))
@@ -169,9 +175,17 @@ def true_wire(offset_mm=0.0):
     )
 
 
+def currents(ticks):
+    return np.array([tick.measurement.current_a for tick in ticks])
+
+
+def error_mm(ticks):
+    return np.array([tick.command.setpoint_mm - tick.measurement.displacement_mm for tick in ticks])
+
+
 @pytest.fixture
 def true_model():
-    """What the simulated wire does."""
+    """The model of the simulated wire."""
     return true_wire()
 
 
@@ -182,24 +196,24 @@ def control():
 
 
 @pytest.fixture
-def bench(control):
-    return Bench(true_wire(), control)
+def rig(control):
+    return TunedRig(true_wire(), control)
 
 
 @pytest.fixture
-def bench_without_zero(control):
-    """Makes a bench whose sensor reads so many mm too much for its model, with noise of its own."""
+def rig_without_zero(control):
+    """Makes a rig whose sensor reads `zero_mm` too much for its model; `seed` is that of its noise."""
 
     def make(zero_mm, seed=3):
-        bench = Bench(true_wire(-zero_mm), control)
-        bench.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed)
-        bench.clock.follow(bench.device.bench.advance_to)
-        return bench
+        rig = TunedRig(true_wire(-zero_mm), control)
+        rig.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed)
+        rig.clock.follow(rig.device.bench.advance_to)
+        return rig
 
     return make
 
 
 @pytest.fixture
-def ruled_bench(control):
+def ruled_rig(control):
     sets = TriangularSets((40.0, 60.0, 65.0, 70.0, 75.0, 80.0, 85.0, 90.0, 95.0, 100.0, 120.0))
-    return Bench(TSFuzzyDuhem.from_duhem(true_wire(), sets), control)
+    return TunedRig(TSFuzzyDuhem.from_duhem(true_wire(), sets), control)

@@ -1,4 +1,4 @@
-"""The workshop's process: what it is ordered comes back, what it knows stays the same thing, and it may die."""
+"""The model builder process: results arrive, the loop gets its own objects back, and the process may stop or die."""
 
 import os
 import signal
@@ -8,29 +8,24 @@ from dataclasses import replace
 import pytest
 
 from smadrive.control.references.shapes import sine
-from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
+from smadrive.hysteresis import TriangularSets, TSFuzzyDuhem
 from smadrive.identification.adaptation import Adaptation
 from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
-from smadrive.tuning.builder.builder import Order, Refused, prepare
-from smadrive.tuning.link.mailbox import ParcelPair, other_end
-from smadrive.tuning.link.messages import SetFeedback, SetShape
+from smadrive.tuning.builder.build import BuildFailure, BuildRequest, build
+from smadrive.tuning.link.requests import SetFeedback, SetShape
 from smadrive.tuning.processes import BuilderProcess
 from smadrive.tuning.tuning import ADAPTED, Adapted, Tuning
-from smadrive.wire.heat_balance import HeatBalance
+from tests.unit.tuning.conftest import BALANCE, REFERENCE, true_wire
 
-BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
-REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=40.0, cycles=1)
+LONG_REFERENCE = sine(low_mm=2.0, high_mm=9.0, period_s=300.0, cycles=2)
 CENTRES = (40.0, 60.0, 70.0, 75.0, 80.0, 85.0, 90.0, 100.0, 120.0)
-WIRE = DuhemModel.gaussian(
-    mu_heating=89.9, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(0.0, 200.0)
-)
 
 
-def order(change, *, reference=REFERENCE):
+def build_request(change, *, reference=REFERENCE):
     config = load_rig("in-process")
-    tuning = Tuning.of(TSFuzzyDuhem.from_duhem(WIRE, TriangularSets(CENTRES)), config.feedback, "as loaded")
-    return Order(tuning, change, reference, config, BALANCE)
+    tuning = Tuning.of(TSFuzzyDuhem.from_duhem(true_wire(), TriangularSets(CENTRES)), config.feedback, "as loaded")
+    return BuildRequest(tuning, change, reference, config, BALANCE)
 
 
 def moved(mu_heating):
@@ -38,86 +33,91 @@ def moved(mu_heating):
 
 
 @pytest.fixture(scope="module")
-def workshop():
-    with ParcelPair() as parcels, BuilderProcess(parcels) as workshop:
-        yield workshop
+def builder():
+    with BuilderProcess() as builder:
+        yield builder
 
 
-def outcome(workshop, given):
-    workshop.begin(given)
-    while (outcome := workshop.outcome()) is None:
+def awaited(builder):
+    """The result of the request that the builder works on."""
+    while (result := builder.result()) is None:
         time.sleep(0.005)
-    return outcome
+    return result
 
 
-def test_it_prepares_what_would_be_prepared_here(workshop):
-    given = order(moved(91.0))
-    here, there = prepare(given), outcome(workshop, given)
+def result_of(builder, request):
+    builder.begin(request)
+    return awaited(builder)
+
+
+def test_result_equals_that_of_a_build_in_this_process(builder):
+    request = build_request(moved(91.0))
+    here, there = build(request), result_of(builder, request)
     assert there.tuning.model.rules == here.tuning.model.rules
     assert there.tuning.shape == here.tuning.shape
     sample = Measurement(0.0, 60.0, 0.2, 0.6, 1.0)
     assert there.controller.update(0.0, sample, 0.05) == here.controller.update(0.0, sample, 0.05)
 
 
-def test_no_file_of_the_present_folder_runs_in_its_place(tmp_path, monkeypatch):
+def test_modules_of_the_present_folder_are_not_imported(tmp_path, monkeypatch):
     (tmp_path / "select.py").write_text("raise RuntimeError")
     monkeypatch.chdir(tmp_path)
-    with ParcelPair() as parcels, BuilderProcess(parcels) as workshop:
-        assert outcome(workshop, order(moved(91.0), reference=None)).controller is None
+    with BuilderProcess() as builder:
+        assert result_of(builder, build_request(moved(91.0), reference=None)).controller is None
 
 
-def test_what_the_loop_has_already_stays_the_same_thing(workshop):
-    given = order(moved(91.0))
-    shaped = outcome(workshop, given)
-    assert shaped.reference is given.reference
-    assert shaped.tuning.unmoved is given.tuning.unmoved
-    settings = Order(
-        shaped.tuning,
-        SetFeedback(number=2, act="feedback", key="closed_loop_s", value=0.5),
-        REFERENCE,
-        given.config,
-        BALANCE,
-    )
-    slower = outcome(workshop, settings)
-    assert slower.tuning.model is shaped.tuning.model
-    assert slower.tuning.feedback.closed_loop_s == 0.5
+def test_loop_gets_its_own_objects_back(builder):
+    request = build_request(moved(91.0))
+    shaped = result_of(builder, request)
+    assert shaped.reference is request.reference
+    assert shaped.tuning.unmoved is request.tuning.unmoved
+    slower = SetFeedback(number=2, act="feedback", key="closed_loop_s", value=0.5)
+    result = result_of(builder, BuildRequest(shaped.tuning, slower, REFERENCE, request.config, BALANCE))
+    assert result.tuning.model is shaped.tuning.model
+    assert result.tuning.feedback.closed_loop_s == 0.5
 
 
-def test_without_a_reference_there_is_no_controller(workshop):
-    assert outcome(workshop, order(moved(91.0), reference=None)).controller is None
+def test_without_a_reference_no_controller_is_built(builder):
+    assert result_of(builder, build_request(moved(91.0), reference=None)).controller is None
 
 
-def test_a_refusal_comes_back_with_its_reason(workshop):
-    refused = outcome(workshop, order(moved(60.0)))
-    assert isinstance(refused, Refused)
-    assert "must exceed mu_cooling" in refused.reason
+def test_invalid_change_fails_with_its_reason(builder):
+    failure = result_of(builder, build_request(moved(60.0)))
+    assert isinstance(failure, BuildFailure)
+    assert "mu_cooling" in failure.reason
 
 
-def test_an_order_that_died_with_its_process_is_refused_and_the_next_is_done(workshop):
-    os.kill(workshop.pid, signal.SIGSTOP)
-    workshop.begin(order(moved(91.0)))
-    os.kill(workshop.pid, signal.SIGKILL)
-    while (refused := workshop.outcome()) is None:
+def test_request_fails_when_its_process_dies_and_the_next_one_is_done(builder):
+    os.kill(builder.pid, signal.SIGSTOP)
+    builder.begin(build_request(moved(91.0)))
+    os.kill(builder.pid, signal.SIGKILL)
+    assert isinstance(awaited(builder), BuildFailure)
+    assert result_of(builder, build_request(moved(92.0))).tuning.shape.mu_heating == 92.0
+
+
+def test_request_sent_during_a_restart_is_done_by_the_new_process(builder):
+    deaths, restarts = builder.deaths, builder.restarts
+    os.kill(builder.pid, signal.SIGKILL)
+    while builder.deaths == deaths:
         time.sleep(0.005)
-    assert "started anew" in refused.reason
-    assert outcome(workshop, order(moved(92.0))).tuning.shape.mu_heating == 92.0
+    assert builder.restarts == restarts
+    assert result_of(builder, build_request(moved(93.0))).tuning.shape.mu_heating == 93.0
 
 
-def test_parcels_of_any_size_do_not_wait_for_the_other_end():
-    with ParcelPair() as ours:
-        theirs = other_end((*ours.fds[:2], os.dup(ours.fds[2])))
-        for number, size in enumerate((0, 10_000_000, 5)):
-            assert ours.send(number, bytes(size))
-            assert theirs.received() == (number, bytes(size))
-        assert theirs.received() is None
-        theirs.messages.close()
-        ours.messages.close()
-        assert not ours.send(9, b"nobody")
+def test_large_request_does_not_wait_for_a_stopped_process(builder):
+    """It is larger than the buffers of a socket."""
+    os.kill(builder.pid, signal.SIGSTOP)
+    try:
+        builder.begin(build_request(moved(91.0), reference=LONG_REFERENCE))
+        assert builder.result() is None
+    finally:
+        os.kill(builder.pid, signal.SIGCONT)
+    assert awaited(builder).tuning.shape.mu_heating == 91.0
 
 
-def test_rules_that_were_adapted_are_built_there_too(workshop):
-    given = order(None)
-    adaptation = Adaptation(given.tuning.model, 0.1)
-    adapted = outcome(workshop, replace(given, change=Adapted(adaptation)))
+def test_adapted_rules_are_built(builder):
+    request = build_request(None)
+    adaptation = Adaptation(request.tuning.model, 0.1)
+    adapted = result_of(builder, replace(request, change=Adapted(adaptation)))
     assert adapted.tuning.change == ADAPTED
     assert adapted.tuning.model.rules == adaptation.model.rules

@@ -1,4 +1,4 @@
-"""The page's port: OFF is answered whatever becomes of pages; only the page itself and local programs are let in."""
+"""The page's port: OFF is always answered; only requests of the page itself and of local programs are accepted."""
 
 import asyncio
 import http.client
@@ -16,12 +16,12 @@ from tornado.websocket import websocket_connect
 from smadrive.errors import ConfigError
 from smadrive.rig.config import rig_file
 from smadrive.tuning import processes
-from smadrive.tuning.front.process import MAX_BODY_BYTES, MAX_HEAD_BYTES, MOST_CONNECTIONS
-from smadrive.tuning.front.relay import MOST_BUILDS
+from smadrive.tuning.front.process import MAX_BODY_BYTES, MAX_CONNECTIONS, MAX_HEAD_BYTES
+from smadrive.tuning.front.relay import MAX_BUILDS
 from smadrive.tuning.link import supervised_process
 from smadrive.tuning.link.channel import ControlEnd, PageEnd
 from smadrive.tuning.processes import TuningPage
-from tests.unit.tuning.conftest import Bench, true_wire
+from tests.unit.tuning.conftest import TunedRig, true_wire
 
 LOADS = 200
 PATIENCE_S = 300.0
@@ -50,10 +50,10 @@ REQUESTS = [
 
 
 class Served:
-    """The page of a session that has just ended, on a port of its own."""
+    """The page of a session that has ended, on a port of its own."""
 
     def __init__(self, control, folder):
-        Bench(true_wire(), control).run(until_s=1.0)
+        TunedRig(true_wire(), control).run(until_s=1.0)
         self.channel = PageEnd(control.memory_fd, control.page_socket)
         self.page = TuningPage(
             control, port=0, token=secrets.token_urlsafe(8), rig_file=rig_file("simulated"), folder=folder
@@ -72,7 +72,7 @@ class Served:
         return status
 
     def pending(self, request):
-        """A connection on which a request, or nothing yet, has been sent."""
+        """A connection on which `request` has been sent."""
         connection = socket.create_connection(self.host.split(":"), timeout=PATIENCE_S)
         connection.sendall(request.encode())
         return connection
@@ -95,7 +95,7 @@ def stopped(pid):
         os.kill(pid, signal.SIGCONT)
 
 
-def test_off_is_answered_while_page_loads_wait_for_their_pages(served):
+def test_off_is_answered_while_200_page_loads_are_pending(served):
     offs = served.channel.offs
     with ExitStack() as stack:
         with stopped(served.page.server.pid):
@@ -104,13 +104,13 @@ def test_off_is_answered_while_page_loads_wait_for_their_pages(served):
             assert served.status("POST", "/off") == 200
             assert served.channel.offs == offs + 1
         replies = [load.recv(12) for load in loads]
-    assert replies.count(b"HTTP/1.1 200") == MOST_BUILDS
-    assert replies.count(b"HTTP/1.1 503") == LOADS - MOST_BUILDS
+    assert replies.count(b"HTTP/1.1 200") == MAX_BUILDS
+    assert replies.count(b"HTTP/1.1 503") == LOADS - MAX_BUILDS
 
 
 @pytest.mark.parametrize("foreign", FOREIGN)
 @pytest.mark.parametrize(("method", "path", "headers"), REQUESTS)
-def test_what_other_sites_cause_is_refused_on_every_path(served, method, path, headers, foreign):
+def test_requests_of_other_sites_are_refused_on_every_path(served, method, path, headers, foreign):
     offs = served.channel.offs
     assert served.status(method, path, {**headers, **foreign}) == 403
     assert served.channel.offs == offs
@@ -118,13 +118,13 @@ def test_what_other_sites_cause_is_refused_on_every_path(served, method, path, h
 
 @pytest.mark.parametrize("headers", [{}, {"Sec-Fetch-Site": "none"}, {"Sec-Fetch-Site": "same-origin"}])
 @pytest.mark.parametrize(("method", "path"), [("GET", "/"), ("GET", "/static/js/bokeh.min.js"), ("POST", "/off")])
-def test_the_page_itself_and_local_programs_are_let_in(served, method, path, headers):
+def test_requests_of_the_page_and_of_local_programs_are_accepted(served, method, path, headers):
     assert served.status(method, path, headers) == 200
 
 
-def test_idle_connections_do_not_keep_off_out(served):
+def test_off_is_answered_despite_many_idle_connections(served):
     with ExitStack() as stack:
-        for _ in range(MOST_CONNECTIONS + 50):
+        for _ in range(MAX_CONNECTIONS + 50):
             stack.enter_context(served.pending(""))
         assert served.status("POST", "/off") == 200
 
@@ -169,7 +169,7 @@ def test_long_message_closes_the_state_socket(served):
     assert asyncio.run(reply()) is None
 
 
-def test_an_off_that_comes_while_the_front_process_is_started_anew_is_counted(served):
+def test_off_during_a_restart_of_the_front_process_is_counted(served):
     offs = served.channel.offs
     os.kill(served.page.front.pid, signal.SIGKILL)
     assert served.status("POST", "/off") == 200
@@ -184,19 +184,19 @@ def test_frozen_front_process_is_replaced_and_off_is_counted(served):
     assert served.channel.offs == offs + 1
 
 
-def test_a_port_that_is_taken_is_refused(served, control, tmp_path):
+def test_taken_port_is_refused(served, control, tmp_path):
     port = urlsplit(served.page.url).port
     page = TuningPage(control, port=port, token="", rig_file=rig_file("simulated"), folder=tmp_path)
     with pytest.raises(ConfigError), page:
         pass
 
 
-def test_the_last_thing_a_page_is_told_is_how_the_run_has_ended(control, tmp_path, monkeypatch):
+def test_last_message_to_a_page_is_how_the_run_has_ended(control, tmp_path, monkeypatch):
     monkeypatch.setattr(processes, "FROZEN_LOOKS", 1_000_000)  # a busy machine may stop the front process for a second
     monkeypatch.setattr(supervised_process, "END_WITHIN_S", PATIENCE_S)
 
     async def messages():
-        """What the page is told before the run ends, and what after that; the page process may be slow at any time."""
+        """The messages before the end of the run, and those after it; the page process may be slow at any time."""
         served = Served(control, tmp_path)
         with served.page:
             state = await websocket_connect(f"ws://{served.host}/state")

@@ -1,4 +1,4 @@
-"""A supervised process: started anew until that succeeds, and gone with the session, also with one that never began."""
+"""A supervised process: restarted until that succeeds, and ended with the session in every case."""
 
 import json
 import os
@@ -13,9 +13,8 @@ from pathlib import Path
 
 import pytest
 
-from smadrive.tuning.link.mailbox import ParcelPair
 from smadrive.tuning.link.supervised_process import SupervisedProcess
-from smadrive.tuning.processes import COMPLETE, BuilderProcess
+from smadrive.tuning.processes import BuilderProcess
 
 MODULES = ["smadrive.tuning.front.process", "smadrive.tuning.page.process", "smadrive.tuning.builder.process"]
 PATIENCE_S = 60.0
@@ -26,7 +25,7 @@ class Interrupted(BaseException):
 
 
 def wait(condition):
-    """Until `condition()` holds; fails when it does not come to hold."""
+    """Wait until `condition()` holds; fails after PATIENCE_S."""
     give_up_s = time.monotonic() + PATIENCE_S
     while not condition():
         assert time.monotonic() < give_up_s
@@ -35,7 +34,7 @@ def wait(condition):
 
 @contextmanager
 def no_descriptors():
-    """Nothing can be opened meanwhile."""
+    """No file can be opened inside this context."""
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
     resource.setrlimit(resource.RLIMIT_NOFILE, (5, before[1]))
     try:
@@ -45,24 +44,24 @@ def no_descriptors():
 
 
 def children():
-    """The processes that this one has started and that still exist."""
+    """The running child processes of this one."""
     return set(Path(f"/proc/self/task/{threading.get_native_id()}/children").read_text().split())
 
 
 def test_process_starts_again_after_its_restart_has_failed():
-    with ParcelPair() as parcels, BuilderProcess(parcels) as workshop:
+    with BuilderProcess() as builder:
         with no_descriptors():
-            os.kill(workshop.pid, signal.SIGKILL)
-            wait(lambda: workshop.trouble)
-            assert workshop.restarts == 0
-        wait(lambda: workshop.restarts)
-        assert workshop.trouble is None
-        os.kill(workshop.pid, 0)
+            os.kill(builder.pid, signal.SIGKILL)
+            wait(lambda: builder.trouble)
+            assert builder.restarts == 0
+        wait(lambda: builder.restarts)
+        assert builder.trouble is None
+        os.kill(builder.pid, 0)
 
 
 @pytest.fixture
 def slow_module(tmp_path, monkeypatch):
-    """The name of a module that never gets ready."""
+    """The name of a module that never becomes ready."""
     (tmp_path / "slow_to_start.py").write_text("import time\nwhile True:\n    time.sleep(1.0)\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
     return "slow_to_start"
@@ -76,7 +75,7 @@ def test_interrupt_during_the_start_leaves_no_process(slow_module):
     handler = signal.signal(signal.SIGALRM, interrupt)
     signal.setitimer(signal.ITIMER_REAL, 0.5)
     try:
-        with pytest.raises(Interrupted), SupervisedProcess(slow_module, {}, (), COMPLETE):
+        with pytest.raises(Interrupted), SupervisedProcess(slow_module, {}, ()):
             pass
     finally:
         signal.signal(signal.SIGALRM, handler)
@@ -84,12 +83,12 @@ def test_interrupt_during_the_start_leaves_no_process(slow_module):
 
 
 def test_end_during_a_new_start_leaves_no_process(tmp_path, monkeypatch):
-    """The process answers once, and never gets ready again."""
+    """The process becomes ready once, and never again."""
     script = "import pathlib, sys, time\nonce = pathlib.Path(sys.argv[0]).with_suffix('.once')\n"
     script += "if not once.exists():\n    once.touch()\n    print('{}', flush=True)\n"
     (tmp_path / "ready_once.py").write_text(f"{script}while True:\n    time.sleep(1.0)\n")
     monkeypatch.setenv("PYTHONPATH", str(tmp_path), prepend=os.pathsep)
-    with SupervisedProcess("ready_once", {}, (), COMPLETE) as process:
+    with SupervisedProcess("ready_once", {}, ()) as process:
         first = process.pid
         os.kill(first, signal.SIGKILL)
         wait(lambda: process.pid != first)

@@ -1,4 +1,4 @@
-"""A fit to what was just recorded: which rows it takes, what it keeps of the old model, whether it may drive on."""
+"""A fit to the last seconds: which rows it uses, what it keeps of the old model, whether its model may drive."""
 
 from html import unescape
 
@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from smadrive.errors import IdentificationError
-from smadrive.tuning.link.channel import COLUMNS
+from smadrive.tuning.link.samples import COLUMNS
 from smadrive.tuning.page.fit import fit_wire, heated_loop
 from smadrive.tuning.page.panel import banner_html, chips_html
 from smadrive.wire.identified_wire import parse_wire
@@ -16,27 +16,27 @@ SINE = "sine:low_mm=2,high_mm=9,period_s=28"
 STARTED_S = 3.0
 WRONG_MU_C = 93.0
 DRIVEN_UP_C = np.linspace(64.0, 94.0, 400)
-"""What the sine takes of the wire's temperatures."""
+"""The range of wire temperatures of the sine."""
 
 
 def loop_mm(wire):
-    """Where a wire's file has it, up and down again."""
+    """The loop of a wire file, up and down again."""
     return parse_wire(wire, place="wire").model.simulate(np.concatenate((DRIVEN_UP_C, DRIVEN_UP_C[::-1])))
 
 
-@pytest.fixture(params=["bench", "ruled_bench"])
+@pytest.fixture(params=["rig", "ruled_rig"])
 def tracking(request):
-    """A bench that follows the sine by a model whose heating branch is 3 K too warm."""
-    bench = request.getfixturevalue(request.param)
-    bench.at(1.0, "shape", key="mu_heating", value=WRONG_MU_C)
-    bench.at(2.0, "arm")
-    bench.at(STARTED_S, "track", reference=SINE)
-    return bench
+    """A rig that follows the sine by a model whose heating branch is 3 K too warm."""
+    rig = request.getfixturevalue(request.param)
+    rig.at(1.0, "shape", key="mu_heating", value=WRONG_MU_C)
+    rig.at(2.0, "arm")
+    rig.at(STARTED_S, "track", reference=SINE)
+    return rig
 
 
 @pytest.mark.parametrize("after_s", [45.0, 148.0])
-def test_a_fit_to_a_part_of_the_travel_keeps_its_ends_and_drives_on(tracking, true_model, after_s):
-    """With the warm-up within the last 120 s, and without: then the rows alone tell nothing of a cold wire."""
+def test_fit_to_part_of_the_travel_keeps_its_ends_and_can_drive(tracking, true_model, after_s):
+    """With the warm-up within the last 120 s, and without: then the rows alone do not determine a cold wire."""
     wires = []
 
     def fit():
@@ -65,8 +65,8 @@ DRIFTS = {
 
 
 @pytest.mark.parametrize("sensor", DRIFTS)
-def test_a_fit_to_a_drifting_sensor_is_doubted_wherever_its_model_goes(tracking, sensor):
-    """Its rules are certified and its residual is small enough: nothing else tells of it."""
+def test_fit_to_a_drifting_sensor_keeps_its_warning_in_every_later_model(tracking, sensor):
+    """Its rules are certified and its residual is small enough: no other check finds it."""
     sensed, fitted = getattr(tracking.device.bench.sensors.faults, sensor), []
     tracking.do(30.0, lambda: sensed.begin("drift", None, lambda reading, age_s: DRIFTS[sensor](reading.right, age_s)))
 
@@ -85,36 +85,38 @@ def test_a_fit_to_a_drifting_sensor_is_doubted_wherever_its_model_goes(tracking,
     status = tracking.status
     assert status["tuning"]["change"] == "scale"
     assert status["tuning"]["caveats"] == fitted
-    assert f"beware of the model in force: {fitted[0]}" in unescape(banner_html(status, ""))
+    assert f"warning about the model in force: {fitted[0]}" in unescape(banner_html(status, ""))
     assert 'class="chip warn"><i>model' in chips_html(status, "", late=False, controls=True)
 
 
 @pytest.mark.parametrize(
-    ("act", "at_s", "seconds", "told"),
+    ("act", "at_s", "seconds", "reason"),
     [
         ("track", 25.0, 120.0, "less than one full loop"),
-        ("hold", 60.0, 10.0, "the wire moved by"),
+        ("hold", 60.0, 10.0, "the wire moved too little"),
     ],
 )
-def test_what_is_no_loop_is_refused_with_what_to_do(bench, act, at_s, seconds, told):
-    bench.at(1.0, "arm")
-    bench.at(2.0, "track", reference=SINE)
+def test_record_without_a_loop_is_refused_with_a_cure(rig, act, at_s, seconds, reason):
+    rig.at(1.0, "arm")
+    rig.at(2.0, "track", reference=SINE)
     if act == "hold":
-        bench.at(at_s - 15.0, "hold")
-    bench.run(until_s=at_s)
-    with pytest.raises(IdentificationError, match=told) as refused:
-        heated_loop(bench.page.since(0)[1], seconds, bench.status["tuning"]["wire"])
-    assert "let a reference go up and down once more, then fit again" in str(refused.value)
+        rig.at(at_s - 15.0, "hold")
+    rig.run(until_s=at_s)
+    with pytest.raises(IdentificationError) as refused:
+        heated_loop(rig.page.since(0)[1], seconds, rig.status["tuning"]["wire"])
+    assert reason in refused.value.what
+    assert refused.value.where == f"the last {seconds:g} s"
+    assert "fit again" in refused.value.cure
 
 
-def test_what_a_page_notes_stands_among_the_events(bench):
-    """That nothing could be fitted, for instance: other pages would not know of it."""
-    noted = bench.at(1.0, "note", text="not fitted: the last 120 s cannot be fitted: no loop")
-    bench.run(until_s=2.0)
-    assert bench.answers[noted] is None
-    assert [event for _, event in bench.status["events"]] == ["not fitted: the last 120 s cannot be fitted: no loop"]
+def test_note_of_a_page_is_added_to_the_events(rig):
+    """For instance that nothing could be fitted: other pages would not know it."""
+    noted = rig.at(1.0, "note", text="not fitted: the last 120 s cannot be fitted: no loop")
+    rig.run(until_s=2.0)
+    assert rig.answers[noted] is None
+    assert [event for _, event in rig.status["events"]] == ["not fitted: the last 120 s cannot be fitted: no loop"]
 
 
-def test_nothing_recorded_is_nothing_to_fit():
-    with pytest.raises(IdentificationError, match="nothing was recorded yet"):
+def test_empty_record_is_refused():
+    with pytest.raises(IdentificationError):
         heated_loop(np.empty((0, len(COLUMNS))), 120.0, "")

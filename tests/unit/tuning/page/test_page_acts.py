@@ -1,4 +1,4 @@
-"""Everything that a page does for its user passes one gate, which only the page in control opens."""
+"""Every action on a page is done for the page in control, and refused on all others."""
 
 import secrets
 from functools import partial
@@ -28,37 +28,40 @@ def turn(number):
 
 
 CHANGES = {(Slider, "value"): turn, (Spinner, "value"): turn, (ColumnDataSource, "data"): edit_rule}
-"""How a user changes what the page listens to. A new kind of widget needs a line here."""
+"""How a user changes the values that the page listens to. A new kind of widget needs a line here."""
 
 
 class OpenPage:
-    """A page of a session that is idle, built as the page process builds it."""
+    """A page of an idle session, built as the page process builds it."""
 
-    def __init__(self, bench, folder, token):
-        bench.run(until_s=1.0)
-        self.bench, self.fitter = bench, Fitter()
-        desk = ClientRegistry(bench.page, TOKEN)
-        desk.read()
+    def __init__(self, rig, folder, token):
+        rig.run(until_s=1.0)
+        self.rig, self.fitter = rig, Fitter()
+        clients = ClientRegistry(rig.page, TOKEN)
+        clients.read()
         self._doc = Document()
         self._context = SimpleNamespace(id="client", request=SimpleNamespace(arguments={"token": [token.encode()]}))
         self._doc._session_context = lambda: self._context
-        self._page = Page(self._doc, desk, self.fitter, folder, rig_file("simulated"))
+        self._page = Page(self._doc, clients, self.fitter, folder, rig_file("simulated"))
         self._doc.get_model_by_name("save_name").value = "stolen"
 
     def acts(self):
-        """Everything that a user can cause in the page process, by the names of widget and event."""
-        presses = next(model for model in self._doc.models if isinstance(model, ButtonEvents))
+        """All actions of a user, by the names of widget and event."""
+        events = next(model for model in self._doc.models if isinstance(model, ButtonEvents))
         for model in sorted(self._doc.models, key=lambda model: model.id):
             for event in model._event_callbacks:
                 yield (model.name, event), partial(model._trigger_event, {"button_click": ButtonClick}[event](model))
             for attribute in model._callbacks:
-                if model is not presses:
+                if model is not events:
                     yield (model.id, attribute), partial(CHANGES[type(model), attribute], model)
             if isinstance(model, Button) and not model._event_callbacks:
-                yield (model.name, "press"), partial(setattr, presses, "latest", (model.name, 0, int(model.id[1:])))
+                yield (
+                    (model.name, "click"),
+                    partial(setattr, events, "latest", (model.name, 0, int(model.id[1:]))),
+                )
 
     def note_after(self, act):
-        """What the page says of it."""
+        """The banner of the page after an action."""
         self._page._note = ""
         act()
         for _ in range(STATE_FRAMES):
@@ -71,17 +74,17 @@ class OpenPage:
 
 
 @pytest.fixture(params=["wrong", TOKEN], ids=["watches", "controls"])
-def opened(request, ruled_bench, tmp_path):
-    page = OpenPage(ruled_bench, tmp_path, request.param)
+def opened(request, ruled_rig, tmp_path):
+    page = OpenPage(ruled_rig, tmp_path, request.param)
     yield page, request.param == TOKEN
     page.fitter.close()
 
 
-def test_every_act_of_a_page_passes_the_gate(opened, tmp_path):
+def test_every_action_of_a_page_is_refused_unless_it_controls(opened, tmp_path):
     page, controls = opened
     acts = dict(page.acts())
     assert page.buttons <= {name for name, _ in acts}
     refused = {name for name, act in acts.items() if WATCHES in page.note_after(act)}
     assert refused == (set() if controls else set(acts))
-    assert bool(list(page.bench.control.received(100))) == controls
+    assert bool(list(page.rig.control.received(100))) == controls
     assert bool(list(tmp_path.iterdir())) == controls

@@ -1,4 +1,4 @@
-"""OFF while no reply arrives: the loop looks at it before every exchange, so that no later frame carries current."""
+"""OFF while no reply arrives: the loop checks it before every exchange, so that no later frame carries current."""
 
 import pytest
 
@@ -20,22 +20,22 @@ def commands(trace):
 
 
 @pytest.mark.parametrize("way", ["counter", "message"])
-def test_no_frame_carries_current_after_off_although_every_reply_is_lost(bench, tmp_path, way):
-    bench.trace_folder, bench.stale_after_s = tmp_path, STALE_S
-    bench.at(1.0, "arm")
-    bench.at(2.0, "track", reference="sine")
+def test_no_frame_carries_current_after_off_although_every_reply_is_lost(rig, tmp_path, way):
+    rig.trace_folder, rig.stale_after_s = tmp_path, STALE_S
+    rig.at(1.0, "arm")
+    rig.at(2.0, "track", reference="sine")
     pressed_s = []
 
     def press(time_s):
         if time_s >= OFF_S and not pressed_s:
             pressed_s.append(time_s)
-            bench.page.request_off() if way == "counter" else bench.page.send({"number": 99, "act": "off"})
+            rig.page.request_off() if way == "counter" else rig.page.send({"number": 99, "act": "off"})
 
-    bench.do(SILENT_S, lambda: bench.device.faults.drop(for_s=1.9))
-    bench.clock.follow(press)
-    bench.run(until_s=24.0)
+    rig.do(SILENT_S, lambda: rig.device.faults.drop(for_s=1.9))
+    rig.clock.follow(press)
+    rig.run(until_s=24.0)
     sent = list(commands(tmp_path / "board.trace"))
     assert sum(current_a > 0.1 for time_s, current_a in sent if SILENT_S < time_s < OFF_S) >= 2
     assert [current_a for time_s, current_a in sent if time_s > pressed_s[0] and current_a] == []
-    assert bench.status["mode"] == "off"
-    assert bench.device.firmware.current_a == 0.0
+    assert rig.status["mode"] == "off"
+    assert rig.device.firmware.current_a == 0.0

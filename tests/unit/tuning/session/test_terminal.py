@@ -1,4 +1,4 @@
-"""What `tune` tells in its terminal, of a session whose pages come and go."""
+"""The view of `tune` in the terminal, while pages are opened and closed."""
 
 import secrets
 from pathlib import Path
@@ -10,80 +10,80 @@ from smadrive.tuning.page.client_registry import ClientRegistry
 from smadrive.tuning.processes import TuningPage
 
 TOKEN = secrets.token_urlsafe(8)
-ON_AND_ON = "no page is open: the wire is driven on; Ctrl-C or `curl -X POST http://127.0.0.1:5006/off` ends it"
+WITHOUT_PAGE = "no page is open: the wire is driven on; Ctrl-C or `curl -X POST http://127.0.0.1:5006/off` ends it"
 
 
 @pytest.fixture
-def view(bench):
-    page = TuningPage(bench.control, port=5006, token=TOKEN, rig_file=Path("rig.toml"), folder=Path())
-    return TuneView("a wire", page, bench.control)
+def view(rig):
+    page = TuningPage(rig.control, port=5006, token=TOKEN, rig_file=Path("rig.toml"), folder=Path())
+    return TuneView("a wire", page, rig.control)
 
 
-def run(bench, view, until_s):
-    bench.run(until_s)
-    view.tick(bench.ticks[-1])
+def run(rig, view, until_s):
+    rig.run(until_s)
+    view.tick(rig.ticks[-1])
 
 
 @pytest.mark.parametrize(
-    ("acts", "told"),
+    ("acts", "expected"),
     [
         ((), "heater off; no page is open; Ctrl-C ends"),
-        (({"act": "arm"},), f"armed, holding; {ON_AND_ON}"),
-        (({"act": "arm"}, {"act": "track", "reference": "sine"}), f"armed, tracking; {ON_AND_ON}"),
+        (({"act": "arm"},), f"armed, holding; {WITHOUT_PAGE}"),
+        (({"act": "arm"}, {"act": "track", "reference": "sine"}), f"armed, tracking; {WITHOUT_PAGE}"),
     ],
     ids=["off", "holding", "tracking"],
 )
-def test_it_tells_what_the_heater_does_and_that_nobody_watches(bench, view, acts, told):
+def test_terminal_shows_the_heater_and_that_no_page_is_open(rig, view, acts, expected):
     for time_s, act in enumerate(acts, 1):
-        bench.at(float(time_s), **act)
+        rig.at(float(time_s), **act)
     seen = []
 
     def look():
-        view.tick(bench.ticks[-1])
-        measured = bench.ticks[-1].measurement
+        view.tick(rig.ticks[-1])
+        measured = rig.ticks[-1].measurement
         values = f"a wire: {measured.temperature_c:.1f} °C, {measured.current_a:.3f} A"
         seen.append((view.state, str(view.__rich__()).replace("\n", "; "), values))
 
-    bench.do(9.0, look)
-    bench.run(until_s=10.0)
+    rig.do(9.0, look)
+    rig.run(until_s=10.0)
     state, picture, values = seen[0]
-    assert state == told
-    assert picture == f"{values}; {told}"
+    assert state == expected
+    assert picture == f"{values}; {expected}"
 
 
-def test_it_tells_how_many_pages_are_open_and_whether_one_controls(bench, view):
-    run(bench, view, until_s=1.0)
-    desk = ClientRegistry(bench.page, TOKEN)
-    desk.enter("first")
+def test_terminal_shows_how_many_pages_are_open_and_whether_one_controls(rig, view):
+    run(rig, view, until_s=1.0)
+    clients = ClientRegistry(rig.page, TOKEN)
+    clients.enter("first")
     assert "; 1 page is open, none controls;" in view.state
-    assert desk.claim("first")
+    assert clients.claim("first")
     assert "; 1 page is open, one controls;" in view.state
-    desk.enter("second")
-    desk.leave("first")
+    clients.enter("second")
+    clients.leave("first")
     assert "; 1 page is open, none controls;" in view.state
-    desk.enter("third")
-    assert desk.claim("third")
+    clients.enter("third")
+    assert clients.claim("third")
     assert "; 2 pages are open, one controls;" in view.state
-    ClientRegistry(bench.page, TOKEN)  # a page process that was started anew
+    ClientRegistry(rig.page, TOKEN)  # a restarted page process
     assert "no page is open" in view.state
 
 
-def test_a_fault_is_told(bench, view):
-    bench.at(1.0, "arm")
-    bench.do(3.0, bench.device.bench.sensors.faults.open_thermocouple)
-    run(bench, view, until_s=6.0)
+def test_terminal_shows_a_fault(rig, view):
+    rig.at(1.0, "arm")
+    rig.do(3.0, rig.device.bench.sensors.faults.open_thermocouple)
+    run(rig, view, until_s=6.0)
     assert "heater off; no page is open; Ctrl-C ends; fault: " in view.state
     assert "°C" not in view.values
 
 
-def test_without_a_terminal_a_change_is_a_line_and_a_value_is_none(bench, view):
+def test_without_a_terminal_each_change_of_state_is_one_line(rig, view):
     said = []
     changes = Changes(view, said.append)
-    bench.at(1.0, "arm")
-    bench.at(5.0, "off")
+    rig.at(1.0, "arm")
+    rig.at(5.0, "off")
     looks = 200
     for n in range(looks):
-        bench.do(8.0 * n / looks, lambda: (view.tick(bench.ticks[-1]), changes.tell()))
-    bench.run(until_s=9.0)
+        rig.do(8.0 * n / looks, lambda: (view.tick(rig.ticks[-1]), changes.tell()))
+    rig.run(until_s=9.0)
     assert [line.split(";")[0] for line in said] == ["heater off", "armed, holding", "heater off"]
     assert all(line.endswith(" A)") for line in said)

@@ -1,6 +1,6 @@
-"""Undo and redo: a line of tunings and a place on it.
+"""Undo and redo: a list of tunings and a place in it.
 
-A slider that is dragged makes many changes; those of one name that follow each other within `DRAG_S` are one step.
+A slider that is dragged makes many changes; changes of one name that follow each other within `DRAG_S` are one step.
 """
 
 from __future__ import annotations
@@ -8,11 +8,11 @@ from __future__ import annotations
 from smadrive.tuning.tuning import ADAPTED, Tuning
 
 DRAG_S = 1.5
-MOST = 200
+MAX_TUNINGS = 200
 
 
 class History:
-    """The tunings that were in force, and which one is."""
+    """The tunings that were in force, and the place of the present one."""
 
     def __init__(self, first: Tuning) -> None:
         self._line = [first]
@@ -21,28 +21,28 @@ class History:
 
     @property
     def now(self) -> Tuning:
-        """What is in force."""
+        """The present tuning."""
         return self._line[self._at]
 
     @property
     def undo_name(self) -> str | None:
-        """The change that undo would take back; None when there is none."""
+        """The change that undo would take back; None without one."""
         return self._line[self._at].change if self._at else None
 
     @property
     def redo_name(self) -> str | None:
-        """The change that redo would make again; None when there is none."""
+        """The change that redo would make again; None without one."""
         return self._line[self._at + 1].change if self._at + 1 < len(self._line) else None
 
     def push(self, tuning: Tuning, time_s: float) -> None:
-        """A new change, after which nothing can be redone."""
+        """Add a new change; afterwards nothing can be redone."""
         goes_on = (
             self._at > 0
             and tuning.change == self.now.change
             and (tuning.change == ADAPTED or time_s - self._changed_s < DRAG_S)
         )
         keep = self._at if goes_on else self._at + 1
-        self._line = [*self._line[:keep], tuning][-MOST:]
+        self._line = [*self._line[:keep], tuning][-MAX_TUNINGS:]
         self._at = len(self._line) - 1
         self._changed_s = time_s
 
@@ -52,6 +52,6 @@ class History:
         return self._line[at] if 0 <= at < len(self._line) else None
 
     def move(self, step: int) -> None:
-        """Go there."""
+        """Go `step` places on."""
         self._at += step
         self._changed_s = float("-inf")

@@ -1,4 +1,4 @@
-"""A controller that can be exchanged while it runs: between two ticks another takes over where this one stands."""
+"""A tracking controller that can be swapped between two ticks: the new one takes over where the old one stands."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from smadrive.measurement import Measurement
 
 
 class SwappableController:
-    """Runs a tracking controller without end; `at_tick` is called before every update and may exchange it."""
+    """Runs a tracking controller without end; `at_tick` is called before every update and may swap it."""
 
     duration_s = inf
 
@@ -25,12 +25,12 @@ class SwappableController:
 
     @property
     def reference_s(self) -> float:
-        """Time on the reference."""
+        """Time since the reference began."""
         return self.time_s - self._began_s
 
     @property
     def setpoint_mm(self) -> float:
-        """Where the reference is now."""
+        """The present value of the reference."""
         return self.reference.value_mm(self.reference_s)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
@@ -39,8 +39,8 @@ class SwappableController:
         self._at_tick()
         return self._controller.update(self.reference_s, measurement, dt_s)
 
-    def exchange(self, controller: TrackingController, reference: Reference) -> None:
-        """Let `controller` take over, bumplessly; another reference begins now, the same one goes on."""
+    def swap(self, controller: TrackingController, reference: Reference) -> None:
+        """Let `controller` take over, bumplessly; another reference begins now, the same one continues."""
         controller.take_over(self._controller)
         self._controller = controller
         if reference is not self.reference:

@@ -1,7 +1,7 @@
-"""What a page may ask: typed, bounded, checked in the control process, whatever the page has checked before.
+"""The requests of a page: typed, bounded, and checked in the control process.
 
-A request carries a number by which its answer is known: `{"number": 7, "refused": null}`, or the reason in words. One
-that drives the wire carries also how many OFFs were known to who asked, so that it cannot come after one that was not.
+A request carries a number that its answer repeats: `{"number": 7, "refused": null}`, or the reason in words. A request
+that drives the wire carries also the count of OFFs that its page knew, so that it cannot come after an OFF.
 """
 
 from __future__ import annotations
@@ -20,43 +20,43 @@ FeedbackKey = Literal["closed_loop_s", "integral_s", "feedforward_share"]
 
 
 class Request(Section):
-    """What all requests have."""
+    """The base of all requests."""
 
     number: int = Field(ge=0)
 
 
-class Driving(Request):
-    """What drives the wire: `offs` is how many times OFF had been pressed as far as was known when it was asked."""
+class DrivingRequest(Request):
+    """A request that drives the wire. `offs`: how many times OFF was pressed, as far as its page knew."""
 
     offs: int = Field(ge=0)
 
 
 class Off(Request):
-    """Heater off; the counter of the channel does the same without a queue."""
+    """Switch the heater off; the counter of the channel does the same without a queue."""
 
     act: Literal["off"]
 
 
-class Arm(Driving):
-    """Begin to heat, holding the wire where it is."""
+class Arm(DrivingRequest):
+    """Start the control loop, which holds the wire where it is."""
 
     act: Literal["arm"]
 
 
 class ClearFaults(Request):
-    """Clear what is latched, once its cause is removed."""
+    """Clear the latched faults, once their cause is removed."""
 
     act: Literal["clear"]
 
 
-class Track(Driving):
-    """Follow a reference, one of the session's by its name or one in its one-line form, again and again."""
+class Track(DrivingRequest):
+    """Follow a reference again and again: one of the session by its name, or any other in its one-line form."""
 
     act: Literal["track"]
     reference: str = Field(min_length=1, max_length=300)
 
 
-class Hold(Driving):
+class Hold(DrivingRequest):
     """Stay where the reference is now."""
 
     act: Literal["hold"]
@@ -70,8 +70,8 @@ class SetShape(Request):
     value: float
 
     @property
-    def told(self) -> str:
-        """What is told of it."""
+    def event(self) -> str:
+        """The line among the events when it is in force."""
         return f"{self.key} = {self.value:g}"
 
 
@@ -83,8 +83,8 @@ class SetFeedback(Request):
     value: float
 
     @property
-    def told(self) -> str:
-        """What is told of it."""
+    def event(self) -> str:
+        """The line among the events when it is in force."""
         return f"{self.key} = {self.value:g}"
 
 
@@ -98,14 +98,14 @@ class SetRule(Request):
     b: float
 
     @property
-    def told(self) -> str:
-        """What is told of it."""
+    def event(self) -> str:
+        """The line among the events when it is in force."""
         branch = "heating" if self.direction > 0 else "cooling"
         return f"rule {self.index + 1} {branch}: a = {self.a:g}, b = {self.b:g}"
 
 
 class SetModel(Request):
-    """Take another model, as the text of its file; `source` is where it comes from, `caveats` what lets doubt it."""
+    """Take another model, as the text of its file. `source`: where it comes from; `caveats`: reasons to distrust it."""
 
     act: Literal["model"]
     text: str
@@ -113,39 +113,39 @@ class SetModel(Request):
     caveats: tuple[Annotated[str, Field(max_length=600)], ...] = Field(default=(), max_length=8)
 
     @property
-    def told(self) -> str:
-        """What is told of it."""
+    def event(self) -> str:
+        """The line among the events when it is in force."""
         return f"model: {self.source}"
 
 
 class Note(Request):
-    """Have a text stand among the events, which all pages see."""
+    """Add a text to the events, which all pages see."""
 
     act: Literal["note"]
     text: str = Field(max_length=2000)
 
 
 class Step(Request):
-    """One change back, or forth again."""
+    """Undo or redo one change."""
 
     act: Literal["undo", "redo"]
 
 
 class Keep(Request):
-    """Keep what is in force in a slot."""
+    """Keep the tuning in force in a slot."""
 
     act: Literal["keep"]
     slot: Slot
 
 
 class Recall(Request):
-    """Put in force what a slot keeps."""
+    """Put the tuning of a slot in force."""
 
     act: Literal["recall"]
     slot: Slot
 
 
-class Compare(Driving):
+class Compare(DrivingRequest):
     """Alternate between both slots at every cycle of the reference, and score them."""
 
     act: Literal["compare"]
@@ -153,7 +153,7 @@ class Compare(Driving):
 
 
 class Adapt(Request):
-    """Let the adaptation change the rules, or not."""
+    """Switch the online adaptation of the rules on or off."""
 
     act: Literal["adapt"]
     on: bool
@@ -182,22 +182,22 @@ _REQUESTS: TypeAdapter[AnyRequest] = TypeAdapter(AnyRequest)
 
 
 def parse_request(message: bytes) -> AnyRequest:
-    """The request in a message; ConfigError says what is wrong with it."""
+    """The request in a message. ConfigError names the key that is wrong."""
     try:
         return _REQUESTS.validate_json(message)
     except ValidationError as error:
         first = error.errors()[0]
         key = ".".join(str(part) for part in first["loc"][1:]) or "request"
-        raise ConfigError(f"{key}: {first['msg']} (it is {reprlib.repr(first['input'])})") from None
+        raise ConfigError(first["msg"], where=key, value=reprlib.repr(first["input"])) from None
 
 
-class _Numbered(Request, extra="ignore"):
-    """Of any message, the number."""
+class _NumberedMessage(Request, extra="ignore"):
+    """The number of any message."""
 
 
 def numbered(message: bytes) -> Request | None:
-    """What a message that is no request can be answered by: its number; None if not even that is in it."""
+    """The number by which a malformed request is answered; None for a message without one."""
     try:
-        return _Numbered.model_validate_json(message)
+        return _NumberedMessage.model_validate_json(message)
     except ValidationError:
         return None

@@ -1,0 +1,109 @@
+"""Build requests and results as bytes. Loop and builder are both ours: their pickles are trusted, those of no other.
+
+A pickle holds everything that the receiver does not have yet:
+
+    request    models as the text of their file: their tables are long, and the builder keeps the last models
+    result     a changed model whole; objects of the request by their place in it, so that the loop gets its own back
+"""
+
+from __future__ import annotations
+
+import io
+import pickle
+from collections import OrderedDict
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
+from smadrive.hysteresis.model_file import model_text, parse_model
+from smadrive.identification.reshape import Model
+from smadrive.tuning.builder.build import BuildRequest, BuildResult, Built
+
+KEPT_MODELS = 16
+
+
+class ModelCache:
+    """The last models by their text: parsing a text again would tabulate the branches again."""
+
+    def __init__(self) -> None:
+        self._models: OrderedDict[str, Model] = OrderedDict()
+
+    def keep(self, model: Model) -> None:
+        """Keep a model; the one that was used longest ago is dropped."""
+        self._models[_text(model)] = model
+        while len(self._models) > KEPT_MODELS:
+            self._models.popitem(last=False)
+
+    def model(self, text: str) -> Model:
+        """The model of a text."""
+        if text not in self._models:
+            self.keep(parse_model(text, place="the tuning in force", allow_uncertified=True))
+        self._models.move_to_end(text)
+        return self._models[text]
+
+
+class _Pickler(pickle.Pickler):
+    def __init__(self, file: io.BytesIO, name: Callable[[object], Any]) -> None:
+        super().__init__(file, pickle.HIGHEST_PROTOCOL)
+        self._name = name
+
+    def persistent_id(self, thing: object) -> Any:
+        """The name under which the receiver has it; None for a thing that is sent whole."""
+        return self._name(thing)
+
+
+class _Unpickler(pickle.Unpickler):
+    def __init__(self, file: io.BytesIO, find: Callable[[Any], object]) -> None:
+        super().__init__(file)
+        self._find = find
+
+    def persistent_load(self, name: Any) -> object:
+        """The receiver's own object."""
+        return self._find(name)
+
+
+def pack_request(request: BuildRequest) -> bytes:
+    """A request as bytes."""
+    return _pickled(request, lambda thing: _text(thing) if isinstance(thing, DuhemModel | TSFuzzyDuhem) else None)
+
+
+def unpack_request(content: bytes, cache: ModelCache) -> BuildRequest:
+    """The request that `pack_request` packed."""
+    request: BuildRequest = _Unpickler(io.BytesIO(content), cache.model).load()
+    return request
+
+
+def pack_result(result: BuildResult, request: BuildRequest) -> bytes:
+    """The result of `request` as bytes. A new model is pickled apart, without a look at each of its numbers."""
+    shared = _shared(request)
+    models = [result.tuning.model] if isinstance(result, Built) else []
+    new = [model for model in models if not any(model is thing for thing in shared)]
+    return pickle.dumps(new, pickle.HIGHEST_PROTOCOL) + _pickled(result, _places([*shared, *new]))
+
+
+def unpack_result(content: bytes, request: BuildRequest) -> BuildResult:
+    """The result that `pack_result` packed; `request` is the one that was sent."""
+    file, shared = io.BytesIO(content), _shared(request)
+    new: list[object] = _Unpickler(file, shared.__getitem__).load()
+    result: BuildResult = _Unpickler(file, [*shared, *new].__getitem__).load()
+    return result
+
+
+def _pickled(thing: object, name: Callable[[object], Any]) -> bytes:
+    file = io.BytesIO()
+    _Pickler(file, name).dump(thing)
+    return file.getvalue()
+
+
+def _shared(request: BuildRequest) -> list[object]:
+    """The objects of a request that the loop gets back as they are."""
+    return [request.tuning, request.tuning.model, request.tuning.unmoved, request.reference]
+
+
+def _places(things: Sequence[object]) -> Callable[[object], int | None]:
+    places = {id(thing): place for place, thing in enumerate(things)}
+    return lambda thing: places.get(id(thing))
+
+
+def _text(model: Model) -> str:
+    return model_text(model, {}, place="model")

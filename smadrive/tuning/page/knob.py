@@ -1,0 +1,78 @@
+"""One number on the page: a slider for coarse and a field for exact values.
+
+It shows the value in force. While the user moves it, the value in force is not shown for `HANDS_OFF_S`, so that it does
+not jump back under the hand; after a refusal the value in force is shown at once.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from bokeh.models import Row, Slider, Spinner
+
+HANDS_OFF_S = 1.0
+
+ACCENT = "#0b8f87"
+"""The colour of active, measured and suggested things."""
+
+COMPACT = f"""
+:host {{ font-size: 12px; }} .bk-input, .bk-btn {{ min-height: 26px; padding: 2px 8px; }}
+.bk-btn-primary, .bk-btn-primary:is(:hover, :active, :focus) {{ background: {ACCENT}; border-color: {ACCENT}; }}
+.noUi-target:not([disabled]) .noUi-connect {{ background: {ACCENT}; }}
+"""
+"""The last line: bokeh applies a slider's `bar_color` only if it is enabled when it is drawn for the first time."""
+
+
+class Knob:
+    """A slider and a field for the value `name`; `changed(name, value)` is called when the user moves either."""
+
+    def __init__(self, name: str, title: str, step: float, changed: Callable[[str, float], None]) -> None:
+        self._name = name
+        self._changed = changed
+        self._moved_s = float("-inf")
+        self._is_showing = False
+        self._slider = Slider(
+            title=title,
+            start=0.0,
+            end=1.0,
+            value=0.5,
+            step=step,
+            show_value=False,
+            bar_color=ACCENT,
+            sizing_mode="stretch_width",
+        )
+        self._field = Spinner(value=0.5, step=step, width=84, format="0.[000]", align="end")
+        for widget in (self._slider, self._field):
+            widget.update(margin=(1, 4, 1, 4), stylesheets=[COMPACT])
+        self._slider.on_change("value", self._moved)
+        self._field.on_change("value", self._moved)
+        self.row = Row(self._slider, self._field, sizing_mode="stretch_width", name=name)
+
+    def bound(self, low: float, high: float) -> None:
+        """Set the ends of the slider; the field accepts whatever the control process allows."""
+        self._slider.update(start=low, end=high)
+
+    def show(self, value: float, *, now: bool = False) -> None:
+        """Show the value in force, unless the user is moving the knob."""
+        if not now and time.monotonic() - self._moved_s < HANDS_OFF_S:
+            return
+        if value != self._field.value:
+            self._set(value)
+
+    def enable(self, on: bool) -> None:
+        """Whether the user can move it."""
+        self._slider.disabled = self._field.disabled = not on
+
+    def _set(self, value: float) -> None:
+        self._is_showing = True
+        self._field.value = value
+        self._slider.value = min(max(value, self._slider.start), self._slider.end)
+        self._is_showing = False
+
+    def _moved(self, _attribute: str, _old: float, value: float | None) -> None:
+        if self._is_showing or value is None:
+            return
+        self._moved_s = time.monotonic()
+        self._set(value)
+        self._changed(self._name, value)

@@ -1,0 +1,140 @@
+"""Changes on their way into the loop: requested, built and checked beside it, put in force between two ticks.
+
+One job is built at a time, each on the result of the one before. Of a dragged slider only the latest value waits.
+A change that is refused leaves everything as it is, and its reason is reported.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+
+from smadrive.errors import ConfigError, SmadriveError
+from smadrive.identification.adaptation import Adaptation
+from smadrive.rig.config import RigConfig
+from smadrive.tuning.builder.build import BuildFailure, BuildRequest, BuildResult, ModelBuilder
+from smadrive.tuning.link.requests import AnyRequest, Compare, Keep
+from smadrive.tuning.session.changes.comparison_runner import ComparisonRunner
+from smadrive.tuning.session.changes.jobs import ChangeJob, Job, Path, job_of
+from smadrive.tuning.session.changes.swappable_controller import SwappableController
+from smadrive.tuning.session.changes.tunings import Tunings
+from smadrive.tuning.tuning import Adapted
+from smadrive.wire.heat_balance import HeatBalance
+
+MAX_WAITING = 8
+
+Answer = tuple[AnyRequest, str | None]
+"""A request, and the reason why it is refused; None when it is done."""
+
+
+class ChangeQueue:
+    """The jobs that wait, and the one that is being built. `path` makes references (see ReferenceCatalogue)."""
+
+    def __init__(
+        self, tunings: Tunings, builder: ModelBuilder, path: Path, config: RigConfig, balance: HeatBalance
+    ) -> None:
+        self._tunings = tunings
+        self._builder = builder
+        self._path = path
+        self._config = config
+        self._balance = balance
+        self.comparison = ComparisonRunner(tunings, self._queue)
+        self._waiting: deque[Job] = deque()
+        self._job: Job | None = None
+        self._is_building = False
+        self._answers: list[Answer] = []
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether a change is on its way into force."""
+        return self._job is not None or bool(self._waiting)
+
+    def add(self, request: AnyRequest, live: SwappableController | None) -> None:
+        """Accept a request. ConfigError when it cannot be done now."""
+        match request:
+            case Keep(slot=slot):
+                self._tunings.comparison.keep(slot, self._tunings.in_force)
+            case Compare(on=True) if live is not None:
+                self.comparison.start(live)
+            case _:
+                if isinstance(request, Compare):
+                    self._tunings.comparison.stop()
+                self._queue(job_of(request, self._tunings, self._path))
+                return
+        self._answers.append((request, None))
+
+    def adapt(self, adaptation: Adaptation) -> bool:
+        """Put the adapted rules in force, unless another change is on its way; whether that was begun.
+
+        The rules that an adaptation takes back when its sensor is faulty are put in force although the loop has ended.
+        """
+        if self.is_busy or self._tunings.comparison.is_on:
+            return False
+        self._queue(ChangeJob(None, "", adaptation.lying is not None, Adapted(adaptation)))
+        return True
+
+    def update(self, live: SwappableController | None, now_s: float) -> Iterator[str]:
+        """Once a tick: put in force what is built, begin the next job; the events to report."""
+        result = self._builder.result() if self._is_building else None
+        if result is not None:
+            job, self._job, self._is_building = self._job, None, False
+            if job is not None:
+                yield from self._finish(job, result, live, now_s)
+        if live is not None:
+            self.comparison.update(live)
+        if not self._is_building and self._waiting:
+            yield from self._begin(self._waiting.popleft(), live)
+
+    def answers(self) -> Iterator[Answer]:
+        """The requests that were done or refused since the last call."""
+        answers, self._answers = self._answers, []
+        return iter(answers)
+
+    def cancel(self) -> None:
+        """The loop has ended: refuse the requests that wait, and drop all jobs but those that outlive the loop."""
+        under_way = [job for job in (self._job, *self._waiting) if job is not None]
+        for job in under_way:
+            self._answer(job, "the heater was switched off meanwhile")
+        self._waiting = deque(job for job in under_way if job.outlives_the_loop)
+        self._job = None
+        self._tunings.end_comparison()
+
+    def _queue(self, job: Job) -> None:
+        """Append a job, or replace one that still waits."""
+        for place, waiting in enumerate(self._waiting):
+            if job.replaces(waiting):
+                self._waiting[place] = job
+                self._answer(waiting, None)
+                return
+        if len(self._waiting) >= MAX_WAITING:
+            raise ConfigError("too many changes wait", value=len(self._waiting), limit=MAX_WAITING, cure="try again")
+        self._waiting.append(job)
+
+    def _begin(self, job: Job, live: SwappableController | None) -> Iterator[str]:
+        """Send it to the builder, unless it is not possible any more."""
+        try:
+            target = job.target(self._tunings, live)
+        except SmadriveError as error:
+            yield from self._refuse(job, str(error))
+            return
+        self._builder.begin(BuildRequest(*target, self._config, self._balance))
+        self._job, self._is_building = job, True
+
+    def _finish(self, job: Job, result: BuildResult, live: SwappableController | None, now_s: float) -> Iterator[str]:
+        if isinstance(result, BuildFailure):
+            yield from self._refuse(job, result.reason)
+            return
+        job.install(result, self._tunings, live, now_s)
+        self._answer(job, None)
+        if job.event:
+            yield job.event
+
+    def _refuse(self, job: Job, reason: str) -> Iterator[str]:
+        self._answer(job, reason)
+        if job.request is None:
+            self._tunings.comparison.stop()
+            yield f"not put in force: {reason}"
+
+    def _answer(self, job: Job, refused: str | None) -> None:
+        if job.request is not None:
+            self._answers.append((job.request, refused))

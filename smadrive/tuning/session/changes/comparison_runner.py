@@ -1,0 +1,61 @@
+"""The turns of a comparison: at the end of each cycle of the reference the other slot's controller takes over."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from smadrive.errors import ConfigError
+from smadrive.tuning.builder.build import Built
+from smadrive.tuning.session.changes.jobs import Job, TurnJob
+from smadrive.tuning.session.changes.swappable_controller import SwappableController
+from smadrive.tuning.session.changes.tunings import Tunings
+from smadrive.wire.wire_model import travel_mm
+
+
+class ComparisonRunner:
+    """Alternates the two slots of `tunings`; `queue` takes the jobs that build the controllers."""
+
+    def __init__(self, tunings: Tunings, queue: Callable[[Job], None]) -> None:
+        self._tunings = tunings
+        self._comparison = tunings.comparison
+        self._queue = queue
+        self._cycle = 0
+        self._next: Built | None = None
+
+    def start(self, live: SwappableController) -> None:
+        """Begin at the end of the running cycle. ConfigError when a slot is empty, or both keep the same tuning."""
+        self._comparison.start()
+        self._cycle, self._next = live.reference.cycle(live.reference_s), None
+        try:
+            self._prepare_next(live)
+        except ConfigError:
+            self._comparison.stop()
+            raise
+
+    def score(self, error_mm: float) -> None:
+        """Add the tracking error of one tick."""
+        cold_mm, hot_mm = travel_mm(self._tunings.in_force.model)
+        self._comparison.sample(error_mm, hot_mm - cold_mm)
+
+    def update(self, live: SwappableController) -> None:
+        """At the end of a cycle: score it, and let the other slot drive the next one, if its controller is ready."""
+        if not self._comparison.is_on:
+            return
+        cycle = live.reference.cycle(live.reference_s)
+        if cycle == self._cycle:
+            return
+        self._cycle = cycle
+        if self._next is None:
+            self._comparison.end_cycle(self._comparison.turn)
+            return
+        self._comparison.end_cycle(self._comparison.next_turn)
+        self._tunings.put(self._next, live)
+        self._next = None
+        self._prepare_next(live)
+
+    def _prepare_next(self, live: SwappableController) -> None:
+        tuning = self._comparison.slot(self._comparison.next_turn)
+        self._queue(TurnJob(None, tuning=tuning, reference=live.reference, ready=self._keep))
+
+    def _keep(self, built: Built) -> None:
+        self._next = built

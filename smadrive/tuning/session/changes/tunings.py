@@ -1,0 +1,34 @@
+"""The tuning in force, those before it, and the two that are compared."""
+
+from __future__ import annotations
+
+from smadrive.tuning.builder.build import Built
+from smadrive.tuning.session.changes.comparison import Comparison
+from smadrive.tuning.session.changes.history import History
+from smadrive.tuning.session.changes.swappable_controller import SwappableController
+from smadrive.tuning.tuning import Tuning
+
+
+class Tunings:
+    """Changed between two ticks only."""
+
+    def __init__(self, first: Tuning) -> None:
+        self.in_force = first
+        self.history = History(first)
+        self.comparison = Comparison()
+
+    def put(self, built: Built, live: SwappableController | None) -> None:
+        """Put a built tuning in force; in the running loop, if there is one, its controller takes over."""
+        self.in_force = built.tuning
+        if live is not None and built.controller is not None and built.reference is not None:
+            live.swap(built.controller, built.reference)
+
+    def push(self, built: Built, live: SwappableController | None, now_s: float) -> None:
+        """Put it in force as a change that can be undone."""
+        self.put(built, live)
+        self.history.push(built.tuning, now_s)
+
+    def end_comparison(self) -> None:
+        """Go back to the tuning before the comparison."""
+        self.comparison.stop()
+        self.in_force = self.history.now

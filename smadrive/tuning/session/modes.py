@@ -1,0 +1,88 @@
+"""The modes of a tuning session, and the table of the requests that each mode refuses.
+
+    mode        heater   ends by
+    IDLE        off      Arm → ARMING
+    TRIPPED     off      as IDLE; a fault is open until it is cleared, or until the next run of the loop
+    ARMING      off      first tick of the loop → HOLDING; OFF, or a change that takes too long → IDLE
+    HOLDING     on       Track → TRACKING; OFF → IDLE; a fault, or a silent front process → TRIPPED
+    TRACKING    on       Hold → HOLDING; Compare → COMPARING; OFF and faults as HOLDING
+    COMPARING   on       Compare off → TRACKING; OFF and faults as HOLDING
+    ENDED       off      the session was interrupted
+
+A stop that was requested is no mode of its own: the loop ends before its next exchange.
+"""
+
+from __future__ import annotations
+
+from enum import Enum
+from typing import NamedTuple
+
+from smadrive.errors import ConfigError
+from smadrive.tuning.link.requests import (
+    Adapt,
+    AnyRequest,
+    Arm,
+    ClearFaults,
+    Compare,
+    Hold,
+    Keep,
+    Recall,
+    Request,
+    SetFeedback,
+    SetModel,
+    SetRule,
+    SetShape,
+    Step,
+    Track,
+)
+
+
+class Mode(Enum):
+    """The modes of a session; `heats` while the control loop runs."""
+
+    IDLE = "idle"
+    TRIPPED = "tripped"
+    ARMING = "arming"
+    HOLDING = "holding"
+    TRACKING = "tracking"
+    COMPARING = "comparing"
+    ENDED = "ended"
+
+    @property
+    def heats(self) -> bool:
+        """Whether the control loop runs."""
+        return self in HEATING
+
+
+HEATING = frozenset({Mode.HOLDING, Mode.TRACKING, Mode.COMPARING})
+OFF = frozenset(Mode) - HEATING
+
+CHANGES = (SetShape, SetFeedback, SetRule, SetModel, Step, Keep, Recall, Adapt)
+
+
+class Refusal(NamedTuple):
+    """These requests are refused in these modes."""
+
+    requests: tuple[type[Request], ...]
+    modes: frozenset[Mode]
+    what: str
+    cure: str = ""
+
+
+REFUSALS = (
+    Refusal((Arm,), HEATING | {Mode.ARMING}, "it is armed already"),
+    Refusal((ClearFaults,), HEATING, "the heater is on", "switch it off before clearing faults"),
+    Refusal((Track, Hold), OFF, "the heater is off", "arm first"),
+    Refusal(
+        (Track, Hold, *CHANGES), frozenset({Mode.COMPARING}), "A and B are being compared", "stop the comparison first"
+    ),
+)
+
+
+def check_allowed(request: AnyRequest, mode: Mode) -> None:
+    """ConfigError when the mode refuses the request."""
+    for requests, modes, what, cure in REFUSALS:
+        if isinstance(request, requests) and mode in modes:
+            raise ConfigError(what, cure=cure)
+    if isinstance(request, Compare) and request.on and mode not in {Mode.TRACKING, Mode.COMPARING}:
+        raise ConfigError("a comparison needs a running reference", cure="arm, then start one")

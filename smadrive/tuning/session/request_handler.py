@@ -1,0 +1,117 @@
+"""The requests of the pages: each is checked against OFF and the mode, then done, queued or refused with its reason."""
+
+from __future__ import annotations
+
+from smadrive.errors import ConfigError, SmadriveError
+from smadrive.tuning.link.requests import (
+    Adapt,
+    AnyRequest,
+    Arm,
+    ClearFaults,
+    Compare,
+    DrivingRequest,
+    Note,
+    Off,
+    Step,
+    numbered,
+    parse_request,
+)
+from smadrive.tuning.session.adaptation_runner import AdaptationRunner
+from smadrive.tuning.session.arming import Arming
+from smadrive.tuning.session.changes.change_queue import ChangeQueue
+from smadrive.tuning.session.idle import Idle
+from smadrive.tuning.session.modes import check_allowed
+from smadrive.tuning.session.off_path import OffPath, front_silent
+from smadrive.tuning.session.state import SessionState
+
+
+class RequestHandler:
+    """Serves the messages of the channel, and OFF."""
+
+    def __init__(
+        self,
+        state: SessionState,
+        idle: Idle,
+        arming: Arming,
+        adaptation: AdaptationRunner,
+        change_queue: ChangeQueue,
+    ) -> None:
+        self._state = state
+        self._idle = idle
+        self._arming = arming
+        self._adaptation = adaptation
+        self._change_queue = change_queue
+        self._off_path = OffPath(state.channel)
+
+    def check_off(self) -> None:
+        """Switch off if OFF was pressed, or if it could not be pressed because the front process is silent."""
+        if self._state.channel.off_requested():
+            self._off()
+        if self._off_path.is_silent(self._state.now_s):
+            self._stop_without_front()
+
+    def receive(self, message: bytes) -> None:
+        """Do or queue the request in a message; an OFF that its page knew of comes before it."""
+        self.check_off()
+        try:
+            self._do(parse_request(message))
+        except SmadriveError as error:
+            request = numbered(message)
+            if request is None:
+                self._state.report(f"refused: {error}")
+            self._state.answer(request, str(error))
+
+    def _do(self, request: AnyRequest) -> None:
+        if isinstance(request, DrivingRequest) and request.offs != self._state.channel.offs:
+            raise ConfigError("OFF was pressed after this", cure="press again")
+        check_allowed(request, self._state.mode)
+        match request:
+            case Arm():
+                self._arm(request)
+            case Off() | ClearFaults() | Adapt() | Note():
+                self._do_at_once(request)
+                self._state.answer(request, None)
+            case _:
+                self._queue(request)
+
+    def _do_at_once(self, request: Off | ClearFaults | Adapt | Note) -> None:
+        match request:
+            case Off():
+                self._off()
+            case ClearFaults():
+                self._state.rig.clear_faults()
+                self._state.status.clear_fault()
+                self._state.report("faults cleared")
+            case Adapt(on=on):
+                self._adaptation.switch(on, self._state.tunings.in_force)
+                self._state.report(f"adaptation {'on' if on else 'off'}")
+            case Note(text=text):
+                self._state.report(text)
+
+    def _queue(self, request: AnyRequest) -> None:
+        if isinstance(request, Step):
+            self._adaptation.switch(False, self._state.tunings.in_force)
+        if isinstance(request, Compare) and request.on and self._adaptation.is_on:
+            raise ConfigError("the adaptation would change what is compared", cure="end it first")
+        self._change_queue.add(request, self._state.live)
+
+    def _arm(self, request: Arm) -> None:
+        if self._off_path.is_silent(self._state.now_s):
+            raise front_silent()
+        self._arming.begin(request)
+
+    def _off(self) -> None:
+        self._arming.settle("the heater was switched off meanwhile")
+        self._state.report("OFF")
+        if self._state.live is None:
+            self._idle.make_safe()
+        else:
+            self._state.stop_requested = True
+
+    def _stop_without_front(self) -> None:
+        """Nothing heats while OFF on the page has no effect."""
+        error = front_silent()
+        self._arming.settle(str(error))
+        if self._state.live is not None and not self._state.stop_requested:
+            self._state.status.fail(self._state.now_s, error)
+            self._state.stop_requested = True

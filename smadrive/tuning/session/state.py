@@ -1,0 +1,64 @@
+"""The state that the parts of a tuning session share, and the mode that follows from it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from smadrive.rig.rig import Rig
+from smadrive.tuning.link.channel import ControlEnd
+from smadrive.tuning.link.requests import Arm, Request
+from smadrive.tuning.session.changes.swappable_controller import SwappableController
+from smadrive.tuning.session.changes.tunings import Tunings
+from smadrive.tuning.session.modes import Mode
+from smadrive.tuning.session.status import Status
+
+
+@dataclass
+class SessionState:
+    """`live` while the control loop runs, `arm_request` while an Arm waits; `stop_requested` ends the loop."""
+
+    rig: Rig
+    channel: ControlEnd
+    tunings: Tunings
+    status: Status
+    began_s: float
+    live: SwappableController | None = None
+    arm_request: Arm | None = None
+    arm_requested_s: float = 0.0
+    stop_requested: bool = False
+
+    @property
+    def now_s(self) -> float:
+        """Time since the session began."""
+        return self.rig.clock.now_s() - self.began_s
+
+    @property
+    def mode(self) -> Mode:
+        """The mode of the session."""
+        if self.status.end is not None:
+            return Mode.ENDED
+        if (live := self.live) is not None:
+            return self._heating_mode(live)
+        if self.arm_request is not None:
+            return Mode.ARMING
+        return Mode.IDLE if self.status.fault is None else Mode.TRIPPED
+
+    def _heating_mode(self, live: SwappableController) -> Mode:
+        if self.tunings.comparison.is_on:
+            return Mode.COMPARING
+        return Mode.TRACKING if live.reference.endless else Mode.HOLDING
+
+    def report(self, event: str) -> None:
+        """Add an event, which all pages show."""
+        self.status.add_event(self.now_s, event)
+
+    def answer(self, request: Request | None, refused: str | None) -> None:
+        """Answer a request; a refusal is also an event."""
+        if request is not None:
+            self.channel.send({"number": request.number, "refused": refused})
+            if refused:
+                self.report(f"refused: {refused}")
+
+    def publish(self, *, adapts: bool) -> None:
+        """Publish the status to the pages."""
+        self.channel.publish(self.status.document(self.mode, self.tunings, adapts=adapts))

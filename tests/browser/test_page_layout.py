@@ -1,0 +1,88 @@
+"""The layout and the plots of the tuning page in a real browser."""
+
+import pytest
+
+from .page_actions import errors, heat, newest
+
+
+def test_page_loads_nothing_from_elsewhere_and_its_plots_move(client, live):
+    page = client()
+    assert page.requests
+    assert not [url for url in page.requests if not url.startswith(live.page.url.split("?")[0])]
+    first = newest(page, "time_s")
+    live.wait(lambda: newest(page, "time_s") > first + 1.0)
+
+
+BEYOND = """() => [...document.querySelectorAll("header > *, .card")].filter(
+    element => element.getBoundingClientRect().right > innerWidth).length"""
+"""How many elements are wider than the window."""
+
+
+@pytest.fixture
+def page_of_each_width(client):
+    """`page_of_each_width(widths)` yields each width with one page, whose window has that width."""
+
+    def resized(widths):
+        page = client()
+        for width in widths:
+            page.set_viewport_size({"width": width, "height": 800})
+            page.wait_for_function("width => innerWidth === width", arg=width)
+            yield width, page
+
+    return resized
+
+
+def test_nothing_is_cut_off_at_any_window_width(page_of_each_width, live):
+    for width, page in page_of_each_width([390, 700, 1000, 1280, 1600]):
+        live.wait(lambda page=page: page.evaluate(BEYOND) == 0)  # a style is applied some time after the change
+        for card in page.locator(".card").all():
+            card.scroll_into_view_if_needed()
+            live.wait(lambda card=card: card.bounding_box()["height"] > 80)
+        live.wait(lambda page=page, width=width: page.evaluate("document.documentElement.scrollWidth") <= width)
+        page.get_by_text("Events", exact=True).scroll_into_view_if_needed()
+        live.wait(lambda page=page: page.locator("#off").bounding_box()["y"] < 40)
+
+
+OVERLAPS = """() => {
+    const places = [...document.querySelectorAll("header > *, .card")].map(
+        element => [element, element.getBoundingClientRect()]);
+    const overlap = (a, b) => Math.min(a.right, b.right) > Math.max(a.left, b.left) + 1
+        && Math.min(a.bottom, b.bottom) > Math.max(a.top, b.top) + 1;
+    return places.flatMap(([element, place], n) => places.slice(n + 1).filter(([other, there]) =>
+        element.parentNode.tagName === other.parentNode.tagName
+        && overlap(place, there)).map(([other]) => [element.innerText, other.innerText])) }"""
+"""Which parts of the head, and which cards, lie over each other."""
+
+
+OVER_OFF = """() => {
+    const off = document.getElementById("off"), place = off.getBoundingClientRect();
+    const shares = [0.05, 0.5, 0.95];
+    return shares.flatMap(x => shares.map(y => document.elementFromPoint(
+        place.left + x * place.width, place.top + y * place.height))).filter(top => !off.contains(top)).length }"""
+"""At how many of nine points something lies over OFF."""
+
+
+def test_nothing_overlaps_at_any_window_width(page_of_each_width, live):
+    for _, page in page_of_each_width([390, 700, 720, 1000, 1280, 1600]):
+        live.wait(lambda page=page: page.evaluate(OVERLAPS) == [])
+        live.wait(lambda page=page: page.evaluate(OVER_OFF) == 0)
+
+
+def test_page_that_watched_before_shows_active_widgets_in_the_accent_colour(client, live):
+    first, page = client(), client(says="watches")
+    first.close()
+    arm = page.get_by_role("button", name="Arm", exact=True)
+    live.wait(arm.is_enabled)
+    colour = "element => getComputedStyle(element).backgroundColor"
+    for element in (page.locator(".noUi-connect").first, arm):
+        live.wait(lambda element=element: element.evaluate(colour) == "rgb(11, 143, 135)")
+
+
+def test_page_opened_later_draws_the_same_errors(client, live):
+    page = client()
+    heat(page, live)
+    live.wait(lambda: len(errors(page)) > 20)
+    late, early = errors(client(token=False)), errors(page)
+    both = late.keys() & early.keys()
+    assert len(both) > 20
+    assert {time_s: late[time_s] for time_s in both} == pytest.approx({time_s: early[time_s] for time_s in both})
