@@ -31,12 +31,18 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
         {
             "rig": off.rig,
             "devices": off.devices,
-            "safe": True,
+            "safe": not off.displaced,
             "faults": off.latched,
             "waiting_guardians": waiting,
             "warnings": warnings,
         }
     )
+    if off.displaced:
+        raise SafetyError(
+            "another device was at the port before and may still heat",
+            where=off.rig,
+            cure="connect it again, or cut its supply; its guardian is named above",
+        )
     if off.failure is not None:
         raise off.failure
 

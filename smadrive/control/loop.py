@@ -81,7 +81,8 @@ class LoopMetrics:
 class ControlLoop:
     """Runs one controller on one heater under one supervisor, every `period_s`, telling each tick to `record`.
 
-    Once `stop_requested` returns True, nothing but the safe state is sent.
+    Once `stop_requested` returns True, nothing but the safe state is sent. `on_trip` gets a trip before the heater is
+    switched off: the process may be killed meanwhile.
     """
 
     def __init__(
@@ -93,6 +94,7 @@ class ControlLoop:
         period_s: float,
         record: Callable[[Tick], None],
         stop_requested: StopRequested = never,
+        on_trip: Callable[[TripError], None] = lambda _trip: None,
     ) -> None:
         self._heater = heater
         self._controller = controller
@@ -101,6 +103,7 @@ class ControlLoop:
         self._period_s = period_s
         self._record = record
         self._stop_requested = stop_requested
+        self._on_trip = on_trip
         self._command = Command(0.0)
         self._start_s = 0.0
         self._last_s = 0.0
@@ -178,4 +181,6 @@ class ControlLoop:
 
     def _tripped(self, trip: Trip) -> TripError:
         self.figures.trips += 1
-        return TripError(str(trip), trip.fault.number)
+        error = TripError(str(trip), trip.fault.number)
+        self._on_trip(error)
+        return error

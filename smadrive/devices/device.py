@@ -5,7 +5,9 @@ to another device (two adapters of a hub change names), so the device must prove
 models of a family differ in their registers, nothing is read either before the model is known. Where a setting decides
 (a range switch), it is read again before every write.
 
-    use                 the identity is checked before it, unless it was proved on this connection
+    use                 the identity is checked before it, unless it was proved on this connection and no exchange has
+                        failed since: after silence, a refusal or a wrong read-back another device may be there
+    safe state          the identity is checked once more before it counts as confirmed
     read                if the model decides about the registers, or the identity of the device is known
     encode a write      if the model decides about the registers; with a range switch at every write
     send a write        always
@@ -13,7 +15,8 @@ models of a family differ in their registers, nothing is read either before the 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import partial
 
@@ -24,9 +27,11 @@ from smadrive.devices.profile.schema import WriteOrder
 from smadrive.devices.read_plan import decode, words_of_register
 from smadrive.devices.register_access import RegisterAccess, RegisterWrite
 from smadrive.devices.retry import retry_all
-from smadrive.errors import ConfigError, DeadlineError, ProtocolError, TransportError
+from smadrive.errors import ConfigError, DeadlineError, DeviceError, IdentityError, ProtocolError, TransportError
 from smadrive.modbus import requests
 from smadrive.modbus.client import ModbusClient
+
+_REFUTED = -1  # in place of the connection on which the identity was proved: another device answered
 
 
 class Device:
@@ -34,8 +39,6 @@ class Device:
 
     `read_retries` replaces that of the profile; 0 for periodic pollers. `identity` is the known identity of this very
     device; without it, the identity that is found first counts.
-
-    `profile` becomes that of the model once the identity is proved.
     """
 
     def __init__(
@@ -64,6 +67,7 @@ class Device:
         self._registers = RegisterAccess(profile, client, self.unit_id, timing)
         self._has_switch = False
         self._proved_on: int | None = None
+        self._is_doubtful = False
         self._written: set[str] = set()
         self._commanded: dict[str, RegisterWrite] = {}
         self._safe_writes: dict[str, RegisterWrite] = {}
@@ -78,14 +82,17 @@ class Device:
 
         A device that was proved before must be the same one. At the first check it gets `boot_ms` to start.
         """
-        connection = self.client.connection
-        names = self._check.registers
+        connection, names = self.client.connection, self._check.registers
         first = self._proved_on is None
         readings = self._read_patiently(names) if first else self._registers.read(names, proved=True)
-        model = self._check.judge(readings, self.identity)
+        try:
+            model = self._check.judge(readings, self.identity)
+        except IdentityError:
+            self._proved_on = _REFUTED
+            raise
         self._registers.use(model.profile)
         self._has_switch, self.identity = model.has_switch, model.identity
-        self.proof, self._proved_on = self._proof_if_checked, connection
+        self.proof, self._proved_on, self._is_doubtful = self._proof_if_checked, connection, False
 
     def read(self, names: Sequence[str], *, proved: bool = False) -> dict[str, RegisterReading]:
         """The registers `names`, in as few requests as their addresses allow.
@@ -95,23 +102,26 @@ class Device:
         a request of another length is answered first (see ModbusClient.execute). That costs one more transaction for
         each request.
         """
-        if self._check.model_registers or self.identity:
-            self._prove_identity()
-        return self._registers.read(tuple(names), proved=proved)
+        with self._doubt_on_failure():
+            if self._check.model_registers or self.identity:
+                self._prove_identity()
+            return self._registers.read(tuple(names), proved=proved)
 
     def write(self, name: str, value: float) -> None:
         """Write one register and read it back (unless it is write-only); ReadBackError when it did not arrive."""
-        self._prove_model()
-        self._write(self._registers.encode(name, value))
+        with self._doubt_on_failure():
+            self._prove_model()
+            self._write(self._registers.encode(name, value))
 
     def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, RegisterReading]:
         """Write adjacent registers, then read adjacent registers, in one FC23 transaction; never retried."""
-        self._prove_model()
-        target, source = self._registers.plans.exchange(tuple(writes), tuple(reads))
-        words = [word for name, _, _, codec in target.parts for word in codec.encode(writes[name], name)]
-        request = requests.exchange(target.address, words, source.address, source.count)
-        self._prove_identity()
-        return decode((source,), (source.words(self._registers.execute(request, self._proved_on)),), reads)
+        with self._doubt_on_failure():
+            self._prove_model()
+            target, source = self._registers.plans.exchange(tuple(writes), tuple(reads))
+            words = [word for name, _, _, codec in target.parts for word in codec.encode(writes[name], name)]
+            request = requests.exchange(target.address, words, source.address, source.count)
+            self._prove_identity()
+            return decode((source,), (source.words(self._registers.execute(request, self._proved_on)),), reads)
 
     def command(
         self, name: str, value: float, reads: Sequence[str], *, proved: bool = False
@@ -121,6 +131,10 @@ class Device:
         The readings show the effect of the previous command. ReadBackError when `name` does not hold the previous
         command: it did not arrive, or the register was changed elsewhere.
         """
+        with self._doubt_on_failure():
+            return self._command(name, value, reads, proved=proved)
+
+    def _command(self, name: str, value: float, reads: Sequence[str], *, proved: bool) -> dict[str, RegisterReading]:
         self._prove_model()
         write = self._registers.encode(name, value)
         self._prove_identity()
@@ -142,17 +156,23 @@ class Device:
         even while replies are outstanding: a safe state can be written twice, and only a read-back confirms it.
         """
         steps = [partial(self._make_safe, step.register_, step.value) for step in self.profile.safe_state]
-        retry_all(steps, self.client.clock)
+        retry_all([*steps, self._confirm_identity], self.client.clock)
 
     def _make_safe(self, name: str, value: float) -> None:
         try:
-            self._prove_model()
-            self._safe_writes[name] = write = self._registers.encode(name, value)
-            self._write(write)
+            with self._doubt_on_failure():
+                self._prove_model()
+                self._safe_writes[name] = write = self._registers.encode(name, value)
+                self._write(write)
         except (TransportError, ProtocolError):
             if self._is_proved and name in self._safe_writes:
                 self._registers.send_unconfirmed(self._safe_writes[name])
             raise
+
+    def _confirm_identity(self) -> None:
+        """Check the identity where registers prove it: the read-backs may be those of a device in its place."""
+        if self._proof_if_checked is Proof.PROVED or self.identity:
+            self.check_identity()
 
     def _write(self, write: RegisterWrite) -> None:
         """Write it in the order that the profile demands, and read it back."""
@@ -205,12 +225,25 @@ class Device:
 
     def _prove_model(self) -> None:
         """Check the identity where the registers depend on the model, and the model is not certain at this moment."""
-        if self._check.model_registers and (self._has_switch or not self._is_proved):
+        if self._check.model_registers and (self._has_switch or self._must_be_proved):
             self.check_identity()
 
     def _prove_identity(self) -> None:
-        if not self._is_proved:
+        if self._must_be_proved:
             self.check_identity()
+
+    @contextmanager
+    def _doubt_on_failure(self) -> Iterator[None]:
+        """Doubt the identity after silence, a refusal or a wrong read-back: another device may be there."""
+        try:
+            yield
+        except (DeadlineError, DeviceError):
+            self._is_doubtful = True
+            raise
+
+    @property
+    def _must_be_proved(self) -> bool:
+        return self._is_doubtful or not self._is_proved
 
     @property
     def _is_proved(self) -> bool:

@@ -21,7 +21,7 @@ from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.devices.identity import DeviceType, Proof
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.latch import TripLatch
-from smadrive.errors import ConfigError, SafetyError, TripError
+from smadrive.errors import ConfigError, SafetyError
 from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem
 from smadrive.identification.excitation import Excitation, nested_reversals
 from smadrive.measurement import Measurement
@@ -227,12 +227,9 @@ class Rig:
         if (latched := self.latch.read()) is not None:
             raise SafetyError("refused to arm: the last run tripped", value=latched, cure=CLEAR)
         self._check_rate()
-        loop = ControlLoop(self.heater, controller, supervisor, self.clock, self.period_s, record, stop_requested)
-        try:
-            return loop.run(self.config.limits.watchdog_s)
-        except TripError as trip:
-            self.latch.latch(trip)
-            raise
+        heater, clock, period_s = self.heater, self.clock, self.period_s
+        loop = ControlLoop(heater, controller, supervisor, clock, period_s, record, stop_requested, self.latch.latch)
+        return loop.run(self.config.limits.watchdog_s)
 
     def _check_rate(self) -> None:
         """ConfigError when the devices cannot keep up with the rig's rate."""

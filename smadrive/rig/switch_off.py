@@ -7,15 +7,15 @@ the rig file, and a device that cannot be reached does not keep another one from
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from typing import TypeVar
 
-from smadrive.devices.guardian.duty import relieve
+from smadrive.devices.guardian.duty import relieve, waiting_duties
 from smadrive.devices.heating.heat_source import HeatSource
 from smadrive.devices.heating.zero_current import wait_for_zero_current
 from smadrive.devices.profile.profile import load_profile
-from smadrive.devices.state.key import DeviceKey
+from smadrive.devices.state.key import DeviceKey, Match
 from smadrive.devices.state.latch import TripLatch
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.interrupts import HeldSignals
@@ -34,12 +34,14 @@ class SwitchedOff:
     """The outcome: the devices that confirmed their safe state, all that heat among them, and the latched faults.
 
     `failure`: the first error of another device. `warnings`: what failed after the heat sources were confirmed off.
+    `displaced`: guardians that wait at a port of this rig for another device, which may still heat elsewhere.
     """
 
     rig: str
     devices: tuple[str, ...]
     latched: tuple[str, ...]
     warnings: tuple[str, ...]
+    displaced: tuple[str, ...]
     failure: Exception | None
 
 
@@ -75,12 +77,13 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
             )
             _check_complete(config, off, failure or (None if off else unreadable))
         warnings = tuple(_relieve_guardians(off))
+        displaced = tuple(_displaced(off))
         if clear_faults:
             for one in off:
                 _clear(one)
     latched = () if clear_faults else tuple(fault for one in off for fault in _latched(one))
     names = (*(one.name for one in off), *others)
-    return SwitchedOff(config.name, names, latched, warnings, unreadable or other_failure)
+    return SwitchedOff(config.name, names, latched, warnings, displaced, unreadable or other_failure)
 
 
 @contextmanager
@@ -146,6 +149,15 @@ def _relieve_guardians(off: Iterable[_SourceOff]) -> Iterator[str]:
                 relieve(one.key)
         except SafetyError as error:
             yield f"guardians that wait for '{one.name}' are not relieved: {error}"
+
+
+def _displaced(off: Iterable[_SourceOff]) -> Iterator[str]:
+    """The guardians that wait for a device which was at one of these ports, where another one has answered now."""
+    with suppress(SafetyError):  # without the state folder the guardians are unknown; `off` warns of that
+        duties = waiting_duties()
+        for key in (one.key for one in off if one.key is not None):
+            others = (duty for duty in duties if not duty.key.proves(key))
+            yield from (str(duty) for duty in others if duty.key.port_match(key) is Match.SAME)
 
 
 def _latched(off: _SourceOff) -> list[str]:

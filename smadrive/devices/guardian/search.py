@@ -5,6 +5,7 @@ A port at which another device has answered several times is left alone for a wh
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -26,6 +27,7 @@ class PortSearch:
         self._url = url
         self._names = names
         self._now_s = now_s
+        self._terminal = _opened_terminal(url)
         self._foreign: dict[str, tuple[int, float]] = {}
 
     def urls(self) -> list[str]:
@@ -53,7 +55,14 @@ class PortSearch:
         links = self._names - terminals
         if not terminals or any(Path(link).parent.is_dir() for link in links):
             return False
+        if self._terminal is not None:
+            return not self._terminal_exists
         return not terminals & port_names(self._url)
+
+    @property
+    def _terminal_exists(self) -> bool:
+        """Whether the pseudo-terminal has not ended; its times change with its owner and its permissions, too."""
+        return self._terminal is not None and os.fstat(self._terminal).st_nlink > 0
 
     def _at(self, name: str) -> str:
         """The URL with the same settings at a path among the names."""
@@ -66,12 +75,30 @@ class PortSearch:
             return url == self._url
         if not Path(parts.path).exists():
             return False
+        if self._terminal_exists and self._leads_to_terminal(parts.path):
+            return True
         names = port_names(url)
         return bool(names & self._names) or not (names and self._names)
+
+    def _leads_to_terminal(self, path: str) -> bool:
+        assert self._terminal is not None
+        with suppress(OSError):
+            return os.path.samestat(Path(path).stat(), os.fstat(self._terminal))
+        return False
 
     def _is_left_alone(self, place: str) -> bool:
         count, until_s = self._foreign.get(place, (0, 0.0))
         return count >= AGREEING and self._now_s() < until_s
+
+
+def _opened_terminal(url: str) -> int | None:
+    """A descriptor of the pseudo-terminal at `url`, whose link count is 0 once it has ended; None: no such port."""
+    port = port_of(url)
+    if not port.startswith(f"serial://{TERMINALS}"):
+        return None
+    with suppress(OSError):
+        return os.open(urlsplit(port).path, os.O_PATH | os.O_CLOEXEC)
+    return None
 
 
 def _place(url: str) -> str:

@@ -80,7 +80,8 @@ class HeaterBoard:
         self._counter_since_s = self._clock.now_s()
 
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:
-        """Set the board's watchdog and limits, confirmed by read-back."""
+        """Prove the identity anew; set the board's watchdog and limits, confirmed by read-back."""
+        self.device.check_identity()
         profile = self.device.profile
         self.device.write(profile.role("watchdog_s"), watchdog_s)
         self.device.write(profile.role("temperature_max"), limits.temperature_max_c)

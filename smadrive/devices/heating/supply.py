@@ -63,7 +63,8 @@ class BenchSupply:
         self.enter_safe_state()
 
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:  # noqa: ARG002  (a supply has no watchdog)
-        """Set the protections, the voltage limit and zero current, confirmed by read-back."""
+        """Prove the identity anew; set protections, voltage limit and zero current, confirmed by read-back."""
+        self.device.check_identity()
         self._protect("ocp", limits.current_max_a)
         self._limit_voltage(limits.voltage_max_v)
         self.device.write(self._names["heater_current"], 0.0)

@@ -154,6 +154,9 @@ def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_wai
         (shown,) = json.loads(probed.stdout)["waiting_guardians"]
         assert f"process {guardian}" in shown
     assert lives(guardian)
+    off = stage.smadrive("off", "--json")
+    assert off.returncode == 4, off.stderr
+    assert not json.loads(off.stdout)["safe"]
     heating = stage.heat(url)
     time.sleep(3.0)
     assert heating.poll() is None

@@ -7,7 +7,7 @@ from firmware_sim.config import load_sim
 from smadrive.devices.device import Device
 from smadrive.devices.identity import UNKNOWN
 from smadrive.devices.profile.profile import load_profile
-from smadrive.errors import DeadlineError, DeviceError, IdentityError
+from smadrive.errors import DeadlineError, DeviceError, IdentityError, ReadBackError
 from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.transports.in_process import InProcessTransport
 
@@ -73,6 +73,41 @@ def test_nothing_is_written_to_a_twin_at_the_same_port(hub, device):
         assert error.value.value == "serial_number = 2, was 1"
         assert hub.heard
         assert set(hub.heard) <= set(READS)
+
+
+def test_twin_behind_a_connection_that_stays_open_is_not_confirmed_off(hub, device):
+    """An RS-485 plug was moved within one exchange: no reply was lost."""
+    device.write(device.profile.role("heater_current"), 0.0)
+    hub.plug(serial_number=2)
+    with pytest.raises(IdentityError) as error:
+        device.enter_safe_state()
+    assert error.value.value == "serial_number = 2, was 1"
+
+
+def test_nothing_is_written_to_a_twin_after_a_lost_reply(hub, device):
+    for use in uses(device):
+        hub.device.faults.drop(for_s=60.0)
+        with pytest.raises(DeadlineError):
+            device.read((device.profile.role("measured_current"),))
+        hub.plug(serial_number=2)
+        with pytest.raises(IdentityError):
+            use()
+        assert set(hub.heard) <= set(READS)
+        hub.plug(serial_number=1)
+        device.check_identity()
+
+
+@pytest.mark.parametrize("hub", ["riden-rd60xx:model_id=60121"], indirect=True)
+def test_nothing_is_written_to_a_twin_after_a_wrong_read_back(hub, device):
+    name = device.profile.role("heater_current")
+    device.command(name, 0.3, (name,))
+    hub.plug(serial_number=2)
+    with pytest.raises(ReadBackError):
+        device.command(name, 0.3, (name,))
+    hub.heard.clear()
+    with pytest.raises(IdentityError):
+        device.enter_safe_state()
+    assert set(hub.heard) <= set(READS)
 
 
 def test_nothing_is_written_to_another_type_at_the_same_port(hub, device):

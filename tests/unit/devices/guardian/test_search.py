@@ -1,6 +1,7 @@
 """The ports at which a guardian looks for its device."""
 
 import os
+from pathlib import Path
 
 import pytest
 
@@ -110,3 +111,16 @@ def test_only_a_pseudo_terminal_without_a_name_is_gone_for_good(tmp_path, now):
     link.parent.rmdir()
     assert named.is_gone
     assert not PortSearch("tcp://gateway:502", port_names("tcp://gateway:502"), now).is_gone
+
+
+def test_pseudo_terminal_with_changed_permissions_is_not_gone(now):
+    near, far = os.openpty()
+    url = f"serial://{os.ttyname(far)}"
+    search = PortSearch(url, port_names(url), now)
+    Path(os.ttyname(far)).chmod(0o622)
+    assert not search.is_gone
+    assert search.urls() == [url]
+    os.close(near)
+    os.close(far)
+    assert search.is_gone
+    assert search.urls() == []
