@@ -22,29 +22,10 @@ Array = NDArray[np.float64]
 def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: str, axes: tuple[str, str]) -> None:
     """Write the page; `axes` names input and output with their units, `caveats` are those of fit and record."""
     measured = fit.predicted - fit.residual
-    certificate = fit.certificate
     parts: list[PagePart] = [
-        Banner(
-            "good" if certificate.holds else "bad",
-            "Certified: contracting, bounded, and no branch turns."
-            if certificate.holds
-            else f"Not certified, the model may not drive a feedforward: {', '.join(certificate.shortcomings)}.",
-        ),
+        _verdict(fit),
         *(Banner("warning", f"Warning: {caveat}.") for caveat in caveats),
-        Tiles(
-            [
-                (f"{fit.rms_percent:.3f} %", "RMS error, of the output span"),
-                (f"{fit.max_percent:.3f} %", "largest error"),
-                (
-                    f"{certificate.contraction_rate:.3g}",
-                    "contraction, per unit of input; above 0 an unknown start is forgotten",
-                ),
-                (
-                    f"{100 * certificate.invertible_share:.1f} %",
-                    "of the loop has one input for an output; best is 100 %",
-                ),
-            ]
-        ),
+        _metrics(fit),
         Plot("The loop", _loop(fit, measured, axes), "Grey: the record. Colours: the model on the same input."),
         Plot(
             "Residuals",

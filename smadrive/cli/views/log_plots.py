@@ -37,7 +37,7 @@ PLANE_POINTS = 6000
 
 
 def log_plots(log: Log) -> Iterator[Plot]:
-    """Every plot that the log has something for."""
+    """The plots of the log; those without data are left out."""
     if "reference" in log.metadata:
         yield _tracking(log)
     yield _heat(log)
@@ -114,7 +114,7 @@ def _plane(log: Log) -> Plot:
     caption = "Measured displacement over the estimated temperature of the wire."
     if "wire" in log.metadata:
         _branches(ax, wire_of(log).model)
-        caption += " Lines: the major loop of its model; inside it run the minor loops."
+        caption += " Lines: the major loop of the model; the minor loops lie inside it."
         legend(ax)
     ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")
     return Plot("Temperature and displacement", figure, caption)

@@ -19,7 +19,7 @@ TITLES = {"excitation": "identification experiment", "tracking": "tracking run"}
 
 
 def write_log_report(path: Path, log: Log) -> RunMetrics:
-    """Write the page of `log` to `path`. DataError when the log tells too little, or the page cannot be written."""
+    """Write the page of `log` to `path`. DataError when the log lacks content, or the page cannot be written."""
     config, summary = rig_config_of(log), run_metrics(log)
     devices = ", ".join(f"{name}: {identity}" for name, identity in log.parsed("devices", _items))
     parts: list[PagePart] = [
@@ -39,8 +39,8 @@ def _state(log: Log, summary: RunMetrics) -> Banner:
     if not log.end_time:
         return Banner(
             "warning",
-            f"Nobody ended this log: its writer was killed, or still writes. It holds {summary.duration_s:.1f} s; "
-            "at most the last second before the end is missing.",
+            f"This log has no end: its writer was killed, or still writes. It holds {summary.duration_s:.1f} s; "
+            "at most the last second is missing.",
         )
     if not log.ended_by:
         return Banner("good", f"Complete: {summary.duration_s:.1f} s, ended at zero current.")
@@ -53,11 +53,9 @@ def _state(log: Log, summary: RunMetrics) -> Banner:
 
 def _caveats(log: Log) -> Iterator[Banner]:
     """Reasons to distrust the content or the metrics, as `run` prints them on the terminal."""
-    for caveat in log.caveats:
+    tracking = tracking_caveats(log) if "reference" in log.metadata else ()
+    for caveat in (*log.caveats, *tracking):
         yield Banner("warning", f"Warning: {caveat}.")
-    if "reference" in log.metadata:
-        for caveat in tracking_caveats(log):
-            yield Banner("warning", f"Warning: {caveat}.")
 
 
 def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator[tuple[str, str]]:
@@ -96,10 +94,10 @@ def _provenance(log: Log) -> Grid:
 
 
 def _background(log: Log) -> Iterator[PagePart]:
-    """What one rarely needs, folded away."""
+    """The configuration of the run, folded."""
     yield Grid(("key", "value"), list(_flat(log.json("rig"))), "Rig file", texts=True, folded=True)
     if "wire" in log.metadata:
-        yield Listing("Wire: the model that tracked", log.text("wire"))
+        yield Listing("Wire: the model of the run", log.text("wire"))
     if "excitation" in log.metadata:
         yield Grid(("key", "value"), list(_flat(log.json("excitation"))), "Excitation", texts=True, folded=True)
     yield Grid(("key", "value"), list(_flat(log.json("nominal_balance"))), "Nominal heat balance", True, True)

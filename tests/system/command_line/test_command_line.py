@@ -124,7 +124,7 @@ def test_every_figure_of_a_certificate_has_a_meaning_and_a_verdict():
     bad = {name: (value, note) for name, value, note in certificate_rows(Certificate(-0.1, 2.0, False, 0.5, 0.3))}
     assert "not above 0, bad" in bad["contraction"][1]
     assert bad["bounded"] == ("no", "bad: the output leaves the stroke")
-    assert "a branch comes back by 30 %" in bad["certified"][1]
+    assert "a branch reverses by 30 %" in bad["certified"][1]
 
 
 @pytest.mark.parametrize("stress", ["100MPa", "172MPa"])

@@ -16,6 +16,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.replay import Difference, prediction_percent, replay
 from smadrive.runs.run_log import record_excitation, record_tracking
+from smadrive.wire.identified_wire import IdentifiedWire
 
 
 def wire(mu_heating=93.0):
@@ -82,7 +83,7 @@ def test_replay_of_a_stopped_run_is_its_record(tmp_path):
 
 def test_another_model_differs_in_its_setpoint(tracked):
     far = wire(mu_heating=99.0)
-    again = replay(tracked, (far, Rig(load_rig("in-process")).nominal_balance))
+    again = replay(tracked, IdentifiedWire(far, Rig(load_rig("in-process")).nominal_balance))
     assert not again.exact
     assert again.differences["setpoint_mm"].first_s == inf
     assert again.differences["setpoint_c"].max > 4.0
@@ -96,7 +97,7 @@ def test_wrong_model_predicts_worse_without_the_displacement(tracked):
     balance = Rig(load_rig("in-process")).nominal_balance
     misses = []
     for model in (wire(mu_heating=90.0), wire(mu_heating=99.0)):
-        estimated_mm = replay(blind, (model, balance)).columns["estimated_mm"]
+        estimated_mm = replay(blind, IdentifiedWire(model, balance)).columns["estimated_mm"]
         misses.append(prediction_percent(tracked, estimated_mm, model))
     assert misses[1] > 2.0 * misses[0]
 
@@ -114,4 +115,4 @@ def test_run_with_a_plain_map_is_replayed_with_a_model_alone(tmp_path):
     log = read_log(tmp_path / "map.h5")
     with pytest.raises(DataError, match="plain map"):
         replay(log)
-    assert not replay(log, (wire(), Rig(load_rig("in-process")).nominal_balance)).exact
+    assert not replay(log, IdentifiedWire(wire(), Rig(load_rig("in-process")).nominal_balance)).exact

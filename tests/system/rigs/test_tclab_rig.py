@@ -8,6 +8,7 @@ import sys
 
 import programs
 import pytest
+from served import PATIENT
 
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
@@ -74,10 +75,10 @@ def test_without_a_displacement_sensor_it_runs_and_its_error_is_unknown(tmp_path
     assert done.returncode == 0, done.stderr
     figures = json.loads(done.stdout)
     assert (figures["rms_percent"], figures["max_percent"], figures["trips"]) == (None, None, 0)
-    assert "no displacement sensor" in figures["caveats"][0]
-    told = smadrive(*run, "-o", str(tmp_path / "b.h5")).stdout
-    assert "unknown" in told
-    assert "no displacement sensor" in told
+    assert "no working displacement sensor" in figures["caveats"][0]
+    printed = smadrive(*run, "-o", str(tmp_path / "b.h5")).stdout
+    assert "unknown" in printed
+    assert "no working displacement sensor" in printed
 
 
 def test_its_lines_are_traced_for_people_and_not_served_again(tmp_path):
@@ -142,7 +143,7 @@ def served(tmp_path, *arguments):
         try:
             url = process.stdout.readline().strip()
             rig = tmp_path / "rig.toml"
-            base = (load_rig("tclab"), f"{url}?latency_ms=2000")  # on a busy machine, too
+            base = (load_rig("tclab"), f"{url}{PATIENT}")
             rig.write_text(_toml(*base))
             yield process, url, str(rig)
         finally:
@@ -168,7 +169,7 @@ def smadrive(*arguments):
 @pytest.mark.parametrize("arguments", [(), ("--rtu-tcp", "0")], ids=["pty", "tcp"])
 def test_it_is_found_probed_and_switched_off_on_a_port(tmp_path, arguments):
     with served(tmp_path, *arguments) as (_, url, rig):
-        address = f"{url}?baudrate=115200" if url.startswith("serial") else url
+        address = url + PATIENT + ("&baudrate=115200" if url.startswith("serial") else "")
         (found,) = json.loads(smadrive("scan", address, "--units", "1", "--json").stdout)["devices"]
         assert (found["unit_id"], found["profiles"]) == (None, ["tclab"])
         probed = json.loads(smadrive("probe", rig, "--json").stdout)
@@ -206,4 +207,4 @@ def test_it_is_not_served_where_it_cannot_be(tmp_path, arguments):
     command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--profile", "tclab", *arguments]
     done = programs.run(command, check=False, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 2
-    assert "'tclab' speaks no Modbus: serve it alone, with --pty PATH or --rtu-tcp HOST:PORT" in done.stderr
+    assert "'tclab' does not speak Modbus. Serve it alone, with --pty PATH or --rtu-tcp HOST:PORT" in done.stderr

@@ -64,9 +64,9 @@ def test_every_endpoint_is_printed_and_all_devices_measure_the_same_wire(tmp_pat
         advance(process, 10.0)
         lines = [load_profile(name).serial_settings() for name in ("sma-reference", "delta-dtb")]
         with (
-            open_transport(urls[0] + PATIENT, lines[0]) as board_port,
-            open_transport(urls[1] + PATIENT, lines[1]) as line,
-            open_transport(urls[2] + PATIENT) as module_port,
+            open_transport(urls[0], lines[0]) as board_port,
+            open_transport(urls[1], lines[1]) as line,
+            open_transport(urls[2]) as module_port,
         ):
             board = HeaterBoard(Device(load_profile("sma-reference"), ModbusClient(board_port)), MonotonicClock())
             shared = ModbusClient(line)

@@ -99,7 +99,7 @@ from smadrive.modbus import requests
 from smadrive.modbus.framing import rtu
 from smadrive.modbus.transports.connect import open_transport
 
-device = Device(load_profile("sma-reference"), ModbusClient(open_transport(sys.argv[1] + "?latency_ms=2000")))
+device = Device(load_profile("sma-reference"), ModbusClient(open_transport(sys.argv[1])))
 clock = MonotonicClock()
 board = Heater(HeaterBoard(device, clock), HeaterLimits(current_max_a=0.6, temperature_max_c=130.0), clock)
 board.connect()

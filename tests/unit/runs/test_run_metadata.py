@@ -46,9 +46,9 @@ def test_experiments_of_0_1_are_understood(log_of_0_1):
 
 
 def test_wire_of_0_1_is_understood(log_of_0_1):
-    model, balance = wire_of(log_of_0_1)
-    assert model.input_range == (20.0, 130.0)
-    assert balance.heat_capacity_j_per_k == pytest.approx(0.0286206)
+    wire = wire_of(log_of_0_1)
+    assert wire.model.input_range == (20.0, 130.0)
+    assert wire.heat_balance.heat_capacity_j_per_k == pytest.approx(0.0286206)
 
 
 @pytest.mark.parametrize("change", [{"times_s": [0.0, 2.0, 1.0]}, {"times_s": [0.0, 1.0]}, {"displacement_mm": None}])

@@ -26,7 +26,7 @@ def faulty_rig(ruled_rig):
     ruled_rig.at(1.2, "adapt", on=True)
     ruled_rig.at(1.5, "track", reference="sine")
     ruled_rig.do(50.0, lambda: faults.thermocouple.begin("drift", None, lambda r, age_s: r.right + 0.05 * age_s))
-    ruled_rig.do(75.0, lambda: faults.displacement.begin("stuck", None, lambda r, age_s: r.shown))
+    ruled_rig.do(75.0, lambda: faults.displacement.begin("stuck", None, lambda r, age_s: r.previous))
     return ruled_rig
 
 

@@ -10,7 +10,7 @@ from smadrive.tuning.page.client_registry import ClientRegistry
 from smadrive.tuning.processes import TuningPage
 
 TOKEN = secrets.token_urlsafe(8)
-WITHOUT_PAGE = "no page is open: the wire is driven on; Ctrl-C or `curl -X POST http://127.0.0.1:5006/off` ends it"
+WITHOUT_PAGE = "no page is open: the run continues; Ctrl-C or `curl -X POST http://127.0.0.1:5006/off` ends it"
 
 
 @pytest.fixture
@@ -83,7 +83,7 @@ def test_without_a_terminal_each_change_of_state_is_one_line(rig, view):
     rig.at(5.0, "off")
     looks = 200
     for n in range(looks):
-        rig.do(8.0 * n / looks, lambda: (view.tick(rig.ticks[-1]), changes.tell()))
+        rig.do(8.0 * n / looks, lambda: (view.tick(rig.ticks[-1]), changes.print()))
     rig.run(until_s=9.0)
     assert [line.split(";")[0] for line in said] == ["heater off", "armed, holding", "heater off"]
     assert all(line.endswith(" A)") for line in said)
