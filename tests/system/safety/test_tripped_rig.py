@@ -112,3 +112,18 @@ def test_a_simulator_that_gets_the_terminal_of_a_tripped_one_may_heat():
         assert is_tripped(first.url, first.clock)
     with ServedSimulator("flexinol-lt-0.15mm") as second:
         assert not is_tripped(second.url, second.clock)
+
+
+def test_trip_is_latched_before_the_heater_is_switched_off():
+    """The driver may be killed while it switches a silent device off."""
+    with ServedSimulator("flexinol-lt-0.15mm") as simulator:
+        config = load_rig("simulated").at(simulator.url)
+        short = config.model_copy(update={"limits": config.limits.model_copy(update={"displacement_max_mm": 0.5})})
+        states = []
+        with Rig(short, simulator.clock) as rig:
+            enter_safe_state = rig.heater.source.enter_safe_state
+            rig.heater.source.enter_safe_state = lambda: (states.append(rig.latch.read()), enter_safe_state())[1]
+            with pytest.raises(TripError) as trip:
+                heat(rig)
+            assert states[-1] == str(trip.value)
+            rig.clear_faults()
