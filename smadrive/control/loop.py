@@ -43,7 +43,7 @@ def never() -> bool:
     return False
 
 
-class Heater(Protocol):
+class Actuator(Protocol):
     """What the loop needs of the rig: the actuator's one door, and its way to zero."""
 
     def arm(self, watchdog_s: float) -> None:
@@ -86,7 +86,7 @@ class ControlLoop:
 
     def __init__(
         self,
-        heater: Heater,
+        heater: Actuator,
         controller: Controller,
         supervisor: Supervisor,
         clock: Clock,

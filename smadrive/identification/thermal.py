@@ -91,7 +91,7 @@ def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit
         resistance_change=resistance["resistance_change"],
     )
     within |= within_resistance
-    _check_told(within)
+    _check_intervals(within)
     wire = _wire_temperature(samples, balance)
     return ThermalFit(balance, np.interp(record.time_s, grid, wire), float(np.sqrt(np.mean(residual**2))), within)
 
@@ -171,7 +171,7 @@ def _lagged(wire: Array, lag_s: float, dt_s: float, start: float) -> Array:
     return np.concatenate(([start], tail))
 
 
-def _check_told(within: dict[str, float]) -> None:
+def _check_intervals(within: dict[str, float]) -> None:
     """Refuse a record from which a parameter that the control needs is only guessed."""
     for name, plain in NAMES.items():
         if within[name] > UNCERTAIN.get(name, np.inf):

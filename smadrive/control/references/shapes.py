@@ -43,8 +43,8 @@ def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
     keys = {name: key for name, key in signature(make).parameters.items() if key.kind is key.KEYWORD_ONLY}
     wrong = _wrong_keys([key for key, _ in given], keys)
     if wrong:
-        told = ", ".join(_told(key) for key in keys.values())
-        raise ConfigError(f"reference '{spec}': {wrong}; the keys of '{shape}' are {told}")
+        key_list = ", ".join(_key_text(key) for key in keys.values())
+        raise ConfigError(f"reference '{spec}': {wrong}; the keys of '{shape}' are {key_list}")
     try:
         return make(longest_s, **{key: parse_number(value) for key, value in given})
     except ValueError as error:
@@ -62,7 +62,7 @@ def _wrong_keys(given: Sequence[str], keys: Mapping[str, Parameter]) -> str:
     return f"missing: {', '.join(missing)}" if missing else ""
 
 
-def _told(key: Parameter) -> str:
+def _key_text(key: Parameter) -> str:
     return f"{key.name}=" if key.default is key.empty else f"{key.name}= (optional: {key.default:g})"
 
 
@@ -83,9 +83,9 @@ def triangle(
     """Straight up and down between `low_mm` and `high_mm`; the last way ends where `cycles` end."""
     _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
     _check_pace(period_s * cycles, 2 * cycles, longest_s)
-    ways = np.append(np.arange(np.ceil(2 * cycles)), 2 * cycles)
-    height = 1.0 - np.abs(1.0 - ways % 2)
-    return Reference.from_samples(ways * 0.5 * period_s, low_mm + (high_mm - low_mm) * height)
+    legs = np.append(np.arange(np.ceil(2 * cycles)), 2 * cycles)
+    height = 1.0 - np.abs(1.0 - legs % 2)
+    return Reference.from_samples(legs * 0.5 * period_s, low_mm + (high_mm - low_mm) * height)
 
 
 def staircase(

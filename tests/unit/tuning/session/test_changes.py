@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from smadrive.wire.wire_file import parse_wire
 
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.tuning.session.reference_catalogue import ReferenceCatalogue
+from smadrive.wire.identified_wire import parse_wire
 from tests.unit.tuning.conftest import REFERENCE
 
 
