@@ -44,7 +44,7 @@ WITH, WITHOUT = "inverse feedforward", "plain temperature map"
 
 
 @dataclass(frozen=True)
-class Arm:
+class DemoRun:
     """One tracking run of the demo."""
 
     name: str
@@ -120,7 +120,7 @@ class _Session:
         with self.output.progress("identifying"):
             return identify_wire(excitation_record(log), self.rig.nominal_balance)
 
-    def track(self, name: str, inverse: DisplacementInverse, wire: WireFit) -> Arm:
+    def track(self, name: str, inverse: DisplacementInverse, wire: WireFit) -> DemoRun:
         model, balance = wire.hysteresis.model, wire.thermal.balance
         self.rig.cool_down(REST_S)
         experiment = _reference(*travel_mm(model)), model, balance, inverse
@@ -131,7 +131,7 @@ class _Session:
         ):
             loop = self.rig.track(*experiment, record)
         log = read_log(path)
-        return Arm(name, log, tracking_metrics(log, loop))
+        return DemoRun(name, log, tracking_metrics(log, loop))
 
     def _temperature_c(self) -> float:
         return self.rig.measure().temperature_c

@@ -1,10 +1,10 @@
 """The control loop: measure, judge, compute, command, on a schedule of absolute deadlines.
 
-One exchange per tick writes the command of the tick before and reads the wire, so a command acts one period after the
-measurement it answers; the controllers know that. A missed exchange is not an error yet: the supervisor trips when
-the silence lasts. Every way out of `run` (end, trip, exception, Ctrl-C) first puts the heater into its safe state.
-A request to stop (OFF) is looked at before every exchange, so that no later exchange carries current, whether the
-device answers or not.
+One exchange per tick writes the command of the previous tick and reads the wire. So a command acts one period after
+its measurement; the controllers account for that. A lost exchange is not an error yet: the supervisor trips when the
+silence lasts. However `run` ends (end, trip, exception, Ctrl-C), it first puts the heater into its safe state. The loop
+checks for a request to stop (OFF) before every exchange, so no later exchange carries current, whether the device
+answers or not.
 """
 
 from __future__ import annotations
@@ -32,19 +32,19 @@ LATE_FRACTION = 0.5
 """A tick that starts later than this fraction of the period after its deadline counts as missed."""
 
 BUSY = (5, 6, 11)
-"""Exception codes of a device, or of the gateway before it, that could not answer in time."""
+"""Exception codes of a device, or of the gateway before it, that cannot answer in time."""
 
 StopRequested = Callable[[], bool]
 """Whether the user has asked to stop; called before every exchange."""
 
 
 def never() -> bool:
-    """No request to stop: the run ends with its controller, or by an exception."""
+    """Never request a stop: the run ends with its controller, or by an exception."""
     return False
 
 
-class Heater(Protocol):
-    """What the loop needs of the rig: the actuator's one door, and its way to zero."""
+class Actuator(Protocol):
+    """The heater as the loop needs it: one method to heat, one to reach zero current."""
 
     def arm(self, watchdog_s: float) -> None:
         """Enable heating at zero current; the device switches off after `watchdog_s` without a command."""
@@ -60,7 +60,7 @@ class Heater(Protocol):
 
 
 class Tick(NamedTuple):
-    """One turn of the loop, as recorded: `time_s` of the measurement since the start, lateness of its beginning."""
+    """One tick of the loop: time of the measurement since the start, and delay of its beginning after its deadline."""
 
     time_s: float
     late_s: float
@@ -70,7 +70,7 @@ class Tick(NamedTuple):
 
 @dataclass(slots=True)
 class LoopMetrics:
-    """What the loop counted."""
+    """Counts of one run of the loop."""
 
     ticks: int = 0
     missed_deadlines: int = 0
@@ -79,15 +79,15 @@ class LoopMetrics:
 
 
 class ControlLoop:
-    """Runs one controller on one heater under one supervisor, every `period_s`, telling each tick to `record`.
+    """Runs one controller on one heater under one supervisor, every `period_s`; calls `record` with each tick.
 
-    Once `stop_requested` returns True, nothing but the safe state is sent. `on_trip` gets a trip before the heater is
-    switched off: the process may be killed meanwhile.
+    After `stop_requested` has returned True, only the safe state is sent. `on_trip` is called with a trip before the
+    heater is switched off: the process may be killed meanwhile.
     """
 
     def __init__(
         self,
-        heater: Heater,
+        heater: Actuator,
         controller: Controller,
         supervisor: Supervisor,
         clock: Clock,
@@ -134,17 +134,17 @@ class ControlLoop:
             number += 1 + self._skipped(due_s)
 
     def _skipped(self, due_s: float) -> int:
-        """How many deadlines passed during the tick that was due at `due_s`: a late loop does not run to catch up."""
+        """The number of deadlines that passed during the tick due at `due_s`; a late loop does not catch up."""
         skipped = max(int((self._clock.now_s() - due_s) / self._period_s - LATE_FRACTION), 0)
         self.figures.missed_deadlines += skipped
         self._overran = skipped > 0
         return skipped
 
     def tick(self, late_s: float) -> None:
-        """One turn, begun `late_s` after its deadline. Raises TripError once the supervisor has tripped.
+        """Run one tick, begun `late_s` after its deadline. TripError when the supervisor trips.
 
-        What the controller and the log call the time of the tick is that of its measurement: a device that answers
-        slowly also acts slowly, and the heat balance must not take the delay for heat.
+        Controller and log use the time of the measurement as the time of the tick: a device that answers slowly also
+        acts slowly, and the heat balance must not mistake the delay for heat.
         """
         self.figures.ticks += 1
         missed = late_s > LATE_FRACTION * self._period_s
@@ -161,17 +161,17 @@ class ControlLoop:
         self._record(Tick(time_s, late_s, measurement, self._command))
 
     def _exchange(self) -> Measurement | None:
-        """One exchange; None when it was lost on the way. A device that is busy will answer; one that says no trips."""
+        """One exchange; None when it was lost or the device was busy. TripError when the device rejects the command."""
         try:
             return self._heater.exchange(self._command.commanded_a)
         except (TransportError, ProtocolError):
             self.figures.lost_exchanges += 1
             return None
-        except DeviceError as refusal:
-            if isinstance(refusal, ExceptionReply) and refusal.code in BUSY:
+        except DeviceError as rejection:
+            if isinstance(rejection, ExceptionReply) and rejection.code in BUSY:
                 self.figures.lost_exchanges += 1
                 return None
-            raise self._tripped(Trip(Fault.COMMAND_REFUSED, self._clock.now_s(), str(refusal))) from refusal
+            raise self._tripped(Trip(Fault.COMMAND_REFUSED, self._clock.now_s(), str(rejection))) from rejection
         except TakenOverError as taken:
             raise self._tripped(Trip(Fault.GUARDIAN, self._clock.now_s(), str(taken))) from taken
 

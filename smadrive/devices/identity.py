@@ -72,12 +72,12 @@ class IdentityCheck:
         self.registers = names or family.measured[:1]
         """Registers to read. Where none proves the type, a measured one: the device must answer at least."""
 
-    def judge(self, readings: Mapping[str, RegisterReading], known: Identity) -> ProvedModel:
-        """The model with these readings; IdentityError for another type, or another device than the `known` one."""
+    def judge(self, readings: Mapping[str, RegisterReading], expected: Identity) -> ProvedModel:
+        """The model with these readings; IdentityError for another type, or another device than the `expected` one."""
         family = self._family
         check_type(family.identify, readings, family.profile.id, self._where)
         identity = identity_of(family, readings)
-        check_same(known, identity, f"{self._where}, a '{family.profile.id}'")
+        check_same(expected, identity, f"{self._where}, a '{family.profile.id}'")
         raws = {name: reading.raw for name, reading in readings.items()}
         variant = matching(family.variants, raws)
         profile = family if variant is None else family.as_variant(variant)
@@ -109,9 +109,9 @@ def identity_of(profile: Profile, readings: Mapping[str, RegisterReading]) -> Id
     return {name: " ".join(readings[name].words) or readings[name].raw for name in fixed}
 
 
-def check_same(known: Identity, found: Identity, where: str) -> None:
-    """IdentityError when the device that was `found` is not the `known` one."""
-    for name, value in known.items():
+def check_same(expected: Identity, found: Identity, where: str) -> None:
+    """IdentityError when the device that was `found` is not the `expected` one."""
+    for name, value in expected.items():
         if found.get(name) != value:
             raise IdentityError(
                 "another device answers than before",

@@ -6,13 +6,13 @@ import difflib
 from collections.abc import Iterable
 
 
-def suggestion(name: str, known: Iterable[str]) -> str:
-    """The question `did you mean 'x'?` for the known name nearest to `name`; empty when none is near."""
-    close = difflib.get_close_matches(name, sorted(known), n=1)
+def suggestion(name: str, names: Iterable[str]) -> str:
+    """The question `did you mean 'x'?` for the one of `names` nearest to `name`; empty when none is near."""
+    close = difflib.get_close_matches(name, sorted(names), n=1)
     return f"did you mean '{close[0]}'?" if close else ""
 
 
-def suggestion_or_list(name: str, known: Iterable[str]) -> str:
-    """The suggestion, or else `known are: x, y` with all known names."""
-    names = sorted(known)
-    return suggestion(name, names) or f"known are: {', '.join(names)}"
+def suggestion_or_list(name: str, names: Iterable[str]) -> str:
+    """The suggestion, or else `known are: x, y` with all `names`."""
+    in_order = sorted(names)
+    return suggestion(name, in_order) or f"known are: {', '.join(in_order)}"

@@ -1,9 +1,9 @@
-"""Identification of a Duhem model by its simulated output.
+"""Identification of a Duhem model from its output error.
 
-Unknown are mean, width and weight of every Gaussian of both branches, scale and offset. The error of the simulated
-output is minimised (slopes would amplify noise and bias the loop), first with one Gaussian per branch, then with more,
-started from several splits of the first. The branches must not cross: where h₋ comes closer to h₊ than a margin,
-measured in standard deviations, a penalty pushes them apart; it is raised until the model is valid over the range.
+The unknowns are mean, width and weight of every Gaussian of both branches, scale and offset. The fit minimises the
+error of the simulated output (slopes would amplify noise and bias the loop): first with one Gaussian per branch, then
+with more, started from several splits of the first. The branches must not cross. Where h₋ comes closer to h₊ than a
+margin, in standard deviations, a penalty separates them; it is raised until the model is valid over the range.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ _CELLS = 192  # table of a trial model: its error is far below any measurement's
 _STEEPEST = 1e3  # rate of a trial model per input span, where its branches touch
 _MARGIN = 0.05  # standard deviations between the branches
 _PENALTIES = (0.03, 0.3, 3.0, 30.0)
-_TRY, _POLISH = 12, 60  # iterations spent on a start, and on the best
+_TRY, _POLISH = 12, 60  # iterations of each start, and of the best one
 _TOLERANCE = 1e-5  # relative gain at which to stop
 _BOUNDS = (  # of means, log widths and weights' logits, then of scale and offset; in spans
     ((-1.0, -5.0, -6.0), (-5.0, -10.0)),
@@ -46,7 +46,7 @@ _SPLITS = ((0.6, 0.6, 0.9), (0.0, 0.5, 1.5), (0.9, 0.7, 0.7))  # shift and width
 
 @dataclass(frozen=True, slots=True)
 class DuhemFit(Fit[DuhemModel]):
-    """An identified Duhem model, its figures, and the standard errors of its parameters (see uncertainty)."""
+    """An identified Duhem model, its metrics, and the standard errors of its parameters (see uncertainty)."""
 
     standard_errors: DuhemErrors
 
@@ -68,7 +68,7 @@ def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band
 
 
 def fit_duhem(record: Record, components: int) -> Fit[DuhemModel]:
-    """The same for a prepared record, without standard errors."""
+    """The Duhem model of a prepared record, without standard errors."""
     return _solve(record, components)[2]
 
 
@@ -149,7 +149,7 @@ class _Problem:
         return np.concatenate([np.ravel(parts), self.output_map(x)])
 
     def standard_errors(self, x: FloatArray, residual: FloatArray) -> DuhemErrors:
-        """Of the parameters at the minimum x, whose residual by sample is given in the unit of y."""
+        """Standard errors of the parameters at the minimum x; residual (samples,) in the unit of y."""
         jacobian = self.jacobian(x)[0][: len(self.record.v)]
         slopes = forward_differences(self.parameters, x)
         *branches, scale, offset = standard_errors(jacobian, slopes, residual / self.record.output_span)
@@ -179,7 +179,7 @@ class _Problem:
         )
 
     def splits(self, x: FloatArray, components: int) -> list[FloatArray]:
-        """Starts with more Gaussians: those of the single-Gaussian solution spread over shifts and widths."""
+        """Starts with more Gaussians: the single-Gaussian solution, spread over shifts and widths."""
         branches = x[:-2].reshape(2, 3)
         starts = []
         for shift, first_width, last_width in _SPLITS:
@@ -200,7 +200,7 @@ def _nodes(input_range: tuple[float, float]) -> FloatArray:
 
 @lru_cache(maxsize=4)
 def _logs(mixture: GaussianMixture, input_range: tuple[float, float]) -> MixtureLogs:
-    """Kept for a while: steps along the variables of one branch leave the other as it is."""
+    """Cached: a step along the variables of one branch does not change the other branch."""
     return grid_logs(mixture, _nodes(input_range))
 
 

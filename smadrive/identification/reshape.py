@@ -1,13 +1,13 @@
-"""Moving the branches of a model: what a person turns when a wire transforms earlier, later, or over a wider span.
+"""Move the branches of a model by hand, for a wire that transforms earlier, later, or over a wider range.
 
-The place and the spread of a branch are those of its slope, read as a distribution over v:
+Place and spread of a branch are mean and standard deviation of its slope as a distribution over v:
 
-    μ = ∫ v dP / ∫ dP        σ² = ∫ (v - μ)² dP / ∫ dP          P the branch of the major loop
+    μ = ∫ v dP / ∫ dP        σ² = ∫ (v - μ)² dP / ∫ dP          P: the branch of the major loop
 
-A branch is moved by u(v) = μ_old + (v - μ_new) σ_old/σ_new: the new law at v is the old one at u, divided by the
-stretch σ_new/σ_old. For a Duhem model that is exact. The rules of a T-S model share their sets between the branches:
-the centres follow the mean of both moves, and the consequents are read off the old ones in between. Contraction and
-boundedness survive, being signs of the rates; slopes that this turned the wrong way are put right.
+With u(v) = μ_old + (v - μ_new) σ_old/σ_new, the new law at v is the old one at u, divided by the stretch σ_new/σ_old.
+For a Duhem model this is exact. In a T-S model both branches share the sets of the rules: the centres follow the mean
+of both moves, and the consequents are interpolated between the old ones. Contraction and boundedness are signs of the
+rates, so they remain. Slopes whose sign has become wrong are corrected.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from smadrive.numerics.arrays import FloatArray
 Model = DuhemModel | TSFuzzyDuhem
 
 _INVERTIBLE = 0.999
-"""Below this invertible share the slopes are put right; a trace of wrong slope in saturation is not worth its time."""
+"""Below this invertible share the slopes are corrected; a trace of wrong slope in saturation is not worth the time."""
 
 
 class BranchShape(NamedTuple):
@@ -81,7 +81,7 @@ def shape_of(model: Model) -> BranchShape:
 
 
 def reshaped(model: Model, shape: BranchShape) -> Model:
-    """`model` with its branches moved to `shape`. ModelError for a shape that no wire has."""
+    """`model` with its branches moved to `shape`. ModelError for a shape that is impossible or out of range."""
     _check(model, shape)
     now = shape_of(model)
     _check_widths(now.sigma_heating, now.sigma_cooling)
@@ -92,7 +92,7 @@ def reshaped(model: Model, shape: BranchShape) -> Model:
         return DuhemModel(*mixtures, shape.scale, model.offset, model.input_range)
     reached = _moments_of_rules(_moved_rules(model, heating, cooling), model.engine.nodes)
     _check_widths(*(sigma for _, sigma in reached))
-    heating, cooling = (  # what the coarse grid of rules made of the move: aim beside it by as much
+    heating, cooling = (  # corrected by the error that the coarse grid of rules made
         move.aimed(*moments) for move, moments in zip((heating, cooling), reached, strict=True)
     )
     sets, (a_heating, b_heating), (a_cooling, b_cooling) = _moved_rules(model, heating, cooling)
@@ -131,7 +131,7 @@ def _check_widths(*sigmas: float) -> None:
 
 
 def _moments(nodes: FloatArray, branch: Branch) -> tuple[float, float]:
-    """Mean and standard deviation of where it rises; NaN and 0 where it does not rise."""
+    """Mean and standard deviation of the slope over v; NaN and 0 for a branch that does not rise."""
     rise, middle = np.diff(branch.target), (nodes[1:] + nodes[:-1]) / 2
     if not rise.sum() > 0.0:
         return nan, 0.0
@@ -157,6 +157,6 @@ def _moved_rules(model: TSFuzzyDuhem, heating: _Move, cooling: _Move) -> _Rules:
 
 
 def _moments_of_rules(rules: _Rules, nodes: FloatArray) -> list[tuple[float, float]]:
-    """Place and spread of both branches on a given grid: to find a model's own takes four times as long."""
+    """Place and spread of both branches on the given grid; the model's own grid would take four times as long."""
     branches = MembershipGrid(rules.sets, nodes).closed_branches(rules.heating_law, rules.cooling_law)
     return [_moments(nodes, branch) for branch in branches]

@@ -1,12 +1,12 @@
-"""The heat balance from a recorded excitation: which wire is this, thermally?
+"""The heat balance of a wire, fitted to a recorded excitation.
 
 Measured are the electrical power P = U I, the thermocouple reading T_tc and the phase fraction w (the displacement,
 scaled to its span). Given P(t) and w(t) the heat balance of `smadrive.wire.heat_balance` is *linear* in time,
 
     m c dT/dt = P - Q dw/dt - h A (T - T_a),     lag dT_tc/dt = T - T_tc,
 
-so the reading is simulated exactly by two first-order filters, and the parameters (m c, h A, Q, T_a, lag) minimise the
-output error in kelvin. No derivative of a noisy signal is ever formed. R(w) is a separate straight-line fit of U/I.
+so two first-order filters simulate the reading exactly. The parameters (m c, h A, Q, T_a, lag) minimise the output
+error in kelvin. The fit never differentiates a noisy signal. R(w) is a separate straight-line fit of U/I.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from smadrive.wire.heat_balance import HeatBalance
 Array = NDArray[np.float64]
 
 CORRECTION_BAND_HZ = 0.05
-"""Below this frequency the wire-temperature estimate trusts the thermocouple, above it the heat balance."""
+"""The estimate of the wire temperature follows the thermocouple below this frequency, the heat balance above it."""
 
 MIN_CURRENT_FRACTION = 0.2
-"""Resistance is read only where the current is above this fraction of its maximum: below, U/I is mostly noise."""
+"""The resistance is fitted where the current is above this fraction of its maximum; below, U/I is mostly noise."""
 
 NAMES = {
     "heat_capacity_j_per_k": "heat capacity m c",
@@ -37,25 +37,29 @@ NAMES = {
     "ambient_c": "ambient temperature",
     "thermocouple_lag_s": "thermocouple lag",
 }
-"""What the fit looks for, in its order."""
+"""The parameters of the fit in their order, with their names in messages."""
 
+FIT = "thermal fit"
+"""The place that the errors name."""
+
+MIN_SAMPLES, MIN_HEATED_SAMPLES = 200, 20
 MOVES = 8.0
-"""A displacement that spans no more than so many standard deviations of its steps is noise; white noise spans 3.6."""
+"""A displacement that spans at most so many standard deviations of its steps is noise; white noise spans 3.6."""
 
 SYSTEMATIC = 0.005
-"""What a lumped wire, sampled with a period, leaves besides noise, relative: seen on simulated wires."""
+"""Relative systematic error of a lumped wire that is sampled with a period; found on simulated wires."""
 
 UNCERTAIN = {"heat_capacity_j_per_k": 0.1, "loss_w_per_k": 0.1, "latent_heat_j": 0.3}
-"""A record that tells these parameters no better is no identification; the feedforward rests on them."""
+"""Largest relative 95 % intervals (half) of the parameters that the feedforward needs."""
 
 
 @dataclass(frozen=True)
 class ThermalFit:
     """A fitted heat balance.
 
-    `wire_temperature_c`: the wire's own temperature at the samples, free of lag and nearly free of noise: heat
-    balance above 0.05 Hz, thermocouple below. `rms_c`: output error of the reading, K. `within`: half the 95 % interval
-    of each parameter by its name in HeatBalance, relative to it (ambient_c: in K; resistance_change: as it is).
+    `wire_temperature_c`: the wire's own temperature at the samples, without lag and almost without noise: from the heat
+    balance above 0.05 Hz, from the thermocouple below. `rms_c`: output error of the reading, K. `within`: half the 95 %
+    interval of each parameter by its name in HeatBalance, relative to it (ambient_c: K; resistance_change: absolute).
     """
 
     balance: HeatBalance
@@ -77,8 +81,9 @@ class _Samples:
 def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit:
     """Fit the heat balance to one recorded excitation.
 
-    `start` (the nominal wire) is where the search begins; each parameter may end within a factor of five of it. Raises
-    IdentificationError when the record is too short, never heats, or ends at a bound (the message names the parameter).
+    The search begins at `start` (the nominal wire); each parameter may end within a factor of five of it. Raises
+    IdentificationError when the record is too short or never heats, or when a parameter (named in the message) ends at
+    its bound or has too large an interval.
     """
     _check_excited(record)
     phase = _phase(record.displacement_mm, record.temperature_c)
@@ -91,29 +96,32 @@ def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit
         resistance_change=resistance["resistance_change"],
     )
     within |= within_resistance
-    _check_told(within)
+    _check_intervals(within)
     wire = _wire_temperature(samples, balance)
     return ThermalFit(balance, np.interp(record.time_s, grid, wire), float(np.sqrt(np.mean(residual**2))), within)
 
 
 def _check_excited(record: ExcitationRecord) -> None:
     time = record.time_s
-    if time.size < 200:
-        raise IdentificationError(f"thermal fit: {time.size} samples, at least 200 are needed: excite for longer")
+    if time.size < MIN_SAMPLES:
+        raise IdentificationError(
+            "too few samples", where=FIT, value=time.size, limit=MIN_SAMPLES, cure="excite longer"
+        )
     if not np.all(np.diff(time) > 0):
-        raise IdentificationError("thermal fit: time_s does not increase everywhere: sort the samples by time")
+        raise IdentificationError("time_s does not increase everywhere", where=FIT, cure="sort the samples by time")
     if record.current_a.max() <= 0:
-        raise IdentificationError("thermal fit: the current is zero throughout: nothing was heated")
+        raise IdentificationError("nothing was heated: the current is always zero", where=FIT)
 
 
 def _phase(displacement: Array, reading: Array) -> Array:
-    """Displacement scaled to [0, 1] so that it rises on heating, whatever the sensor's sense."""
+    """Displacement scaled to [0, 1], rising on heating whatever the sign of the sensor."""
     low, high = np.percentile(displacement, [0.5, 99.5])
     if high - low <= MOVES * np.std(np.diff(displacement)):
         raise IdentificationError(
-            f"thermal fit: the wire did not move, its displacement only varies by {high - low:.2g} mm between "
-            f"{reading.min():.0f} and {reading.max():.0f} °C: heat it through its transformation (excitation.high_c), "
-            "and check the sensor"
+            f"the wire did not move between {reading.min():.0f} and {reading.max():.0f} °C",
+            where=FIT,
+            value=f"the displacement varies by {high - low:.2g} mm",
+            cure="heat the wire through its transformation (excitation.high_c), and check the sensor",
         )
     rising = np.corrcoef(displacement, reading)[0, 1] >= 0
     phase: Array = np.clip((displacement - low) / (high - low), 0.0, 1.0)
@@ -121,7 +129,7 @@ def _phase(displacement: Array, reading: Array) -> Array:
 
 
 def _uniform(record: ExcitationRecord, phase: Array) -> tuple[Array, _Samples]:
-    """The record on a uniform grid: columns interpolated, the power through its energy, of which nothing is lost."""
+    """The record on a uniform grid: columns are interpolated, the power through its energy, which is conserved."""
     time = record.time_s
     dt_s = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1] + 0.5 * dt_s, dt_s)
@@ -147,7 +155,7 @@ def _thermal_parameters(balance: HeatBalance) -> Array:
 def _simulate(samples: _Samples, parameters: Array) -> tuple[Array, Array]:
     """Wire temperature and reading for (m c, h A, Q, T_a, lag).
 
-    A sample's power is that of the period which ends with it; the phase is linear over each period.
+    The power of a sample is that of the period before it; the phase is linear over each period.
     """
     capacity, loss, latent, ambient, lag = parameters
     net_w = samples.power_w[1:] - latent * np.diff(samples.phase) / samples.dt_s
@@ -171,21 +179,23 @@ def _lagged(wire: Array, lag_s: float, dt_s: float, start: float) -> Array:
     return np.concatenate(([start], tail))
 
 
-def _check_told(within: dict[str, float]) -> None:
-    """Refuse a record from which a parameter that the control needs is only guessed."""
+def _check_intervals(within: dict[str, float]) -> None:
+    """IdentificationError when a parameter that the control needs has a larger interval than `UNCERTAIN` allows."""
     for name, plain in NAMES.items():
         if within[name] > UNCERTAIN.get(name, np.inf):
             raise IdentificationError(
-                f"thermal fit: the record tells the {plain} only to within ±{100.0 * within[name]:.3g} %, "
-                f"±{100.0 * UNCERTAIN[name]:.3g} % are needed: excite for longer, over the whole transformation, and "
-                "with a quieter thermocouple"
+                f"the record does not determine the {plain} well enough",
+                where=FIT,
+                value=f"±{100.0 * within[name]:.3g} %",
+                limit=f"±{100.0 * UNCERTAIN[name]:.3g} %",
+                cure="excite for longer, over the whole transformation, and with a quieter thermocouple",
             )
 
 
 def _intervals(jacobian: Array, residual: Array) -> Array:
-    """Half of the 95 % interval of each unknown; residuals that hang together count as fewer."""
-    together = float(np.clip(np.corrcoef(residual[:-1], residual[1:])[0, 1], 0.0, 0.99))
-    variance = float(np.mean(residual**2)) * (1.0 + together) / (1.0 - together)
+    """Half of the 95 % interval of each unknown; correlated residuals count as fewer."""
+    correlation = float(np.clip(np.corrcoef(residual[:-1], residual[1:])[0, 1], 0.0, 0.99))
+    variance = float(np.mean(residual**2)) * (1.0 + correlation) / (1.0 - correlation)
     return np.asarray(1.96 * np.sqrt(variance * np.diag(np.linalg.pinv(jacobian.T @ jacobian))), dtype=np.float64)
 
 
@@ -205,8 +215,9 @@ def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, Ar
     for name, value in zip(NAMES.values(), fit.x, strict=True):
         if abs(value) > 0.99 * bound:
             raise IdentificationError(
-                f"thermal fit: the {name} runs to the end of its range around the nominal wire: "
-                "check the wire file, the thermocouple's contact and that the record heats and cools"
+                f"the {name} runs to the end of its range around the nominal wire",
+                where=FIT,
+                cure="check the wire file, the contact of the thermocouple, and that the record heats and cools",
             )
     capacity, loss, latent, ambient, lag = parameters(fit.x).tolist()
     found = HeatBalance(capacity, loss, latent, ambient, start.resistance_cold_ohm, start.resistance_change, lag)
@@ -219,8 +230,10 @@ def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[dict[str, f
     """R_cold and r of R = R_cold (1 + r w), weighted by the current, and half of their 95 % intervals."""
     current = record.current_a
     heated = current > MIN_CURRENT_FRACTION * current.max()
-    if np.count_nonzero(heated) < 20:
-        raise IdentificationError("thermal fit: fewer than 20 samples with enough current to read the resistance")
+    if np.count_nonzero(heated) < MIN_HEATED_SAMPLES:
+        raise IdentificationError(
+            "too few samples with current for the resistance", where=FIT, limit=MIN_HEATED_SAMPLES
+        )
     ohm = record.voltage_v[heated] / current[heated]
     (slope, cold), covariance = np.polyfit(phase[heated], ohm, 1, w=current[heated], cov=True)
     slope_ohm, cold_ohm = (1.96 * np.sqrt(np.diag(covariance))).tolist()

@@ -129,7 +129,7 @@ class ModbusClient:
             cure="wait 10 s, or restart the device",
         )
         for attempt in range(PROBES):
-            probe = self._protocol.probe_request(unit_id, request, attempt, self.clock.now_s())
+            probe = self._protocol.probes.probe_request(unit_id, request, attempt, self.clock.now_s())
             if probe is None:
                 break
             self.counters.probes += 1
@@ -145,27 +145,27 @@ class ModbusClient:
     def _sync(self, transaction: Transaction) -> None:
         """Have a request of another kind answered: no copy of an older reply can follow."""
         unit_id, request, timing = transaction
-        sync = self._protocol.sync_request(unit_id, request, self.clock.now_s())
+        sync = self._protocol.probes.sync_request(unit_id, request, self.clock.now_s())
         try:
             self._ask(Transaction(unit_id, sync, timing))
         except DeadlineError:
-            if not self._protocol.stays_silent(unit_id, sync):
+            if not self._protocol.probes.stays_silent(unit_id, sync):
                 raise
             self._line.settle(unit_id, timing)
-            self._sync_by_known(transaction)
+            self._sync_by_answered_read(transaction)
 
-    def _sync_by_known(self, transaction: Transaction) -> None:
-        """The same after silence: a device that answers only what it knows, or one that does not answer now.
+    def _sync_by_answered_read(self, transaction: Transaction) -> None:
+        """The same after silence: a device that answers only familiar reads, or one that does not answer now.
 
         A read that it has answered before distinguishes them. A device that has answered nothing but `request` is
         believed only when no copy of such an answer can follow any more.
         """
         unit_id, request, timing = transaction
         now_s = self.clock.now_s()
-        known = self._protocol.known_sync_request(unit_id, request, now_s)
-        if known is not None:
-            self._ask(Transaction(unit_id, known, timing))
-        elif self._protocol.copy_may_follow(unit_id, request, now_s):
+        sync = self._protocol.probes.answered_sync_request(unit_id, request, now_s)
+        if sync is not None:
+            self._ask(Transaction(unit_id, sync, timing))
+        elif self._protocol.probes.copy_may_follow(unit_id, request, now_s):
             raise DeadlineError(
                 "an older reply could be taken for the answer, and no other request is answered",
                 where=self._where(unit_id, request),

@@ -35,5 +35,5 @@ class InterpolationMatrix(NamedTuple):
         """The rows of some samples."""
         places, shares = self.places[samples], self.shares[samples]
         ends = np.arange(0, places.size + 1, places.shape[1], dtype=np.int32)
-        blend = csr_array((shares.ravel(), places.ravel(), ends), shape=(len(places), len(self.rows)))
-        return np.asarray(blend @ self.rows)
+        weights = csr_array((shares.ravel(), places.ravel(), ends), shape=(len(places), len(self.rows)))
+        return np.asarray(weights @ self.rows)

@@ -16,14 +16,14 @@ if TYPE_CHECKING:
 class SimulatedConnections:
     """Connections to the devices of one simulated bench, all on one virtual clock, which drives the bench."""
 
-    def __init__(self, bench: SimulatedBench) -> None:
-        self._bench = bench
+    def __init__(self, simulated_bench: SimulatedBench) -> None:
+        self._simulated_bench = simulated_bench
         self._clock = VirtualClock()
-        self._clock.follow(bench.advance_to)
+        self._clock.follow(simulated_bench.advance_to)
 
     def transport(self, device: DeviceConfig, profile: str = "") -> Transport:
         """Attach the device to the bench and connect to it; `profile`: another type than the rig file names."""
-        attached = self._bench.attach(load_profile(profile or device.profile), device.unit_id, device.name)
+        attached = self._simulated_bench.attach(load_profile(profile or device.profile), device.unit_id, device.name)
         return attached.transport(self._clock)
 
 

@@ -1,4 +1,4 @@
-"""A wire file: what the data sheet of a wire says, and the nominal heat balance that follows from it."""
+"""A wire file: the data sheet of a wire, and the nominal heat balance that follows from it."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from smadrive.files.shipped import config_file
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
 
 AGEING_C = 200.0
-"""Nickel-titanium begins to age there and changes for good; the file of an alloy that transforms hotter says so."""
+"""Nickel-titanium ages permanently above this temperature; the file of an alloy that transforms hotter sets its own."""
 
 
 class WireDataSheet(Section):
     """A wire as its data sheet describes it.
 
-    `temperature_max_c` is what the wire stands for good: no rig may allow more. Left out, it is `AGEING_C`.
+    The wire withstands `temperature_max_c` permanently; no rig may allow more. The default is `AGEING_C`.
 
-    The bounds are far outside of every wire on sale, and inside of what a value in another unit looks like: metres for
-    millimetres, grams for kilograms, kelvins for degrees, milliseconds for seconds.
+    Every wire on sale is far within the bounds. A value in a wrong unit is outside: metres for millimetres, grams for
+    kilograms, kelvins for degrees Celsius, milliseconds for seconds.
     """
 
     name: str
@@ -38,7 +38,7 @@ class WireDataSheet(Section):
     temperature_max_c: float = Field(default=AGEING_C, ge=30, le=350)
 
     def heat_balance(self) -> HeatBalance:
-        """The nominal heat balance: m from the volume, A the wire's surface."""
+        """The nominal heat balance; m follows from the volume, A is the surface of the wire."""
         diameter_m, length_m = 1e-3 * self.diameter_mm, 1e-3 * self.length_mm
         mass_kg = self.density_kg_per_m3 * 0.25 * pi * diameter_m**2 * length_m
         return HeatBalance(
@@ -54,5 +54,5 @@ class WireDataSheet(Section):
 
 
 def load_data_sheet(name: str) -> WireDataSheet:
-    """The data sheet at the path `name`, or the shipped one of that name. ConfigError."""
+    """The data sheet at the path `name`, or the shipped one of that name. ConfigError for a missing or invalid file."""
     return load_config(config_file(name, WIRE), WireDataSheet)

@@ -55,13 +55,13 @@ class TemperatureFeedback:
 
     def update(self, error_c: float, feedforward_w: float, limit_w: float, dt_s: float) -> float:
         """The power command in [0, `limit_w`], W, for error = setpoint - process value."""
-        wanted = feedforward_w + self.gains.proportional_w_per_k * error_c + self.integral_w
+        requested_w = feedforward_w + self.gains.proportional_w_per_k * error_c + self.integral_w
         if self._takes_over:
-            self._handover_w = self.command_w - min(max(wanted, 0.0), limit_w)
+            self._handover_w = self.command_w - min(max(requested_w, 0.0), limit_w)
             self._takes_over = False
         else:
             self._handover_w *= exp(-dt_s / HANDOVER_S)
-        unclamped = wanted + self._handover_w
+        unclamped = requested_w + self._handover_w
         self.command_w = min(max(unclamped, 0.0), limit_w)
         if self.command_w == unclamped:
             counted_c = min(max(error_c, -INTEGRATED_C), INTEGRATED_C)

@@ -1,6 +1,6 @@
-"""What a loop runs, and the simpler of the two controllers: along a temperature path (excitation).
+"""The interface of a controller, and the controller along a temperature path (excitation).
 
-What a controller believed at a tick is returned beside the current, so that it can be recorded and looked at.
+A controller returns its setpoints and estimates together with the current, so that they can be recorded and shown.
 """
 
 from __future__ import annotations
@@ -16,18 +16,18 @@ from smadrive.safety.temperature_band import TRANSFORMATION_C
 from smadrive.wire.heat_balance import HeatBalance
 
 LAGS_C = 6.0
-"""A wire that is farther from the path of an excitation than this is waited for, K."""
+"""The path of an excitation waits while the wire is farther from it than this, K."""
 
 STALLS_S = 30.0
-"""But no longer than this."""
+"""The longest uninterrupted wait of the path."""
 
 ENVELOPE = 2.0
-"""How much more power an excitation may take than the data sheet says that its path needs: while the wire is unknown a
-failing thermometer is noticed later, so the wire must overheat more slowly."""
+"""Largest power of an excitation over the power that its path needs by the data sheet. While the wire is unknown, a
+failing thermometer is detected later, so the wire must overheat more slowly."""
 
 
 class Command(NamedTuple):
-    """The heater current asked for, and why: setpoints, estimates and power (NaN where a controller has none)."""
+    """The commanded heater current and its setpoints, estimates and power (NaN where a controller has none)."""
 
     commanded_a: float
     setpoint_c: float = nan
@@ -42,7 +42,7 @@ class Controller(Protocol):
 
     @property
     def duration_s(self) -> float:
-        """How long it runs, as far as is known by now."""
+        """The duration of its run, by the present estimate."""
         ...
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
@@ -53,9 +53,9 @@ class Controller(Protocol):
 class TemperatureController:
     """Follows a temperature path with the nominal heat balance: the excitation, before anything is identified.
 
-    The thermocouple is taken as the wire's temperature; what its lag distorts is put right by the identification. The
-    path waits for a wire that is farther than `LAGS_C` from it, so that every turning point is reached whatever the
-    wire is; IdentificationError when it waits longer than `STALLS_S`.
+    The reading of the thermocouple counts as the temperature of the wire; the identification corrects its lag. The path
+    waits while the wire is farther than `LAGS_C` from it, so that every wire reaches every turning point.
+    IdentificationError when it waits longer than `STALLS_S`.
     """
 
     def __init__(
@@ -76,7 +76,7 @@ class TemperatureController:
 
     @property
     def duration_s(self) -> float:
-        """Length of the path and of the waiting up to now."""
+        """Duration of the path and of the waits up to now."""
         return self._path_s + self._waited_s
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
@@ -109,17 +109,19 @@ class TemperatureController:
         self._stalled_s += dt_s
         if self._stalled_s > STALLS_S:
             cure = (
-                "lower high_c, or raise current_max_a where the wire's data sheet allows it"
+                "lower high_c, or raise current_max_a if the data sheet of the wire allows it"
                 if reading_c < path_c
                 else "raise low_c or cool the surroundings"
             )
             raise IdentificationError(
-                f"excitation: the wire is at {reading_c:.1f} °C, and has not come to {path_c:.1f} °C within "
-                f"{STALLS_S:g} s: {cure}, and check that the thermocouple sits on the wire"
+                f"the wire did not reach {path_c:.1f} °C within {STALLS_S:g} s",
+                where="excitation",
+                value=f"{reading_c:.1f} °C",
+                cure=f"{cure}, and check that the thermocouple sits on the wire",
             )
 
     def _reading_c(self, measurement: Measurement) -> float:
-        """The reading, or the last valid one while the supervisor makes up its mind about an invalid one."""
+        """The reading; for an invalid one, on which the supervisor has not decided yet, the last valid one."""
         if isfinite(measurement.temperature_c):
             self._last_reading_c = measurement.temperature_c
         return self._last_reading_c

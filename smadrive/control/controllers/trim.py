@@ -1,15 +1,15 @@
-"""The outer loop, where the displacement is measured: an integral that makes up for what the models leave.
+"""The outer loop of a rig that measures displacement: an integral term against errors of the models.
 
 The inverse already starts from the measured displacement, so an error decays with the time constant Tc of the
-temperature loop; but a wire that answers a kelvin by more or less than its model lags or leads by Tc times the missing
-rate. The trim is added to the reference before the inverse:
+temperature loop. But a wire that moves more or less per kelvin than its model leads or lags by Tc times the difference
+of the rates. The trim is added to the setpoint before the inverse:
 
-    trim' = (reference - displacement) / Ti        Ti = 4 Tc, the usual separation of a cascade's loops
+    trim' = (setpoint - displacement) / Ti        Ti = 4 Tc, the usual separation of the loops of a cascade
 
-In millimetres, so that it means the same where the loop is steep and where it is flat. It must not fight the
-hysteresis: while the wire is on its way across (the temperature is not where it is wanted) or the power is at a limit,
-no answer is due and it stands still; at a turn it begins anew, for what it learned on one branch says nothing about the
-other.
+The trim is in millimetres, so it has the same effect where the loop is steep and where it is flat. It must not fight
+the hysteresis. While the wire crosses the loop (its temperature differs from the setpoint) or the power is at a limit,
+no response of the displacement is due yet, and the trim stays constant. At a reversal it begins at zero, because the
+errors of the two branches are independent.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ SLOWER = 4.0
 """Integral time of the trim over the closed-loop time constant of the temperature."""
 
 FOLLOWS_C = 0.3
-"""The wire is on its way, and owes no answer, when its temperature is farther from the wanted one than this, K."""
+"""The trim stays constant while the temperature differs from its setpoint by more than this, K."""
 
 
 class DisplacementTrim:

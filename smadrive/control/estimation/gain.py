@@ -5,7 +5,7 @@ Linearised at a slope s = dξ/dT of the phase, with κ = exp(-Δt h A/(m c + Q s
     T'  = κ T + (1-κ) d/(h A)        T_tc' = λ T_tc + (1-λ) T        d' = d        ξ' = ξ + s (T' - T)
 
 T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete Riccati
-equation: once for the thermocouple alone, and for a row of slopes with the displacement, applied after it.
+equation: one gain for the thermocouple alone, and one for thermocouple and displacement at each of several slopes.
 """
 
 from __future__ import annotations
@@ -23,20 +23,20 @@ from smadrive.wire.wire_model import WireModel
 Array = NDArray[np.float64]
 
 PROCESS_NOISE_C = 0.015
-"""What the heat balance misses in the wire temperature: standard deviation after one second, K."""
+"""Error of the heat balance in the wire temperature: standard deviation after one second, K."""
 
 DRIFT_NOISE_C = 0.2
-"""How the unexplained power drifts: standard deviation after one second, in K of ambient temperature (times h A)."""
+"""Drift of the unexplained power: standard deviation after one second, in K of ambient temperature (times h A)."""
 
 PHASE_NOISE = 0.003
-"""What the hysteresis model misses: standard deviation of the phase after one second."""
+"""Error of the hysteresis model: standard deviation of the phase after one second."""
 
 SLOPES = 9
-"""Slopes for which the gain is solved, from none to the steepest of the model."""
+"""Number of slopes for which the gain is solved, from zero to the steepest of the model."""
 
 
 class Correction(NamedTuple):
-    """What is added to (T, T_tc, d, ξ)."""
+    """The corrections that are added to (T, T_tc, d, ξ)."""
 
     temperature_c: float
     thermocouple_c: float
@@ -45,9 +45,9 @@ class Correction(NamedTuple):
 
 
 class GainSchedule:
-    """The gains, as plain floats, and the corrections they give by the slope dξ/dT of the model at its present state.
+    """The gains, as plain floats, scheduled by the present slope dξ/dT of the model.
 
-    `read_c` and `seen` are what thermocouple and phase, as it is seen in the displacement, exceed their expectation by.
+    The innovations, measured - expected: `read_c` of the thermocouple, K; `seen` of the phase in the displacement.
     """
 
     def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise_mm: float) -> None:
@@ -59,12 +59,12 @@ class GainSchedule:
         self._reading = _reading_gain(balance, period_s, noise_c).tolist()
 
     def by_reading(self, slope: float, read_c: float) -> Correction:
-        """By the thermocouple alone: the phase follows the temperature."""
+        """The correction by the thermocouple alone: the phase follows the temperature."""
         wire, thermocouple, disturbance = self._reading
         return Correction(wire * read_c, thermocouple * read_c, disturbance * read_c, slope * wire * read_c)
 
     def by_both(self, slope: float, read_c: float, seen: float) -> Correction:
-        """By thermocouple and displacement, with gains between those of the nearest slopes."""
+        """The correction by thermocouple and displacement; the gains are interpolated between the nearest slopes."""
         place = min(max(slope / self._apart, 0.0), SLOPES - 1.0)
         cell = min(int(place), SLOPES - 2)
         above = place - cell

@@ -45,7 +45,7 @@ MAP_LEVELS = 50
 """Entries of the plain map: a table, as one would write it down."""
 
 
-class Target(NamedTuple):
+class TemperatureTarget(NamedTuple):
     """The temperature for a displacement, and how it moves with the displacement there (0 where it is held)."""
 
     temperature_c: float
@@ -57,7 +57,9 @@ class DisplacementInverse(Protocol):
 
     hysteretic: bool
 
-    def target(self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0) -> Target:
+    def target(
+        self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0
+    ) -> TemperatureTarget:
         """Where the wire stands at `setpoint_mm`, coming from `state` in `direction` (+1: the phase rises).
 
         `rate_mm_per_s` is how fast the wanted displacement moves on.
@@ -76,11 +78,13 @@ class HysteresisInverse:
         self._cold_mm, hot_mm = travel_mm(model)
         self._travel_mm = hot_mm - self._cold_mm
 
-    def target(self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0) -> Target:
+    def target(
+        self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0
+    ) -> TemperatureTarget:
         """See DisplacementInverse; what is out of reach gives the end of the model's range, held."""
         soon = max(rate_mm_per_s / self._travel_mm, 0.0) * FOOT_S
         if (setpoint_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
-            return Target(self._model.input_range[0] - COLDER_C, 0.0)
+            return TemperatureTarget(self._model.input_range[0] - COLDER_C, 0.0)
         lead = direction * (state.y - setpoint_mm) / self._travel_mm
         made_up = max(direction * rate_mm_per_s / self._travel_mm * REVERSAL_S, 0.0)
         if 0.0 <= lead <= REVERSAL_TOLERANCE + made_up:
@@ -88,14 +92,14 @@ class HysteresisInverse:
         inversion = self._inverse.update(state, setpoint_mm)
         reached = self._model.step(state, inversion.v)
         slope = self._model.slope(reached, 1 if inversion.v >= state.v else -1)
-        return Target(inversion.v, 1.0 / slope if inversion.reachable and slope else 0.0)
+        return TemperatureTarget(inversion.v, 1.0 / slope if inversion.reachable and slope else 0.0)
 
-    def _wait(self, state: HysteresisState, lead: float, direction: int) -> Target:
+    def _wait(self, state: HysteresisState, lead: float, direction: int) -> TemperatureTarget:
         """A little behind the state, along its own branch, until the reference has caught up."""
         per_k = self._model.slope(state, direction) / self._travel_mm
         if lead >= per_k * WAITING_RANGE_C:
-            return Target(state.v - direction * WAITING_RANGE_C, 0.0)
-        return Target(state.v - direction * lead / per_k, 1.0 / (per_k * self._travel_mm))
+            return TemperatureTarget(state.v - direction * WAITING_RANGE_C, 0.0)
+        return TemperatureTarget(state.v - direction * lead / per_k, 1.0 / (per_k * self._travel_mm))
 
 
 class StaticMap:
@@ -125,14 +129,14 @@ class StaticMap:
         setpoint_mm: float,
         direction: int,  # noqa: ARG002
         rate_mm_per_s: float = 0.0,  # noqa: ARG002
-    ) -> Target:
+    ) -> TemperatureTarget:
         """The map's temperature, whatever the wire's history."""
         at = int(np.searchsorted(self._displacement_mm, setpoint_mm))
         if not 0 < at < MAP_LEVELS:
-            return Target(float(self._temperature_c[min(at, MAP_LEVELS - 1)]), 0.0)
+            return TemperatureTarget(float(self._temperature_c[min(at, MAP_LEVELS - 1)]), 0.0)
         (y0, y1), (t0, t1) = self._displacement_mm[at - 1 : at + 1], self._temperature_c[at - 1 : at + 1]
         k_per_mm = float((t1 - t0) / (y1 - y0))
-        return Target(float(t0) + k_per_mm * (setpoint_mm - float(y0)), k_per_mm)
+        return TemperatureTarget(float(t0) + k_per_mm * (setpoint_mm - float(y0)), k_per_mm)
 
 
 class Feedforward(NamedTuple):

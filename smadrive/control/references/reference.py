@@ -1,8 +1,8 @@
-"""The displacement that is wanted, as a function of time.
+"""The displacement setpoint as a function of time.
 
-A reference is a piecewise linear table in time, given by its samples or by a shape (see shapes). An approach is put
-before it (`with_approach`): a smooth path from where the wire is to where the reference begins, which is driven but not
-scored.
+A reference is a piecewise linear table in time, given by its samples or by a shape (see shapes). `with_approach` puts a
+smooth path before it, from the present displacement to the beginning of the reference. The metrics leave the approach
+out.
 """
 
 from __future__ import annotations
@@ -21,26 +21,26 @@ from smadrive.numerics.piecewise_linear import PiecewiseLinear
 Array = NDArray[np.float64]
 
 TABLE_STEP_S = 0.02
-"""Curved shapes are tabulated this finely: below the error of any thermocouple, above any loop period in use."""
+"""Step of the tables of curved shapes: at most a loop period, with errors below that of any thermocouple."""
 
 LONGEST_S = 86_400.0
-"""A day: at 20 Hz its rehearsal takes some three minutes and 1.3 GB, and more with every second."""
+"""A day. At 20 Hz its feasibility check takes some three minutes and 1.3 GB; both grow with the length."""
 
 SHORTEST_S = 0.1
-"""No wire follows anything within less."""
+"""The shortest reference, and the shortest swing: every wire is slower."""
 
 FARTHEST_MM = 1e5
-"""As far as the longest wire that a wire file may tell is long."""
+"""The length of the longest wire that a wire file may describe."""
 
 TRAVEL_SLACK = 0.005
-"""Share of the travel by which a reference may exceed it: the noise of the sensor that the travel was read with."""
+"""Share of the travel by which a reference may exceed it: the noise of the sensor that measured the travel."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Wanted displacement over time; `scored_from_s` is where the approach ends and the figures begin.
+    """Displacement setpoint over time; the approach ends, and the metrics begin, at `scored_from_s`.
 
-    An `endless` one begins there again whenever its table has come to the end.
+    An `endless` reference continues there whenever its table has ended.
     """
 
     times_s: Array
@@ -50,10 +50,10 @@ class Reference:
 
     @classmethod
     def from_samples(cls, times_s: ArrayLike, displacement_mm: ArrayLike) -> Reference:
-        """Through the samples, straight between them.
+        """The reference through the samples, with straight lines between them.
 
-        DataError for NaN, lengths that differ, time going backwards, less than `SHORTEST_S` and more than `LONGEST_S`,
-        and what is farther than `FARTHEST_MM`.
+        DataError for NaN, lengths that differ, time that does not increase, less than `SHORTEST_S` or more than
+        `LONGEST_S`, and values beyond `FARTHEST_MM`.
         """
         times = np.asarray(times_s, dtype=np.float64)
         values = np.asarray(displacement_mm, dtype=np.float64)
@@ -85,11 +85,11 @@ class Reference:
         return float(self.times_s[-1]) - self.scored_from_s
 
     def cycle(self, time_s: float) -> int:
-        """How many times an endless reference has begun again."""
+        """The number of cycles that an endless reference has completed."""
         return max(0, int((time_s - self.scored_from_s) // self.cycle_s)) if self.endless else 0
 
     def value_mm(self, time_s: float) -> float:
-        """Wanted displacement at `time_s`; the ends are held."""
+        """The setpoint at `time_s`, mm; before and after the table its first and its last value."""
         return self._table.at(time_s - self._begun_s(time_s))
 
     @cached_property
@@ -98,7 +98,7 @@ class Reference:
 
     @cached_property
     def _reversals(self) -> tuple[list[float], list[float]]:
-        """When the reference begins to move the other way, and in which direction; an endless one in two cycles."""
+        """Times and new directions of the reversals; of an endless reference those of two cycles."""
         times, values = self.times_s, self.displacement_mm
         if self.endless:
             again = times > self.scored_from_s
@@ -110,7 +110,7 @@ class Reference:
         return times[changes].tolist(), moves[changes].tolist()
 
     def next_reversal_s(self, time_s: float, direction: int) -> float:
-        """When, after `time_s`, the reference next begins to move against `direction`; inf when it does not."""
+        """The time of the next reversal after `time_s`, against `direction`; inf when there is none."""
         times_s, directions = self._reversals
         begun_s = self._begun_s(time_s)
         for number in range(bisect_right(times_s, time_s - begun_s), len(times_s)):
@@ -119,13 +119,13 @@ class Reference:
         return inf
 
     def _begun_s(self, time_s: float) -> float:
-        """How much later than at first the table, without the approach, runs at `time_s`."""
+        """The time by which the table, without the approach, is shifted at `time_s`."""
         return self.cycle(time_s) * self.cycle_s if self.endless else 0.0
 
     def check_within(self, ends_mm: tuple[float, float]) -> None:
-        """ConfigError when the reference leaves the wire's travel, whose two ends are `ends_mm` in either order.
+        """ConfigError when the reference leaves the travel of the wire; its ends are `ends_mm`, in any order.
 
-        Its approach may: it begins where the wire was, and is followed as far as the wire reaches.
+        The approach may leave it: it begins at the present displacement, and the wire follows it as far as it can.
         """
         low, high = min(ends_mm), max(ends_mm)
         slack = TRAVEL_SLACK * (high - low)
@@ -138,7 +138,7 @@ class Reference:
                 )
 
     def without_end(self, return_s: float) -> Reference:
-        """The same reference again and again; one that does not end where it begins returns within `return_s`."""
+        """The reference, repeated without end; if its ends differ, it returns to its beginning within `return_s`."""
         begins_mm, ends_mm = self.value_mm(self.scored_from_s), float(self.displacement_mm[-1])
         if begins_mm == ends_mm:
             return replace(self, endless=True)
@@ -165,13 +165,13 @@ class Reference:
 
 
 def _minimum_jerk(from_mm: float, to_mm: float, within_s: float) -> Array:
-    """The smoothest way between two points at rest, tabulated."""
+    """The smoothest path between two points at rest, tabulated."""
     s = np.linspace(0.0, 1.0, max(3, int(within_s / TABLE_STEP_S)))
     return from_mm + (to_mm - from_mm) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
 
 def check_displacement(name: str, value_mm: float) -> None:
-    """DataError when no wire is so long; NaN neither."""
+    """DataError when the displacement exceeds the longest wire, or is NaN."""
     if not abs(value_mm) <= FARTHEST_MM:
         raise DataError(
             f"reference: {name} is {value_mm:g}, it must be finite and within {FARTHEST_MM:g} mm: is it in millimetres?"
@@ -179,9 +179,9 @@ def check_displacement(name: str, value_mm: float) -> None:
 
 
 def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONGEST_S) -> None:
-    """DataError when a reference lasts less than `SHORTEST_S`, or longer, or has more pieces than the longest one.
+    """DataError when a reference is shorter than `SHORTEST_S`, longer than `longest_s`, or has too many `pieces`.
 
-    To be called before its table is made.
+    Call it before the table is made.
     """
     if duration_s < SHORTEST_S:
         raise DataError(

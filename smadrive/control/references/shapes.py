@@ -1,7 +1,7 @@
-"""References by their shape, in one line: `sine:low_mm=2,high_mm=9,period_s=56,cycles=2`.
+"""References described in one line by a shape: `sine:low_mm=2,high_mm=9,period_s=56,cycles=2`.
 
-A shape is a function of this file, its keys are the keywords. The one argument that has a place, `longest_s`, is not
-the user's: longer ones are refused before a table is made of them.
+Each shape is a function of this file, and its keyword arguments are the keys of the line. The positional argument
+`longest_s` is not a key: a longer reference is rejected before its table is made.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from smadrive.files.number_text import parse_number
 from smadrive.files.spelling import suggestion, suggestion_or_list
 
 ROUNDING = 1e-9
-"""Share by which a quotient of keys may miss a bound, or a whole number, that they meet."""
+"""Relative rounding error that is allowed in a quotient of keys when it is compared with a bound or a whole number."""
 
 
 def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
-    """A reference from its one-line form.
+    """The reference that the line describes.
 
-    ConfigError names what is unknown or missing, and what there is: the shapes, or the keys. DataError for one that
-    lasts longer than `longest_s`.
+    ConfigError for an unknown shape, and for unknown or missing keys; it lists the shapes or keys. DataError for a
+    reference that lasts longer than `longest_s`.
     """
     shape, _, arguments = spec.partition(":")
     make = SHAPES.get(shape)
@@ -43,8 +43,8 @@ def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
     keys = {name: key for name, key in signature(make).parameters.items() if key.kind is key.KEYWORD_ONLY}
     wrong = _wrong_keys([key for key, _ in given], keys)
     if wrong:
-        told = ", ".join(_told(key) for key in keys.values())
-        raise ConfigError(f"reference '{spec}': {wrong}; the keys of '{shape}' are {told}")
+        key_list = ", ".join(_key_text(key) for key in keys.values())
+        raise ConfigError(f"reference '{spec}': {wrong}; the keys of '{shape}' are {key_list}")
     try:
         return make(longest_s, **{key: parse_number(value) for key, value in given})
     except ValueError as error:
@@ -52,7 +52,7 @@ def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
 
 
 def _wrong_keys(given: Sequence[str], keys: Mapping[str, Parameter]) -> str:
-    """What is wrong with the keys that were given; nothing: empty."""
+    """A description of the first unknown, doubled or missing key; empty when the keys are right."""
     for key in given:
         if key not in keys:
             return f"unknown key '{key}'; {suggestion(key, keys)}".removesuffix("; ")
@@ -62,7 +62,7 @@ def _wrong_keys(given: Sequence[str], keys: Mapping[str, Parameter]) -> str:
     return f"missing: {', '.join(missing)}" if missing else ""
 
 
-def _told(key: Parameter) -> str:
+def _key_text(key: Parameter) -> str:
     return f"{key.name}=" if key.default is key.empty else f"{key.name}= (optional: {key.default:g})"
 
 
@@ -80,12 +80,12 @@ def sine(
 def triangle(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0
 ) -> Reference:
-    """Straight up and down between `low_mm` and `high_mm`; the last way ends where `cycles` end."""
+    """Straight lines up and down between `low_mm` and `high_mm`; the last line ends with the last of `cycles`."""
     _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
     _check_pace(period_s * cycles, 2 * cycles, longest_s)
-    ways = np.append(np.arange(np.ceil(2 * cycles)), 2 * cycles)
-    height = 1.0 - np.abs(1.0 - ways % 2)
-    return Reference.from_samples(ways * 0.5 * period_s, low_mm + (high_mm - low_mm) * height)
+    legs = np.append(np.arange(np.ceil(2 * cycles)), 2 * cycles)
+    height = 1.0 - np.abs(1.0 - legs % 2)
+    return Reference.from_samples(legs * 0.5 * period_s, low_mm + (high_mm - low_mm) * height)
 
 
 def staircase(
@@ -97,7 +97,7 @@ def staircase(
     dwell_s: float = 10.0,
     rise_s: float = 2.0,
 ) -> Reference:
-    """`steps` equal levels up and down again, each held `dwell_s`, with straight rises of `rise_s` between them."""
+    """`steps` equal steps up and down again; each level is held for `dwell_s`, each rise takes `rise_s`."""
     _check(low_mm=low_mm, high_mm=high_mm, steps=steps, dwell_s=dwell_s, rise_s=rise_s)
     _check_pace(2 * steps * (dwell_s + rise_s) + dwell_s, 2 * steps, longest_s)
     up = np.linspace(low_mm, high_mm, _multiple("steps", steps, of=1.0) + 1)
@@ -110,7 +110,7 @@ def staircase(
 def steps(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, dwell_s: float = 10.0, cycles: float = 2.0
 ) -> Reference:
-    """Jumps up and down between `low_mm` and `high_mm`, each held `dwell_s`: for a wire, to be smoothed before."""
+    """Jumps up and down between `low_mm` and `high_mm`, each held for `dwell_s`. A wire needs them smoothed."""
     _check(low_mm=low_mm, high_mm=high_mm, dwell_s=dwell_s, cycles=cycles)
     _check_pace((2 * cycles + 1) * dwell_s, 2 * cycles, longest_s)
     levels = np.where(np.arange(_multiple("cycles", cycles, of=0.5) + 1) % 2 == 0, low_mm, high_mm)
@@ -128,7 +128,7 @@ def trapezoid(
     dwell_s: float = 5.0,
     cycles: float = 2.0,
 ) -> Reference:
-    """Straight up within `rise_s`, held `dwell_s`, straight down, held as long."""
+    """Up within `rise_s`, hold for `dwell_s`, down within `rise_s`, hold for `dwell_s`; straight lines."""
     _check(low_mm=low_mm, high_mm=high_mm, rise_s=rise_s, dwell_s=dwell_s, cycles=cycles)
     _check_pace(2 * cycles * (dwell_s + rise_s) + dwell_s, 2 * cycles, longest_s)
     levels = np.where(np.arange(_multiple("cycles", cycles, of=0.5) + 1) % 2 == 0, low_mm, high_mm)
@@ -156,7 +156,7 @@ def chirp(
 
 
 def _check(**keys: float) -> None:
-    """ConfigError, DataError for a key that no reference can have; of displacements both signs are good."""
+    """ConfigError for a value that is not positive, DataError for an impossible displacement; it may be negative."""
     for name, value in keys.items():
         if name.endswith("_mm"):
             check_displacement(name, value)
@@ -165,7 +165,7 @@ def _check(**keys: float) -> None:
 
 
 def _multiple(name: str, value: float, *, of: float) -> int:
-    """How many times `of` goes into `value`. ConfigError when it does not: a level is held as a whole or not at all."""
+    """The quotient of `value` and `of`. ConfigError when it is not whole: a level is held for its whole dwell."""
     count = round(value / of)
     if abs(value / of - count) > ROUNDING * count:
         near = " or ".join(f"{of * whole:g}" for whole in (int(value / of), int(value / of) + 1) if whole)
@@ -174,10 +174,10 @@ def _multiple(name: str, value: float, *, of: float) -> int:
 
 
 def _check_pace(duration_s: float, pieces: float, longest_s: float) -> None:
-    """DataError when the shape, or each of its `pieces`, lasts less than `SHORTEST_S`, or all of it too long.
+    """DataError when the shape or one of its `pieces` is shorter than `SHORTEST_S`, or the shape too long.
 
-    A piece is half a swing, or a level. Of shorter ones the table, and the loop, would show a slow alias; at
-    `SHORTEST_S` a swing still has ten steps of the table. To be called before the table is made.
+    A piece is half a swing, or a level. The table and the loop would turn shorter pieces into a slow alias; at
+    `SHORTEST_S` a swing still has ten steps of the table. Call it before the table is made.
     """
     check_length(duration_s, longest_s=longest_s)
     most = duration_s / SHORTEST_S

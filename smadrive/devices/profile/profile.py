@@ -139,10 +139,12 @@ class Profile(Section):
         """The variant of this `choice`, or the model with these raw values (`model_id=60120`); ConfigError if none."""
         if "=" in choice:
             return self._pinned(choice)
-        known = {variant.choice: variant for variant in self.variants if variant.choice}
-        if choice not in known:
-            raise ConfigError(f"no choice '{choice}'; {suggestion_or_list(choice, map(str, known))}", where=self._where)
-        return self.as_variant(known[choice])
+        choices = {variant.choice: variant for variant in self.variants if variant.choice}
+        if choice not in choices:
+            raise ConfigError(
+                f"no choice '{choice}'; {suggestion_or_list(choice, map(str, choices))}", where=self._where
+            )
+        return self.as_variant(choices[choice])
 
     def bus_timing(self) -> BusTiming:
         """The timing for a client, in seconds."""

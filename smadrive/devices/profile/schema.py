@@ -57,7 +57,7 @@ class DeviceTiming(Section):
 
     @field_validator("function_codes")
     @classmethod
-    def _known(cls, codes: tuple[int, ...]) -> tuple[int, ...]:
+    def _check_codes(cls, codes: tuple[int, ...]) -> tuple[int, ...]:
         if strange := set(codes) - set(ALL_FUNCTIONS):
             raise ValueError(
                 f"function {min(strange)} is not used here; known are {', '.join(map(str, ALL_FUNCTIONS))}"

@@ -117,8 +117,8 @@ class RuleTables:
         target, exponent = self.engine.evaluate(start_v, start_rising)
         excess = w[runs.starts] - target
         decay = np.exp(self.engine.evaluate(runs.v[1:], runs.rising)[1] - exponent[runs.run])
-        moves = self._blend(runs.v[1:], runs.rising, excess[runs.run] * decay, rows)
-        entered, last = self._blend(start_v, start_rising, excess, rows).at(slice(None)), runs.ends - 1
+        moves = self._matrix(runs.v[1:], runs.rising, excess[runs.run] * decay, rows)
+        entered, last = self._matrix(start_v, start_rising, excess, rows).at(slice(None)), runs.ends - 1
         gained = moves.at(last) - decay[last, None] * entered
         np.subtract(march(first[0], decay[last], gained, rising=True)[:-1], entered, out=entries)
         places = np.column_stack([moves.places, (len(tables) + 1 + runs.run).astype(np.int32)])
@@ -151,7 +151,7 @@ class RuleTables:
         slopes = np.concatenate([[0.0], np.diff(rate) / np.diff(self.rates.centres), [0.0]])
         return np.asarray(slopes[np.searchsorted(self.rates.centres, v)])
 
-    def _blend(
+    def _matrix(
         self, v: FloatArray, rising: NDArray[np.bool_], excess: FloatArray, rows: FloatArray
     ) -> InterpolationMatrix:
         """∂P + excess ∂Λ at inputs v, from rows: ∂P at the nodes, cooling then heating, and ∂Λ likewise."""

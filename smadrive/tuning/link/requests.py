@@ -19,19 +19,19 @@ ShapeKey = Literal["mu_heating", "mu_cooling", "sigma_heating", "sigma_cooling",
 FeedbackKey = Literal["closed_loop_s", "integral_s", "feedforward_share"]
 
 
-class Request(Section):
+class PageRequest(Section):
     """The base of all requests."""
 
     number: int = Field(ge=0)
 
 
-class DrivingRequest(Request):
+class DrivingRequest(PageRequest):
     """A request that drives the wire. `offs`: how many times OFF was pressed, as far as its page knew."""
 
     offs: int = Field(ge=0)
 
 
-class Off(Request):
+class Off(PageRequest):
     """Switch the heater off; the counter of the channel does the same without a queue."""
 
     act: Literal["off"]
@@ -43,7 +43,7 @@ class Arm(DrivingRequest):
     act: Literal["arm"]
 
 
-class ClearFaults(Request):
+class ClearFaults(PageRequest):
     """Clear the latched faults, once their cause is removed."""
 
     act: Literal["clear"]
@@ -62,7 +62,7 @@ class Hold(DrivingRequest):
     act: Literal["hold"]
 
 
-class SetShape(Request):
+class SetShape(PageRequest):
     """Move a branch, or the scale."""
 
     act: Literal["shape"]
@@ -75,7 +75,7 @@ class SetShape(Request):
         return f"{self.key} = {self.value:g}"
 
 
-class SetFeedback(Request):
+class SetFeedback(PageRequest):
     """Change a gain of the feedback, or the share of the feedforward."""
 
     act: Literal["feedback"]
@@ -88,7 +88,7 @@ class SetFeedback(Request):
         return f"{self.key} = {self.value:g}"
 
 
-class SetRule(Request):
+class SetRule(PageRequest):
     """Give a rule another consequent: dw = (a w + b) dv."""
 
     act: Literal["rule"]
@@ -104,7 +104,7 @@ class SetRule(Request):
         return f"rule {self.index + 1} {branch}: a = {self.a:g}, b = {self.b:g}"
 
 
-class SetModel(Request):
+class SetModel(PageRequest):
     """Take another model, as the text of its file. `source`: where it comes from; `caveats`: reasons to distrust it."""
 
     act: Literal["model"]
@@ -118,27 +118,27 @@ class SetModel(Request):
         return f"model: {self.source}"
 
 
-class Note(Request):
+class Note(PageRequest):
     """Add a text to the events, which all pages see."""
 
     act: Literal["note"]
     text: str = Field(max_length=2000)
 
 
-class Step(Request):
+class Step(PageRequest):
     """Undo or redo one change."""
 
     act: Literal["undo", "redo"]
 
 
-class Keep(Request):
+class Keep(PageRequest):
     """Keep the tuning in force in a slot."""
 
     act: Literal["keep"]
     slot: Slot
 
 
-class Recall(Request):
+class Recall(PageRequest):
     """Put the tuning of a slot in force."""
 
     act: Literal["recall"]
@@ -152,7 +152,7 @@ class Compare(DrivingRequest):
     on: bool
 
 
-class Adapt(Request):
+class Adapt(PageRequest):
     """Switch the online adaptation of the rules on or off."""
 
     act: Literal["adapt"]
@@ -191,11 +191,11 @@ def parse_request(message: bytes) -> AnyRequest:
         raise ConfigError(first["msg"], where=key, value=reprlib.repr(first["input"])) from None
 
 
-class _NumberedMessage(Request, extra="ignore"):
+class _NumberedMessage(PageRequest, extra="ignore"):
     """The number of any message."""
 
 
-def numbered(message: bytes) -> Request | None:
+def numbered(message: bytes) -> PageRequest | None:
     """The number by which a malformed request is answered; None for a message without one."""
     try:
         return _NumberedMessage.model_validate_json(message)

@@ -26,8 +26,8 @@ from smadrive.tuning.link.requests import (
     Compare,
     Hold,
     Keep,
+    PageRequest,
     Recall,
-    Request,
     SetFeedback,
     SetModel,
     SetRule,
@@ -60,20 +60,20 @@ OFF = frozenset(Mode) - HEATING
 CHANGES = (SetShape, SetFeedback, SetRule, SetModel, Step, Keep, Recall, Adapt)
 
 
-class Refusal(NamedTuple):
-    """These requests are refused in these modes."""
+class ModeRule(NamedTuple):
+    """Requests that are refused in some modes."""
 
-    requests: tuple[type[Request], ...]
+    requests: tuple[type[PageRequest], ...]
     modes: frozenset[Mode]
     what: str
     cure: str = ""
 
 
-REFUSALS = (
-    Refusal((Arm,), HEATING | {Mode.ARMING}, "it is armed already"),
-    Refusal((ClearFaults,), HEATING, "the heater is on", "switch it off before clearing faults"),
-    Refusal((Track, Hold), OFF, "the heater is off", "arm first"),
-    Refusal(
+MODE_RULES = (
+    ModeRule((Arm,), HEATING | {Mode.ARMING}, "it is armed already"),
+    ModeRule((ClearFaults,), HEATING, "the heater is on", "switch it off before clearing faults"),
+    ModeRule((Track, Hold), OFF, "the heater is off", "arm first"),
+    ModeRule(
         (Track, Hold, *CHANGES), frozenset({Mode.COMPARING}), "A and B are being compared", "stop the comparison first"
     ),
 )
@@ -81,7 +81,7 @@ REFUSALS = (
 
 def check_allowed(request: AnyRequest, mode: Mode) -> None:
     """ConfigError when the mode refuses the request."""
-    for requests, modes, what, cure in REFUSALS:
+    for requests, modes, what, cure in MODE_RULES:
         if isinstance(request, requests) and mode in modes:
             raise ConfigError(what, cure=cure)
     if isinstance(request, Compare) and request.on and mode not in {Mode.TRACKING, Mode.COMPARING}:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from smadrive.rig.rig import Rig
 from smadrive.tuning.link.channel import ControlEnd
-from smadrive.tuning.link.requests import Arm, Request
+from smadrive.tuning.link.requests import Arm, PageRequest
 from smadrive.tuning.session.changes.swappable_controller import SwappableController
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.session.modes import Mode
@@ -52,7 +52,7 @@ class SessionState:
         """Add an event, which all pages show."""
         self.status.add_event(self.now_s, event)
 
-    def answer(self, request: Request | None, refused: str | None) -> None:
+    def answer(self, request: PageRequest | None, refused: str | None) -> None:
         """Answer a request; a refusal is also an event."""
         if request is not None:
             self.channel.send({"number": request.number, "refused": refused})

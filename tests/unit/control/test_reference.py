@@ -49,7 +49,7 @@ def test_a_triangle_ends_where_its_cycles_end(cycles, end_mm):
 
 
 @pytest.mark.parametrize(
-    ("spec", "told"),
+    ("spec", "reason"),
     [
         ("steps:cycles=0.2", r"cycles must be a multiple of 0\.5, it is 0\.2: choose 0\.5$"),
         ("steps:cycles=1.7", r"it is 1\.7: choose 1\.5 or 2$"),
@@ -58,12 +58,12 @@ def test_a_triangle_ends_where_its_cycles_end(cycles, end_mm):
         ("staircase:steps=4.5", r"it is 4\.5: choose 4 or 5$"),
     ],
 )
-def test_part_of_a_level_is_refused_with_what_can_be_run(spec, told):
-    with pytest.raises(ConfigError, match=told):
+def test_part_of_a_level_is_rejected_with_the_nearest_values(spec, reason):
+    with pytest.raises(ConfigError, match=reason):
         parse_reference(f"{spec},low_mm=1,high_mm=5")
 
 
-def test_a_chirp_swings_ever_faster():
+def test_chirp_becomes_faster():
     reference = parse_reference("chirp:low_mm=2,high_mm=8,start_hz=0.02,end_hz=0.1,duration_s=100")
     assert reference.displacement_mm.min() == pytest.approx(2.0, abs=1e-3)
     assert reference.displacement_mm.max() == pytest.approx(8.0, abs=1e-3)
@@ -85,7 +85,7 @@ def test_the_approach_is_smooth_and_not_scored():
 
 
 @pytest.mark.parametrize(
-    ("spec", "told"),
+    ("spec", "reason"),
     [
         ("sinus:low_mm=1", "'sinus' is neither a shape nor a CSV file; did you mean 'sine'?"),
         ("square", "neither a shape nor a CSV file; known are: chirp, sine, staircase, steps, trapezoid, triangle"),
@@ -107,13 +107,13 @@ def test_the_approach_is_smooth_and_not_scored():
         ("chirp:low_mm=1,high_mm=2", "keys of 'chirp' are low_mm=, high_mm=, start_hz=, end_hz=, duration_s="),
     ],
 )
-def test_a_wrong_line_is_refused_with_what_exists(spec, told):
-    with pytest.raises((ConfigError, DataError), match=told):
+def test_wrong_line_is_rejected_with_shapes_or_keys(spec, reason):
+    with pytest.raises((ConfigError, DataError), match=reason):
         parse_reference(spec)
 
 
 @pytest.mark.parametrize(
-    ("times", "values", "told"),
+    ("times", "values", "reason"),
     [
         ([0, 1, 1], [0, 1, 2], "it must increase"),
         ([0, 2, 1], [0, 1, 2], "from 2 s to 1 s"),
@@ -125,8 +125,8 @@ def test_a_wrong_line_is_refused_with_what_exists(spec, told):
         ([-1.7e308, 1.7e308], [0, 1], "lasts inf s"),
     ],
 )
-def test_samples_that_make_no_path_are_refused(times, values, told):
-    with pytest.raises(DataError, match=told):
+def test_unsuitable_samples_are_rejected(times, values, reason):
+    with pytest.raises(DataError, match=reason):
         Reference.from_samples(times, values)
 
 
@@ -146,13 +146,13 @@ def test_samples_that_make_no_path_are_refused(times, values, told):
         "chirp:start_hz=1,end_hz=2,duration_s=1e9",
     ],
 )
-def test_a_reference_that_is_too_long_is_refused_before_its_table_is_made(spec):
+def test_too_long_reference_is_rejected_before_its_table_is_made(spec):
     with pytest.raises(DataError, match=r"(lasts|has) .*(shorten it|lower their number)"):
         parse_reference(f"{spec},low_mm=1,high_mm=2")
 
 
 @pytest.mark.parametrize(
-    ("spec", "told"),
+    ("spec", "reason"),
     [
         ("sine:period_s=0.02,cycles=5000", "has 10000 pieces, at most 1000 can be in its 100 s"),
         ("sine:period_s=0.19,cycles=2", r"has 4 pieces, at most 3\.8 can be in its 0\.38 s"),
@@ -163,8 +163,8 @@ def test_a_reference_that_is_too_long_is_refused_before_its_table_is_made(spec):
         ("chirp:start_hz=50,end_hz=0.1,duration_s=100", "has 10000 pieces, at most 1000"),
     ],
 )
-def test_swings_of_which_only_a_slow_alias_would_be_seen_are_refused(spec, told):
-    with pytest.raises(DataError, match=rf"{told}.* 0\.1 s each: lower their number, or slow it down"):
+def test_swings_that_would_alias_are_rejected(spec, reason):
+    with pytest.raises(DataError, match=rf"{reason}.* 0\.1 s each: lower their number, or slow it down"):
         parse_reference(f"{spec},low_mm=2,high_mm=9")
 
 
@@ -181,7 +181,7 @@ def test_a_day_can_be_run():
     assert parse_reference("sine:low_mm=1,high_mm=2,period_s=43200").duration_s == 86_400.0
 
 
-def test_a_reference_beyond_the_travel_of_the_wire_is_refused():
+def test_reference_beyond_the_travel_of_the_wire_is_rejected():
     reference = parse_reference("sine:low_mm=2,high_mm=9,period_s=56")
     reference.check_within((0.0, 12.0))
     reference.check_within((12.0, 0.0))  # a displacement that falls on heating
@@ -217,7 +217,7 @@ def test_without_end_it_returns_to_where_it_begins():
     assert np.abs(np.diff(values)).max() < 0.15
 
 
-def test_a_reference_knows_when_it_next_turns():
+def test_next_reversal_is_found():
     trapezoid = Reference.from_samples([0, 2, 5, 7, 9, 11], [1, 3, 3, 1, 1, 2])
     assert trapezoid.next_reversal_s(0.0, 1) == 5.0
     assert trapezoid.next_reversal_s(4.9, 1) == 5.0
@@ -226,7 +226,7 @@ def test_a_reference_knows_when_it_next_turns():
     assert trapezoid.next_reversal_s(9.0, 1) == float("inf")
 
 
-def test_an_endless_reference_turns_again_and_again():
+def test_next_reversal_of_an_endless_reference_is_found():
     reference = Reference.from_samples([0, 2, 5, 7], [1, 3, 3, 1]).without_end(return_s=1.0)
     assert reference.next_reversal_s(0.0, 1) == 5.0
     assert reference.next_reversal_s(5.5, -1) == pytest.approx(7.0)
@@ -245,14 +245,14 @@ def spec_of(shape, **changes):
 
 
 @pytest.mark.parametrize("shape", SHAPES)
-def test_the_values_from_which_the_next_test_departs_are_good(shape):
+def test_default_values_of_the_next_test_are_valid(shape):
     assert set(KEYS[shape]) == set(signature(SHAPES[shape]).parameters) - {"longest_s"}
     assert parse_reference(spec_of(shape)).duration_s > 1.0
 
 
 @pytest.mark.parametrize("value", ["nan", "inf", "-inf", "-1e308", "1e308", "0", "-1"])
 @pytest.mark.parametrize(("shape", "key"), [(shape, key) for shape, keys in KEYS.items() for key in keys])
-def test_a_value_that_no_key_can_have_is_refused_in_a_sentence(shape, key, value):
+def test_impossible_value_is_rejected(shape, key, value):
     spec = spec_of(shape, **{key: float(value)})
     if key.endswith("_mm") and value in {"0", "-1"}:
         assert parse_reference(spec).displacement_mm.min() == pytest.approx(float(value), abs=0.01)
@@ -262,7 +262,7 @@ def test_a_value_that_no_key_can_have_is_refused_in_a_sentence(shape, key, value
 
 
 @given(data=st.data(), shape=st.sampled_from(sorted(SHAPES)))
-def test_whatever_is_written_becomes_a_path_or_a_sentence(data, shape):
+def test_every_line_gives_a_path_or_an_error(data, shape):
     numbers = st.one_of(st.floats(), st.floats(1e-9, 1e9), st.sampled_from([0.0, -1e308, 1e308, 5e-324]))
     changes = {key: data.draw(st.one_of(st.just(GOOD[key]), numbers), label=key) for key in KEYS[shape]}
     try:
@@ -274,6 +274,6 @@ def test_whatever_is_written_becomes_a_path_or_a_sentence(data, shape):
 
 
 @pytest.mark.parametrize("value", [1e308, -1e308, 1.1e5])
-def test_samples_farther_than_any_wire_are_refused(value):
+def test_samples_beyond_the_longest_wire_are_rejected(value):
     with pytest.raises(DataError, match=r"displacement_mm of sample 2 is .*is it in millimetres"):
         Reference.from_samples([0, 1, 2], [1.0, value, 1.0])

@@ -187,17 +187,17 @@ def test_probe_is_an_answered_read_with_a_unique_reply():
     outcome_of(protocol, ANOTHER_FUNCTION, rtu.seal(1, bytes.fromhex("04 06 0001 0002 0003")))
     unanswered(protocol, READ)
     assert protocol.needs_probe(1, SAME_KIND, 1.0)
-    assert protocol.probe_request(1, SAME_KIND, 0, 1.0) == ANOTHER_FUNCTION
+    assert protocol.probes.probe_request(1, SAME_KIND, 0, 1.0) == ANOTHER_FUNCTION
     unanswered(protocol, ANOTHER_FUNCTION)
-    assert protocol.probe_request(1, SAME_KIND, 0, 1.0) == requests.read_input(10, 1)
+    assert protocol.probes.probe_request(1, SAME_KIND, 0, 1.0) == requests.read_input(10, 1)
     assert not protocol.needs_probe(1, requests.write_register(1, 2), 1.0)
 
 
 def test_an_unknown_device_is_probed_with_another_length_then_with_another_function():
     protocol = ready()
     unanswered(protocol, READ)
-    assert protocol.probe_request(1, READ, 0, 1.0) == requests.read_holding(10, 1)
-    assert protocol.probe_request(1, READ, 1, 1.0) == requests.read_input(10, 1)
+    assert protocol.probes.probe_request(1, READ, 0, 1.0) == requests.read_holding(10, 1)
+    assert protocol.probes.probe_request(1, READ, 1, 1.0) == requests.read_input(10, 1)
 
 
 def answer(protocol, request):
@@ -212,7 +212,7 @@ def test_a_sync_is_a_known_read_whose_kind_has_not_arrived_lately():
         answer(protocol, requests.read_holding(0, count))
     kinds = set()
     for _ in range(11):
-        sync = protocol.sync_request(1, requests.read_holding(50, 12), 1.0)
+        sync = protocol.probes.sync_request(1, requests.read_holding(50, 12), 1.0)
         assert sync.payload_size < 24
         kinds.add(sync.payload_size)
         answer(protocol, sync)
@@ -226,7 +226,7 @@ def test_where_a_device_refuses_other_lengths_a_sync_uses_other_functions():
     answer(protocol, READ)
     functions = []
     for _ in range(8):
-        sync = protocol.sync_request(1, READ, 1.0)
+        sync = protocol.probes.sync_request(1, READ, 1.0)
         functions.append(sync.function)
         outcome_of(protocol, sync, rtu.seal(1, bytes((sync.function | 0x80, 2))))
         answer(protocol, READ)
@@ -236,7 +236,7 @@ def test_where_a_device_refuses_other_lengths_a_sync_uses_other_functions():
 
 def test_a_sync_that_met_silence_is_not_sent_again():
     protocol = ready()
-    first = protocol.sync_request(1, READ, 1.0)
+    first = protocol.probes.sync_request(1, READ, 1.0)
     unanswered(protocol, first)
-    assert protocol.stays_silent(1, first)
-    assert protocol.sync_request(1, READ, LATEST_REPLY_S + 1.0) != first
+    assert protocol.probes.stays_silent(1, first)
+    assert protocol.probes.sync_request(1, READ, LATEST_REPLY_S + 1.0) != first

@@ -30,7 +30,7 @@ Path = Callable[[str | None, Tuning, float], Reference]
 """The reference of a name (None: stay there), for a tuning, from the present setpoint in mm."""
 
 
-class Target(NamedTuple):
+class BuildTarget(NamedTuple):
     """A tuning, the change to make in it, and the reference that it has to track; None while the heater is off."""
 
     tuning: Tuning
@@ -50,7 +50,7 @@ class Job(ABC):
     outlives_the_loop: bool = False
 
     @abstractmethod
-    def target(self, tunings: Tunings, live: SwappableController | None) -> Target:
+    def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
         """The build that the job needs, when its turn has come. SmadriveError when it is not possible any more."""
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:
@@ -71,9 +71,9 @@ class ChangeJob(Job):
 
     change: Change | None = None
 
-    def target(self, tunings: Tunings, live: SwappableController | None) -> Target:
+    def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
         """See Job."""
-        return Target(tunings.in_force, self.change, _running(live))
+        return BuildTarget(tunings.in_force, self.change, _running(live))
 
 
 @dataclass(frozen=True)
@@ -83,9 +83,9 @@ class RecallJob(Job):
     _: KW_ONLY
     tuning: Tuning
 
-    def target(self, tunings: Tunings, live: SwappableController | None) -> Target:  # noqa: ARG002
+    def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
         """See Job."""
-        return Target(self.tuning, None, _running(live))
+        return BuildTarget(self.tuning, None, _running(live))
 
 
 @dataclass(frozen=True)
@@ -95,12 +95,12 @@ class StepJob(Job):
     _: KW_ONLY
     step: int
 
-    def target(self, tunings: Tunings, live: SwappableController | None) -> Target:
+    def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
         """See Job."""
         tuning = tunings.history.peek(self.step)
         if tuning is None:
             raise ConfigError(f"there is nothing to {'undo' if self.step < 0 else 'redo'}")
-        return Target(tuning, None, _running(live))
+        return BuildTarget(tuning, None, _running(live))
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
         """Put it in force, and move in the history."""
@@ -125,11 +125,11 @@ class FollowJob(Job):
     path: Path
     name: str | None
 
-    def target(self, tunings: Tunings, live: SwappableController | None) -> Target:
+    def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
         """See Job."""
         if live is None:
             raise ConfigError("the heater is off", cure="arm first")
-        return Target(tunings.in_force, None, self.path(self.name, tunings.in_force, live.setpoint_mm))
+        return BuildTarget(tunings.in_force, None, self.path(self.name, tunings.in_force, live.setpoint_mm))
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
         """Follow it from now on."""
@@ -145,9 +145,9 @@ class TurnJob(Job):
     reference: Reference
     ready: Callable[[Built], None]
 
-    def target(self, tunings: Tunings, live: SwappableController | None) -> Target:  # noqa: ARG002
+    def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
         """See Job."""
-        return Target(self.tuning, None, self.reference)
+        return BuildTarget(self.tuning, None, self.reference)
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
         """Keep it ready."""
