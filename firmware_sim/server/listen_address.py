@@ -19,7 +19,7 @@ AddressKind = Literal["pty", "tcp", "rtu_tcp"]
 
 
 class ListenAddress(NamedTuple):
-    """Where clients find a device: a pseudo-terminal, with a path or without, or a TCP address."""
+    """The address at which clients reach a device: a pseudo-terminal, with a path or without, or a TCP address."""
 
     kind: AddressKind
     address: str | None = None

@@ -18,7 +18,7 @@ _SYMBOLS = {"degC": "°C"}
 
 
 class Column(NamedTuple):
-    """Where in a tick the value is, its unit, its quantity and the role of the value: measured, setpoint, ...
+    """The place of a value in a tick, its unit, its quantity and its role: measured, setpoint, ...
 
     A flag is recorded as 1 where the source is not empty, 0 otherwise.
     """

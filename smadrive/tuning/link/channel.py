@@ -31,7 +31,8 @@ from typing import Any, Self
 
 import numpy as np
 
-from smadrive.tuning.link.samples import COLUMNS, Row, Rows
+from smadrive.runs.columns import Row
+from smadrive.tuning.link.samples import COLUMNS, Rows
 
 CAPACITY = 1 << 15
 """Rows in the ring: 27 minutes at 20 Hz."""

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from smadrive.control.loop import Tick
+from smadrive.runs.columns import Row, row_getter
 
 COLUMNS = (
     "time_s",
@@ -23,25 +24,13 @@ COLUMNS = (
 )
 """The columns of a row: measured, estimated and commanded values; `time_s` since the session began."""
 
-Row = tuple[float, ...]
 Rows = NDArray[np.float64]
 """(rows, columns)"""
+
+_values_of = row_getter(COLUMNS)
 
 
 def row_of(tick: Tick, began_s: float) -> Row:
     """The `COLUMNS` of a tick of a session that began at `began_s`."""
-    measurement, command = tick.measurement, tick.command
-    return (
-        measurement.time_s - began_s,
-        tick.late_s,
-        measurement.temperature_c,
-        measurement.displacement_mm,
-        measurement.current_a,
-        measurement.voltage_v,
-        command.setpoint_c,
-        command.setpoint_mm,
-        command.estimated_c,
-        command.estimated_mm,
-        command.power_w,
-        command.commanded_a,
-    )
+    _, *values = _values_of(tick)
+    return (tick.measurement.time_s - began_s, *values)
