@@ -18,6 +18,7 @@ The class says where the cause lies; the message names what is wrong, where, the
     ├── SafetyError             heating rejected, or stopped by the supervisor  exit code 4
     │   ├── TripError           a latched trip
     │   ├── TakenOverError      the guardian has taken over the heater
+    │   ├── StoppedError        `smadrive off` has stopped the driver
     │   └── FrontSilentError    no process answers OFF of the tuning page
     └── IdentificationError     the data do not determine the model             exit code 5
 """
@@ -147,6 +148,10 @@ class TripError(SafetyError):
 
 class TakenOverError(SafetyError):
     """The guardian has taken over the heater because the driver stood still; the heater may not be off yet."""
+
+
+class StoppedError(SafetyError):
+    """The driver was stopped by `smadrive off`. No trip is latched."""
 
 
 class FrontSilentError(SafetyError):

@@ -17,7 +17,7 @@ from contextlib import suppress
 from types import FrameType
 
 from smadrive.cli.stdout import open_stdout
-from smadrive.errors import SmadriveError, TripError
+from smadrive.errors import SmadriveError, StoppedError, TripError
 from smadrive.interrupts import SIGNALS
 from smadrive.numerics.blas_threads import ONE_THREAD
 from smadrive.safety.shutdown import ShutdownOutcome, shutdown_of
@@ -37,21 +37,29 @@ def main() -> None:
         from smadrive.cli.app import command_line  # noqa: PLC0415 (a signal during this import is handled, too)
 
         command_line(next(iter(sys.argv[1:]), ""))()
+    except StoppedError as stopped:
+        _print_end(stopped, *_endings(stopped, str(stopped)))
+        sys.exit(stopped.exit_code)
     except SmadriveError as error:
         _print_end(error, str(error))
         sys.exit(error.exit_code)
     except SystemExit as ended:
         if ended.code != INTERRUPTED:
             raise
+        _print_end(ended, *_endings(ended, "interrupted"))
         trip = _trip_before(ended)
         if trip is None:
-            _print_end(ended, "interrupted")
             raise
-        _print_end(ended, str(trip), "then interrupted")
         sys.exit(trip.exit_code)
 
 
-def _trip_before(interruption: SystemExit) -> TripError | None:
+def _endings(interruption: BaseException, ending: str) -> tuple[str, ...]:
+    """Return the lines that say how the run ended: the trip before the interruption, then the interruption."""
+    trip = _trip_before(interruption)
+    return (ending,) if trip is None else (str(trip), f"then {ending}")
+
+
+def _trip_before(interruption: BaseException) -> TripError | None:
     """The trip that was already ending the run when the signal came; the signal must not hide it."""
     error: BaseException | None = interruption
     while error is not None and not isinstance(error, TripError):
@@ -61,7 +69,7 @@ def _trip_before(interruption: SystemExit) -> TripError | None:
 
 def _is_printed(outcome: ShutdownOutcome, error: BaseException) -> bool:
     """Whether a confirmed outcome is printed: after a run, and after an interruption."""
-    return outcome.ended_run or isinstance(error, SystemExit)
+    return outcome.ended_run or isinstance(error, SystemExit | StoppedError)
 
 
 def _print_end(error: BaseException, *ending: str) -> None:

@@ -20,7 +20,7 @@ COMMANDS = {
     "report": "Show a log as one page with plots, metrics, faults and provenance, or as CSV.",
     "replay": "Run model and controller again on a recorded run.",
     "paper": "Repeat the simulation of the published T-S fuzzy Duhem model.",
-    "off": "Put every device of a rig into its safe state, confirmed.",
+    "off": "Emergency stop: end the driver of a rig and confirm its heater off.",
 }
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import asdict
 from typing import Annotated
 
 import typer
@@ -16,11 +17,13 @@ ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear la
 
 
 def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = False) -> None:
-    """Switch the heater of RIG off, confirmed by read-back. End the program that uses its port first."""
+    """Emergency stop: stop the driver of RIG, if one runs, and switch the heater off, confirmed by read-back."""
     output = Output(as_json)
     with notes_waiting_guardians():
         off = switch_off(rig, clear_faults=clear_faults)
     waiting, warnings = _waiting_guardians(off.warnings)
+    for driver in off.stopped:
+        output.say(f"{'killed the hung driver' if driver.killed else 'stopped the driver'} (process {driver.pid})")
     output.say(f"{off.rig}: heater off, confirmed by read-back ({', '.join(off.devices)})")
     if off.latched:
         output.say(f"latched: {', '.join(off.latched)} (clear with --clear-faults)")
@@ -31,6 +34,7 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
         {
             "rig": off.rig,
             "devices": off.devices,
+            "stopped_drivers": [asdict(driver) for driver in off.stopped],
             "safe": not off.displaced,
             "faults": off.latched,
             "waiting_guardians": waiting,

@@ -26,7 +26,8 @@ from smadrive.rig.plan import PlannedDevice, RigPlan
 class RigDevices(NamedTuple):
     """The open devices of a rig: the heater with its sensors, every device by its name, the clock that they share.
 
-    `source` is the device that heats, `port_key` its key before it has answered (None for a simulated device).
+    `source` is the device that heats, `port_key` its key before it has answered (None for a simulated device), `lines`
+    are the locked lines.
     """
 
     heater: Heater
@@ -34,6 +35,7 @@ class RigDevices(NamedTuple):
     clock: Clock
     source: Device | TCLabBoard
     port_key: DeviceKey | None
+    lines: tuple[str, ...]
 
     def key(self) -> DeviceKey | None:
         """The key of the device that heats, after it has proved its identity; None for a simulated device."""
@@ -75,7 +77,7 @@ def open_devices(
         sensors.get("displacement"),
         guard,
     )
-    return RigDevices(heater, devices, clock, source, port_key(plan.source))
+    return RigDevices(heater, devices, clock, source, port_key(plan.source), connections.locked_lines)
 
 
 def heat_source(planned: PlannedDevice, device: Device | TCLabBoard, clock: Clock) -> HeatSource:

@@ -25,15 +25,15 @@ class Connections:
     """Opens one connection per address; `stack` closes them. A trace is named after the first device at its address.
 
     `access`, if it is set before, is asked at every use of a connection. The line of a serial port is locked, and that
-    of a device that heats. `ignores_locks`: a line that another process has locked is used nevertheless.
+    of a device that heats. With the role of `off`, a line that another process has locked is used nevertheless.
     """
 
     access: PortAccess | None = None
 
-    def __init__(self, stack: ExitStack, trace_folder: Path | None, *, ignores_locks: bool = False) -> None:
+    def __init__(self, stack: ExitStack, trace_folder: Path | None, *, role: Role = Role.DRIVER) -> None:
         self._stack = stack
         self._trace_folder = trace_folder
-        self._ignores_locks = ignores_locks
+        self._role = role
         self._locks: dict[str, LineLock] = {}
         self._connected: list[Transport] = []
         self._clients: dict[str, ModbusClient] = {}
@@ -51,9 +51,14 @@ class Connections:
         client = self._client(device) if given is None else self._client_on(given, device)
         return Device(device.profile, client, device.config.unit_id, read_retries)
 
+    @property
+    def locked_lines(self) -> tuple[str, ...]:
+        """The lines that are locked."""
+        return tuple(self._locks)
+
     def locks_of(self, device: PlannedDevice) -> list[LineLock]:
         """The locks of the line of a device, one for each name of the line."""
-        return [self._locks[line] for line in _lines(device) if line in self._locks]
+        return [self._locks[line] for line in line_names(device) if line in self._locks]
 
     def disconnect(self) -> None:
         """Close every connection; the next request on it opens it again."""
@@ -63,12 +68,12 @@ class Connections:
     def _lock(self, device: PlannedDevice) -> None:
         if is_remote(device.config.url) and not device.heats:
             return
-        for line in _lines(device):
+        for line in line_names(device):
             try:
                 if line not in self._locks:
-                    self._locks[line] = self._stack.enter_context(lock_line(line, Role.DRIVER))
+                    self._locks[line] = self._stack.enter_context(lock_line(line, self._role))
             except BusyError:
-                if not self._ignores_locks:
+                if self._role is not Role.OFF:
                     raise
 
     def _client(self, device: PlannedDevice) -> ModbusClient:
@@ -112,5 +117,8 @@ class Connections:
         return self._stack.enter_context(TraceFile(path, transport, speaks_text=speaks_text))
 
 
-def _lines(device: PlannedDevice) -> tuple[str, ...]:
+def line_names(device: PlannedDevice) -> tuple[str, ...]:
+    """Return the names of the line of a device; none for a simulated device."""
+    if device.is_simulated:
+        return ()
     return lines_of(key_at(device.config.url, device.profile, device.config.unit_id))

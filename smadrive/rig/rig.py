@@ -30,6 +30,7 @@ from smadrive.rig.assembly import open_devices
 from smadrive.rig.config import RigConfig
 from smadrive.rig.config_checks import check_limits, check_same_wire
 from smadrive.rig.controllers import excitation_controller, tracking_controller
+from smadrive.rig.emergency_stop import stops_on_request
 from smadrive.rig.plan import STALE_PERIODS, plan_rig
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR
@@ -87,8 +88,10 @@ class Rig:
     def __enter__(self) -> Self:
         """Open the ports, check the identity of every device in use, enter the safe state."""
         with ExitStack() as stack:
+            listener = stack.enter_context(stops_on_request(self._where))
             opened = open_devices(self._plan, stack, self._clock, self._transports, self._trace_folder)
             self.heater, self.devices, self.clock = opened.heater, opened.by_name, opened.clock
+            listener.listen(opened.lines)
             self.heater.connect()
             self.latch = TripLatch(opened.key())
             stack.enter_context(ends_safe(self.heater.enter_safe_state))

@@ -1,5 +1,8 @@
 """Switching off: every device of a rig enters its safe state, the one that heats first, whatever else is broken.
 
+A driver that uses the line of a device is asked to stop first: two programs on one line would take each other's replies
+for their own.
+
 Switching off needs no wire, no limits, no sensor and no guardian. So only the addresses of the devices are read from
 the rig file, and a device that cannot be reached does not keep another one from its safe state.
 """
@@ -17,11 +20,13 @@ from smadrive.devices.heating.zero_current import wait_for_zero_current
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import DeviceKey, Match
 from smadrive.devices.state.latch import TripLatch
+from smadrive.devices.state.lock import Role
+from smadrive.devices.stopping.request import StoppedDriver, stop_driver
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.interrupts import HeldSignals
 from smadrive.rig.assembly import heat_source, port_key
 from smadrive.rig.config import DeviceConfig, OffConfig, load_off_config
-from smadrive.rig.connections import Connections
+from smadrive.rig.connections import Connections, line_names
 from smadrive.rig.plan import PlannedDevice, check_full_scales
 from smadrive.safety.shutdown import ShutdownOutcome, carry
 
@@ -34,10 +39,12 @@ class SwitchedOff:
     """The outcome: the devices that confirmed their safe state, all that heat among them, and the latched faults.
 
     `failure`: the first error of another device. `warnings`: what failed after the heat sources were confirmed off.
-    `displaced`: guardians that wait at a port of this rig for another device, which may still heat elsewhere.
+    `stopped`: the drivers that were stopped first. `displaced`: guardians that wait at a port of this rig for another
+    device, which may still heat elsewhere.
     """
 
     rig: str
+    stopped: tuple[StoppedDriver, ...]
     devices: tuple[str, ...]
     latched: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -65,8 +72,9 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
     with ExitStack() as stack:
         with _unconfirmed_on_error(), HeldSignals():
             config = load_off_config(name)
-            connections = Connections(stack, trace_folder=None, ignores_locks=True)
+            connections = Connections(stack, trace_folder=None, role=Role.OFF)
             devices, unreadable = _each(config.devices, _planned)
+            stopped, refused = _stop_drivers(devices)
             off, failure = _each(
                 [device for device in devices if device.heats],
                 lambda device: _switch_source_off(device, connections, config.current_max_a),
@@ -75,7 +83,7 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
                 [device for device in devices if not device.heats],
                 lambda device: _enter_safe_state(device, connections),
             )
-            _check_complete(config, off, failure or (None if off else unreadable))
+            _check_complete(config, off, (refused if failure else None) or failure or (None if off else unreadable))
         warnings = tuple(_relieve_guardians(off))
         displaced = tuple(_displaced(off))
         if clear_faults:
@@ -83,7 +91,7 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
                 _clear(one)
     latched = () if clear_faults else tuple(fault for one in off for fault in _latched(one))
     names = (*(one.name for one in off), *others)
-    return SwitchedOff(config.name, names, latched, warnings, displaced, unreadable or other_failure)
+    return SwitchedOff(config.name, stopped, names, latched, warnings, displaced, unreadable or other_failure)
 
 
 @contextmanager
@@ -111,6 +119,14 @@ def _each(devices: Iterable[DeviceT], act: Callable[[DeviceT], ResultT]) -> tupl
 def _planned(config: DeviceConfig) -> PlannedDevice:
     """The device with its profile, without which it cannot be switched off (ConfigError)."""
     return PlannedDevice(config, load_profile(config.profile))
+
+
+def _stop_drivers(devices: Iterable[PlannedDevice]) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
+    """Stop the drivers that use the lines of these devices; return them, and the first error."""
+    names, no_names = _each(devices, line_names)
+    lines = dict.fromkeys(line for each in names for line in each)
+    stopped, failure = _each(lines, stop_driver)
+    return tuple(one for one in stopped if one is not None), no_names or failure
 
 
 def _check_complete(config: OffConfig, off: Iterable[_SourceOff], failure: Exception | None) -> None:

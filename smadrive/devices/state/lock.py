@@ -5,6 +5,7 @@ names is locked under each. Its lock is an flock on a file in the user's state f
 process ends, also after a kill. The file names the holder. A driver shares its lock with its guardian, which inherits
 the open file: they hold the line until both have released it. A guardian whose driver has ended holds the lock only
 during an attempt to switch off, so that a new driver or `smadrive off` can use the line between two attempts.
+`smadrive off` locks the line too: a second one waits for it.
 
 Where the folder cannot be written there are no locks: it must still be possible to switch a heater off.
 """
@@ -26,16 +27,17 @@ from smadrive.errors import BusyError, DataError
 from smadrive.files.kinds import check_regular
 
 GUARDIAN_WITHIN_S = 10.0
-"""Longest time for which a guardian holds the line during an attempt to switch off."""
+"""Longest time for which a guardian, or `smadrive off`, holds the line during an attempt to switch off."""
 LOOK_AGAIN_S = 0.05
 NO_DESCRIPTOR = -1
 
 
 class Role(StrEnum):
-    """The holder of a line: a driver or a guardian."""
+    """The holder of a line: a driver, a guardian, or `smadrive off`."""
 
     DRIVER = "driver"
     GUARDIAN = "guardian"
+    OFF = "off"
 
 
 class Holder(NamedTuple):
@@ -81,7 +83,10 @@ def lines_of(key: DeviceKey) -> tuple[str, ...]:
 
 
 def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> LineLock:
-    """The lock of `line`, after waiting up to `within_s` for a guardian at work there. BusyError names the holder."""
+    """Return the lock of `line`; wait up to `within_s` for a guardian or `smadrive off` at work there.
+
+    BusyError names the holder.
+    """
     give_up_s = time.monotonic() + within_s
     while (lock := _try_lock(line)) is None:
         holder = holder_of(line)
@@ -151,6 +156,6 @@ def _busy(line: str, holder: Holder | None) -> BusyError:
     return BusyError(
         f"busy, {name} holds the port",
         where=line,
-        cure="close it. A smadrive that runs or tunes there switches the heater off at Ctrl-C in its terminal, at "
-        f"{kill}, or at OFF (POST /off) of its page",
+        cure="close it. A smadrive that runs or tunes there switches the heater off at `smadrive off RIG`, at Ctrl-C "
+        f"in its terminal, at {kill}, or at OFF (POST /off) of its page",
     )

@@ -1,0 +1,104 @@
+"""The address at which the driver of a line can be asked to stop, and the rights of the one who asks.
+
+The address is a Unix socket in Linux's abstract namespace, named by the line. So it exists exactly as long as its
+driver, it is the same for every user of the machine, and no permission of a folder can hide it. Elsewhere there is no
+such namespace: a driver cannot be asked to stop there.
+
+A connection is the request. The driver closes it when it has released the line, or answers REFUSED and closes it. The
+kernel closes it when the driver is killed.
+"""
+
+from __future__ import annotations
+
+import os
+import pwd
+import socket
+import struct
+import sys
+from contextlib import suppress
+from grp import getgrgid
+from hashlib import sha256
+from pathlib import Path
+from typing import NamedTuple
+from urllib.parse import urlsplit
+
+IS_POSSIBLE = sys.platform == "linux"
+"""Whether this system has the namespace of the addresses."""
+
+REFUSED = b"refused"
+
+_CREDENTIALS = struct.Struct("3i")
+_ACL = "system.posix_acl_access"
+
+
+class Peer(NamedTuple):
+    """The process at the other end of a connection, and its user, as the kernel names them."""
+
+    pid: int
+    user_id: int
+    group_id: int
+
+    def may_open(self, line: str) -> bool:
+        """Return True if this user may open the port of the line; a network port is open to every user."""
+        path = port_path(line)
+        if path is None or self.user_id == 0:
+            return True
+        try:
+            port = path.stat()
+            if _ACL in os.listxattr(path):  # the access list names more users than the permissions do
+                return True
+        except OSError:  # the port is gone: nobody can be kept from a driver without a port
+            return True
+        if self.user_id == port.st_uid:
+            return port.st_mode & 0o600 == 0o600
+        if port.st_gid in self._groups():
+            return port.st_mode & 0o060 == 0o060
+        return port.st_mode & 0o006 == 0o006
+
+    def _groups(self) -> list[int]:
+        with suppress(KeyError):  # a user without an entry has the group of its process alone
+            return os.getgrouplist(pwd.getpwuid(self.user_id).pw_name, self.group_id)
+        return [self.group_id]
+
+
+def address_of(line: str) -> str:
+    """Return the address of the driver of this line."""
+    return f"\0smadrive/{sha256(line.encode()).hexdigest()[:32]}"
+
+
+def peer_of(connection: socket.socket) -> Peer:
+    """Return the process at the other end; for a driver it is the process that began to listen."""
+    return Peer(*_CREDENTIALS.unpack(connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)))
+
+
+def port_path(line: str) -> Path | None:
+    """Return the path of the serial port of a line, or None for a network port."""
+    parts = urlsplit(line)
+    return Path(parts.path) if parts.scheme == "serial" else None
+
+
+def who_may_open(line: str) -> str:
+    """Return who may open the port of a line, as a part of a sentence."""
+    path = port_path(line)
+    try:
+        port = None if path is None else path.stat()
+    except OSError:
+        port = None
+    if port is None:
+        return "root"
+    users = [f"user {_user_name(port.st_uid)}"] if port.st_mode & 0o600 == 0o600 else []
+    if port.st_mode & 0o060 == 0o060:
+        users.append(f"a member of group {_group_name(port.st_gid)}")
+    return " or ".join(users) or "root"
+
+
+def _user_name(user_id: int) -> str:
+    with suppress(KeyError):
+        return pwd.getpwuid(user_id).pw_name
+    return str(user_id)
+
+
+def _group_name(group_id: int) -> str:
+    with suppress(KeyError):
+        return getgrgid(group_id).gr_name
+    return str(group_id)

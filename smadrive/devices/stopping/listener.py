@@ -1,0 +1,103 @@
+"""The driver's end of the emergency stop: it listens for requests, and interrupts the driver as Ctrl-C does.
+
+An interruption (SIGINT) reaches a driver that waits for a reply, for a deadline or for anything else, and every program
+already ends at zero current after it. A thread waits for the requests, so the loop does not look for them. Requests
+during the switching off interrupt nothing: `HeldSignals` counts them.
+"""
+
+from __future__ import annotations
+
+import selectors
+import signal
+import socket
+import threading
+from collections.abc import Iterable
+from contextlib import suppress
+from types import TracebackType
+from typing import Self
+
+from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, peer_of
+from smadrive.errors import BusyError
+
+BACKLOG = 16
+
+
+class StopListener:
+    """Listens for requests to stop this driver. A context manager: leaving it tells every asker that the line is free.
+
+    So it is entered before the ports are opened, and left after they are closed.
+    """
+
+    def __init__(self) -> None:
+        self.requested = False
+        """True when a process has asked this driver to stop."""
+        self._selector = selectors.DefaultSelector()
+        self._askers: list[socket.socket] = []
+        self._thread: threading.Thread | None = None
+
+    def listen(self, lines: Iterable[str]) -> None:
+        """Listen at the address of each line. BusyError when another driver listens there."""
+        if not IS_POSSIBLE:
+            return
+        for line in lines:
+            self._selector.register(_listening(line), selectors.EVENT_READ, line)
+        if not self._selector.get_map():
+            return
+        self._end, end = socket.socketpair()
+        self._selector.register(end, selectors.EVENT_READ, None)
+        self._thread = threading.Thread(target=self._serve, name="emergency stop", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        """Nothing is listened for yet; call `listen`."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Stop listening, and close the connections of the askers."""
+        if self._thread is not None:
+            self._end.close()
+            self._thread.join()
+        for key in self._selector.get_map().values():
+            assert isinstance(key.fileobj, socket.socket)
+            key.fileobj.close()
+        for asker in self._askers:
+            asker.close()
+        self._selector.close()
+
+    def _serve(self) -> None:
+        while True:
+            for key, _ in self._selector.select():
+                if key.data is None:
+                    return
+                assert isinstance(key.fileobj, socket.socket)
+                self._accept(key.fileobj, key.data)
+
+    def _accept(self, listening: socket.socket, line: str) -> None:
+        with suppress(OSError):
+            asker, _ = listening.accept()
+            if peer_of(asker).may_open(line):
+                self._askers.append(asker)
+                self.requested = True
+                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+            else:
+                with asker:
+                    asker.sendall(REFUSED)
+
+
+def _listening(line: str) -> socket.socket:
+    listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        listening.bind(address_of(line))
+    except OSError:
+        listening.close()
+        raise _busy(line) from None
+    listening.listen(BACKLOG)
+    listening.setblocking(False)
+    return listening
+
+
+def _busy(line: str) -> BusyError:
+    """The error of a line that another driver, perhaps of another user, drives."""
+    return BusyError("busy, another driver has the line", where=line, cure="`smadrive off RIG` ends that driver")

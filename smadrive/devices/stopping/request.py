@@ -1,0 +1,88 @@
+"""The request for an emergency stop, as `smadrive off` makes it: at the end the line is free, or an error says why not.
+
+A driver that is stopped (SIGSTOP) or hung cannot release its line. It is killed then: its guardian, or the watchdog of
+its device, switches the heater off, and nobody uses the line beside it.
+"""
+
+from __future__ import annotations
+
+import os
+import select
+import signal
+import socket
+from contextlib import suppress
+from dataclasses import dataclass
+
+from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, Peer, address_of, peer_of, who_may_open
+from smadrive.errors import SafetyError
+
+ANSWERS_WITHIN_S = 3.0
+"""A driver that switches off at the first try has released its line after this time, on a busy machine too."""
+
+DIES_WITHIN_S = 5.0
+"""A process that was killed has ended after this time."""
+
+
+@dataclass(frozen=True)
+class StoppedDriver:
+    """A driver that was asked to stop, and has ended its use of the line; `killed` if it did not answer."""
+
+    pid: int
+    killed: bool
+
+
+def stop_driver(line: str, within_s: float = ANSWERS_WITHIN_S) -> StoppedDriver | None:
+    """Ask the driver of `line` to stop, and wait until it has released the line; return None if there is no driver.
+
+    A driver that has not released the line after `within_s` is killed. SafetyError when this user may not stop it.
+    """
+    if not IS_POSSIBLE:
+        return None
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+        connection.settimeout(within_s)
+        try:
+            connection.connect(address_of(line))
+        except TimeoutError:  # its backlog is full: it is stopped or hung, and others have asked already
+            raise SafetyError(
+                "its driver does not answer", where=line, cure="end that driver (kill -9), then run this again"
+            ) from None
+        except OSError:
+            return None
+        driver = peer_of(connection)
+        if _is_released(connection, driver, line):
+            return StoppedDriver(driver.pid, killed=False)
+        _kill(driver, line)
+        return StoppedDriver(driver.pid, killed=True)
+
+
+def _is_released(connection: socket.socket, driver: Peer, line: str) -> bool:
+    """Wait for the end of the connection; return False when its time is over. SafetyError when the driver refuses."""
+    try:
+        if connection.recv(len(REFUSED)) == REFUSED:
+            raise SafetyError(
+                f"its driver (process {driver.pid}) goes on: your user may not open this port",
+                where=line,
+                cure=f"run `smadrive off` as {who_may_open(line)}, or cut the heater's supply",
+            )
+    except TimeoutError:
+        return False
+    except ConnectionError:  # it was killed
+        return True
+    return True
+
+
+def _kill(driver: Peer, line: str) -> None:
+    """Kill the driver and wait for its end; the descriptor cannot come to mean another process."""
+    with suppress(ProcessLookupError):
+        process = os.pidfd_open(driver.pid)
+        try:
+            signal.pidfd_send_signal(process, signal.SIGKILL)
+            select.select((process,), (), (), DIES_WITHIN_S)
+        except PermissionError:
+            raise SafetyError(
+                f"its driver (process {driver.pid}) does not answer, and your user may not end it",
+                where=line,
+                cure=f"end it as its user or as root (`sudo kill -9 {driver.pid}`), then run this again",
+            ) from None
+        finally:
+            os.close(process)

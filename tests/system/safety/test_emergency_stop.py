@@ -1,0 +1,162 @@
+"""`smadrive off` while a driver runs: the driver ends, and the heater is confirmed off, in real time."""
+
+import json
+import signal
+import subprocess
+import sys
+import tomllib
+
+import programs
+import pytest
+from marks import exhaustive
+from served import PATIENT, served
+from supply_rig import RIG
+
+from smadrive.files.shipped import configs_dir
+from smadrive.hysteresis import DuhemModel, save_model
+
+DRIVER = """
+import sys, time
+from smadrive.rig.rig import Rig
+from smadrive.rig.config import load_rig
+with Rig(load_rig(sys.argv[1])) as rig:
+    rig.heater.arm(rig.config.limits.watchdog_s)
+    for tick in range(100_000):
+        rig.heater.exchange(0.3)
+        if tick == 2:
+            print("heating", flush=True)
+        while sys.argv[2] == "hangs" and tick > 4:
+            pass
+        time.sleep(0.05)
+"""
+SWITCHED_ON = {"board": "armed", "supply": "output on"}
+SWITCHED_OFF = {"board": ("disarmed", "heater off"), "supply": ("output off",)}
+WIRE = DuhemModel.gaussian(
+    mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 130)
+)
+
+
+class Heated:
+    """A served board or supply, and the rig file for it."""
+
+    def __init__(self, kind, source, rig):
+        self.kind, self.source, self.rig = kind, source, rig
+
+    def drive(self, manner="runs"):
+        """A driver that heats."""
+        return self.start("-c", DRIVER, str(self.rig), manner)
+
+    def start(self, *arguments, **options):
+        """A program that heats or is going to heat; it is killed at the end of its block."""
+        return programs.Program(
+            [sys.executable, *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=self.rig.parent,
+            **options,
+        )
+
+    def is_switched_on(self):
+        return SWITCHED_ON[self.kind] in self.source.stderr.readline()
+
+    def is_switched_off(self):
+        line = self.source.stderr.readline()
+        return any(text in line for text in SWITCHED_OFF[self.kind])
+
+    def off(self):
+        """The result of `smadrive off`, which succeeds."""
+        done = programs.run(self._off(), capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return json.loads(done.stdout)
+
+    def begin_off(self):
+        """`smadrive off`, not awaited."""
+        return programs.Program(self._off(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+    def _off(self):
+        return [sys.executable, "-m", "smadrive", "off", str(self.rig), "--json"]
+
+
+@pytest.fixture(params=["board", "supply"])
+def heated(request, tmp_path):
+    if request.param == "board":
+        with served("--pty", str(tmp_path / "port")) as (process, url):
+            text = (configs_dir() / "rigs" / "simulated.toml").read_text()
+            text = text.replace(tomllib.loads(text)["devices"][0]["url"], url + PATIENT)
+            (tmp_path / "rig.toml").write_text(text)
+            yield Heated("board", process, tmp_path / "rig.toml")
+        return
+    with (
+        served("--profile", "riden-rd60xx", "--rtu-tcp", "0") as (process, url),
+        served("--profile", "delta-dtb") as (_, reader_url),
+    ):
+        text = RIG.format(supply=url + PATIENT, reader=reader_url + PATIENT)
+        text = text.replace("watchdog_s = 1.0", "watchdog_s = 10.0").replace(
+            "stale_after_s = 1.0", "stale_after_s = 10.0"
+        )
+        (tmp_path / "rig.toml").write_text(text)
+        yield Heated("supply", process, tmp_path / "rig.toml")
+
+
+def test_running_driver_is_stopped(heated):
+    with heated.drive() as driver:
+        assert driver.stdout.readline() == "heating\n"
+        assert heated.is_switched_on()
+        done = heated.off()
+        assert heated.is_switched_off()
+        said = driver.communicate()[1]
+    assert "StoppedError" in said
+    assert done["stopped_drivers"] == [{"pid": driver.pid, "killed": False}]
+    assert (done["safe"], done["faults"]) == (True, [])
+
+
+@pytest.mark.parametrize("manner", ["stopped", "hangs"])
+def test_driver_that_does_not_answer_is_ended_and_the_heater_is_off(heated, manner):
+    with heated.drive(manner) as driver:
+        assert driver.stdout.readline() == "heating\n"
+        assert heated.is_switched_on()
+        if manner == "stopped":
+            driver.send_signal(signal.SIGSTOP)
+        done = heated.off()
+        assert heated.is_switched_off()
+        assert driver.wait() != 0
+    assert [stopped["pid"] for stopped in done["stopped_drivers"]] == [driver.pid]
+    assert done["safe"]
+    assert done["waiting_guardians"] == []
+
+
+def test_two_requests_at_once_both_confirm_the_heater_off(heated):
+    with heated.drive() as driver:
+        assert driver.stdout.readline() == "heating\n"
+        both = heated.begin_off(), heated.begin_off()
+        for off in both:
+            with off:
+                stdout, stderr = off.communicate()
+                assert off.returncode == 0, stderr
+                assert json.loads(stdout)["safe"]
+        driver.communicate()
+
+
+@pytest.mark.parametrize("heated", ["board", exhaustive("supply")], indirect=True)
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("excite", "rig.toml", "-o", "log.h5"),
+        ("tune", "rig.toml", "--model", "wire.json", "--port", "0", "--no-browser"),
+    ],
+    ids=lambda arguments: arguments[0],
+)
+def test_command_that_is_stopped_ends_with_the_code_of_safety_and_latches_no_trip(heated, arguments):
+    save_model(WIRE, heated.rig.parent / "wire.json")
+    with heated.start("-m", "smadrive", *arguments) as driver:
+        if arguments[0] == "excite":
+            assert heated.is_switched_on()
+        else:
+            assert driver.stdout.readline()
+        done = heated.off()
+        said = driver.communicate()[1]
+    assert driver.returncode == 4, said
+    assert "stopped by `smadrive off`" in said
+    assert "confirmed by read-back" in said
+    assert (done["stopped_drivers"], done["faults"]) == ([{"pid": driver.pid, "killed": False}], [])

@@ -1,0 +1,64 @@
+"""Who may stop the driver of a line: every user that may open its port."""
+
+import os
+import socket
+
+import pytest
+
+from smadrive.devices.stopping.endpoint import Peer, address_of, peer_of, port_path, who_may_open
+
+OWNER, MEMBER, OTHER = 4001, 4002, 4003
+
+
+@pytest.fixture
+def line(tmp_path):
+    """The line of a port that belongs to OWNER, and to a group that MEMBER is in."""
+    port = tmp_path / "port"
+    port.touch()
+    if os.geteuid() != 0:
+        pytest.skip("only root can give a port to another user")
+    os.chown(port, OWNER, MEMBER)
+    return f"serial://{port}"
+
+
+@pytest.mark.parametrize(
+    ("mode", "allowed"),
+    [
+        (0o600, {OWNER}),
+        (0o660, {OWNER, MEMBER}),
+        (0o666, {OWNER, MEMBER, OTHER}),
+        (0o640, {OWNER}),
+        (0o006, {OTHER}),
+    ],
+)
+def test_permissions_of_the_port_decide_who_may_stop(line, mode, allowed):
+    port_path(line).chmod(mode)
+    peers = [Peer(1, user, user) for user in (OWNER, MEMBER, OTHER)]
+    assert {peer.user_id for peer in peers if peer.may_open(line)} == allowed
+    assert Peer(1, 0, 0).may_open(line)
+
+
+def test_network_port_is_open_to_every_user():
+    assert Peer(1, OTHER, OTHER).may_open("tcp://127.0.0.1:502 unit 1")
+
+
+def test_port_that_is_gone_keeps_nobody_from_stopping(tmp_path):
+    assert Peer(1, OTHER, OTHER).may_open(f"serial://{tmp_path}/gone")
+
+
+@pytest.mark.parametrize(
+    ("mode", "named"), [(0o600, {str(OWNER)}), (0o660, {str(OWNER), str(MEMBER)}), (0o060, {str(MEMBER)})]
+)
+def test_sentence_names_who_may_open_the_port(line, mode, named):
+    port_path(line).chmod(mode)
+    assert {word for word in who_may_open(line).split() if word.isdigit()} == named
+
+
+def test_peer_is_the_process_at_the_other_end():
+    here, there = socket.socketpair()
+    with here, there:
+        assert peer_of(here) == (os.getpid(), os.geteuid(), os.getegid())
+
+
+def test_lines_have_different_addresses():
+    assert address_of("serial:///dev/ttyUSB0") != address_of("serial:///dev/ttyUSB1")

@@ -1,0 +1,140 @@
+"""A request to stop: the driver is interrupted, and the asker waits until its line is free."""
+
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import programs
+import pytest
+
+from smadrive.devices.stopping.listener import StopListener
+from smadrive.devices.stopping.request import stop_driver
+from smadrive.errors import BusyError
+
+DRIVER = """
+import signal, sys, time
+from smadrive.devices.stopping.listener import StopListener
+hangs = sys.argv[2] == "hangs"
+signal.signal(signal.SIGINT, signal.SIG_IGN if hangs else signal.default_int_handler)
+try:
+    with StopListener() as listener:
+        listener.listen([sys.argv[1]])
+        print("listens", flush=True)
+        time.sleep(60)
+except KeyboardInterrupt:
+    print("asked" if listener.requested else "interrupted", flush=True)
+"""
+STRANGER = """
+import os, sys
+os.setgroups([])
+os.setgid(4003)
+os.setuid(4003)
+from smadrive.devices.stopping.request import stop_driver
+from smadrive.errors import SafetyError
+try:
+    stop_driver(sys.argv[1], 0.5)
+except SafetyError as error:
+    print(error.where, error.cure, sep="\\n")
+"""
+
+
+@pytest.fixture
+def line(tmp_path):
+    """The line of a port that this user alone may open."""
+    port = tmp_path / "port"
+    port.touch(mode=0o600)
+    return f"serial://{port}"
+
+
+@pytest.fixture
+def driver(line):
+    """`driver(kind)`: a process that listens at the line, and sleeps when it is "idle" or "hangs"."""
+    processes = []
+
+    def start(kind):
+        process = programs.Program(
+            [sys.executable, "-c", DRIVER, line, kind], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        )
+        processes.append(process)
+        assert process.stdout.readline() == "listens\n", process.stderr.read()
+        return process
+
+    yield start
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+def test_line_without_a_driver_needs_no_stop(line):
+    assert stop_driver(line) is None
+
+
+def test_idle_driver_is_interrupted_and_has_released_its_line(driver, line):
+    process = driver("idle")
+    stopped = stop_driver(line, 60.0)
+    assert (stopped.pid, stopped.killed) == (process.pid, False)
+    assert process.communicate()[0] == "asked\n"
+    assert stop_driver(line) is None
+
+
+def test_interruption_without_a_request_is_none(driver):
+    process = driver("idle")
+    process.send_signal(signal.SIGINT)
+    assert process.communicate()[0] == "interrupted\n"
+
+
+@pytest.mark.parametrize("kind", ["hangs", "stopped", "ended meanwhile"])
+def test_driver_that_does_not_answer_is_killed(driver, line, kind):
+    process = driver("hangs" if kind == "hangs" else "idle")
+    if kind == "stopped":
+        process.send_signal(signal.SIGSTOP)
+    if kind == "ended meanwhile":
+        process.send_signal(signal.SIGSTOP)
+        killer = threading.Timer(0.2, process.kill)
+        killer.start()
+    stopped = stop_driver(line, 0.5 if kind != "ended meanwhile" else 60.0)
+    assert (stopped.pid, stopped.killed) == (process.pid, kind != "ended meanwhile")
+    assert process.wait() == -signal.SIGKILL
+    assert stop_driver(line) is None
+
+
+def test_several_askers_all_wait_for_the_end(driver, line):
+    process = driver("idle")
+    process.send_signal(signal.SIGSTOP)
+    results = []
+    askers = [threading.Thread(target=lambda: results.append(stop_driver(line, 60.0))) for _ in range(3)]
+    for asker in askers:
+        asker.start()
+    time.sleep(0.2)
+    process.send_signal(signal.SIGCONT)
+    for asker in askers:
+        asker.join()
+    assert process.communicate()[0] == "asked\n"
+    assert all(stopped is None or not stopped.killed for stopped in results)
+
+
+def test_second_driver_of_a_line_is_refused(line):
+    with StopListener() as first, StopListener() as second:
+        first.listen([line])
+        with pytest.raises(BusyError) as error:
+            second.listen([line])
+        assert error.value.where == line
+
+
+def test_listener_without_a_line_ends():
+    with StopListener() as listener:
+        listener.listen([])
+    assert not listener.requested
+
+
+@pytest.mark.skipif(os.geteuid() != 0, reason="only root can start a program of another user")
+def test_user_without_rights_on_the_port_is_refused_and_told_who_has_them(driver, line):
+    process = driver("idle")
+    refused = programs.run([sys.executable, "-c", STRANGER, line], capture_output=True, text=True, check=True)
+    where, cure = refused.stdout.splitlines()
+    assert where == line
+    assert "root" in cure
+    assert process.poll() is None
