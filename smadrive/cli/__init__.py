@@ -74,7 +74,7 @@ def _is_printed(outcome: ShutdownOutcome, error: BaseException) -> bool:
 
 def _print_end(error: BaseException, *ending: str) -> None:
     """Print the ending, the notes and the outcome of `error`, a line each. A broken stderr changes no exit code."""
-    outcome = shutdown_of(error)
+    outcome = shutdown_of(error.__cause__ if isinstance(error, StoppedError) and error.__cause__ else error)
     confirmed = (str(outcome),) if outcome is not None and outcome.confirmed and _is_printed(outcome, error) else ()
     if sys.stderr is not None:
         with suppress(OSError, ValueError):

@@ -21,6 +21,7 @@ from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.devices.identity import DeviceType, Proof
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.latch import TripLatch
+from smadrive.devices.stopping.listener import StopListener
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem
 from smadrive.identification.excitation import Excitation, nested_reversals
@@ -30,7 +31,6 @@ from smadrive.rig.assembly import open_devices
 from smadrive.rig.config import RigConfig
 from smadrive.rig.config_checks import check_limits, check_same_wire
 from smadrive.rig.controllers import excitation_controller, tracking_controller
-from smadrive.rig.emergency_stop import stops_on_request
 from smadrive.rig.plan import STALE_PERIODS, plan_rig
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR
@@ -88,7 +88,7 @@ class Rig:
     def __enter__(self) -> Self:
         """Open the ports, check the identity of every device in use, enter the safe state."""
         with ExitStack() as stack:
-            listener = stack.enter_context(stops_on_request(self._where))
+            listener = stack.enter_context(StopListener(self._where))
             opened = open_devices(self._plan, stack, self._clock, self._transports, self._trace_folder)
             self.heater, self.devices, self.clock = opened.heater, opened.by_name, opened.clock
             listener.listen(opened.lines)

@@ -1,6 +1,6 @@
 """The time to zero current after the driver dies while heating, in real time, on a board and on a supply.
 
-    python tests/benchmarks/driver_death.py [--trials 200] [--rig board|supply|gateway] [--at-once 4]
+    python tests/benchmarks/driver_death.py [--trials 200] [--rig board|supply|gateway] [--fate off] [--at-once 4]
 
 Every trial starts a bench and a driver as processes of their own. The driver heats, and fails at a random moment in one
 of several ways ("fate"). The time ends when the bench logs that the output is off. The table has, for each fate, the
@@ -11,6 +11,9 @@ time starts at that moment.
 `gateway` is the supply behind a network gateway. Either its connection is half-open when the driver dies, or the
 gateway forwards nothing for a while (frozen), and the time starts at the end of that. When driver and guardian are both
 killed within 0.3 s, a supply may heat on, because neither could switch it off; such trials are counted too.
+
+"off" is the emergency stop: `smadrive off` is started while the driver runs, stands still (stopped) or hangs, and the
+time starts with it. Its start and its confirmation belong to the trial: an `off` that does not confirm is an error.
 
 The machine must be idle: a bench that is slower than real time delays the result itself.
 """
@@ -26,6 +29,7 @@ import random
 import re
 import signal
 import statistics
+import subprocess
 import sys
 import tempfile
 import time
@@ -53,11 +57,12 @@ SIGNALS = {"killed": signal.SIGKILL, "stopped": signal.SIGSTOP, "terminated": si
 BY_SCRIPT = {"cable out for 2 s": ("vanish", "for_s = 2.0", 2.0), "power cycle": ("reboot", "", 0.0)}
 BOTH_KILLED = ("driver, then guardian killed", "guardian, then driver killed")
 HALF_OPEN = {"half-open, killed": "killed", "half-open, Ctrl-C": "Ctrl-C", "half-open, exception": "exception"}
+OFF = ("off", "off, stopped", "off, hung")
 FROZEN = "frozen for 2 s"
 FROZEN_S = 2.0
 FATES = {
-    "board": (*SIGNALS, "exception", *BY_SCRIPT),
-    "supply": (*SIGNALS, "exception", *BY_SCRIPT, *BOTH_KILLED),
+    "board": (*SIGNALS, "exception", *BY_SCRIPT, *OFF),
+    "supply": (*SIGNALS, "exception", *BY_SCRIPT, *BOTH_KILLED, *OFF),
     "gateway": (*HALF_OPEN, FROZEN),
 }
 BETWEEN_S = 0.3
@@ -168,7 +173,16 @@ def drive(rig_file: Path, orders: Connection) -> None:
             if tick == HEATING_TICK:
                 orders.send("heating")
             if orders.poll(rig.period_s / 2):
+                if orders.recv() == "hang":
+                    hang()
                 raise ZeroDivisionError("in the controller")
+
+
+def hang() -> None:
+    """Compute without end, and obey no interruption."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    while True:
+        pass
 
 
 def wait_for(log: Path, pattern: re.Pattern[str], seen: int, until_s: float) -> float | None:
@@ -228,7 +242,7 @@ def trial(kind: str, fate: str, seed: int) -> float | None:
                 raise RuntimeError(log.read_text())
             with (
                 through_gateway(kind, SERVED.findall(log.read_text())) as (gateway, urls),
-                process(drive, rig_file(kind, folder, urls), there, log=driver_log) as driver,
+                process(drive, rig := rig_file(kind, folder, urls), there, log=driver_log) as driver,
             ):
                 there.close()  # so that the end of the driver is noticed
                 try:
@@ -239,7 +253,10 @@ def trial(kind: str, fate: str, seed: int) -> float | None:
                     raise RuntimeError("the fault of the script came before the driver was up: fewer --at-once")
                 with orphans_ended(driver):
                     met_s = meet(driver, here, fate, log, generator, gateway)
+                    off = begin_off(rig) if fate in OFF else None
                     off_s = wait_for_off(log, met_s + wait_s + LEFT_AFTER_S)
+                    if off is not None and off.wait() != 0:
+                        raise RuntimeError(f"off ended with {off.returncode}")
         if off_s is None:
             if fate not in BOTH_KILLED:
                 print(
@@ -272,13 +289,23 @@ def meet(
     if gateway is not None:
         gateway.strand()
     met_s = time.monotonic()
-    if fate in BOTH_KILLED:
+    if fate in OFF:
+        if fate == "off, stopped":
+            os.kill(driver.pid or 0, signal.SIGSTOP)
+        if fate == "off, hung":
+            orders.send("hang")
+    elif fate in BOTH_KILLED:
         kill_both(driver, fate, generator)
     elif (end := HALF_OPEN.get(fate, fate)) in SIGNALS:
         os.kill(driver.pid or 0, SIGNALS[end])
     else:
         orders.send("fail")
     return met_s
+
+
+def begin_off(rig_file: Path) -> subprocess.Popen[bytes]:
+    """Start the emergency stop of the rig."""
+    return subprocess.Popen([sys.executable, "-m", "smadrive", "off", str(rig_file)], stdout=subprocess.DEVNULL)
 
 
 def kill_both(driver: BaseProcess, fate: str, generator: random.Random) -> None:
@@ -295,6 +322,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--trials", type=int, default=200)
     parser.add_argument("--rig", choices=tuple(PROFILES), action="append")
+    parser.add_argument("--fate", choices=sorted({fate for fates in FATES.values() for fate in fates}), action="append")
     parser.add_argument("--at-once", type=int, default=4)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
@@ -305,6 +333,8 @@ def main() -> None:
     print(f"{'rig':8}{'fate':30}{'trials':>7}{'median s':>10}{'worst s':>10}{'left heating':>14}")
     for kind in arguments.rig or PROFILES:
         for fate in FATES[kind]:
+            if arguments.fate and fate not in arguments.fate:
+                continue
             with ThreadPoolExecutor(arguments.at_once) as pool:
                 times_s = list(pool.map(partial(lasting_trial, kind, fate), seeds))
             ended_s = [time_s for time_s in times_s if time_s is not None]

@@ -31,7 +31,7 @@ _CREDENTIALS = struct.Struct("3i")
 _ACL = "system.posix_acl_access"
 
 
-class Peer(NamedTuple):
+class PeerProcess(NamedTuple):
     """The process at the other end of a connection, and its user, as the kernel names them."""
 
     pid: int
@@ -66,9 +66,11 @@ def address_of(line: str) -> str:
     return f"\0smadrive/{sha256(line.encode()).hexdigest()[:32]}"
 
 
-def peer_of(connection: socket.socket) -> Peer:
+def peer_of(connection: socket.socket) -> PeerProcess:
     """Return the process at the other end; for a driver it is the process that began to listen."""
-    return Peer(*_CREDENTIALS.unpack(connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)))
+    return PeerProcess(
+        *_CREDENTIALS.unpack(connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
+    )
 
 
 def port_path(line: str) -> Path | None:

@@ -17,20 +17,21 @@ from types import TracebackType
 from typing import Self
 
 from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, peer_of
-from smadrive.errors import BusyError
+from smadrive.errors import BusyError, StoppedError
 
 BACKLOG = 16
 
 
 class StopListener:
-    """Listens for requests to stop this driver. A context manager: leaving it tells every asker that the line is free.
+    """Listens for requests to stop the driver called `where`. A context manager.
 
-    So it is entered before the ports are opened, and left after they are closed.
+    Leaving it tells every asker that the line is free, so it is entered before the ports are opened and left after they
+    are closed. An interruption that a request has caused leaves it as StoppedError, with the interruption as its cause.
     """
 
-    def __init__(self) -> None:
-        self.requested = False
-        """True when a process has asked this driver to stop."""
+    def __init__(self, where: str) -> None:
+        self._where = where
+        self._requested = False
         self._selector = selectors.DefaultSelector()
         self._askers: list[socket.socket] = []
         self._thread: threading.Thread | None = None
@@ -55,7 +56,15 @@ class StopListener:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop listening, and close the connections of the askers."""
+        """Stop listening, and close the connections of the askers; StoppedError if one of them ended the block."""
+        self._close()
+        if self._requested and isinstance(error, KeyboardInterrupt | SystemExit):
+            stopped = StoppedError("stopped by `smadrive off`", where=self._where)
+            for note in getattr(error, "__notes__", ()):
+                stopped.add_note(note)
+            raise stopped from error
+
+    def _close(self) -> None:
         if self._thread is not None:
             self._end.close()
             self._thread.join()
@@ -79,7 +88,7 @@ class StopListener:
             asker, _ = listening.accept()
             if peer_of(asker).may_open(line):
                 self._askers.append(asker)
-                self.requested = True
+                self._requested = True
                 signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
             else:
                 with asker:

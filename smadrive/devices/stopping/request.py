@@ -13,7 +13,7 @@ import socket
 from contextlib import suppress
 from dataclasses import dataclass
 
-from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, Peer, address_of, peer_of, who_may_open
+from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, PeerProcess, address_of, peer_of, who_may_open
 from smadrive.errors import SafetyError
 
 ANSWERS_WITHIN_S = 3.0
@@ -55,7 +55,7 @@ def stop_driver(line: str, within_s: float = ANSWERS_WITHIN_S) -> StoppedDriver 
         return StoppedDriver(driver.pid, killed=True)
 
 
-def _is_released(connection: socket.socket, driver: Peer, line: str) -> bool:
+def _is_released(connection: socket.socket, driver: PeerProcess, line: str) -> bool:
     """Wait for the end of the connection; return False when its time is over. SafetyError when the driver refuses."""
     try:
         if connection.recv(len(REFUSED)) == REFUSED:
@@ -71,7 +71,7 @@ def _is_released(connection: socket.socket, driver: Peer, line: str) -> bool:
     return True
 
 
-def _kill(driver: Peer, line: str) -> None:
+def _kill(driver: PeerProcess, line: str) -> None:
     """Kill the driver and wait for its end; the descriptor cannot come to mean another process."""
     with suppress(ProcessLookupError):
         process = os.pidfd_open(driver.pid)

@@ -5,7 +5,7 @@ import socket
 
 import pytest
 
-from smadrive.devices.stopping.endpoint import Peer, address_of, peer_of, port_path, who_may_open
+from smadrive.devices.stopping.endpoint import PeerProcess, address_of, peer_of, port_path, who_may_open
 
 OWNER, MEMBER, OTHER = 4001, 4002, 4003
 
@@ -33,17 +33,17 @@ def line(tmp_path):
 )
 def test_permissions_of_the_port_decide_who_may_stop(line, mode, allowed):
     port_path(line).chmod(mode)
-    peers = [Peer(1, user, user) for user in (OWNER, MEMBER, OTHER)]
+    peers = [PeerProcess(1, user, user) for user in (OWNER, MEMBER, OTHER)]
     assert {peer.user_id for peer in peers if peer.may_open(line)} == allowed
-    assert Peer(1, 0, 0).may_open(line)
+    assert PeerProcess(1, 0, 0).may_open(line)
 
 
 def test_network_port_is_open_to_every_user():
-    assert Peer(1, OTHER, OTHER).may_open("tcp://127.0.0.1:502 unit 1")
+    assert PeerProcess(1, OTHER, OTHER).may_open("tcp://127.0.0.1:502 unit 1")
 
 
 def test_port_that_is_gone_keeps_nobody_from_stopping(tmp_path):
-    assert Peer(1, OTHER, OTHER).may_open(f"serial://{tmp_path}/gone")
+    assert PeerProcess(1, OTHER, OTHER).may_open(f"serial://{tmp_path}/gone")
 
 
 @pytest.mark.parametrize(

@@ -17,15 +17,18 @@ from smadrive.errors import BusyError
 DRIVER = """
 import signal, sys, time
 from smadrive.devices.stopping.listener import StopListener
+from smadrive.errors import StoppedError
 hangs = sys.argv[2] == "hangs"
 signal.signal(signal.SIGINT, signal.SIG_IGN if hangs else signal.default_int_handler)
 try:
-    with StopListener() as listener:
+    with StopListener('driver') as listener:
         listener.listen([sys.argv[1]])
         print("listens", flush=True)
         time.sleep(60)
+except StoppedError as stopped:
+    print(stopped.where, flush=True)
 except KeyboardInterrupt:
-    print("asked" if listener.requested else "interrupted", flush=True)
+    print("interrupted", flush=True)
 """
 STRANGER = """
 import os, sys
@@ -76,7 +79,7 @@ def test_idle_driver_is_interrupted_and_has_released_its_line(driver, line):
     process = driver("idle")
     stopped = stop_driver(line, 60.0)
     assert (stopped.pid, stopped.killed) == (process.pid, False)
-    assert process.communicate()[0] == "asked\n"
+    assert process.communicate()[0] == "driver\n"
     assert stop_driver(line) is None
 
 
@@ -112,12 +115,12 @@ def test_several_askers_all_wait_for_the_end(driver, line):
     process.send_signal(signal.SIGCONT)
     for asker in askers:
         asker.join()
-    assert process.communicate()[0] == "asked\n"
+    assert process.communicate()[0] == "driver\n"
     assert all(stopped is None or not stopped.killed for stopped in results)
 
 
 def test_second_driver_of_a_line_is_refused(line):
-    with StopListener() as first, StopListener() as second:
+    with StopListener("first") as first, StopListener("second") as second:
         first.listen([line])
         with pytest.raises(BusyError) as error:
             second.listen([line])
@@ -125,9 +128,8 @@ def test_second_driver_of_a_line_is_refused(line):
 
 
 def test_listener_without_a_line_ends():
-    with StopListener() as listener:
+    with StopListener("driver") as listener:
         listener.listen([])
-    assert not listener.requested
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can start a program of another user")
