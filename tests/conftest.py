@@ -32,6 +32,19 @@ def pytest_xdist_auto_num_workers(config):
     return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else 3 * len(os.sched_getaffinity(0))
 
 
+WAITS_IN_REAL_TIME = ("tests/system/safety/", "tests/browser/", "tests/system/")
+"""Folders whose files take longest, the longest first."""
+
+
+def pytest_collection_modifyitems(items):
+    """Begin with the files that take longest, so that no worker is left with one at the end."""
+
+    def rank(item):
+        return next((n for n, folder in enumerate(WAITS_IN_REAL_TIME) if item.nodeid.startswith(folder)), 9)
+
+    items.sort(key=rank)
+
+
 @pytest.fixture(autouse=True)
 def state_home(tmp_path_factory, monkeypatch):
     """Where this test, and what it starts, keeps state."""

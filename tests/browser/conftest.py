@@ -149,15 +149,21 @@ def browser():
         browser.close()
 
 
+@pytest.fixture(scope="module")
+def context(browser):
+    """One context for all pages: its cache holds the scripts of the page."""
+    with browser.new_context(viewport={"width": 1280, "height": 800}) as context:
+        yield context
+
+
 @pytest.fixture
-def client(browser, live):
+def client(context, live):
     """Opens pages of the session: `client()` one that may control, `client(token=False)` one that may not."""
-    contexts = []
+    pages = []
 
     def opened(*, token=True, says=None):
-        context = browser.new_context(viewport={"width": 1280, "height": 800})
-        contexts.append(context)
         page = context.new_page()
+        pages.append(page)
         page.set_default_timeout(1000 * PATIENCE_S)
         page.requests = []
         page.on("request", lambda request: page.requests.append(request.url))
@@ -166,5 +172,5 @@ def client(browser, live):
         return page
 
     yield opened
-    for context in contexts:
-        context.close()
+    for page in pages:
+        page.close()

@@ -68,6 +68,7 @@ def test_nothing_overlaps_at_any_window_width(page_of_each_width, live):
         live.wait(lambda page=page: page.evaluate(OVER_OFF) == 0)
 
 
+@pytest.mark.exhaustive
 def test_page_that_watched_before_shows_active_widgets_in_the_accent_colour(client, live):
     first, page = client(), client(says="watches")
     first.close()
@@ -78,6 +79,7 @@ def test_page_that_watched_before_shows_active_widgets_in_the_accent_colour(clie
         live.wait(lambda element=element: element.evaluate(colour) == "rgb(11, 143, 135)")
 
 
+@pytest.mark.exhaustive
 def test_page_opened_later_draws_the_same_errors(client, live):
     page = client()
     heat(page, live)

@@ -64,6 +64,7 @@ def test_off_elsewhere_wins_over_an_earlier_arm_and_the_next_arm_is_accepted(cli
     is_refused_and_the_next_one_arms(page, live)
 
 
+@pytest.mark.exhaustive
 def test_page_with_a_wrong_count_of_offs_gets_the_right_one_after_a_refusal(client, live):
     page = client()
     page.evaluate("() => Bokeh.documents[0].get_model_by_name('button_events').setv({offs: 7}, {sync: false})")
@@ -71,6 +72,7 @@ def test_page_with_a_wrong_count_of_offs_gets_the_right_one_after_a_refusal(clie
     is_refused_and_the_next_one_arms(page, live)
 
 
+@pytest.mark.exhaustive
 def test_arm_right_after_off_on_the_same_page_is_accepted(client, live):
     page = client()
     arm = page.locator("button:enabled", has_text=re.compile("^Arm$")).element_handle()

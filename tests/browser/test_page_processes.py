@@ -15,6 +15,7 @@ from .conftest import PATIENCE_S, Session
 from .page_actions import NONE_A, field, heat
 
 
+@pytest.mark.exhaustive
 def test_second_client_watches_until_the_first_leaves(client, live):
     before = live.in_force
     first, second, outsider = client(), client(says="watches"), client(token=False)
@@ -32,6 +33,7 @@ def test_second_client_watches_until_the_first_leaves(client, live):
     assert outsider.get_by_role("button", name="Arm", exact=True).is_disabled()
 
 
+@pytest.mark.exhaustive
 def test_control_process_knows_how_many_pages_are_open(client, live):
     live.wait(lambda: live.channel.pages == (0, False))
     page = client()
@@ -56,6 +58,7 @@ def test_killed_page_process_is_restarted_while_the_loop_continues(client, live)
     live.wait(lambda: not live.session.mode.heats)
 
 
+@pytest.mark.exhaustive
 def test_page_requested_during_a_restart_loads_when_the_process_answers(browser, live):
     context = browser.new_context()
     for _ in range(2):

@@ -2,13 +2,16 @@
 
 import os
 import pty
+import re
 import signal
 import subprocess
 import sys
+import threading
 import tomllib
 import urllib.request
-from itertools import takewhile
+from contextlib import contextmanager, suppress
 from pathlib import Path
+from urllib.error import HTTPError
 
 import programs
 import pytest
@@ -63,6 +66,25 @@ def test_stderr_is_empty_without_a_terminal(tmp_path):
     assert done.stdout.startswith("l.h5: ")
 
 
+@contextmanager
+def visited(page):
+    """Loads the page again and again during the block: the page process drops one that nothing connects to."""
+    over = threading.Event()
+
+    def visit():
+        while not over.wait(0.2):
+            with suppress(HTTPError), urllib.request.urlopen(page) as reply:  # noqa: S310 (503: enough pages are open)
+                reply.read()
+
+    visitor = threading.Thread(target=visit)
+    visitor.start()
+    try:
+        yield
+    finally:
+        over.set()
+        visitor.join()
+
+
 def test_tune_prints_its_state_and_its_open_pages(tmp_path):
     save_model(WIRE, tmp_path / "wire.json")
     with ServedSimulator("flexinol-lt-0.15mm", real_time=True) as simulator:
@@ -75,15 +97,13 @@ def test_tune_prints_its_state_and_its_open_pages(tmp_path):
         ) as process:
             page = process.stdout.readline().split()[-1]
             alone = process.stdout.readline()
-            with urllib.request.urlopen(page) as reply:  # noqa: S310
-                reply.read()
-            opened = list(takewhile(lambda line: "no page is open" not in line, process.stdout))
+            with visited(page):
+                opened = next(line for line in process.stdout if "no page is open" not in line)
             process.send_signal(signal.SIGINT)
             process.communicate()
     assert process.returncode == 130
     assert "heater off; no page is open; Ctrl-C ends (" in alone
-    assert opened
-    assert all("heater off; 1 page is open, " in line for line in opened)
+    assert re.search(r"heater off; \d pages? (is|are) open, ", opened)
 
 
 @pytest.fixture

@@ -10,6 +10,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 
 import pytest
+from marks import exhaustive
 
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
@@ -187,7 +188,7 @@ class Scene:
         return max((time_s for time_s, current_a in self.current_a if current_a > 0.0), default=0.0) - self.broken_s
 
 
-@pytest.mark.parametrize("phase", PATHS_C)
+@pytest.mark.parametrize("phase", ["heating", *map(exhaustive, ("holding", "cooling"))])
 @pytest.mark.parametrize(
     ("config", "case"),
     [

@@ -148,7 +148,7 @@ def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_wai
     guardian = stage.disconnect(driver, supply)
     at = at if way_in == "--pty" else url.rpartition(":")[2]
     other, _ = stage.serve("riden-rd60xx", 78, way_in, at)
-    for _ in range(5):
+    for _ in range(3):
         probed = stage.smadrive("probe", "--json")
         assert probed.returncode == 0, probed.stderr
         (shown,) = json.loads(probed.stdout)["waiting_guardians"]

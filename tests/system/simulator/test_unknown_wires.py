@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
+from marks import exhaustive
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import SimConfig, load_sim
@@ -39,7 +40,9 @@ class SimulatedRig:
         self.rig = Rig(load_rig("in-process"), transports={"board": device.transport(clock)})
 
 
-@pytest.fixture(scope="module", params=[("duhem", 11), ("two-component", 12), ("preisach", 13)], ids=lambda p: p[0])
+@pytest.fixture(
+    scope="module", params=[("duhem", 11), exhaustive(("two-component", 12)), ("preisach", 13)], ids=lambda p: p[0]
+)
 def wire(request):
     kind, seed = request.param
     sim = random_wire(load_sim("flexinol-lt-0.15mm"), seed, kind)

@@ -4,6 +4,7 @@ from html import unescape
 
 import numpy as np
 import pytest
+from marks import exhaustive
 
 from smadrive.errors import IdentificationError
 from smadrive.tuning.link.samples import COLUMNS
@@ -24,7 +25,7 @@ def loop_mm(wire):
     return parse_wire(wire, place="wire").model.simulate(np.concatenate((DRIVEN_UP_C, DRIVEN_UP_C[::-1])))
 
 
-@pytest.fixture(params=["rig", "ruled_rig"])
+@pytest.fixture(params=["rig", exhaustive("ruled_rig")])
 def tracking(request):
     """A rig that follows the sine by a model whose heating branch is 3 K too warm."""
     rig = request.getfixturevalue(request.param)
