@@ -108,8 +108,9 @@ def test_log_is_readable_while_it_is_written(tmp_path):
 
 
 def test_log_in_a_missing_folder_is_refused(tmp_path):
-    with pytest.raises(DataError, match=r"no/run\.h5"):
+    with pytest.raises(DataError) as error:
         Recorder(tmp_path / "no" / "run.h5", COLUMNS)
+    assert error.value.where == str(tmp_path / "no" / "run.h5")
 
 
 def test_file_that_is_not_a_log_is_named(tmp_path):
@@ -123,9 +124,10 @@ def test_file_that_is_not_a_log_is_named(tmp_path):
 
 def test_missing_column_is_named_with_the_nearest_one(tmp_path):
     log = write(tmp_path / "run.h5", 1)
-    with pytest.raises(DataError, match="'displacement_mm'") as error:
+    with pytest.raises(DataError) as error:
         log.column("displacment_mm")
     assert error.value.where == str(log.path)
+    assert "'displacement_mm'" in error.value.cure
 
 
 def test_value_that_is_not_finite_is_named_by_sample_and_column(tmp_path):
@@ -210,6 +212,7 @@ def test_run_that_failed_before_its_first_row_leaves_no_log(tmp_path):
 
 def test_log_is_never_written_over(tmp_path):
     write(tmp_path / "run.h5", 5)
-    with pytest.raises(DataError, match=r"run\.h5"):
+    with pytest.raises(DataError) as error:
         Recorder(tmp_path / "run.h5", COLUMNS)
+    assert error.value.where == str(tmp_path / "run.h5")
     assert read_log(tmp_path / "run.h5").column("time_s").size == 5
