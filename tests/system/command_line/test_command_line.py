@@ -222,7 +222,7 @@ def test_run_warns_that_only_tune_adapts_the_rules(track, tmp_path):
     adapting = rig_text("[excitation]", "[feedback]\nadapt = true\n\n[excitation]", rig="in-process")
     (tmp_path / "adapting.toml").write_text(adapting)
     ran, log = track("sine:low_mm=2,high_mm=9,period_s=20,cycles=1", rig="adapting.toml")
-    assert "`smadrive tune` alone" in ran["caveats"][0]
+    assert "only in `smadrive tune`" in ran["caveats"][0]
     assert log.json("caveats") == ran["caveats"]
 
 
@@ -321,7 +321,7 @@ WRONG = [
     ("a table over its input", ("invert", "loop.json", "wire.csv", "-o", "./wire.csv"), 2, "wire.csv: is an input"),
     ("data that is a page", ("identify", "link.html", *STRAIN), 2, "link.html: neither a log nor a CSV"),
     ("a demo among other files", ("demo", "-o", "."), 2, "is not empty"),
-    ("tuning in virtual time", ("tune", "in-process", "--model", "loop.json"), 2, "sim:// time is virtual"),
+    ("tuning in virtual time", ("tune", "in-process", "--model", "loop.json"), 2, "the time of sim:// is virtual"),
     ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
     ("a rig that is a pipe", ("probe", "pipe.toml"), 2, "pipe.toml: is a pipe, not a regular file. Give"),
     ("an endless table", ("simulate", "loop.json", "/dev/zero", "-o", "o.csv"), 2, "/dev/zero: is a device, not a reg"),
