@@ -47,7 +47,7 @@ def offs(page):
 
 
 def is_refused_and_the_next_one_arms(page, live):
-    page.locator(".banner", has_text="OFF was pressed after this. Press again").wait_for()
+    page.locator(".banner", has_text="OFF was pressed after this click. Press again").wait_for()
     assert not live.session.mode.heats
     press(page, "Arm")
     live.wait(lambda: live.session.mode.heats)

@@ -29,7 +29,7 @@ DRIVING = ("arm", "track", "hold", "compare")
 NONE_A = 0.002
 """The noise of the simulated current measurement."""
 
-AFTER_OFF = "OFF was pressed after this. Press again."
+AFTER_OFF = "OFF was pressed after this click. Press again."
 """The answer to a request that OFF has overtaken."""
 
 

@@ -42,7 +42,7 @@ def test_fit_to_part_of_the_travel_keeps_its_ends_and_can_drive(tracking, true_m
     def fit():
         wire = tracking.status["tuning"]["wire"]
         fitted = fit_wire(*heated_loop(tracking.page.since(0)[1], 120.0, wire), wire)
-        assert not any("halves of its record" in caveat for caveat in fitted.caveats)
+        assert not any("halves of the record" in caveat for caveat in fitted.caveats)
         text = fitted.text()
         tracking.page.send({"number": 77, "act": "model", "text": text, "source": "fit", "caveats": fitted.caveats})
         wires.extend((wire, text))
@@ -66,7 +66,7 @@ DRIFTS = {
 
 @pytest.mark.parametrize("sensor", DRIFTS)
 def test_fit_to_a_drifting_sensor_keeps_its_warning_in_every_later_model(tracking, sensor):
-    """Its rules are certified and its residual is small enough: no other check finds it."""
+    """The fitted rules are certified and the residual is small enough, so no other check finds the drift."""
     sensed, fitted = getattr(tracking.device.bench.sensors.faults, sensor), []
     tracking.do(30.0, lambda: sensed.begin("drift", None, lambda reading, age_s: DRIFTS[sensor](reading.right, age_s)))
 
@@ -81,7 +81,7 @@ def test_fit_to_a_drifting_sensor_keeps_its_warning_in_every_later_model(trackin
     tracking.at(92.0, "shape", key="scale", value=12.1)
     tracking.run(until_s=94.0)
     assert tracking.answers[77] is None
-    assert "the two halves of its record differ by" in fitted[0]
+    assert "the two halves of the record differ by" in fitted[0]
     status = tracking.status
     assert status["tuning"]["change"] == "scale"
     assert status["tuning"]["caveats"] == fitted
@@ -110,7 +110,7 @@ def test_record_without_a_loop_is_refused_with_a_cure(rig, act, at_s, seconds, r
 
 
 def test_note_of_a_page_is_added_to_the_events(rig):
-    """For instance that nothing could be fitted: other pages would not know it."""
+    """For example, a note says that a fit has failed. Without the event, other pages would not show it."""
     noted = rig.at(1.0, "note", text="not fitted: the last 120 s cannot be fitted: no loop")
     rig.run(until_s=2.0)
     assert rig.answers[noted] is None

@@ -25,8 +25,8 @@ def test_change_is_put_in_force_without_a_jump(rig):
     ("act", "values", "reason"),
     [
         ("shape", {"key": "mu_heating", "value": 60.0}, "must exceed mu_cooling"),
-        ("shape", {"key": "mu_heating", "value": 134.9}, "would need"),
-        ("shape", {"key": "mu_heating", "value": 140.0}, "temperature_max_c"),
+        ("shape", {"key": "mu_heating", "value": 134.9}, "above temperature_max_c"),
+        ("shape", {"key": "mu_heating", "value": 140.0}, "not below temperature_max_c"),
         ("shape", {"key": "scale", "value": 5.0}, "reaches from"),
         ("feedback", {"key": "closed_loop_s", "value": 0.0}, "greater than 0"),
         ("feedback", {"key": "closed_loop_s", "value": 0.04}, "shorter than a period of the loop"),
@@ -41,7 +41,7 @@ def test_change_is_put_in_force_without_a_jump(rig):
         ),
         ("track", {"reference": "steps:low_mm=2,high_mm=9,dwell_s=0.001,cycles=1e5"}, "pieces, at most 2000"),
         ("track", {"reference": "square"}, "neither a shape nor a CSV file"),
-        ("undo", {}, "nothing to undo"),
+        ("undo", {}, "no change to undo"),
         ("recall", {"slot": "A"}, "slot A is empty"),
         ("compare", {"on": True}, "slot A is empty"),
         ("model", {"text": "{}", "source": "elsewhere"}, "elsewhere"),
@@ -135,7 +135,7 @@ def test_comparison_of_equal_tunings_is_refused(rig):
     rig.at(3.0, "track", reference="sine")
     compare = rig.at(5.0, "compare", on=True)
     rig.run(until_s=6.0)
-    assert "slot A and slot B keep the same tuning" in rig.answers[compare]
+    assert "slot A and slot B hold the same tuning" in rig.answers[compare]
     assert not rig.status["comparison"]["on"]
 
 

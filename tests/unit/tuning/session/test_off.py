@@ -145,7 +145,7 @@ def test_every_arm_is_answered_although_off_comes_before_the_wire_is_held(rig):
     off = rig.at(1.0, "off")
     rig.run(until_s=3.0)
     first, second = (rig.answers[arm] for arm in arms)
-    assert "switched off meanwhile" in first
+    assert "switched off in the meantime" in first
     assert "armed already" in second
     assert rig.answers[off] is None
     assert rig.status["mode"] == "off"
