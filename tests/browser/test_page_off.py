@@ -38,11 +38,11 @@ HOLD_BACK = """() => {
     WebSocket.prototype.send = function (...parts) { held.push(() => send.apply(this, parts)); };
     window.letGo = () => { WebSocket.prototype.send = send; held.forEach(sent => sent()); };
 }"""
-"""Holds back the messages of the page until `letGo()`."""
+"""A script that holds back the messages of the page until `letGo()` is called."""
 
 
 def offs(page):
-    """How many OFFs the page knows of."""
+    """Return the number of OFFs that the page knows."""
     return page.evaluate("() => Bokeh.documents[0].get_model_by_name('button_events').offs")
 
 

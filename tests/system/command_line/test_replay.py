@@ -31,7 +31,7 @@ def wire(mu_heating=93.0):
 
 
 def track(path, inverse=None, until_s=inf):
-    """The log of a short tracking run, ended by Ctrl-C at `until_s`."""
+    """Record a short tracking run, which Ctrl-C ends at `until_s`."""
     model = wire()
     reference = sine(low_mm=1.0, high_mm=8.0, period_s=20.0, cycles=1.0).with_approach(0.0, 5.0)
 

@@ -123,7 +123,7 @@ def test_log_that_refers_to_other_content_is_refused(log_file, secret_file, chan
 
 @pytest.mark.parametrize("change", FOREIGN)
 def test_file_that_a_log_refers_to_is_never_opened(log_file, tmp_path, change):
-    """Opening a pipe that nothing writes to would wait for ever."""
+    """If the reader opened the pipe, it would wait for ever, because nothing writes into the pipe."""
     os.mkfifo(tmp_path / "pipe")
     with h5py.File(log_file, "r+") as file:
         change(file, tmp_path / "pipe")

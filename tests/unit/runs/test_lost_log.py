@@ -42,7 +42,7 @@ def _overwrite(path):
 
 
 def _replace(path):
-    """A copy takes the name, as when `rsync` or an editor saves a file."""
+    """Put a copy in the place of the file, as `rsync` and editors do."""
     shutil.copy(path, path.with_name("copy.h5")).rename(path)
 
 

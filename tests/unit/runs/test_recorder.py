@@ -1,4 +1,4 @@
-"""A log returns what was written, in any reader, also after a crash of the run or with a full disk."""
+"""Any reader gets from a log what was written, also after a crash of the run or on a full disk."""
 
 import signal
 import subprocess

@@ -14,7 +14,7 @@ from smadrive.runs.report import Banner, Grid, Listing, Notes, Plot, Tiles, writ
 
 
 class References(HTMLParser):
-    """Collects everything that a browser would fetch."""
+    """Collects the addresses that a browser would fetch."""
 
     def __init__(self):
         super().__init__()

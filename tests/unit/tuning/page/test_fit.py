@@ -1,4 +1,4 @@
-"""A fit to the last seconds: which rows it uses, what it keeps of the old model, whether its model may drive."""
+"""A fit to the last seconds uses the right rows, keeps the ends of the old model, and its model may drive the wire."""
 
 from html import unescape
 
@@ -16,17 +16,17 @@ SINE = "sine:low_mm=2,high_mm=9,period_s=28"
 STARTED_S = 3.0
 WRONG_MU_C = 93.0
 DRIVEN_UP_C = np.linspace(64.0, 94.0, 400)
-"""The range of wire temperatures of the sine."""
+"""Rising wire temperatures over the range of the sine."""
 
 
 def loop_mm(wire):
-    """The loop of a wire file, up and down again."""
+    """Return the displacement of a wire file's model along `DRIVEN_UP_C` and back."""
     return parse_wire(wire, place="wire").model.simulate(np.concatenate((DRIVEN_UP_C, DRIVEN_UP_C[::-1])))
 
 
 @pytest.fixture(params=["rig", "ruled_rig"])
 def tracking(request):
-    """A rig that follows the sine by a model whose heating branch is 3 K too warm."""
+    """A rig that tracks the sine with a model whose heating branch is 3 K too warm."""
     rig = request.getfixturevalue(request.param)
     rig.at(1.0, "shape", key="mu_heating", value=WRONG_MU_C)
     rig.at(2.0, "arm")
@@ -36,7 +36,7 @@ def tracking(request):
 
 @pytest.mark.parametrize("after_s", [45.0, 148.0])
 def test_fit_to_part_of_the_travel_keeps_its_ends_and_can_drive(tracking, true_model, after_s):
-    """With the warm-up within the last 120 s, and without: then the rows alone do not determine a cold wire."""
+    """After 45 s, the last 120 s contain the warm-up. After 148 s they do not, and do not determine a cold wire."""
     wires = []
 
     def fit():

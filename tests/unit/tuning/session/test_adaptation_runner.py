@@ -15,12 +15,12 @@ from smadrive.tuning.tuning import Tuning
 from tests.unit.tuning.conftest import BALANCE
 
 FOUND_S = 76.0
-"""When that adaptation ends."""
+"""The time at which the adaptation of `faulty_rig` finds the fault and ends."""
 
 
 @pytest.fixture
 def faulty_rig(ruled_rig):
-    """A rig that tracks; its adaptation finds at FOUND_S that a sensor is faulty."""
+    """A rig that tracks a reference. At `FOUND_S` its adaptation finds that a sensor is faulty."""
     faults = ruled_rig.device.bench.sensors.faults
     ruled_rig.at(1.0, "arm")
     ruled_rig.at(1.2, "adapt", on=True)

@@ -1,4 +1,4 @@
-"""Changes of the tuning: put in force, refused, undone, compared."""
+"""Changes of the tuning are put in force, refused, undone and compared."""
 
 import numpy as np
 import pytest
@@ -140,7 +140,7 @@ def test_comparison_of_equal_tunings_is_refused(rig):
 
 
 def half_way_c(wire):
-    """The temperature at which the heating branch of a wire file is half way up."""
+    """Return the temperature at which the heating branch of a wire file is half way up."""
     model = parse_wire(wire, place="status").model
     return float(np.interp(0.5, model.engine.heating.target, model.engine.nodes))
 
