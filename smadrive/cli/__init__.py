@@ -1,6 +1,6 @@
 """The command line: one file per command, and the entry point with exit codes and signals.
 
-It may import everything below it. Logic that scripts need too never belongs here, but in rig, runs or tuning.
+It may import everything below it. Logic that scripts also need belongs to rig, runs or tuning, not here.
 
 Every error of smadrive becomes one line on stderr and an exit code: 2 usage or config, 3 communication or device,
 4 safety trip, 5 identification. Ctrl-C, SIGTERM and a closed terminal unwind the program, so the heater is off before

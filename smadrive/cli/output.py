@@ -99,5 +99,5 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise DataError(
-            f"the folder cannot be made: {error.strerror}", where=folder, cure="choose another --output-dir"
+            "the folder cannot be made", where=folder, value=error.strerror, cure="choose another --output-dir"
         ) from None

@@ -31,7 +31,7 @@ class _Output(io.FileIO):
             if isinstance(error, BrokenPipeError):
                 raise
             raise ConfigError(
-                f"cannot be written: {error.strerror}", where="standard output", cure="redirect it to another place"
+                "cannot be written", where="standard output", value=error.strerror, cure="redirect it to another place"
             ) from None
 
 

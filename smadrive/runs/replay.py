@@ -33,6 +33,8 @@ COMMAND_FIELDS = fields_of("command")
 
 MEASUREMENT_FIELDS = fields_of("measurement")
 
+RECORD = "record the run again"
+
 
 @dataclass(frozen=True)
 class Difference:
@@ -64,7 +66,7 @@ def replay(log: Log, wire: IdentifiedWire | None = None) -> Replay:
     """Replay `log` with `wire`, or with the wire of its run. DataError when the log lacks data for a replay."""
     time_s = log.column("time_s")
     if time_s.size == 0:
-        raise DataError("no tick was recorded: there is nothing to replay", where=log.path)
+        raise DataError("no tick was recorded", where=log.path, cure=RECORD)
     commands = list(_commands(log, _controller(log, wire)))
     columns = {name: np.array([getattr(command, key) for command in commands]) for name, key in COMMAND_FIELDS.items()}
     differences = {name: _difference(log.column_with_gaps(name), values, time_s) for name, values in columns.items()}
@@ -78,7 +80,9 @@ def _commands(log: Log, controller: Controller) -> Iterator[Command]:
             yield controller.update(time_s, sample, dt_s)
         except (ArithmeticError, ValueError) as error:
             where = f"{log.path}, sample at {time_s:g} s"
-            raise DataError(f"cannot be replayed: {error}", where=where, cure="record the log again") from None
+            raise DataError(
+                "no command can be computed", where=where, value=error, cure="record the run again"
+            ) from None
 
 
 def prediction_percent(log: Log, estimated_mm: Array, model: HysteresisModel) -> float:

@@ -70,7 +70,7 @@ def _excitation(values: dict[str, Any]) -> Excitation:
 def _reference(values: dict[str, Any]) -> Reference:
     times_s, displacement_mm = (np.array(values[name], np.float64) for name in ("times_s", "displacement_mm"))
     if times_s.shape != displacement_mm.shape or times_s.ndim != 1 or times_s.size < 2:
-        raise ValueError(f"{times_s.shape} times and {displacement_mm.shape} displacements")
+        raise ValueError(f"times of shape {times_s.shape} do not fit displacements of shape {displacement_mm.shape}")
     if not (np.isfinite(displacement_mm).all() and (np.diff(times_s) > 0.0).all()):
         raise ValueError("the times do not increase, or a displacement is not finite")
     return Reference(times_s, displacement_mm, float(values["scored_from_s"]), bool(values["endless"]))

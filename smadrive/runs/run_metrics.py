@@ -119,7 +119,7 @@ def run_metrics(log: Log) -> RunMetrics:
     """Return the metrics of the run in `log`. DataError when the log has no row."""
     time_s = log.column("time_s")
     if time_s.size == 0:
-        raise DataError("no tick was recorded: there is nothing to report", where=log.path)
+        raise DataError("no tick was recorded", where=log.path, cure="record the run again")
     error = error_percent(log) if "reference" in log.metadata else np.array([nan])
     power_w = log.column_with_gaps("current_a") * log.column_with_gaps("voltage_v")
     return RunMetrics(

@@ -88,5 +88,5 @@ class ServedSimulator:
         line = self._process.stdout.readline() if self._process.stdout else ""
         if not line:
             message = self._process.stderr.read().strip() if self._process.stderr else ""
-            raise TransportError(f"the simulated device did not answer: {message or 'no message'}")
+            raise TransportError("the simulated device did not answer", value=message or "no message")
         return line.strip()

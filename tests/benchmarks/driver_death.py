@@ -160,7 +160,7 @@ def serve_bench(*options: str) -> None:
 
 
 def drive(rig_file: Path, orders: Connection) -> None:
-    """Heat; send a message when the wire is heated, and fail on request."""
+    """Heat the wire, send a message when it is warm, and fail on request."""
     with Rig(load_rig(str(rig_file))) as rig:
         rig.heater.arm(rig.config.limits.watchdog_s)
         for tick in itertools.count():

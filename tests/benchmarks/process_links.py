@@ -33,7 +33,7 @@ LOOK_S, OFFS = 0.0002, 200
 
 
 class Memory:
-    """See above."""
+    """The link by a descriptor of anonymous memory."""
 
     def __init__(self, _folder):
         self._ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -58,7 +58,7 @@ class Memory:
 
 
 class Connection:
-    """See above."""
+    """The link by multiprocessing.Pipe."""
 
     def __init__(self, _folder):
         self._ends = multiprocessing.Pipe()
@@ -75,7 +75,7 @@ class Connection:
 
 
 class Zmq:
-    """See above."""
+    """The link by pyzmq."""
 
     def __init__(self, folder):
         self._address = f"ipc://{folder}/pair"

@@ -10,7 +10,7 @@ from smadrive.tuning.session.modes import Mode
 from .page_actions import NONE_A, heat, post_off, press
 
 
-def test_arm_start_hold_and_disarm(client, live):
+def test_start_tracks_hold_keeps_heating_and_disarm_switches_off(client, live):
     page = client()
     heat(page, live)
     press(page, "Hold")

@@ -194,7 +194,7 @@ class LogFile:
             number = getattr(error, "errno", None)  # the text of an OSError from h5py is not that of the system
             reason = os.strerror(number) if number else str(error).splitlines()[0]
             raise DataError(
-                f"the log cannot be written: {reason}", where=self._path, cure="check the folder and its space"
+                "the log cannot be written", where=self._path, value=reason, cure="check the folder and its space"
             ) from None
 
 

@@ -167,9 +167,9 @@ def _completing(model: HysteresisModel, wire_c: Array, reached_mm: Array) -> tup
 
     The path leads to the hot end of the travel and back, then to the cold end and back. The ways to both ends begin at
     the measured displacement, even if `model` expects a different one: a step between record and completing samples
-    would contradict the record, and the fit would bend the ends of the travel to reduce the step. `model` starts its
-    way to the cold end on the branch from the hot end, but the record ends on an inner branch. That way has no samples
-    before the two branches meet.
+    would contradict the record, and the fit would bend the ends of the travel to reduce the step. `model` goes to
+    the cold end along the branch from the hot end, but the record ends on an inner branch. So the samples towards the
+    cold end begin only where these two branches meet.
     """
     cold_c, hot_c = model.input_range
     hottest, coldest = int(np.argmax(wire_c)), int(np.argmin(wire_c))

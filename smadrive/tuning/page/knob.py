@@ -64,7 +64,7 @@ class Knob:
             self._set(value)
 
     def enable(self, on: bool) -> None:
-        """Let the user move the knob, or not."""
+        """Enable the knob if `on`, otherwise disable it."""
         self._slider.disabled = self._field.disabled = not on
 
     def _set(self, value: float) -> None:

@@ -28,7 +28,7 @@ class RulesTable:
         self._source.data = {"centre": centres, **{name: list(laws[name]) for name in LAWS}}
 
     def enable(self, on: bool) -> None:
-        """Let the user edit the table, or not."""
+        """Enable editing if `on`, otherwise disable it."""
         self.widget.editable = on
 
     def _changed(self, _attribute: str, _old: Any, data: dict[str, Any]) -> None:

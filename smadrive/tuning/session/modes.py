@@ -85,4 +85,4 @@ def check_allowed(request: AnyRequest, mode: Mode) -> None:
         if isinstance(request, requests) and mode in modes:
             raise ConfigError(what, cure=cure)
     if isinstance(request, Compare) and request.on and mode not in {Mode.TRACKING, Mode.COMPARING}:
-        raise ConfigError("a comparison needs a running reference", cure="arm, then start one")
+        raise ConfigError("a comparison needs a running reference", cure="arm, then start a reference")

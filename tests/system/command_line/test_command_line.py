@@ -235,7 +235,7 @@ def test_full_disk_is_an_error_and_a_closed_pipe_is_not(tmp_path, arguments, unb
     with Path("/dev/full").open("w") as full:
         done = smadrive(*arguments, cwd=tmp_path, stdout=full, env=environment, is_from_scratch=True)
     assert done.returncode == 2
-    assert done.stderr.startswith("smadrive: standard output: cannot be written: No space left on device")
+    assert done.stderr.startswith("smadrive: standard output: cannot be written (No space left on device)")
     assert len(done.stderr.splitlines()) == 1
     reading, writing = os.pipe()
     os.close(reading)

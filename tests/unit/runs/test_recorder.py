@@ -189,7 +189,7 @@ def test_killed_writer_loses_at_most_a_second(tmp_path, count, expected):
 def test_full_disk_is_reported_before_the_run(tmp_path):
     done = in_a_child(tmp_path / "run.h5", 10, 100_000, limit=1_000_000)
     assert done.returncode == 0, done.stderr
-    assert "run.h5: the log cannot be written: File too large" in done.stdout
+    assert "run.h5: the log cannot be written (File too large)" in done.stdout
     assert list(tmp_path.iterdir()) == []
 
 
@@ -197,7 +197,7 @@ def test_disk_that_fills_during_the_run_keeps_the_rows_written(tmp_path):
     path = tmp_path / "run.h5"
     done = in_a_child(path, 3 * GROWTH_ROWS, 100, limit=600_000)
     assert done.returncode == 0, done.stderr
-    assert "run.h5: the log cannot be written: File too large" in done.stdout
+    assert "run.h5: the log cannot be written (File too large)" in done.stdout
     log = read_log(path)
     assert log.column("time_s").size > GROWTH_ROWS
     assert log.ended_by.startswith("DataError: ")

@@ -44,7 +44,7 @@ class Comparison:
     def slot(self, slot: Slot) -> Tuning:
         """Return the tuning in a slot. ConfigError when the slot is empty."""
         if slot not in self.slots:
-            raise ConfigError(f"slot {slot} is empty", cure="keep a tuning in it first")
+            raise ConfigError(f"slot {slot} is empty", cure="keep a tuning in this slot first")
         return self.slots[slot]
 
     def start(self) -> None:

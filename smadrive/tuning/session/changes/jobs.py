@@ -78,7 +78,7 @@ class ChangeJob(Job):
     change: Change | None = None
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
-        """See Job."""
+        """Return the tuning in force with the change to make in it."""
         return BuildTarget(tunings.in_force, self.change, _running(live))
 
 
@@ -90,7 +90,7 @@ class RecallJob(Job):
     tuning: Tuning
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
-        """See Job."""
+        """Return the kept tuning."""
         return BuildTarget(self.tuning, None, _running(live))
 
 
@@ -102,7 +102,7 @@ class StepJob(Job):
     step: int
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
-        """See Job."""
+        """Return the tuning that undo or redo leads to."""
         tuning = tunings.history.peek(self.step)
         if tuning is None:
             raise ConfigError(f"there is no change to {'undo' if self.step < 0 else 'redo'}")
@@ -132,7 +132,7 @@ class FollowJob(Job):
     name: str | None
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
-        """See Job."""
+        """Return the tuning in force with the new reference."""
         if live is None:
             raise ConfigError("the heater is off", cure="arm first")
         return BuildTarget(tunings.in_force, None, self.path(self.name, tunings.in_force, live.setpoint_mm))
@@ -152,7 +152,7 @@ class TurnJob(Job):
     ready: Callable[[Built], None]
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
-        """See Job."""
+        """Return the tuning of the next turn, with the present reference."""
         return BuildTarget(self.tuning, None, self.reference)
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
@@ -177,7 +177,7 @@ def job_of(request: AnyRequest, tunings: Tunings, path: Path) -> Job:
             return RecallJob(request, f"slot {slot} in force", tuning=kept)
         case Compare(on=False):
             return PutJob(request, "comparison ended", tuning=tunings.history.now)
-    raise ConfigError("no job", where=request.act)
+    raise ConfigError("this request needs no job", where=request.act)
 
 
 def _running(live: SwappableController | None) -> Reference | None:

@@ -34,7 +34,7 @@ class SwappableController:
         return self.reference.value_mm(self.reference_s)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """See Controller."""
+        """Call `at_tick`, and return the command of the controller for this measurement."""
         self.time_s = time_s
         self._at_tick()
         return self._controller.update(self.reference_s, measurement, dt_s)

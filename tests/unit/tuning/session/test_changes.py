@@ -65,7 +65,7 @@ def test_catalogue_refuses_a_reference_that_is_too_long_for_the_page():
     assert "smadrive run" in refused.value.cure
 
 
-def test_undo_and_redo(rig):
+def test_undo_takes_a_change_back_and_redo_can_make_it_again(rig):
     rig.at(1.0, "arm")
     rig.at(2.0, "shape", key="mu_heating", value=92.0)
     rig.at(3.0, "feedback", key="closed_loop_s", value=0.5)
