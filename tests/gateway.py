@@ -6,10 +6,10 @@ import threading
 
 
 class Gateway:
-    """Forwards every connection to `port` of this machine; a context manager. `port` is its own.
+    """A context manager that forwards every connection to `port` of this machine. Its attribute `port` is its own port.
 
     `hang_up()`: the gateway closes the present connections, in order.
-    `strand()`: the present connections are dead in both directions, without a sign; new connections work.
+    `strand()`: the present connections die in both directions, and no end is told; new connections work.
     `freeze()`: no byte passes until `thaw()`; connections are still accepted, as by a kernel.
     """
 

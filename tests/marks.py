@@ -4,5 +4,5 @@ import pytest
 
 
 def exhaustive(*values):
-    """`pytest.param` for a case that is left out by default, because another case stands for its behaviour."""
+    """Return the `pytest.param` of a case that is left out by default. Another case tests the same behaviour."""
     return pytest.param(*values, marks=pytest.mark.exhaustive)

@@ -1,10 +1,10 @@
 """A model of client, bus and device: any order of late, lost, doubled and early frames.
 
-The device numbers what it answers, so that no two replies are alike, and answers in order. A reply that the client
-accepts must be the one to the request of that call. Plain RTU has one exception, which no client can avoid: a second
-copy of a reply that arrives when the next request of the same kind is out. The reply whose place the copy took is then
-such a copy itself, until it has arrived. A proved read, and an exchange whose sequence number is echoed, must be right
-even then.
+The device puts the number of the request into its reply, so that no two replies are equal, and answers in order. A
+reply that the client accepts must be the one to the request of that call. Plain RTU has one exception, which no client
+can avoid: a second copy of a reply that arrives when the next request of the same kind is out. The reply whose place
+the copy took is then such a copy itself, until it has arrived. A proved read, and an exchange whose sequence number is
+echoed, must be right even then.
 """
 
 from dataclasses import dataclass
@@ -28,7 +28,7 @@ LENGTHS = st.integers(1, 3)
 
 @dataclass
 class Fault:
-    """What happens to one reply."""
+    """The fault that one reply meets on the bus."""
 
     deaf: bool = False
     lost: bool = False
@@ -40,7 +40,7 @@ class Fault:
 
 
 class Device:
-    """Every register holds the number of the request that it answers; register 0 what was written to it last."""
+    """Register 0 holds the value that was last written. Every other register holds the number of the request."""
 
     def __init__(self, numbered):
         self.faults = []
@@ -71,7 +71,7 @@ class Device:
         return self._in_order(time_s, frames_, copied=len(frames_) > 1)
 
     def the_last_reply_is_a_copy(self):
-        """A copy was accepted in place of the last reply: that reply may now answer a later request."""
+        """Return True if a copy was accepted in place of the last reply, which may now answer a later request."""
         self.copies_until_s = self._busy_until_s
 
     def _reply(self, pdu):
@@ -101,7 +101,7 @@ class Device:
 
 
 class BusMachine(RuleBasedStateMachine):
-    """Any order of requests and faults."""
+    """The state machine of the test: requests and faults in any order."""
 
     numbered = False
 
@@ -148,7 +148,7 @@ class BusMachine(RuleBasedStateMachine):
 
     @rule(count=st.integers(2, 3))
     def exchange(self, count):
-        """As a heater board does it: the echo of the sequence number proves the reply."""
+        """Exchange values as with a heater board: the echo of the sequence number proves the reply."""
         self.sequence += 1
         request = requests.exchange(0, [self.sequence], 0, count)
         payload = self._payload(request, proved=False)
@@ -171,7 +171,7 @@ class BusMachine(RuleBasedStateMachine):
             assert payload == self.device.answered[request.pdu][2:], "accepted the reply to another request"
 
     def _payload(self, request, *, proved):
-        """What the client accepts; None for an error, which must be one of the bus."""
+        """Return the payload that the client accepts, or None after an error of the bus. No other error is allowed."""
         self.device.answered.clear()
         try:
             return self.client.execute(1, request, TIMING, proved=proved)
@@ -180,6 +180,6 @@ class BusMachine(RuleBasedStateMachine):
 
 
 class NumberedBusMachine(BusMachine):
-    """The same over Modbus TCP."""
+    """The same state machine over Modbus TCP."""
 
     numbered = True

@@ -31,11 +31,11 @@ IMPORTED = (
 )
 STATUS = struct.Struct("i")
 MOST_BYTES = 2**17
-"""Of a request: arguments, environment and folder as JSON."""
+"""Largest size of a request, which is arguments, environment and folder as JSON."""
 
 
 class Program(subprocess.Popen):
-    """A process that the server forks: `Popen`, but for how the process starts and how its end is learnt."""
+    """A process that the server forks. It is a `Popen` that starts its process, and learns its end, in another way."""
 
     def _execute_child(self, *values):
         given = inspect.signature(super()._execute_child).bind(*values).arguments
@@ -69,7 +69,7 @@ class Program(subprocess.Popen):
 
 
 def run(arguments, *, capture_output=False, check=False, input=None, **options):  # noqa: A002
-    """`subprocess.run` for a `Program`."""
+    """Run a `Program` to its end, as `subprocess.run` does."""
     if capture_output:
         options |= {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
     if input is not None:
@@ -84,7 +84,7 @@ def run(arguments, *, capture_output=False, check=False, input=None, **options):
 
 @cache
 def server():
-    """The connection to the server of this process; the server ends when its connection is closed."""
+    """Return the connection to the server of this process. The server ends when the connection is closed."""
     ours, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
     with theirs:
         command = [sys.executable, __file__, str(theirs.fileno())]
@@ -104,7 +104,7 @@ def end_server():
 
 
 def _next_program(control):
-    """The request that this forked child is to run; the server itself never returns before its client is gone."""
+    """Return the request that this forked child must run. In the server, return only when its client is gone."""
     signal.signal(signal.SIGCHLD, signal.SIG_IGN)  # the waiting processes, below, leave nothing behind
     while True:
         message, streams, _, _ = socket.recv_fds(control, MOST_BYTES, 4)
@@ -119,7 +119,7 @@ def _next_program(control):
 
 
 def _is_forked_again(status):
-    """False in the program; its parent tells its process id, waits for its end, tells its status, and ends."""
+    """Fork the program, and return False in it. The parent process reports the program's id and its exit, and ends."""
     signal.signal(signal.SIGCHLD, signal.SIG_DFL)
     pid = os.fork()
     if pid:
@@ -132,7 +132,7 @@ def _is_forked_again(status):
 
 
 def _become(folder, environment, limit, streams):
-    """Take over what belongs to a process of its own, but for its modules."""
+    """Give this process its own arguments, folder, environment and streams. Its modules are imported already."""
     for stream, number in zip(streams, range(3), strict=True):
         os.dup2(stream, number)
     os.closerange(3, os.sysconf("SC_OPEN_MAX"))
@@ -147,7 +147,7 @@ def _become(folder, environment, limit, streams):
 
 
 def _run(_python, kind, what, *arguments):
-    """What `python -m` or `python -c` does."""
+    """Run a module or a text, as `python -m` or `python -c` does."""
     sys.argv = [what if kind == "-m" else kind, *arguments]
     if kind == "-m":
         sys.modules.pop(what, None)

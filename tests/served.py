@@ -9,12 +9,12 @@ import programs
 COMMAND = [sys.executable, "-m", "firmware_sim.cli"]
 SIM = "flexinol-lt-0.15mm"
 PATIENT = "?latency_ms=2000"
-"""Appended to a URL: a busy machine may delay the replies of the process by this time."""
+"""A suffix of a URL. It permits the delay with which a process on a busy machine may reply."""
 
 
 @contextlib.contextmanager
 def served(*options, sim=SIM, cwd=None):
-    """The process, and the first URL that it printed."""
+    """Start the simulator. Yield the process, and the first URL that it prints."""
     with programs.Program(
         [*COMMAND, *([] if sim is None else [sim]), *options],
         stdin=subprocess.PIPE,

@@ -1,4 +1,4 @@
-"""A rig file of a supply and a reader; the ports are filled in."""
+"""The text of a rig file with a supply and a thermocouple reader, in which tests fill in the ports."""
 
 RIG = """
 name = "supply and reader"

@@ -1,10 +1,10 @@
 """The command line: one file per command, and the entry point with exit codes and signals.
 
-It may import everything below it. Logic that a script needs too never belongs here; it belongs to rig, runs or tuning.
+It may import everything below it. Logic that scripts also need belongs to rig, runs or tuning, not here.
 
-Every error of smadrive becomes one line on stderr and its exit code: 2 usage or config, 3 communication or device,
-4 safety trip, 5 identification. Ctrl-C, SIGTERM and a closed terminal unwind the program, so the heater is at zero
-before it ends. A signal does not interrupt the switching off (see interrupts.py). The last lines say whether a run
+Every error of smadrive becomes one line on stderr and an exit code: 2 usage or config, 3 communication or device,
+4 safety trip, 5 identification. Ctrl-C, SIGTERM and a closed terminal unwind the program, so the heater is off before
+the program ends. A signal does not interrupt the switching off (see interrupts.py). The last lines say whether a run
 tripped and whether the heater is confirmed off.
 """
 
@@ -31,7 +31,7 @@ def main() -> None:
     open_stdout()
     interrupt = _Interrupt()
     for number in SIGNALS:
-        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # nohup: go on without a terminal
+        if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # with nohup, SIGHUP stays ignored
             signal.signal(number, interrupt)
     try:
         from smadrive.cli.app import command_line  # noqa: PLC0415 (a signal during this import is handled, too)
@@ -60,7 +60,7 @@ def _endings(interruption: BaseException, ending: str) -> tuple[str, ...]:
 
 
 def _trip_before(interruption: BaseException) -> TripError | None:
-    """The trip that was already ending the run when the signal came; the signal must not hide it."""
+    """Return the trip that was already ending the run when the signal came. The signal must not hide the trip."""
     error: BaseException | None = interruption
     while error is not None and not isinstance(error, TripError):
         error = error.__context__
@@ -68,12 +68,15 @@ def _trip_before(interruption: BaseException) -> TripError | None:
 
 
 def _is_printed(outcome: ShutdownOutcome, error: BaseException) -> bool:
-    """Whether a confirmed outcome is printed: after a run, and after an interruption."""
+    """Return True if a confirmed shutdown is printed, which is so after a run and after an interruption."""
     return outcome.ended_run or isinstance(error, SystemExit | StoppedError)
 
 
 def _print_end(error: BaseException, *ending: str) -> None:
-    """Print the ending, the notes and the outcome of `error`, a line each. A broken stderr changes no exit code."""
+    """Print `ending`, the notes of `error` and the outcome of the shutdown, one line each.
+
+    A broken stderr changes no exit code.
+    """
     outcome = shutdown_of(error.__cause__ if isinstance(error, StoppedError) and error.__cause__ else error)
     confirmed = (str(outcome),) if outcome is not None and outcome.confirmed and _is_printed(outcome, error) else ()
     if sys.stderr is not None:
@@ -83,15 +86,15 @@ def _print_end(error: BaseException, *ending: str) -> None:
 
 
 class _Interrupt:
-    """The handler of `SIGNALS`: the first signal unwinds the program, later ones do not interrupt that.
+    """The handler of `SIGNALS`. The first signal unwinds the program; later signals have no effect.
 
-    Nothing is printed here: a stalled terminal must not keep the heater on.
+    The handler prints nothing, because a stalled terminal must not keep the heater on.
     """
 
     _is_ending = False
 
     def __call__(self, _number: int, _frame: FrameType | None) -> None:
-        """Raise SystemExit once."""
+        """Raise SystemExit at the first signal."""
         if not self._is_ending:
             self._is_ending = True
             raise SystemExit(INTERRUPTED)

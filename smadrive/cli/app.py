@@ -14,7 +14,7 @@ COMMANDS = {
     "excite": "Run the identification experiment on a rig.",
     "identify": "Fit a hysteresis model to recorded data.",
     "simulate": "Simulate a model for the input in a file.",
-    "invert": "Find the input for the output in a file.",
+    "invert": "Find the input with which a model follows the output in a file.",
     "run": "Track a displacement reference on a rig.",
     "tune": "Open the live tuning page of a rig.",
     "report": "Show a log as one page with plots, metrics, faults and provenance, or as CSV.",
@@ -25,12 +25,12 @@ COMMANDS = {
 
 
 def command_line(command: str) -> typer.Typer:
-    """The command line with all commands by name. Only the module of `command` is imported."""
+    """Return the command line with all commands. Only the module of `command` is imported."""
     app = typer.Typer(
         no_args_is_help=True,
         add_completion=False,
         pretty_exceptions_enable=False,
-        help="Driver for shape-memory-alloy wires: it moves a wire to the displacement that is set.",
+        help="Driver for shape-memory-alloy wires: moves a wire to the displacement that you set.",
     )
     app.callback()(_options)
     for name, summary in COMMANDS.items():

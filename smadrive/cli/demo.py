@@ -34,9 +34,9 @@ FOLDER = "smadrive-demo"
 SIM = "flexinol-lt-0.15mm"
 RIG = "simulated"
 PERIOD_S = 56.0
-"""0.0178 Hz, the sine of the published tracking records."""
+"""Period of the reference: 0.0178 Hz, as in the published tracking records."""
 LOW, HIGH = 0.2, 0.8
-"""The ends of the reference, as parts of the identified stroke."""
+"""The ends of the reference, as fractions of the identified stroke."""
 REST_S = 20.0
 """Time between two experiments, in which the wire cools to ambient temperature."""
 
@@ -58,7 +58,8 @@ def main(
         typer.Option(
             "--output-dir",
             "-o",
-            help="Empty folder for logs, model and report; by default smadrive-demo, or the next unused number.",
+            help="Empty folder for logs, model and report. By default smadrive-demo or, if that exists, "
+            "smadrive-demo-2 and so on.",
         ),
     ] = None,
     real_time: Annotated[
@@ -144,7 +145,7 @@ class _Session:
 
 
 def _unused_folder() -> Path:
-    """`smadrive-demo`, or that with the next number that is not in use."""
+    """Return the first of smadrive-demo, smadrive-demo-2, smadrive-demo-3, ... that does not exist."""
     numbered = (Path(FOLDER if n == 1 else f"{FOLDER}-{n}") for n in count(1))
     return next(folder for folder in numbered if not folder.exists())
 

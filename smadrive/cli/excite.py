@@ -43,7 +43,7 @@ def main(
 
 
 def _excite(log_file: Path, rig: Rig, *, quiet: bool) -> LoopMetrics:
-    """Excite the wire; logged to `log_file`, and shown unless `quiet`. Raises TripError."""
+    """Excite the wire and record the run in `log_file`; show the run unless `quiet`. TripError after a trip."""
     measured = rig.measure()
     limit_a = rig.config.limits.current_max_a
     excitation = rig.excitation(measured.temperature_c)
@@ -57,7 +57,7 @@ def _excite(log_file: Path, rig: Rig, *, quiet: bool) -> LoopMetrics:
 
 def _print_metrics(log_file: Path, metrics: LoopMetrics, output: Output, *, tripped: str | None) -> None:
     missed = "1 missed deadline" if metrics.missed_deadlines == 1 else f"{metrics.missed_deadlines} missed deadlines"
-    ended = "the heater is off" if tripped is None else "then it tripped"
+    ended = "the heater is off" if tripped is None else "then the run tripped"
     output.say(f"{log_file}: {metrics.ticks} samples, {missed}; {ended}")
     output.result(
         {

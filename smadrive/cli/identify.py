@@ -1,4 +1,4 @@
-"""`smadrive identify`: a model from recorded data."""
+"""`smadrive identify`: fit a model to recorded data."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from smadrive.wire.identified_wire import IdentifiedWire
 
 
 class Kind(StrEnum):
-    """The kind of the model to fit."""
+    """The kind of model to fit."""
 
     tsfuzzy = "tsfuzzy"
     duhem = "duhem"
@@ -36,7 +36,7 @@ def main(
     data: Annotated[Path, typer.Argument(help="CSV, or the log (.h5) of `smadrive excite`.")],
     model_file: Annotated[Path, typer.Option("--model-file", "-o", help="Model file (JSON) to write.")],
     kind: Annotated[Kind, typer.Option(help="T-S fuzzy Duhem model, or Duhem model.")] = Kind.tsfuzzy,
-    sets: Annotated[int, typer.Option(min=3, max=99, help="Fuzzy sets on the input; two rules for each.")] = 11,
+    sets: Annotated[int, typer.Option(min=3, max=99, help="Number of fuzzy sets; each set has two rules.")] = 11,
     input_column: Annotated[str, typer.Option("--input", help="Column of the input (CSV).")] = "temperature_c",
     output_column: Annotated[str, typer.Option("--output", help="Column of the output (CSV).")] = "displacement_mm",
     plot: Annotated[Path | None, typer.Option(help="Page (HTML) with loop, residuals and rules to write.")] = None,
@@ -69,7 +69,10 @@ def main(
 
 @dataclass(frozen=True)
 class _Identified:
-    """The fit of a record, that of the heat balance (of a log alone), the reasons to distrust them, the axis labels."""
+    """The result of the command: the fit of the model, caveats, and the axis labels of its plot.
+
+    `thermal` is the fit of the heat balance. It is None for a CSV. `caveats` are reasons to distrust the fits.
+    """
 
     fit: AnyFit
     thermal: ThermalFit | None
@@ -95,7 +98,7 @@ def _identify(data: Path, columns: tuple[str, str], kind: Kind, sets: int) -> _I
 
 
 def fit_result(fit: AnyFit, kind: str, model_file: Path) -> dict[str, object]:
-    """The JSON keys of a fit and its model file."""
+    """Return the JSON object that describes a fit and its model file."""
     return {
         "kind": kind,
         "rules": _rules(fit),
@@ -107,7 +110,7 @@ def fit_result(fit: AnyFit, kind: str, model_file: Path) -> dict[str, object]:
 
 
 def _rules(fit: AnyFit) -> int:
-    """Number of rules of a fitted model; 0 for a Duhem model."""
+    """Return the number of rules of a fitted model. A Duhem model has none, so the number is 0."""
     return len(getattr(fit.model, "rules", ()))
 
 
@@ -125,21 +128,25 @@ def _print_fit(output: Output, fit: AnyFit, thermal: ThermalFit | None, caveats:
 
 
 def certificate_rows(certificate: Certificate) -> list[tuple[str, str, str]]:
-    """Rows of name, value and meaning for each figure of a certificate."""
+    """Return a row for each figure of a certificate: its name, its value and its meaning."""
     left = 100 * certificate.loop_contraction
-    fades = "above 0, good: an initial error decays" if certificate.contracting else "not above 0, bad: it persists"
+    decays, persists = "above 0, good: an initial error decays", "not above 0, bad: an initial error persists"
     stays = "good: the output stays in the stroke" if certificate.bounded else "bad: the output leaves the stroke"
     verdict = "may drive a feedforward" if certificate.holds else ", ".join(certificate.shortcomings)
     return [
-        ("contraction", f"{certificate.contraction_rate:.3g}", fades),
+        ("contraction", f"{certificate.contraction_rate:.3g}", decays if certificate.contracting else persists),
         ("left after a loop", "< 0.01 %" if left < 0.01 else f"{left:.2g} %", "of an initial error; less is better"),
         ("bounded", _yes(certificate.bounded), stays),
         (
             "invertible",
             f"{100 * certificate.invertible_share:.1f} %",
-            "of the loop: one input for an output; best 100 %",
+            "of the loop has one input for each output; best is 100 %",
         ),
-        ("turns back", f"{100 * certificate.turned_share:.1f} %", f"of a branch; bad above {100 * MOST_TURNED:g} %"),
+        (
+            "turns back",
+            f"{100 * certificate.turned_share:.1f} %",
+            f"of the travel, along a branch; bad above {100 * MOST_TURNED:g} %",
+        ),
         ("certified", _yes(certificate.holds), verdict),
     ]
 
@@ -149,7 +156,7 @@ def _yes(holds: bool) -> str:
 
 
 def _heat_rows(thermal: ThermalFit) -> list[tuple[str, str, str]]:
-    """Rows of the parameters of the heat balance, with half of their 95 % intervals."""
+    """Return a row for each parameter of the heat balance, with half the width of its 95 % interval."""
     balance, within = thermal.balance, {name: f"±{100 * value:.1f} %" for name, value in thermal.within.items()}
     return [
         ("heat capacity", f"{1e3 * balance.heat_capacity_j_per_k:.2f} mJ/K", within["heat_capacity_j_per_k"]),

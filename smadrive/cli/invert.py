@@ -1,4 +1,4 @@
-"""`smadrive invert`: the input with which a model follows the output in a file."""
+"""`smadrive invert`: find the input with which a model follows the output in a file."""
 
 from __future__ import annotations
 
@@ -20,13 +20,13 @@ def main(
     csv: Annotated[Path, typer.Argument(help="CSV with the setpoint of the output.")],
     output_file: Annotated[Path, typer.Option("--output-file", "-o", help="CSV to write.")],
     input_column: Annotated[str, typer.Option("--input", help="Column to write.")] = "temperature_c",
-    output_column: Annotated[str, typer.Option("--output", help="Column of that setpoint.")] = "displacement_mm",
+    output_column: Annotated[str, typer.Option("--output", help="Column of the setpoint.")] = "displacement_mm",
     start: Annotated[
         float | None, typer.Option(help="Input at the start; the low end of the model's range by default.")
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find the input with which MODEL follows the output in CSV. The column `reachable` is 0 where it saturates."""
+    """Find the input with which MODEL follows the output in CSV. The column `reachable` is 0 where MODEL cannot."""
     output = Output(as_json)
     check_output(output_file, TABLE, model, csv)
     table = read_table(csv)

@@ -52,7 +52,10 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
 
 
 def _waiting_guardians(warnings: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    """The waiting guardians, and the warnings. An unreadable state folder is a warning: the heater is already off."""
+    """Return the waiting guardians and the warnings.
+
+    An unreadable state folder is only a warning, because the heater is already off.
+    """
     try:
         return waiting_guardians(), [*warnings]
     except SafetyError as error:

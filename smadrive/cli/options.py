@@ -1,4 +1,4 @@
-"""Arguments and options that several commands share. Imports little, because `off` must start at once."""
+"""Arguments and options that several commands share. This module imports little, because `off` must start at once."""
 
 from __future__ import annotations
 
@@ -12,6 +12,6 @@ RigFile = Annotated[str, typer.Argument(help="Rig file, or the name of a shipped
 TraceFolder = Annotated[
     Path | None,
     typer.Option(
-        "--trace", metavar="FOLDER", help="Trace the traffic on each bus to a file DEVICE.trace in this folder."
+        "--trace", metavar="FOLDER", help="Write the traffic on each bus to a file DEVICE.trace in this folder."
     ),
 ]

@@ -1,6 +1,6 @@
 """Output of the commands: text and tables for a person, one JSON object for a program.
 
-rich is imported for a table or a progress bar alone: `off` prints lines of text and must start at once.
+rich is imported only for a table or a progress bar: `off` needs neither, and must start at once.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object and 
 
 
 class Output:
-    """Prints results to stdout, and progress to stderr if that is a terminal; `quiet`: nothing but JSON."""
+    """Prints results to stdout, and progress to stderr if stderr is a terminal. If `quiet`, it prints only JSON."""
 
     def __init__(self, as_json: bool) -> None:
         self.quiet = as_json
@@ -39,7 +39,10 @@ class Output:
             self.say(f"warning: {caveat}")
 
     def table(self, header: Sequence[str], rows: Iterable[Sequence[str]], *, notes: bool = False) -> None:
-        """Print a table for a person: names in the first column, then numbers; with `notes` the last holds text."""
+        """Print a table for a person: names in the first column, numbers in the others.
+
+        With `notes`, the last column holds text.
+        """
         if self.quiet:
             return
         from rich.console import Console  # noqa: PLC0415
@@ -60,7 +63,7 @@ class Output:
             print()
 
     def progress(self, title: str) -> Progress:
-        """A progress display with one task, `title`, of unknown length; a context manager."""
+        """Return a progress display with one task of unknown length. The display is a context manager."""
         from rich.console import Console  # noqa: PLC0415
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn  # noqa: PLC0415
 
@@ -83,7 +86,7 @@ def _without_nan(value: Any) -> Any:
 
 
 def make_empty_folder(folder: Path) -> Path:
-    """Make the folder as `make_folder` does; DataError when it contains files, which could be records."""
+    """Make the folder and return it. DataError when it cannot be made, or contains files, which could be records."""
     make_folder(folder)
     if any(folder.iterdir()):
         raise DataError("the folder is not empty", where=folder, cure="choose another --output-dir")
@@ -96,5 +99,5 @@ def make_folder(folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise DataError(
-            f"the folder cannot be made: {error.strerror}", where=folder, cure="choose another --output-dir"
+            "the folder cannot be made", where=folder, value=error.strerror, cure="choose another --output-dir"
         ) from None

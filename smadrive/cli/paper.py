@@ -1,8 +1,8 @@
-"""`smadrive paper`: the published simulation, repeated, and its errors beside the published ones.
+"""`smadrive paper`: repeat the published simulation, and show its errors beside the published ones.
 
 S.-Y. Lee, M. Park, J. Baek, "Modeling of Dynamic Hysteresis Based on Takagi-Sugeno Fuzzy Duhem Model", IJFIS 2013:
-a Duhem model with k = 40 on the range [-300, 300] is rebuilt by 11 x 2 rules. The paper reports errors in [-1.2, 1].
-Its input signals are drawn but not tabulated; here the major loop is one sweep of the range and back, the mixed loop
+11 x 2 rules rebuild a Duhem model with k = 40 on the range [-300, 300]. The paper reports errors in [-1.2, 1]. It shows
+its input signals as figures, without a table. Here, the major loop is one sweep of the range and back; the mixed loop
 adds shrinking reversals.
 """
 
@@ -33,9 +33,11 @@ PAPER_ERROR = (-1.2, 1.0)
 
 @dataclass(frozen=True)
 class Errors:
-    """Model minus Duhem model, in the unit of k = 40: on the two loops of the paper, and on loops of no fit.
+    """The errors of a rebuilt model: its output minus that of the Duhem model.
 
-    `unseen_percent`: the largest error of each random mixed loop, in % of k: median and worst.
+    `major` and `mixed` hold the least and the greatest error on the two loops of the paper, in the unit of k = 40.
+    `unseen_percent` belongs to random loops that no fit used: it holds the median and the maximum of the largest errors
+    on each of these loops, in % of k.
     """
 
     name: str
@@ -63,7 +65,7 @@ def main(
 
 
 def rows(errors: list[Errors]) -> list[tuple[str, ...]]:
-    """The rows of the table of errors; the first has those of the paper."""
+    """Return the rows of the table of errors. The first row holds the errors of the paper."""
     published = f"[{PAPER_ERROR[0]:g}, {PAPER_ERROR[1]:g}]"
     return [
         ("the paper", published, published, "-", "-"),
@@ -81,7 +83,7 @@ def rows(errors: list[Errors]) -> list[tuple[str, ...]]:
 
 
 def rebuild(duhem: DuhemModel) -> dict[str, TSFuzzyDuhem]:
-    """The Duhem model as 11 x 2 rules: derived from its equations, and identified from its output in two ways."""
+    """Return three models of 11 x 2 rules: one derived from the Duhem model, two identified from its output."""
     uniform = np.linspace(*duhem.input_range, SETS)
     path = np.concatenate([major_loop(), random_loop(np.random.default_rng(2013), turns=120)])
     y = duhem.simulate(path)
@@ -93,7 +95,7 @@ def rebuild(duhem: DuhemModel) -> dict[str, TSFuzzyDuhem]:
 
 
 def judge(name: str, model: TSFuzzyDuhem, duhem: DuhemModel) -> Errors:
-    """The errors of one rebuilt model."""
+    """Return the errors of one rebuilt model."""
 
     def error(path: Array) -> Array:
         return model.simulate(path) - duhem.simulate(path)
@@ -111,34 +113,34 @@ def judge(name: str, model: TSFuzzyDuhem, duhem: DuhemModel) -> Errors:
 
 
 def reading() -> list[str]:
-    """The reasons not to use Table 1 as printed: the error of the printed columns, and the columns used instead."""
+    """Return two sentences: why Table 1 is not usable as printed, and which values are used instead."""
     try:
         DuhemModel.gaussian(mu_heating=75, mu_cooling=70, sigma_heating=35, sigma_cooling=-45, input_range=(-300, 300))
     except ModelError as error:
         problem = str(error).removesuffix(".")
-    printed = f"Table 1 as printed (k 40, μ₊ 75, μ₋ 70, σ₊ 35, σ₋ -45) is no valid model: {problem}."
+    printed = f"Table 1 as printed (k 40, μ₊ 75, μ₋ 70, σ₊ 35, σ₋ -45) is not a valid model: {problem}."
     used = (
-        "Table 1 as it is used: k 40, μ₊ 35, μ₋ -45, σ₊ 75, σ₋ 70. The range ±300 is then 3.5 σ on either side "
-        "and the branches cross at -1165, far outside. k is counted once: in y = k w, not also in the slope."
+        "Table 1 as it is used: k 40, μ₊ 35, μ₋ -45, σ₊ 75, σ₋ 70. The range ±300 is then 3.5 σ on either side, "
+        "and the branches cross at -1165, far outside. The factor k is applied in y = k w, and not also in the slope."
     )
     return [printed, used]
 
 
 def major_loop() -> Array:
-    """One sweep of the range and back."""
+    """Return one sweep of the range and back."""
     return stretches([-300.0, 300.0, -300.0])
 
 
 def mixed_loop() -> Array:
-    """A major loop and shrinking reversals inside it."""
+    """Return a major loop, followed by shrinking reversals inside it."""
     return stretches([-300.0, 300.0, -300.0, 200.0, -150.0, 120.0, -90.0, 60.0, -300.0])
 
 
 def random_loop(random: np.random.Generator, turns: int) -> Array:
-    """A sweep up from the low end of the paper's range, then `turns` random reversals within it."""
+    """Return a path from the low end of the paper's range through `turns` random turning points within the range."""
     return stretches([-300.0, *random.uniform(-300.0, 300.0, size=turns).tolist()])
 
 
 def stretches(turns: list[float]) -> Array:
-    """The path through the turning points, in equal numbers of steps."""
+    """Return the path through the turning points, with `SAMPLES_PER_STRETCH` samples from each to the next."""
     return np.concatenate([np.linspace(a, b, SAMPLES_PER_STRETCH) for a, b in pairwise(turns)])

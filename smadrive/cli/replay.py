@@ -55,7 +55,10 @@ def _wire(path: Path, log: Log) -> IdentifiedWire:
 
 
 def _predictions(log: Log, again: Replay, wire: IdentifiedWire | None) -> dict[str, float]:
-    """RMS difference of estimated and measured displacement, in % of the stroke; empty without a model."""
+    """Return the RMS of estimated minus measured displacement, in % of the stroke, for the recorded and replayed run.
+
+    The result is empty when the run used no model.
+    """
     if "wire" not in log.metadata:
         return {}
     recorded = wire_of(log).model

@@ -1,4 +1,4 @@
-"""`smadrive report`: a log as one page, and as a CSV file for other programs."""
+"""`smadrive report`: show a log as one page, and write it as a CSV file for other programs."""
 
 from __future__ import annotations
 

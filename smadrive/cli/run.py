@@ -35,9 +35,9 @@ from smadrive.wire.identified_wire import load_wire
 from smadrive.wire.wire_model import WireModel, WireState, travel_mm
 
 APPROACH_S = 10.0
-"""Duration of the approach, in which the wire moves to the beginning of the reference; it is not scored."""
+"""Duration of the approach, in which the wire moves to the beginning of the reference. The approach is not scored."""
 
-NOT_ADAPTED = "adapt = true under [feedback] has an effect in `smadrive tune` alone: this run does not change the rules"
+NOT_ADAPTED = "adapt = true under [feedback] has an effect only in `smadrive tune`: this run does not change the rules"
 
 HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")
 
@@ -89,7 +89,7 @@ def main(
 
 
 def _simulated(rig: Rig, given: Reference, wire: WireModel) -> tuple[Reference, Feasibility]:
-    """The reference with the approach from the present state of the wire, and its simulation. Nothing is heated."""
+    """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated."""
     measured = rig.measure()
     check_thermocouple(measured)
     start_mm = start_displacement_mm(wire.model, measured)
@@ -109,7 +109,10 @@ def _track(
     *,
     quiet: bool,
 ) -> LoopMetrics:
-    """Track `nearest`, the reference nearest to the given one; shown unless `quiet`. Raises TripError."""
+    """Track `nearest`, the reference nearest to `given` that the wire can follow; show the run unless `quiet`.
+
+    TripError after a trip.
+    """
     experiment = nearest, wire.model, wire.balance, HysteresisInverse(wire.model)
     with (
         record_tracking(
@@ -121,7 +124,7 @@ def _track(
 
 
 def _print_metrics(log: Log, loop: LoopMetrics | None, output: Output, *, tripped: str | None) -> None:
-    """Print the metrics of the run to its end, or to its trip."""
+    """Print the metrics of the run up to its end or its trip. `loop` is None after a trip."""
     metrics = tracking_metrics(log, loop or tripped_loop_metrics(log))
     caveats = tracking_caveats(log)
     output.table(HEADER, [table_row("tracking", metrics)])
@@ -131,14 +134,14 @@ def _print_metrics(log: Log, loop: LoopMetrics | None, output: Output, *, trippe
 
 
 def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
-    """The measured displacement, or else the model's for a wire that was cold before."""
+    """Return the measured displacement. Without a sensor, return that of the model for a wire that was cold before."""
     if isfinite(measured.displacement_mm):
         return measured.displacement_mm
     return model.initial_state(measured.temperature_c).y
 
 
 def read_reference(text: str) -> Reference:
-    """The reference in a CSV file, or of a one-line form such as `sine:low_mm=2,high_mm=9,period_s=56`."""
+    """Return the reference in a CSV file, or that of a text such as `sine:low_mm=2,high_mm=9,period_s=56`."""
     path = Path(text)
     if TABLE.has_ending(path) or path.is_file():
         table = read_table(path)
@@ -147,7 +150,7 @@ def read_reference(text: str) -> Reference:
 
 
 def table_row(name: str, metrics: TrackingMetrics) -> tuple[str, ...]:
-    """A row of the table of metrics, as `HEADER` names the columns."""
+    """Return a row of the table of metrics. `HEADER` names its columns."""
     return (
         name,
         _percent(metrics.rms_percent),
@@ -162,7 +165,7 @@ def _percent(value: float) -> str:
 
 
 def model_file(config: RigConfig, option: Path | None) -> Path:
-    """The model file of the option, or else of the rig file. ConfigError when neither names one."""
+    """Return the model file that the option names, or that the rig file names. ConfigError without either name."""
     if option is not None:
         return option
     if config.model is None:

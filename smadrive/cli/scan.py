@@ -27,7 +27,7 @@ def main(port: Port, units: Units = "1-10", as_json: AsJson = False) -> None:
         raise DeviceError(
             f"none of the units {units} answers",
             where=port,
-            cure="check that they are powered, wired A to A, and set to Modbus",
+            cure="check that the devices are powered, wired A to A, and set to Modbus",
         )
     output.table(HEADER, [_row(device) for device in devices])
     for device in devices:
@@ -48,7 +48,7 @@ def _discovered(port: str, units: str, output: Output) -> list[DiscoveredDevice]
 
 
 def unit_ids_of(text: str) -> list[int]:
-    """The unit ids of a text such as `1-10` or `1,3,7`. ConfigError when one is no number of 0 to 255."""
+    """Return the unit ids in a text such as `1-10` or `1,3,7`. ConfigError unless all are numbers of 0 to 255."""
     try:
         ranges = [part.partition("-") for part in text.split(",")]
         ends = [(parse_whole(first), parse_whole(last or first)) for first, _, last in ranges]
@@ -56,7 +56,7 @@ def unit_ids_of(text: str) -> list[int]:
         ends = []
     if not ends or not all(0 <= first <= last <= 255 for first, last in ends):
         raise ConfigError(
-            "no list of unit ids", where="--units", value=text, cure="write numbers of 0 to 255, as in 1-10 or 1,3,7"
+            "not a list of unit ids", where="--units", value=text, cure="write numbers of 0 to 255, as in 1-10 or 1,3,7"
         )
     return [unit_id for first, last in ends for unit_id in range(first, last + 1)]
 

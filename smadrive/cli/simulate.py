@@ -1,4 +1,4 @@
-"""`smadrive simulate`: the output of a model for the input in a file."""
+"""`smadrive simulate`: compute the output of a model for the input in a file."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def main(
     output_column: Annotated[str, typer.Option("--output", help="Column to write.")] = "displacement_mm",
     as_json: AsJson = False,
 ) -> None:
-    """Simulate MODEL for the input in CSV, and write its output as a further column."""
+    """Simulate MODEL for the input in CSV, and write the model's output as a further column."""
     output = Output(as_json)
     check_output(output_file, TABLE, model, csv)
     table = read_table(csv)

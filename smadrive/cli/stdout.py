@@ -1,7 +1,7 @@
-"""Standard output of the commands: a failed write is one ConfigError, instead of a traceback and a message at exit.
+"""Standard output of the commands: a failed write raises one ConfigError, without a traceback or a message at exit.
 
-Each line is written at once, so that the command that prints it gets the error, and can still switch a heater off. A
-pipe that its reader has closed is not an error for the user.
+Each line is written at once. So the command that prints the line gets the error, and can still switch the heater off. A
+pipe that the reader has closed is not an error for the user.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class _Output(io.FileIO):
     _has_failed = False
 
     def write(self, content: ReadableBuffer, /) -> int:
-        """Write the content. The first failure raises ConfigError, or BrokenPipeError; output after it is dropped."""
+        """Write the content. The first failure raises ConfigError or BrokenPipeError; later output is dropped."""
         if self._has_failed:
             return len(memoryview(content))
         try:
@@ -31,12 +31,15 @@ class _Output(io.FileIO):
             if isinstance(error, BrokenPipeError):
                 raise
             raise ConfigError(
-                f"cannot be written: {error.strerror}", where="standard output", cure="redirect it to another place"
+                "cannot be written", where="standard output", value=error.strerror, cure="redirect it to another place"
             ) from None
 
 
 def open_stdout() -> None:
-    """Replace Python's standard output. A closed one becomes the null device, so that no file gets its descriptor."""
+    """Replace Python's standard output by one whose failed writes raise ConfigError.
+
+    If standard output is closed, the null device replaces it, so that no other file gets its descriptor.
+    """
     if sys.stdout is None:
         sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 (open as long as the program lasts)
         return

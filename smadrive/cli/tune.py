@@ -79,10 +79,10 @@ def main(
 
 
 def _check_real_time(rig: Rig) -> None:
-    """ConfigError on a virtual clock, which runs too fast to watch."""
+    """Raise ConfigError if the rig runs in virtual time, which is too fast to watch."""
     if isinstance(rig.clock, VirtualClock):
         raise ConfigError(
-            "the page needs real time, and sim:// time is virtual",
+            "the page needs real time, but the time of sim:// is virtual",
             where=f"rig '{rig.config.name}'",
             cure="serve the simulated device with `firmware-sim SIM --pty PATH`, and give serial://PATH as its url",
         )

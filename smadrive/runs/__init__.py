@@ -1,4 +1,4 @@
 """Recorded runs: the table of log columns, the recorder, metadata and metrics of a run, replay, plots and pages.
 
-May import the rig and everything below it. Never belongs here: control decisions, device access, terminal output.
+It may import the rig and everything below it. Control decisions, device access and terminal output never belong here.
 """

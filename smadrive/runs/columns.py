@@ -1,7 +1,7 @@
-"""The columns of a log: for each name the source in a tick, the unit and the label.
+"""The columns of a log: the name of each column, its source in a tick, its unit and its label.
 
-This is the only such table: recorder, replay, plots, reports and the tuning channel read it. To add a column, add a
-line here and one in docs/records.md. Units are written as in the file (`degC`).
+Recorder, replay, plots, reports and the tuning channel all read this table. To add a column, add a line here and a line
+in docs/records.md. Units are written as in the log file (`degC`).
 """
 
 from __future__ import annotations
@@ -18,9 +18,10 @@ _SYMBOLS = {"degC": "°C"}
 
 
 class Column(NamedTuple):
-    """The place of a value in a tick, its unit, its quantity and its role: measured, setpoint, ...
+    """One column of a log: its source in a tick, its unit, its quantity and its role.
 
-    A flag is recorded as 1 where the source is not empty, 0 otherwise.
+    `source` is the path of an attribute of `Tick`. `role` is for example `measured` or `setpoint`. A column with
+    `is_flag` holds 1 where the source is not empty, and 0 otherwise.
     """
 
     source: str
@@ -31,17 +32,17 @@ class Column(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Quantity and role: `temperature, measured`."""
+        """Quantity and role, for example `temperature, measured`."""
         return f"{self.quantity}, {self.role}" if self.role else self.quantity
 
     @property
     def axis_label(self) -> str:
-        """Quantity and unit: `temperature / °C`."""
+        """Quantity and unit, for example `temperature / °C`."""
         return f"{self.quantity} / {_SYMBOLS.get(self.unit, self.unit)}"
 
     @property
     def difference_unit(self) -> str:
-        """Unit of a difference of two values: kelvins for temperatures."""
+        """Unit of the difference of two values. Differences of temperatures are in kelvins."""
         return self.unit.replace("degC", "K")
 
 
@@ -67,7 +68,7 @@ COLUMNS = {
 
 
 def row_getter(names: Iterable[str]) -> Callable[[Tick], Row]:
-    """A function that returns the named values of a tick as a row; at least two names."""
+    """Return a function that makes a row of the named values of a tick. `names` must hold at least two names."""
     columns = [COLUMNS[name] for name in names]
     values = attrgetter(*(column.source for column in columns))
     flags = [column.is_flag for column in columns]
@@ -80,6 +81,9 @@ def row_getter(names: Iterable[str]) -> Callable[[Tick], Row]:
 
 
 def fields_of(part: str) -> dict[str, str]:
-    """The columns that are numbers of one part of a tick (`command`, `measurement`): column name to attribute name."""
+    """Return the names of the columns that come from one part of a tick, each with the name of its attribute.
+
+    `part` is `command` or `measurement`. Flags are left out.
+    """
     sources = {name: column.source.split(".") for name, column in COLUMNS.items() if not column.is_flag}
     return {name: source[1] for name, source in sources.items() if source[0] == part and len(source) == 2}

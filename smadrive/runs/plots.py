@@ -36,11 +36,14 @@ STYLE: Any = {
 }
 
 POINTS = 3000
-"""A line has at most about this many points: more than a page has pixels."""
+"""Largest number of points of a line, roughly. A page has fewer pixels."""
 
 
 def panels(heights: Sequence[float], width: float = 9.0) -> tuple[Figure, list[Axes]]:
-    """A figure of panels one above the other, which share their time axis; heights in inches."""
+    """Return a figure and its panels, which stand one above the other and share their time axis.
+
+    `heights` and `width` are in inches.
+    """
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(width, sum(heights) + 0.5), layout="constrained")
         axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=list(heights))
@@ -48,7 +51,7 @@ def panels(heights: Sequence[float], width: float = 9.0) -> tuple[Figure, list[A
 
 
 def line(ax: Axes, time_s: Array, values: Array, **look: Any) -> None:
-    """Draw a line over time; a long one is reduced to the extremes of short intervals, so that every spike stays."""
+    """Draw a line over time. A long line is reduced to the extremes of short intervals, so that every spike stays."""
     if not np.isfinite(values).any():
         return
     shown = _extremes(values)
@@ -56,7 +59,7 @@ def line(ax: Axes, time_s: Array, values: Array, **look: Any) -> None:
 
 
 def legend(ax: Axes) -> None:
-    """Draw the legend in a row above the panel, where it hides no line."""
+    """Draw the legend in a row above the panel, where the legend hides no line."""
     ax.legend(
         loc="lower right",
         bbox_to_anchor=(1.0, 1.0),
@@ -69,7 +72,7 @@ def legend(ax: Axes) -> None:
 
 
 def _extremes(values: Array) -> NDArray[np.intp]:
-    """Indices of the least and the greatest value of each of `POINTS`/2 intervals, in order."""
+    """Return the indices of the least and the greatest value of each of `POINTS`/2 intervals, in order."""
     if values.size <= POINTS:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, POINTS // 2 + 1).astype(np.intp)

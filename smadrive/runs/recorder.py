@@ -1,8 +1,8 @@
-"""Records a run: rows of numbers and events, buffered for at most a second.
+"""Records a run: rows of numbers, which are buffered for at most a second, and events.
 
-A buffered row costs the control loop microseconds. Once a second of the run, or every `MOST_OPEN_ROWS` rows, the buffer
-is written into the file (writer.py describes the file's state at every moment). So a killed process loses at most the
-last second.
+A buffered row costs the control loop microseconds. The buffer is written into the file once a second, or earlier when
+it holds `MOST_OPEN_ROWS` rows. So a killed process loses at most the last second. writer.py describes the state of the
+file at every moment.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ LATEST_EVENTS = 3
 
 
 class Recorder:
-    """Writes a log of `columns`, the first of which is `time_s`; `metadata` are texts about the run.
+    """Writes a log of `columns`, the first of which is `time_s`. `metadata` are texts about the run.
 
-    `rows` is the expected number of rows, where it is known; `latest` are the last events. DataError when the file
-    cannot be created, or when the disk is full.
+    `rows` is the expected number of rows. `latest` holds the last events. DataError when the file cannot be created, or
+    when the disk is full.
     """
 
     def __init__(
@@ -42,13 +42,13 @@ class Recorder:
         self._file = LogFile(path, columns, metadata or {}, rows)
 
     def __enter__(self) -> Self:
-        """Use as a context: the log is complete and closed at its end, also after an error."""
+        """Return the recorder. The end of the context completes and closes the log, also after an error."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Write the buffer, and the error that ended the run as its last event.
+        """Write the buffer; if an error ended the run, write that error as the last event.
 
         A run that failed before its first row has commanded nothing and leaves no log. The error that ended the run is
         raised; a failure to complete the log becomes a note of that error.
@@ -65,7 +65,7 @@ class Recorder:
                 error.add_note(str(lost) if isinstance(lost, DataError) else f"the log is incomplete: {lost!r}")
 
     def row(self, values: tuple[float, ...]) -> None:
-        """Append one row, a value for each column. DataError when the disk is full."""
+        """Append one row with a value for each column. DataError when the disk is full."""
         self._buffer.append(values)
         self._now_s = values[0]
         if self._now_s - self._flushed_s >= BUFFER_S or len(self._buffer) >= MOST_OPEN_ROWS:

@@ -1,8 +1,8 @@
-"""Replays a recorded run: the same controller receives the recorded measurements, and its commands are compared.
+"""Replays a recorded run: gives the recorded measurements to the controller, and compares its commands with the log.
 
-With nothing changed the replayed commands equal the recorded ones bit for bit. A difference shows the effect of a
-change of the software, or of another model of the wire. The measurements stay those that the recorded commands caused:
-how the wire would have answered other commands is a question for the simulator.
+If nothing has changed, the replayed commands equal the recorded ones bit for bit. A difference shows the effect of a
+change of the software, or of another model of the wire. The measurements stay the recorded ones: a replay does not show
+how the wire would have reacted to other commands. Use the simulator for that question.
 """
 
 from __future__ import annotations
@@ -29,14 +29,19 @@ from smadrive.wire.wire_model import travel_mm
 Array = NDArray[np.float64]
 
 COMMAND_FIELDS = fields_of("command")
-"""The columns that a controller computes, and their attributes in its command."""
+"""The columns that a controller computes: name of the column to attribute of `Command`."""
 
 MEASUREMENT_FIELDS = fields_of("measurement")
+
+RECORD = "record the run again"
 
 
 @dataclass(frozen=True)
 class Difference:
-    """Distance of a replayed column from the recorded one; `first_s` is the time of the first difference, inf: none."""
+    """Difference between a replayed column and the recorded one, in the unit of the column.
+
+    `first_s` is the time of the first sample that differs. It is inf when no sample differs.
+    """
 
     max: float
     rms: float
@@ -45,7 +50,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """The replayed columns of the commands, and their differences from the recorded ones."""
+    """The replayed columns that a controller computes, and their differences from the recorded columns."""
 
     time_s: Array
     columns: dict[str, Array]
@@ -53,15 +58,15 @@ class Replay:
 
     @property
     def exact(self) -> bool:
-        """Whether every replayed column equals the recorded one, bit for bit."""
+        """True if every replayed column equals the recorded one, bit for bit."""
         return all(difference.first_s == inf for difference in self.differences.values())
 
 
 def replay(log: Log, wire: IdentifiedWire | None = None) -> Replay:
-    """Replay `log` with the wire of its run, or with `wire`. DataError when the log does not hold enough."""
+    """Replay `log` with `wire`, or with the wire of its run. DataError when the log lacks data for a replay."""
     time_s = log.column("time_s")
     if time_s.size == 0:
-        raise DataError("no tick was recorded: there is nothing to replay", where=log.path)
+        raise DataError("no tick was recorded", where=log.path, cure=RECORD)
     commands = list(_commands(log, _controller(log, wire)))
     columns = {name: np.array([getattr(command, key) for command in commands]) for name, key in COMMAND_FIELDS.items()}
     differences = {name: _difference(log.column_with_gaps(name), values, time_s) for name, values in columns.items()}
@@ -69,17 +74,22 @@ def replay(log: Log, wire: IdentifiedWire | None = None) -> Replay:
 
 
 def _commands(log: Log, controller: Controller) -> Iterator[Command]:
-    """The controller's command for each sample. DataError for a sample that it cannot compute with."""
+    """Yield the controller's command for each sample. DataError when the controller cannot compute a command."""
     for time_s, sample, dt_s in _samples(log):
         try:
             yield controller.update(time_s, sample, dt_s)
         except (ArithmeticError, ValueError) as error:
             where = f"{log.path}, sample at {time_s:g} s"
-            raise DataError(f"cannot be replayed: {error}", where=where, cure="record the log again") from None
+            raise DataError(
+                "no command can be computed", where=where, value=error, cure="record the run again"
+            ) from None
 
 
 def prediction_percent(log: Log, estimated_mm: Array, model: HysteresisModel) -> float:
-    """RMS of estimated minus measured displacement, in % of the stroke of `model`; NaN when a sample is missing."""
+    """Return the RMS of estimated minus measured displacement, in % of the stroke of `model`.
+
+    The result is NaN when a sample is missing.
+    """
     cold_mm, hot_mm = travel_mm(model)
     residual = (estimated_mm - log.column_with_gaps("displacement_mm")) / abs(hot_mm - cold_mm)
     return float(100.0 * np.sqrt(np.mean(residual**2)))
@@ -89,7 +99,7 @@ def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
     config = rig_config_of(log)
     if log.metadata.get("kind") == "excitation":
         if wire is not None:
-            raise DataError("an excitation runs without a model", where=log.path, cure="replay it without --model")
+            raise DataError("an excitation uses no model", where=log.path, cure="replay it without --model")
         return excitation_controller(config, excitation_of(log), nominal_balance(log))
     if wire is None and log.metadata.get("inverse") != "hysteresis":
         what = "the run used a plain map, which a log does not hold"
@@ -100,7 +110,7 @@ def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
 
 
 def _samples(log: Log) -> Iterator[tuple[float, Measurement, float]]:
-    """The arguments of each update of the controller: time, measurement, period."""
+    """Yield the arguments of each update of the controller: time, measurement, time since the update before."""
     last_s = -1.0 / rig_config_of(log).rate_hz
     names = ("time_s", *MEASUREMENT_FIELDS)
     for time_s, *values in zip(*(log.column_with_gaps(name).tolist() for name in names), strict=True):
@@ -110,7 +120,7 @@ def _samples(log: Log) -> Iterator[tuple[float, Measurement, float]]:
 
 
 def _difference(recorded: Array, replayed: Array, time_s: Array) -> Difference:
-    """NaN equals NaN: the controller does not compute this column."""
+    """Compare two columns. NaN counts as equal to NaN: a controller leaves a column that it does not compute at NaN."""
     is_different = ~((recorded == replayed) | (np.isnan(recorded) & np.isnan(replayed)))
     if not is_different.any():
         return Difference(0.0, 0.0, inf)

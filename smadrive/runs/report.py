@@ -1,4 +1,4 @@
-"""Writes one self-contained HTML page: metrics, plots, tables. The page sends no request.
+"""Writes one self-contained HTML page: metrics, plots, tables. The page loads nothing from the network.
 
 A page is a sequence of parts, each of which renders its own HTML. Plots are vector drawings.
 """
@@ -48,30 +48,30 @@ class PagePart(Protocol):
     """One part of a page."""
 
     def html(self) -> str:
-        """The HTML of the part."""
+        """Return the HTML of the part."""
         ...
 
 
 @dataclass(frozen=True)
 class Banner:
-    """A coloured line: how the run ended, or a warning."""
+    """A coloured line, which says how the run ended or shows a warning."""
 
     level: Literal["good", "warning", "bad"]
     text: str
 
     def html(self) -> str:
-        """The HTML of the part."""
+        """Return the HTML of the part."""
         return f"<p class='banner {self.level}'>{html.escape(self.text)}</p>"
 
 
 @dataclass(frozen=True)
 class Tiles:
-    """The main metrics in large type: pairs of a value and its name."""
+    """The main metrics in large type. Each metric is a pair of its value and its name."""
 
     metrics: Sequence[tuple[str, str]]
 
     def html(self) -> str:
-        """The HTML of the part."""
+        """Return the HTML of the part."""
         tiles = (f"<div class=tile><b>{html.escape(v)}</b><span>{html.escape(n)}</span></div>" for v, n in self.metrics)
         columns = -(-len(self.metrics) // 2)
         return f"<div class=tiles style='--columns: {columns}'>{''.join(tiles)}</div>"
@@ -79,7 +79,10 @@ class Tiles:
 
 @dataclass(frozen=True)
 class Grid:
-    """A table; the columns after the first hold numbers, or texts with `texts`. `folded` hides it behind its title."""
+    """A table. The columns after the first hold numbers, or texts if `texts` is True.
+
+    If `folded` is True, the reader opens the table by a click on its title.
+    """
 
     header: Sequence[str]
     rows: Sequence[Sequence[str]]
@@ -88,7 +91,7 @@ class Grid:
     folded: bool = False
 
     def html(self) -> str:
-        """The HTML of the part."""
+        """Return the HTML of the part."""
         head = "".join(f"<th>{html.escape(cell)}</th>" for cell in self.header)
         body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in self.rows)
         kind = " class=text" if self.texts else ""
@@ -106,7 +109,7 @@ class Plot:
     caption: str
 
     def html(self) -> str:
-        """The HTML of the part."""
+        """Return the HTML of the part."""
         buffer = io.BytesIO()
         with mpl.rc_context(PLOT_STYLE):
             self.figure.savefig(buffer, format="svg", dpi=150, metadata={"Date": None})
@@ -117,13 +120,13 @@ class Plot:
 
 @dataclass(frozen=True)
 class Listing:
-    """A verbatim text, hidden behind its title."""
+    """A verbatim text. The reader opens it by a click on its title."""
 
     title: str
     text: str
 
     def html(self) -> str:
-        """The HTML of the part."""
+        """Return the HTML of the part."""
         return _titled(self.title, f"<pre>{html.escape(self.text)}</pre>", folded=True)
 
 
@@ -134,12 +137,12 @@ class Notes:
     lines: Sequence[str]
 
     def html(self) -> str:
-        """The HTML of the part."""
+        """Return the HTML of the part."""
         return "<footer>" + "".join(f"<p>{html.escape(line)}</p>" for line in self.lines) + "</footer>"
 
 
 def write_report(path: Path, title: str, lead: str, parts: Sequence[PagePart]) -> None:
-    """Write the page to `path`, complete or not at all. DataError when it cannot be written."""
+    """Write the page to `path`, complete or not at all. DataError when `path` cannot be written."""
     page = "\n".join(
         [
             "<!doctype html><html lang=en><meta charset=utf-8>",

@@ -32,7 +32,7 @@ _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 
 
 class TickRecorder(Recorder):
-    """Records the ticks of a loop: a row for each, and an event when a fault appears or a limit first acts."""
+    """Records the ticks of a loop: a row for each tick, and an event when the faults change or a limit first acts."""
 
     def __init__(self, path: Path, metadata: Mapping[str, str], rows: int) -> None:
         super().__init__(path, tuple(COLUMNS), metadata, rows)
@@ -40,7 +40,7 @@ class TickRecorder(Recorder):
         self._faults: tuple[str, ...] = ()
 
     def tick(self, tick: Tick) -> None:
-        """Record one turn of the loop. DataError when the disk is full."""
+        """Record one tick of the loop. DataError when the disk is full."""
         self.row(_row(tick))
         self._report_faults(tick.measurement)
         self._report_limits(tick.measurement)
@@ -61,7 +61,7 @@ class TickRecorder(Recorder):
 
 
 def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:
-    """The open log of an identification experiment; `notes` are metadata that the rig does not hold, as a seed."""
+    """Open the log of an identification experiment. `notes` are further metadata, for example a seed."""
     metadata = {"kind": "excitation", "excitation": json.dumps(asdict(excitation))}
     return _open(path, rig, {**metadata, **notes}, excitation.duration_s)
 
@@ -75,7 +75,7 @@ def record_tracking(
     inverse: DisplacementInverse,
     **notes: str,
 ) -> TickRecorder:
-    """The open log of a tracking run; `notes` are metadata that the rig does not hold, as a seed."""
+    """Open the log of a tracking run. `notes` are further metadata, for example a seed."""
     metadata = {
         "kind": "tracking",
         "reference": reference_text(reference),
@@ -86,7 +86,7 @@ def record_tracking(
 
 
 def reference_text(reference: Reference) -> str:
-    """JSON of a reference, approach included."""
+    """Return the reference, including its approach, as JSON."""
     return json.dumps(
         {
             "times_s": reference.times_s.tolist(),

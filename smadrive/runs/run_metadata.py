@@ -22,29 +22,29 @@ COMPLETE = 0.98
 
 
 def excitation_record(log: Log) -> ExcitationRecord:
-    """The columns of a recorded excitation, every value finite; DataError otherwise."""
+    """Return the columns of a recorded excitation. DataError when a value is not finite."""
     names = [field.name for field in fields(ExcitationRecord)]
     return ExcitationRecord(*(log.column(name) for name in names))
 
 
 def rig_config_of(log: Log) -> RigConfig:
-    """The rig file that was in force. ConfigError when another version of smadrive wrote it, and it has other keys."""
+    """Return the rig file of the run. ConfigError when the log is from a version of smadrive with other keys."""
     return validate(log.json("rig"), RigConfig, where=f"{log.path}: rig")
 
 
 def nominal_balance(log: Log) -> HeatBalance:
-    """The heat balance from the wire's data sheet."""
+    """Return the heat balance that the data sheet of the wire gives."""
     source = {"source": BalanceSource.DATA_SHEET}
     return log.parsed("nominal_balance", lambda parameters: HeatBalance(**(parameters | source)))
 
 
 def excitation_of(log: Log) -> Excitation:
-    """The excitation of an identification experiment. DataError when the log is of another experiment."""
+    """Return the excitation of an identification experiment. DataError when the log is of another experiment."""
     return log.parsed("excitation", _excitation)
 
 
 def excitation_caveats(log: Log) -> tuple[str, ...]:
-    """Reasons to distrust a model identified from this log. DataError when the log is of another experiment."""
+    """Return reasons to distrust a model identified from this log. DataError for a log of another experiment."""
     planned_s, recorded_s = excitation_of(log).duration_s, float(_times_s(log)[-1])
     if recorded_s > COMPLETE * planned_s:
         return ()
@@ -54,12 +54,12 @@ def excitation_caveats(log: Log) -> tuple[str, ...]:
 
 
 def reference_of(log: Log) -> Reference:
-    """The reference of a tracking run, approach included. DataError when the log is of another experiment."""
+    """Return the reference of a tracking run, including its approach. DataError for a log of another experiment."""
     return log.parsed("reference", _reference)
 
 
 def wire_of(log: Log) -> IdentifiedWire:
-    """The wire of a tracking run, with its heat balance. DataError when the log is of another experiment."""
+    """Return the wire of a tracking run, with its heat balance. DataError for a log of another experiment."""
     return parse_wire(log.text("wire"), f"{log.path}: wire")
 
 
@@ -70,14 +70,14 @@ def _excitation(values: dict[str, Any]) -> Excitation:
 def _reference(values: dict[str, Any]) -> Reference:
     times_s, displacement_mm = (np.array(values[name], np.float64) for name in ("times_s", "displacement_mm"))
     if times_s.shape != displacement_mm.shape or times_s.ndim != 1 or times_s.size < 2:
-        raise ValueError(f"{times_s.shape} times and {displacement_mm.shape} displacements")
+        raise ValueError(f"times of shape {times_s.shape} do not fit displacements of shape {displacement_mm.shape}")
     if not (np.isfinite(displacement_mm).all() and (np.diff(times_s) > 0.0).all()):
         raise ValueError("the times do not increase, or a displacement is not finite")
     return Reference(times_s, displacement_mm, float(values["scored_from_s"]), bool(values["endless"]))
 
 
 def _times_s(log: Log) -> NDArray[np.float64]:
-    """The time of each tick; DataError when the log has no row."""
+    """Return the time of each tick. DataError when the log has no row."""
     times_s = log.column("time_s")
     if times_s.size == 0:
         raise DataError("no tick was recorded", where=log.path, cure="run the experiment again")

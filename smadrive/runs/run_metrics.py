@@ -19,13 +19,14 @@ from smadrive.wire.wire_model import travel_mm
 Array = NDArray[np.float64]
 
 FEW_MISSING = 0.03
-"""Share of missing samples that a working sensor may have; above it the metrics are in doubt."""
+"""Largest share of missing samples of a working sensor. A larger share gives a warning about the metrics."""
 
 
 def error_percent(log: Log) -> Array:
-    """Setpoint - displacement of every row, in % of the stroke; NaN during the approach and where it is not measured.
+    """Return setpoint minus displacement of every row, in % of the stroke.
 
-    DataError when the log is not of a tracking run.
+    The error is NaN during the approach, and where no displacement was measured. DataError when the log is not of a
+    tracking run.
     """
     cold_mm, hot_mm = travel_mm(wire_of(log).model)
     error_mm = log.column_with_gaps("setpoint_mm") - log.column_with_gaps("displacement_mm")
@@ -34,15 +35,15 @@ def error_percent(log: Log) -> Array:
 
 
 def is_virtual(log: Log) -> bool:
-    """Whether the run was in virtual time: in real time every tick begins a little after its deadline."""
+    """Return True if the run was in virtual time. In real time, every tick begins a little after its deadline."""
     return not log.column("late_s").any()
 
 
 @dataclass(frozen=True)
 class TrackingMetrics:
-    """Metrics of a tracking run: error = setpoint - displacement in % of the stroke, after the approach.
+    """Metrics of a tracking run. The error is setpoint minus displacement after the approach, in % of the stroke.
 
-    RMS and maximum are those of the measured samples; NaN when the displacement was never measured.
+    RMS and maximum are computed from the measured samples. They are NaN when the displacement was never measured.
     """
 
     rms_percent: float
@@ -54,20 +55,23 @@ class TrackingMetrics:
 
 
 def tracking_metrics(log: Log, loop: LoopMetrics) -> TrackingMetrics:
-    """Metrics of a recorded tracking run with the metrics of its loop. DataError when the log is of another run."""
+    """Return the metrics of a recorded tracking run. `loop` holds the metrics of its loop.
+
+    DataError when the log is of another kind of run.
+    """
     rms, largest = _rms_and_max(error_percent(log))
     return TrackingMetrics(rms, largest, loop.ticks, loop.missed_deadlines, loop.trips, str(log.path))
 
 
 def tripped_loop_metrics(log: Log) -> LoopMetrics:
-    """Loop metrics of a run that a trip has ended, up to the trip; the log does not hold the lost exchanges."""
+    """Return the loop metrics of a run up to the trip that ended it. A log does not hold the lost exchanges."""
     return LoopMetrics(log.column("time_s").size, _missed_deadlines(log), trips=1)
 
 
 def tracking_caveats(log: Log) -> tuple[str, ...]:
-    """Reasons to distrust the metrics of a tracking run. DataError when the log is of another run.
+    """Return reasons to distrust the metrics of a tracking run. DataError when the log is of another kind of run.
 
-    First the caveats from before the run, of a smoothed reference for instance; then those of its samples.
+    Caveats from before the run come first, for example that of a smoothed reference. Those of the samples follow.
     """
     from_before = log.parsed("caveats", _texts) if "caveats" in log.metadata else ()
     return (*from_before, *_sample_caveats(log))
@@ -87,14 +91,15 @@ def _sample_caveats(log: Log) -> tuple[str, ...]:
     if missing <= FEW_MISSING * error.size:
         return ()
     share = f"{missing} of {error.size} samples of the displacement are missing ({100.0 * missing / error.size:.0f} %)"
-    return (f"{share}: the error is that of the others",)
+    return (f"{share}: the tracking error is computed from the other samples",)
 
 
 @dataclass(frozen=True)
 class RunMetrics:
-    """Metrics that a log alone holds, of a complete run or a cut one; NaN where they are unknown.
+    """Metrics of a complete or interrupted run, computed from its log alone. Unknown metrics are NaN.
 
-    `energy_j` is the heat that the heater gave; `limited_percent` the share of the ticks with the output held back.
+    `energy_j` is the electrical energy that the wire received. `limited_percent` is the share of ticks in which a limit
+    held the output back.
     """
 
     kind: str
@@ -111,10 +116,10 @@ class RunMetrics:
 
 
 def run_metrics(log: Log) -> RunMetrics:
-    """Metrics of the run in `log`. DataError when the log has no row."""
+    """Return the metrics of the run in `log`. DataError when the log has no row."""
     time_s = log.column("time_s")
     if time_s.size == 0:
-        raise DataError("no tick was recorded: there is nothing to report", where=log.path)
+        raise DataError("no tick was recorded", where=log.path, cure="record the run again")
     error = error_percent(log) if "reference" in log.metadata else np.array([nan])
     power_w = log.column_with_gaps("current_a") * log.column_with_gaps("voltage_v")
     return RunMetrics(
@@ -136,7 +141,7 @@ def _missed_deadlines(log: Log) -> int:
 
 
 def _rms_and_max(values: Array) -> tuple[float, float]:
-    """RMS and maximum of the magnitudes of the finite values; NaN when there are none."""
+    """Return RMS and maximum of the magnitudes of the finite values. Both are NaN when no value is finite."""
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if finite.size else nan, _largest(np.abs(finite))
 

@@ -29,7 +29,7 @@ RIG = "in-process"
 SIM = "flexinol-lt-0.15mm"
 
 PARTS = ("rig", "sim", "seed")
-"""The parts of the marker."""
+"""The parts of the marker `sma`."""
 
 
 class SimulatedFaults:
@@ -56,8 +56,8 @@ class SimulatedFaults:
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marker."""
-    config.addinivalue_line("markers", f"sma({', '.join(PARTS)}): which simulated rig the fixture sma_rig is.")
+    """Register the marker `sma`."""
+    config.addinivalue_line("markers", f"sma({', '.join(PARTS)}): selects the simulated rig of the fixture sma_rig.")
 
 
 @pytest.fixture
@@ -69,7 +69,10 @@ def sma_faults(request: pytest.FixtureRequest) -> SimulatedFaults:
 
 @pytest.fixture
 def sma_rig(request: pytest.FixtureRequest, sma_faults: SimulatedFaults) -> Iterator[Rig]:
-    """A rig with simulated devices in place of the addresses in its file; in its safe state when the test ends."""
+    """A rig whose devices are simulated, whatever their addresses in the rig file are.
+
+    At the end of the test the rig enters its safe state.
+    """
     config = load_rig(_marker_parts(request).get("rig", RIG))
     connections = SimulatedConnections(sma_faults.bench)
     transports = {device.name: connections.transport(device) for device in config.devices}
@@ -78,7 +81,10 @@ def sma_rig(request: pytest.FixtureRequest, sma_faults: SimulatedFaults) -> Iter
 
 
 def _marker_parts(request: pytest.FixtureRequest) -> dict[str, Any]:
-    """The parts of the marker. ConfigError for an unknown part: a spelling mistake must not select the default."""
+    """Return the parts of the marker `sma`.
+
+    ConfigError for an unknown part: after a spelling mistake, the default must not be used silently.
+    """
     marker: pytest.Mark | None = request.node.get_closest_marker("sma")
     if marker is None:
         return {}

@@ -16,16 +16,16 @@ from smadrive.clock import Clock, MonotonicClock, VirtualClock
 from smadrive.errors import TransportError
 
 ENDS_WITHIN_S = 10.0
-"""The simulator is killed when it has not ended after this time."""
+"""The simulator is killed if it has not ended after this time."""
 
 LOCKSTEP_LATENCY = "?latency_ms=5000"
 """In lockstep time nothing else happens while a reply is on its way, so a busy machine changes no result."""
 
 
 class ServedSimulator:
-    """The child process `firmware-sim SIM`, a context manager: it serves at `url` and runs on `clock`.
+    """The child process `firmware-sim SIM`, as a context manager. It serves at `url` and runs on `clock`.
 
-    `tcp`: it serves Modbus TCP instead of a virtual serial port.
+    With `tcp`, it serves Modbus TCP instead of a virtual serial port.
     """
 
     def __init__(
@@ -49,7 +49,7 @@ class ServedSimulator:
         self.url = ""
 
     def __enter__(self) -> Self:
-        """Start the process and wait for its address; TransportError when it does not come up."""
+        """Start the process and wait for its address. TransportError when the process ends before that."""
         self._process = subprocess.Popen(
             [sys.executable, *self._arguments],
             stdin=subprocess.PIPE,
@@ -57,7 +57,7 @@ class ServedSimulator:
             stderr=subprocess.PIPE,
             text=True,
             bufsize=1,
-            start_new_session=True,  # Ctrl-C is the driver's: it switches off through the bus, then ends the simulator
+            start_new_session=True,  # Ctrl-C reaches only the driver, which switches off, then ends the simulator
         )
         self.url = self._answer() + (LOCKSTEP_LATENCY if self._virtual is not None else "")
         if self._virtual is not None:
@@ -88,5 +88,5 @@ class ServedSimulator:
         line = self._process.stdout.readline() if self._process.stdout else ""
         if not line:
             message = self._process.stderr.read().strip() if self._process.stderr else ""
-            raise TransportError(f"the simulated device did not answer: {message or 'no message'}")
+            raise TransportError("the simulated device did not answer", value=message or "no message")
         return line.strip()

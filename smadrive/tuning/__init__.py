@@ -1,4 +1,6 @@
-"""The live tuning page: the session in the loop's process (session/), and three processes beside it that may die:
-front/ answers OFF, page/ shows and asks, builder/ builds models; link/ connects them. May import rig and all below it.
-Device registers, identification algorithms and anything that the loop would wait for do not belong here.
+"""The live tuning page: a session in the process of the control loop, and three processes beside it that may die.
+
+session/ is the session, front/ answers OFF, page/ shows the run and sends requests, builder/ builds models, link/
+connects the processes. This package may import rig and everything below it. Device registers, identification algorithms
+and anything that the loop would wait for do not belong here.
 """

@@ -1,4 +1,4 @@
-"""The processes beside the loop, as the control process starts and ends them: front, page and model builder."""
+"""Starts and ends the processes beside the loop: front process, page process and model builder."""
 
 from __future__ import annotations
 
@@ -20,20 +20,23 @@ if TYPE_CHECKING:
     from smadrive.tuning.link.message_socket import MessageSocket
 
 BACKLOG = 512
-"""Connections that wait while the front process is restarted."""
+"""Largest number of connections that wait while the front process is restarted."""
 
 NICENESS = 5
-"""Of the page process. The model builder keeps 0: the user waits for it."""
+"""Niceness of the page process. The model builder has niceness 0, because the user waits for its result."""
 
 FRONT_NICENESS = -10
-"""OFF is answered before other work, where the system grants that."""
+"""Niceness of the front process: if the system permits, OFF is answered before other work."""
 
 FROZEN_LOOKS = 10
-"""The front process is killed after so many looks without a heartbeat, 1 s; the control process itself may pause."""
+"""The front process is killed after this number of checks without a heartbeat, which last 1 s.
+
+Checks are counted, not seconds, because the control process itself may be paused.
+"""
 
 
 class PageProcess(SupervisedProcess):
-    """Builds the pages, for the front process alone, on the Unix socket at `path`."""
+    """Builds the pages. It listens for the front process on the Unix socket at `path`."""
 
     def __init__(self, channel: ControlEnd, *, port: int, path: str, token: str, rig_file: Path, folder: Path) -> None:
         parameters = {
@@ -58,7 +61,7 @@ class FrontProcess(SupervisedProcess):
         self._beats = self._looks = 0
 
     def _is_frozen(self) -> bool:
-        """Whether no heartbeat came for FROZEN_LOOKS looks."""
+        """Return True if no heartbeat came during `FROZEN_LOOKS` checks."""
         beats = self._channel.front_beats
         self._looks = self._looks + 1 if beats == self._beats else 0
         self._beats = beats
@@ -68,7 +71,7 @@ class FrontProcess(SupervisedProcess):
 class TuningPage:
     """The tuning page: its port, its front process and its page process. A context manager.
 
-    `url` is the address of the page inside the context. ConfigError when the port is taken.
+    `url`, the address of the page, is valid inside the context. ConfigError when another program uses the port.
     """
 
     server: PageProcess
@@ -82,17 +85,17 @@ class TuningPage:
 
     @property
     def troubles(self) -> list[str]:
-        """Why the front process or the page process could not be restarted."""
+        """The reasons why the front process or the page process could not be restarted."""
         processes: list[SupervisedProcess] = [self.front, self.server] if hasattr(self, "_on_exit") else []
         return [process.trouble for process in processes if process.trouble]
 
     @property
     def url(self) -> str:
-        """The address of the page, with the token that allows to control."""
+        """The address of the page, with the token that permits control."""
         return f"http://{ADDRESS}:{self._port}/?token={self._token}"
 
     def __enter__(self) -> Self:
-        """Listen, and start both processes. The front process ends first: it reports the end to the pages."""
+        """Open the port and start both processes. At the end, the front process ends first and informs the pages."""
         with ExitStack() as stack:
             listener = stack.enter_context(_listen(self._port))
             self._port = listener.getsockname()[1]
@@ -118,7 +121,7 @@ class TuningPage:
 
 
 def _ends(channel: ControlEnd) -> dict[str, int]:
-    """The descriptors of the page's end of the channel."""
+    """Return the file descriptors of the page's end of the channel."""
     return {"memory_fd": channel.memory_fd, "socket_fd": channel.page_socket.fileno()}
 
 
@@ -135,7 +138,7 @@ def _listen(port: int) -> socket.socket:
 
 
 class BuilderProcess(SupervisedProcess):
-    """A ModelBuilder in a process of its own. Requests and results go over ZeroMQ: the loop never waits for them."""
+    """A ModelBuilder in a process of its own. ZeroMQ carries requests and results, so the loop never waits for them."""
 
     def __init__(self) -> None:
         super().__init__("smadrive.tuning.builder.process", {}, ())
@@ -144,7 +147,7 @@ class BuilderProcess(SupervisedProcess):
         self._deaths_before = 0
 
     def __enter__(self) -> Self:
-        """Start it. It listens in a folder of this user alone: messages from there are unpickled."""
+        """Start the process. It listens in a private folder of the user, because its messages are unpickled."""
         with ExitStack() as stack:
             folder = stack.enter_context(TemporaryDirectory(prefix="smadrive-"))
             self._parameters["address"] = f"ipc://{folder}/builder"
@@ -156,29 +159,29 @@ class BuilderProcess(SupervisedProcess):
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End it."""
+        """End the process and close the connection."""
         with self._on_exit:
             super().__exit__(kind, error, trace)
 
     def begin(self, request: BuildRequest) -> None:
-        """See ModelBuilder. A request that is sent while the process is restarted waits for the new one."""
+        """See ModelBuilder. A request that is sent during a restart waits for the new process."""
         self._number += 1
         self._request, self._deaths_before = request, self.deaths
         self._link.send(b"%d" % self._number, pack_request(request))
 
     def result(self) -> BuildResult | None:
-        """See ModelBuilder; a request that was lost with its process fails."""
+        """See ModelBuilder. If the process has died with the request, the result is a failure."""
         if self._request is None:
             return None
         result = self._received(self._request)
         if result is None and self.deaths != self._deaths_before:
-            result = BuildFailure("the model builder process ended over it, and is restarted: try again")
+            result = BuildFailure("the model builder process died while it built this; it is restarted: try again")
         if result is not None:
             self._request = None
         return result
 
     def _received(self, request: BuildRequest) -> BuildResult | None:
-        """The result that has arrived; that of an earlier request is dropped."""
+        """Return the result if it has arrived. The result of an earlier request is dropped."""
         message = self._link.received()
         if message is None or int(message[0]) != self._number:
             return None

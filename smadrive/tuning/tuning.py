@@ -1,4 +1,4 @@
-"""Everything that can be tuned, as one immutable value: a change makes a new one, undo takes an old one."""
+"""A tuning: all settings that can be tuned, as one immutable value. A change makes a new tuning."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from smadrive.wire.wire_model import travel_mm
 CHANGES = (SetShape, SetFeedback, SetRule, SetModel)
 
 ADAPTED = "adaptation"
-"""The name of all changes that the adaptation makes: together they are one step of the history."""
+"""The name of all changes that the adaptation makes. Together these changes are one step of undo."""
 
 
 @dataclass(frozen=True)
 class Adapted:
-    """The change that the online adaptation makes: its rules at the time when the change is built."""
+    """The change that the online adaptation makes. Its rules are read when the change is built."""
 
     adaptation: Adaptation
 
@@ -35,9 +35,10 @@ Change = SetShape | SetFeedback | SetRule | SetModel | Adapted
 
 @dataclass(frozen=True)
 class Tuning:
-    """A model and the settings of the feedback; `model` is `unmoved` with its branches moved to `shape`.
+    """A model and the settings of the feedback.
 
-    `change` is the name of the change that made it; `caveats` are reasons to distrust the model and its successors.
+    `model` is the model `unmoved` with its branches moved to `shape`. `change` is the name of the change that made this
+    tuning. `caveats` are reasons to distrust the model, and all models that are made from it by changes.
     """
 
     model: Model
@@ -49,16 +50,16 @@ class Tuning:
 
     @classmethod
     def of(cls, model: Model, feedback: FeedbackConfig, change: str, caveats: tuple[str, ...] = ()) -> Tuning:
-        """A tuning of `model`, with the branches where the model has them."""
+        """Return a tuning of `model` whose branches are not moved."""
         return cls(model, model, shape_of(model), feedback, change, caveats)
 
     def drives_as(self, other: Tuning) -> bool:
-        """Whether it drives a wire exactly as the other does; the names of their changes do not matter."""
+        """Return True if both tunings drive a wire in exactly the same way. The names of changes do not matter."""
         texts = [model_text(tuning.model, {}, place=tuning.change) for tuning in (self, other)]
         return self.feedback == other.feedback and texts[0] == texts[1]
 
     def changed(self, change: Change) -> Tuning:
-        """The tuning after a change. ConfigError, ModelError, CertificateError for an invalid one."""
+        """Return the tuning after a change. ConfigError, ModelError or CertificateError for an invalid change."""
         match change:
             case SetShape(key=key, value=value):
                 shape = self.shape._replace(**{key: value})
@@ -74,18 +75,21 @@ class Tuning:
                 return Tuning.of(adaptation.model, self.feedback, ADAPTED, self.caveats)
 
     def check(self, limits: LimitsConfig, reference: Reference | None) -> None:
-        """CertificateError without a certificate; ConfigError when the wire would leave the rig's limits."""
+        """Check the model against its certificate, and the tuning against the limits of the rig.
+
+        CertificateError when the model has no certificate, ConfigError when the wire would exceed a limit.
+        """
         certificate = self.model.certificate()
         if not certificate.holds:
             shortcomings = ", ".join(certificate.shortcomings)
             raise CertificateError(
-                "it is not certified and may not drive a wire", where="changed model", value=shortcomings
+                "a model without a certificate may not drive a wire", where="changed model", value=shortcomings
             )
         for name in ("mu_heating", "mu_cooling"):
             value = getattr(self.shape, name)
             if not value < limits.temperature_max_c:
                 raise ConfigError(
-                    "it is not below temperature_max_c: the wire could never follow",
+                    "not below temperature_max_c, so the wire could never follow",
                     where=name,
                     value=f"{value:g} °C",
                     limit=f"{limits.temperature_max_c:g} °C",
@@ -100,7 +104,7 @@ class Tuning:
         needed_c = InverseFeedforward(self.model).update(cold, hot_mm).v
         if needed_c > limits.temperature_max_c:
             raise ConfigError(
-                f"it would need {needed_c:.1f} °C, above temperature_max_c",
+                f"this displacement needs {needed_c:.1f} °C, which is above temperature_max_c",
                 where="reference",
                 value=f"{hot_mm:.3g} mm",
                 limit=f"{limits.temperature_max_c:g} °C",
@@ -130,8 +134,9 @@ def _with_rule(model: Model, change: SetRule) -> TSFuzzyDuhem:
 
 
 def _check_rule(change: SetRule, branch: str) -> None:
-    """The certificate of one rule, so that the error names the number. Heating: a < 0, 0 ≤ b ≤ -a; cooling: the signs
-    are reversed. ModelError.
+    """Raise ModelError when one rule alone breaks the certificate, so that the error names the wrong number.
+
+    A heating rule needs a < 0 and 0 ≤ b ≤ -a, a cooling rule the same with reversed signs.
     """
     sign = -1.0 if branch == "heating" else 1.0
     if not sign * change.a > 0:
@@ -140,7 +145,9 @@ def _check_rule(change: SetRule, branch: str) -> None:
         )
     low, high = sorted((0.0, -change.a))
     if not low <= change.b <= high:
-        raise ModelError("the state leaves [0, 1]", where="b", value=f"{change.b:g}", limit=f"{low:g} to {high:g}")
+        raise ModelError(
+            "with this value the state leaves [0, 1]", where="b", value=f"{change.b:g}", limit=f"{low:g} to {high:g}"
+        )
 
 
 def _rule_name(change: SetRule) -> str:

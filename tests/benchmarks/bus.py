@@ -1,4 +1,4 @@
-"""The speed of the device column against peers in the same run: PYTHONPATH=tests python tests/benchmarks/bus.py
+"""The speed of Modbus exchanges, against peers in the same run: PYTHONPATH=tests python tests/benchmarks/bus.py
 
     exchanges    FC23 (write 4, read 8) on a pseudo-terminal, with libmodbus's server in C at the other end: the client
                  of libmodbus in C, smadrive with all its checks, pymodbus async and sync, in turns; medians of rounds
@@ -34,12 +34,12 @@ READ = 8
 
 
 def libmodbus_s(path, count):
-    """The time of libmodbus's client for `count` exchanges."""
+    """Return the time of libmodbus's client for `count` exchanges."""
     return float(libmodbus.client("rtu", path, 1, "rate", count)[0])
 
 
 def smadrive_s(path, count):
-    """The time of smadrive. It checks unit, function, count, length and CRC of each reply; the payload is compared."""
+    """Return the time of smadrive, which checks unit, function, count, length and CRC of each reply."""
     timing = BusTiming(1.0, silence=False)
     with open_transport(f"serial://{path}") as transport:
         client = ModbusClient(transport)
@@ -52,7 +52,7 @@ def smadrive_s(path, count):
 
 
 def pymodbus_sync_s(path, count):
-    """The time of pymodbus's synchronous client."""
+    """Return the time of pymodbus's synchronous client."""
     with ModbusSerialClient(path, baudrate=115200, timeout=1) as client:
         began_s = time.perf_counter()
         for number in range(count):
@@ -64,7 +64,7 @@ def pymodbus_sync_s(path, count):
 
 
 def pymodbus_async_s(path, count):
-    """The time of pymodbus's asynchronous client."""
+    """Return the time of pymodbus's asynchronous client."""
 
     async def run():
         client = AsyncModbusSerialClient(path, baudrate=115200, timeout=1)
@@ -86,7 +86,7 @@ CLIENTS = dict(zip(COUNTS, (libmodbus_s, smadrive_s, pymodbus_async_s, pymodbus_
 
 
 def report_exchanges():
-    """Print the rate of each client, and the ratio of smadrive's rate to it."""
+    """Print the rate of each client, and the ratio of smadrive's rate to that rate."""
     rates = {name: [] for name in COUNTS}
     with libmodbus.server("rtu") as path:
         for _ in range(ROUNDS):

@@ -1,10 +1,10 @@
 """Tracking errors of wires that the controller does not know: python tests/benchmarks/control.py --plants 50
 
 Every plant is random. It is excited and identified like a real wire, then tracked on the in-process rig in virtual
-time, without and with a displacement sensor in the run. The error is reference - true displacement in % of the true
-stroke, after the approach. The table gives median and worst over the plants; plants with a Preisach plane have their
-own rows. The sine is scored as requested, the other references after smoothing to the fastest possible cooling (one
-reference for all controllers of a plant).
+time, without and with a displacement sensor in the run. The error is setpoint minus true displacement after the
+approach, in % of the true stroke. The table gives median and worst over the plants; plants whose hysteresis is a
+Preisach model have their own rows. The sine is tracked as requested. The other references are first smoothed to the
+fastest possible cooling, and all controllers of a plant track the same smoothed reference.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class SimulatedRig:
 
 
 class Wire(NamedTuple):
-    """A random wire, its identified models by controller, and the static map of its data."""
+    """A random wire, its identified models, and the static map of its data."""
 
     sim: SimConfig
     models: dict[str, WireModel]
@@ -62,7 +62,7 @@ class Wire(NamedTuple):
 
 
 def identified(sim: SimConfig, seed: int, *, baselines: bool) -> Wire:
-    """The wire after an excitation, with fitted heat balance and T-S model; for `baselines` also a Duhem model."""
+    """Excite a wire, and fit its heat balance and T-S model. With `baselines`, also fit a Duhem model."""
     simulated, rows = SimulatedRig(sim, seed, sensor=True), []
     with simulated.rig as rig:
         excitation = rig.excitation(rig.heater.exchange(0.0).temperature_c)
@@ -81,7 +81,7 @@ def identified(sim: SimConfig, seed: int, *, baselines: bool) -> Wire:
 
 
 def references(wire: WireModel, *, others: bool) -> dict[str, Reference]:
-    """The sine between 20 and 80 % of the identified stroke; with `others` the other references too."""
+    """Return the sine between 20 and 80 % of the identified stroke. With `others`, also return the other references."""
     cold_mm, hot_mm = (wire.model.initial_state(v).y for v in wire.model.input_range)
     low_mm, high_mm = cold_mm + 0.2 * (hot_mm - cold_mm), cold_mm + 0.8 * (hot_mm - cold_mm)
     ends = {"low_mm": low_mm, "high_mm": high_mm}
@@ -106,7 +106,7 @@ def references(wire: WireModel, *, others: bool) -> dict[str, Reference]:
 class DisplacementPid:
     """A PI controller from displacement to power, with its gain by lambda tuning at the mean slope of the loop.
 
-    Closed-loop and integral time are the best of a sweep: shorter ones oscillate, longer ones lag.
+    Its two time constants are the best of a sweep: shorter ones make the loop oscillate, longer ones make it lag.
     """
 
     CLOSED_LOOP_S = 0.05
@@ -145,7 +145,7 @@ def controller(name: str, wire: Wire, reference: Reference, *, sensor: bool):
 
 
 def track(name: str, wire: Wire, reference: Reference, seed: int, *, sensor: bool) -> tuple[float, float]:
-    """RMS and largest error of one run in %; infinite after a trip."""
+    """Return the RMS and the largest error of one run in %. Both are infinite after a trip."""
     simulated, rows = SimulatedRig(wire.sim, seed, sensor=sensor), []
 
     def record(tick):
@@ -166,7 +166,7 @@ def track(name: str, wire: Wire, reference: Reference, seed: int, *, sensor: boo
 
 
 def study(plants: int, others: int, baselines: int, seed: int, kind: HysteresisKind | None):
-    """The errors of all runs: {(wires, reference, controller, sensor): [(rms, max) per plant]}."""
+    """Return the errors of all runs: {(wires, reference, controller, sensor): [(rms, max) for each plant]}."""
     results = defaultdict(list)
     for number in range(seed, seed + plants):
         compared = number < seed + baselines

@@ -66,10 +66,10 @@ FATES = {
     "gateway": (*HALF_OPEN, FROZEN),
 }
 BETWEEN_S = 0.3
-"""The longest time between the deaths of driver and guardian."""
+"""Longest time between the deaths of driver and guardian."""
 HEATING_TICK = 5
 START_S = 30.0
-"""Bench and driver have started by then, on a busy machine too."""
+"""Bench and driver have started after this time, even on a busy machine."""
 
 SCRIPT_AT_S = 6.0
 SERVED = re.compile(r"^(?:serial|rtu\+tcp)://\S+", re.MULTILINE)
@@ -78,7 +78,7 @@ LEFT_AFTER_S = 8.0
 
 
 def sim_file(kind: str, folder: Path) -> Path:
-    """The sim file of a bench with its ports in `folder`; behind a gateway the supply has a TCP port."""
+    """Write the sim file of a bench with its ports in `folder`. Behind a gateway, the supply has a TCP port."""
     sim = folder / "sim.toml"
     text = (configs_dir() / "sims" / "flexinol-lt-0.15mm.toml").read_text()
     for name, profile in PROFILES[kind].items():
@@ -90,7 +90,7 @@ def sim_file(kind: str, folder: Path) -> Path:
 
 
 def rig_file(kind: str, folder: Path, urls: list[str]) -> Path:
-    """The rig file of the devices served at `urls`."""
+    """Write the rig file of the devices that are served at `urls`."""
     rig = folder / "rig.toml"
     shipped = (configs_dir() / "rigs" / ("simulated.toml" if kind == "board" else "bench-supply.toml")).read_text()
     head, _, tail = shipped.partition("\n[[devices]]")
@@ -102,7 +102,7 @@ def rig_file(kind: str, folder: Path, urls: list[str]) -> Path:
 
 @contextlib.contextmanager
 def through_gateway(kind: str, urls: list[str]) -> Iterator[tuple[Gateway | None, list[str]]]:
-    """The gateway in front of the supply, if there is one, and the URLs through it."""
+    """Yield the gateway in front of the supply, if the rig has a gateway, and the URLs that lead through it."""
     if kind != "gateway":
         yield None, urls
         return
@@ -112,13 +112,13 @@ def through_gateway(kind: str, urls: list[str]) -> Iterator[tuple[Gateway | None
 
 
 def guardians_of(driver: BaseProcess) -> list[int]:
-    """The guardians that the driver has started."""
+    """Return the guardians that the driver has started."""
     started = Path(f"/proc/{driver.pid}/task/{driver.pid}/children").read_text().split()
     return [int(number) for number in started if is_guardian(int(number))]
 
 
 def is_guardian(pid: int) -> bool:
-    """Whether that process exists and is a guardian."""
+    """Return True if the process exists and is a guardian."""
     try:
         return b"smadrive.devices.guardian.process" in Path(f"/proc/{pid}/cmdline").read_bytes()
     except OSError:
@@ -165,7 +165,7 @@ def serve_bench(*options: str) -> None:
 
 
 def drive(rig_file: Path, orders: Connection) -> None:
-    """Heat; send a message when the wire is heated, and fail on request."""
+    """Heat the wire, send a message when it is warm, and fail on request."""
     with Rig(load_rig(str(rig_file))) as rig:
         rig.heater.arm(rig.config.limits.watchdog_s)
         for tick in itertools.count():
@@ -186,7 +186,7 @@ def hang() -> None:
 
 
 def wait_for(log: Path, pattern: re.Pattern[str], seen: int, until_s: float) -> float | None:
-    """The time when more than `seen` matches of `pattern` are in the log; None: not before `until_s`."""
+    """Return the time at which the log has more than `seen` matches of `pattern`, or None if not before `until_s`."""
     while time.monotonic() < until_s:
         if len(pattern.findall(log.read_text())) > seen:
             return time.monotonic()
@@ -195,13 +195,13 @@ def wait_for(log: Path, pattern: re.Pattern[str], seen: int, until_s: float) -> 
 
 
 def heats(events: str) -> bool:
-    """Whether the last switching event switched the heater on."""
+    """Return True if the last switching event switched the heater on."""
     switchings = list(SWITCHED.finditer(events))
     return bool(switchings) and switchings[-1]["on"] is not None
 
 
 def wait_for_off(log: Path, until_s: float) -> float | None:
-    """The time when the heater is off; None: it still heats at `until_s`."""
+    """Return the time at which the heater is off, or None if it still heats at `until_s`."""
     while heats(log.read_text()):
         if time.monotonic() > until_s:
             return None
@@ -210,11 +210,11 @@ def wait_for_off(log: Path, until_s: float) -> float | None:
 
 
 class EndedEarly(Exception):
-    """Driver or guardian stopped heating before the fate, because a busy machine delayed a reply or a heartbeat."""
+    """The heating ended before the fate, because a busy machine delayed a reply or a heartbeat."""
 
 
 def lasting_trial(kind: str, fate: str, seed: int) -> float | None:
-    """The result of a trial, repeated until its driver heats up to its fate; see `trial`."""
+    """Return the result of a trial (see `trial`). Repeat the trial until its driver heats at the moment of its fate."""
     for attempt in itertools.count():
         with contextlib.suppress(EndedEarly):
             return trial(kind, fate, seed + 1_000_000 * attempt)
@@ -222,7 +222,7 @@ def lasting_trial(kind: str, fate: str, seed: int) -> float | None:
 
 
 def trial(kind: str, fate: str, seed: int) -> float | None:
-    """The time from the fate to zero current; None when the wire is left heating."""
+    """Return the time from the fate to zero current, or None if the wire is left heating."""
     generator = random.Random(seed)
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
@@ -244,7 +244,7 @@ def trial(kind: str, fate: str, seed: int) -> float | None:
                 through_gateway(kind, SERVED.findall(log.read_text())) as (gateway, urls),
                 process(drive, rig := rig_file(kind, folder, urls), there, log=driver_log) as driver,
             ):
-                there.close()  # so that the end of the driver is noticed
+                there.close()  # then the end of the driver raises EOFError below
                 try:
                     here.recv()
                 except EOFError:
@@ -270,7 +270,7 @@ def trial(kind: str, fate: str, seed: int) -> float | None:
 def meet(
     driver: BaseProcess, orders: Connection, fate: str, log: Path, generator: random.Random, gateway: Gateway | None
 ) -> float:
-    """Apply the fate to the driver; the time when that happened."""
+    """Apply the fate to the driver, and return the time of it."""
     if fate in BY_SCRIPT:
         met_s = wait_for(log, re.compile("fault: "), 0, time.monotonic() + SCRIPT_AT_S + START_S)
         if met_s is None:
@@ -309,7 +309,7 @@ def begin_off(rig_file: Path) -> subprocess.Popen[bytes]:
 
 
 def kill_both(driver: BaseProcess, fate: str, generator: random.Random) -> None:
-    """Kill driver and guardian, the second one at most BETWEEN_S after the first."""
+    """Kill driver and guardian, the second at most BETWEEN_S after the first."""
     victims = [driver.pid or 0, *guardians_of(driver)]
     for pid in victims if fate.startswith("driver") else reversed(victims):
         with contextlib.suppress(ProcessLookupError):
@@ -326,9 +326,7 @@ def main() -> None:
     parser.add_argument("--at-once", type=int, default=4)
     parser.add_argument("--seed", type=int, default=0)
     arguments = parser.parse_args()
-    PROCESSES.set_forkserver_preload(
-        ["firmware_sim.cli", "smadrive.rig.rig"]
-    )  # so that a trial need not import them again
+    PROCESSES.set_forkserver_preload(["firmware_sim.cli", "smadrive.rig.rig"])  # imported before the trials are forked
     seeds = range(arguments.seed, arguments.seed + arguments.trials)
     print(f"{'rig':8}{'fate':30}{'trials':>7}{'median s':>10}{'worst s':>10}{'left heating':>14}")
     for kind in arguments.rig or PROFILES:

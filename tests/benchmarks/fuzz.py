@@ -4,13 +4,13 @@
 
 EXCHANGES are made on each kind of endpoint (pty, tcp, rtu+tcp), and IN PROCESS with RTU and with Modbus TCP in virtual
 time. Half of them also meet faults that plain Modbus cannot detect: unsolicited frames behind the next request, and
-replies that each repeat the one before (see docs/simulator.md). There a wrong value of a plain read is counted and
-printed; a proved read, and an exchange with an echoed sequence number, must be correct all the same.
+replies that each repeat the previous reply (see docs/simulator.md). With these faults, a wrong value of a plain read is
+counted and printed; a proved read, and an exchange with an echoed sequence number, must still be correct.
 
 The oracle: three registers of the device (watchdog, highest temperature, highest current) are written with numbers
 derived from a nonce, which is new for every write. So the correct result of a read is the numbers of the last write, or
-of a later one with unknown outcome, or the defaults, because the device may restart at any time. Any other value is a
-wrong one that was accepted, most often an old reply accepted as a new one.
+of a later one with unknown outcome, or the defaults, because the device may restart at any time. Any other value
+means that a wrong reply was accepted, most often an old reply.
 """
 
 from __future__ import annotations
@@ -44,29 +44,33 @@ TIMING = BusTiming(response_timeout_s=0.01, silence=False, read_retries=0)
 SCRIPT = "[random]\nshare = 0.25\nslowest_s = 0.05\n"
 ENDPOINTS = ("pty", "tcp", "rtu-tcp")
 DETECTABLE = {"tcp": "copies = true\n"}
-"""Faults that a client can detect besides the common ones, by endpoint: numbered replies reveal copies."""
+"""Further faults that a client can detect, by endpoint. Replies of Modbus TCP are numbered, which reveals copies."""
 BEYOND = "copies = true\nlag = true\n"
 VIRTUAL = "[random]\nshare = 0.3\nslowest_s = 0.6\n"
 VIRTUAL_TIMING = BusTiming(response_timeout_s=0.1, read_retries=0)
 
 
 def pattern(nonce):
-    """The register words of a nonce, which no other nonce of a long run has."""
+    """Return the register words of a nonce. No other nonce of a long run has the same words."""
     return tuple(low + nonce * step % span for low, span, step in zip(LEAST, SPANS, (1, 7, 13), strict=True))
 
 
 def longest_s(timing):
-    """The longest allowed time of a call: each probe and the request itself wait for silence, then for the reply."""
+    """Return the longest allowed time of a call. Each probe, and the request, waits for silence, then for the reply."""
     return (PROBES + 1) * (NEVER_SILENT_S + 4 * timing.response_timeout_s)
 
 
 @dataclass
 class Figures:
-    """The results of the exchanges."""
+    """The results of the exchanges.
+
+    `wrong` are wrong values of proved reads, or after a fault that plain Modbus can detect. `indistinguishable` counts
+    wrong values of plain reads after a fault that plain Modbus cannot detect.
+    """
 
     right: int = 0
-    wrong: list[str] = field(default_factory=list)  # of proved reads, or where plain Modbus can detect the fault
-    indistinguishable: int = 0  # wrong values of plain reads where it cannot
+    wrong: list[str] = field(default_factory=list)
+    indistinguishable: int = 0
     proved: int = 0
     caught: int = 0  # stale replies that their echo revealed
     errors: Counter = field(default_factory=Counter)
@@ -94,20 +98,20 @@ class Fuzzer:
         self._random = random.Random(seed)
         self._nonce = 0
         self._defaults = requests.registers_of(self._until_answered(requests.read_holding(FIRST, COUNT)))
-        self._possible = {self._defaults}  # besides the defaults, which a restart can always bring back
+        self._possible = {self._defaults}  # the defaults are always possible too, because a restart brings them back
 
     def run(self, exchanges):
-        """Make `exchanges`; the figures."""
+        """Make `exchanges` exchanges, and return the figures."""
         act = self._read
         for _ in range(exchanges):
             began_s = self._client.clock.now_s()
-            if self._random.random() < 0.3:  # else the same again, like a control loop: a late reply then fits
+            if self._random.random() < 0.3:  # otherwise the same request again: a late reply fits to it
                 act = self._random.choice((self._read, self._write, self._exchange, self._echo, self._prove))
             try:
                 act()
             except SmadriveError as error:
                 self.figures.errors[type(error).__name__] += 1
-                if type(error) is TransportError:  # the port is gone: wait instead of asking a thousand times
+                if type(error) is TransportError:  # the port is gone: wait for it
                     self._client.clock.sleep_until(self._client.clock.now_s() + self._timing.response_timeout_s)
             took_s = self._client.clock.now_s() - began_s
             self.figures.slowest_s = max(self.figures.slowest_s, took_s)
@@ -182,7 +186,7 @@ class Fuzzer:
 
 
 def served(endpoint, exchanges, beyond="", seed=1):
-    """The figures of one run against the served simulator at this kind of endpoint."""
+    """Run against the served simulator at this kind of endpoint, and return the figures."""
     with tempfile.TemporaryDirectory() as folder:
         script = Path(folder, "faults.toml")
         script.write_text(SCRIPT + beyond, encoding="utf-8")
@@ -197,7 +201,7 @@ def served(endpoint, exchanges, beyond="", seed=1):
 
 
 def in_process(protocol, exchanges, beyond="", seed=1):
-    """The figures of one run in virtual time, without a process or a port."""
+    """Run in virtual time, without a process or a port, and return the figures."""
     device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed)
     device.bench.follow_script(FaultScript.model_validate(tomllib.loads(VIRTUAL + beyond)))
     numbered = protocol == "tcp"

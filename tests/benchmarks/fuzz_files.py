@@ -1,9 +1,9 @@
 """Damaged files given to the commands that read them: `python tests/benchmarks/fuzz_files.py [COUNT] [SEED]`.
 
 First a valid log, model, table, trace, rig, wire and simulated device are made. Then bytes of one of them are changed
-at random places, or a number is replaced by an absurd one, and a command reads the file in a process of its own. It
-must end with exit code 0, 2, 3, 4 or 5 within `LONGEST_S` and without a traceback. A log with checksums must give the
-result of the valid one, or be rejected.
+at random places, or a number is replaced by an absurd one, and a command reads the file in a process of its own. The
+command must end with exit code 0, 2, 3, 4 or 5 within `LONGEST_S` and without a traceback. A damaged log with checksums
+must give the result of the valid log, or be rejected.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ Command = Callable[[Path], list[str]]
 
 
 class End(NamedTuple):
-    """The end of a command: `how` describes a forbidden end, and is empty otherwise; `result` is its JSON."""
+    """The end of a command. `how` describes a forbidden end, otherwise it is empty. `result` is the JSON object."""
 
     how: str
     code: int
@@ -60,12 +60,12 @@ class Case(NamedTuple):
 
 
 def identified(at: Path, data: str) -> list[str]:
-    """The command that fits a small model."""
+    """Return the command that fits a small model."""
     return ["identify", f"{at}/{data}", "-o", f"{at}/out.json", "--sets", "5", "--json"]
 
 
 def simulated(at: Path) -> list[str]:
-    """The command that simulates the model along the table."""
+    """Return the command that simulates the model along the table."""
     return ["simulate", f"{at}/model.json", f"{at}/table.csv", "-o", f"{at}/out.csv", "--json"]
 
 
@@ -111,7 +111,7 @@ def sound_files(at: Path) -> None:
 
 
 def damaged(data: bytes, generator: random.Random, is_text: bool) -> bytes:
-    """The content with a few changed bytes, or with a changed number."""
+    """Return the content with a few changed bytes, or with a changed number."""
     if is_text and generator.random() < 0.5 and (numbers := list(NUMBER.finditer(data))):
         number = generator.choice(numbers)
         return data[: number.start()] + generator.choice(ABSURD).encode() + data[number.end() :]
@@ -122,7 +122,7 @@ def damaged(data: bytes, generator: random.Random, is_text: bool) -> bytes:
 
 
 def ended(arguments: list[str]) -> End:
-    """The end of a command in a forked process."""
+    """Run a command in a forked process, and return its end."""
     with tempfile.TemporaryFile("w+") as out, tempfile.TemporaryFile("w+") as err:
         child = os.fork()
         if child == 0:
@@ -171,7 +171,7 @@ def _result(out: str) -> object:
 
 
 def trial(case: Case, sound: Path, at: Path, expected: object, seed: str) -> str:
-    """The effect of one damaged file on the command."""
+    """Give the command one damaged file, and return the effect."""
     generator = random.Random(seed)
     for file in sound.iterdir():
         if file.name != case.file:
@@ -189,7 +189,7 @@ def trial(case: Case, sound: Path, at: Path, expected: object, seed: str) -> str
 
 
 def tried(case: Case, sound: Path, at: Path, count: int, seed: int) -> int:
-    """Give a command `count` damaged files and print their effects; the number of forbidden ends."""
+    """Give a command `count` damaged files, print their effects, and return the number of forbidden ends."""
     shutil.copytree(sound, at, dirs_exist_ok=True)
     expected = ended(case.command(at)).result
     begun_s, ends = time.monotonic(), Counter[str]()
@@ -204,7 +204,7 @@ def tried(case: Case, sound: Path, at: Path, count: int, seed: int) -> int:
 
 
 def main() -> None:
-    """Damage, run, count; exit code 1 after a forbidden end."""
+    """Damage files, run commands, count the ends. Exit with code 1 after a forbidden end."""
     count, seed = (int(text) for text in (*sys.argv[1:], "20", "0")[:2])
     with tempfile.TemporaryDirectory() as folder:
         sound, at = Path(folder) / "sound", Path(folder) / "files"

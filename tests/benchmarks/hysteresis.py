@@ -26,7 +26,7 @@ def mixed_loop(samples, turns=20, seed=0):
 
 
 def seconds(action, repeats=5):
-    """The shortest time of a few runs."""
+    """Return the shortest time of a few runs."""
     best = np.inf
     for _ in range(repeats):
         start = time.perf_counter()
@@ -36,7 +36,7 @@ def seconds(action, repeats=5):
 
 
 def duhem_slope(v, w, rising):
-    """Eq. (5) of the paper for Table 1 (corrected), in the form for an ODE solver."""
+    """Return the slope by eq. (5) of the paper for Table 1 (corrected), for an ODE solver."""
     heating, cooling = (v - 35) / 75, (v + 45) / 70
     gap = ndtr(cooling) - ndtr(heating)
     if rising:
@@ -45,13 +45,13 @@ def duhem_slope(v, w, rising):
 
 
 def rule_slope(v, w, rising):
-    """Eqs. (10) and (11) with dv for dt, in the form for an ODE solver."""
+    """Return the slope by eqs. (10) and (11) of the paper with dv in place of dt, for an ODE solver."""
     a, b = RULES.heating_law if rising else RULES.cooling_law
     return np.interp(v, RULES.sets.centres, a) * w + np.interp(v, RULES.sets.centres, b)
 
 
 def ode_seconds_per_sample(model, slope):
-    """The time per sample of a peer: solve_ivp(RK45, rtol 1e-6) on each monotonic part of the same input."""
+    """Return the time per sample of a peer: solve_ivp(RK45, rtol 1e-6) on each monotonic part of the same input."""
     v = mixed_loop(1001, turns=3)
     turns = np.flatnonzero(np.diff(np.sign(np.diff(v)))) + 1
 

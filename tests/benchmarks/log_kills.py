@@ -1,7 +1,7 @@
 """Logs cut by kill -9: `python tests/benchmarks/log_kills.py [COUNT] [ROWS]` kills COUNT writers at random moments.
 
-Every log is then opened by plain h5py, and must contain every row but those of the last second. ROWS is the number of
-rows that the writer announces; with a small number it grows the file again and again.
+Every log is then opened by plain h5py, and must contain every row except those of the last second. ROWS is the number
+of rows that the writer expects. With a small number, the writer must enlarge the file again and again.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ with Recorder(Path(sys.argv[1]), columns, {"rig": "bench"}, rows=int(sys.argv[2]
 
 
 def killed_log(path: Path, rows: int, after_s: float) -> int:
-    """Start a writer, kill it `after_s` after its first row; returns the number of rows it had handed over."""
+    """Start a writer and kill it `after_s` after its first row. Return the number of rows that it had written."""
     with subprocess.Popen([sys.executable, "-c", WRITER, path, str(rows)], stdout=subprocess.PIPE) as writer:
         pipe = writer.stdout.fileno()
         last = os.read(pipe, 8)

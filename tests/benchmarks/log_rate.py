@@ -1,4 +1,4 @@
-"""How fast a log takes rows, against peers measured in the same run: python tests/benchmarks/log_rate.py
+"""Rows per second of a log, against peers measured in the same run: python tests/benchmarks/log_rate.py
 
 Like the log, the peers leave at most one second of 20 rows unwritten: a CSV file, and HDF5's single-writer mode.
 """
@@ -21,7 +21,7 @@ ROWS_PER_S = 20
 
 
 def rows(count):
-    """The rows of a loop at 20 Hz."""
+    """Return the rows of a loop at 20 Hz."""
     for n in range(count):
         yield (0.05 * n,) * len(COLUMNS)
 
@@ -60,7 +60,7 @@ def single_writer(path, count):
 
 
 def rate(write: Callable[[Path, int], None], count: int) -> float:
-    """Rows per second, best of three."""
+    """Return the rows per second, the best of three runs."""
     best_s = np.inf
     with tempfile.TemporaryDirectory() as folder:
         for n in range(3):
@@ -71,7 +71,7 @@ def rate(write: Callable[[Path, int], None], count: int) -> float:
 
 
 def slowest_row_ms(count: int) -> float:
-    """The longest time that one row took, in a log of known length."""
+    """Return the longest time that one row took, in a log of known length."""
     worst_s = 0.0
     with tempfile.TemporaryDirectory() as folder, Recorder(Path(folder) / "l.h5", COLUMNS, rows=count) as recorder:
         for row in rows(count):

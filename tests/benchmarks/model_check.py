@@ -19,7 +19,7 @@ from modbus_model import BusMachine, NumberedBusMachine
 
 STEPS = 20
 CHUNK = 1000
-"""Runs per search: a search remembers all its runs, so its memory grows with their number."""
+"""Number of runs in a search. A search remembers all its runs, so more runs need more memory."""
 
 
 def main():

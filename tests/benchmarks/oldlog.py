@@ -1,4 +1,4 @@
-"""Logs as version 0.1 wrote them: layout 1, with checksums or, the first ones, without."""
+"""Logs as version 0.1 wrote them, in layout 1. The first logs of 0.1 have no checksums."""
 
 import h5py
 import numpy as np
@@ -46,7 +46,7 @@ def _rename(file, name, old):
 
 
 def _write_checksums(entry):
-    """Checksums depend on the names of the columns."""
+    """Write the checksums again, because they depend on the names of the columns."""
     columns, metadata = entry["data"], {name: text[()].decode() for name, text in entry["about"].items()}
     version = bytes(entry["program_name"].attrs["version"]).decode()
     start_time = entry["start_time"][()].decode()

@@ -1,11 +1,11 @@
-"""Links between the loop and a process beside it: the time that each takes of a tick, and the delay of an OFF.
+"""Links between the loop and a process beside it: the time that each link takes in a tick, and the delay of an OFF.
 
     .venv/bin/python tests/benchmarks/process_links.py [SECONDS]
 
 A loop at 50 Hz requests 1.7 MB from a peer process, the size of a changed model with its controller, and unpacks it as
-soon as it has arrived. The links alternate, one second each, so that other work of the machine meets all of them. The
-first figures are the time that a tick spends in the link, unpacking included. The last ones are the delay from an OFF
-in the peer until the loop, which looks every 0.2 ms, sees it.
+soon as it has arrived. The links alternate every second, so that other work of the machine affects all links equally.
+The first figures are the time that a tick spends in the link, unpacking included. The last ones are the delay from an
+OFF in the peer until the loop, which looks every 0.2 ms, sees it.
 
     memory      a descriptor of anonymous memory for each message, over a pair of Unix datagram sockets
     connection  multiprocessing.Pipe; poll, then recv
@@ -33,7 +33,7 @@ LOOK_S, OFFS = 0.0002, 200
 
 
 class Memory:
-    """See above."""
+    """The link by a descriptor of anonymous memory."""
 
     def __init__(self, _folder):
         self._ends = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -58,7 +58,7 @@ class Memory:
 
 
 class Connection:
-    """See above."""
+    """The link by multiprocessing.Pipe."""
 
     def __init__(self, _folder):
         self._ends = multiprocessing.Pipe()
@@ -75,7 +75,7 @@ class Connection:
 
 
 class Zmq:
-    """See above."""
+    """The link by pyzmq."""
 
     def __init__(self, folder):
         self._address = f"ipc://{folder}/pair"
@@ -105,7 +105,7 @@ def answer(link):
 
 
 def turn(link):
-    """The milliseconds that each tick of one turn spends in the link."""
+    """Return the milliseconds that each tick of one turn spends in the link."""
     spent_ms, is_free, due_s = [], True, time.monotonic()
     for _ in range(int(TURN_S / PERIOD_S)):
         due_s += PERIOD_S
@@ -143,7 +143,7 @@ def off_by_zmq(address, ready):
 
 
 def delays_ms(target, argument, received):
-    """The delay of each OFF; `received()` is when it was sent, None until it has arrived."""
+    """Return the delay of each OFF. `received()` is the time at which the OFF was sent, or None before its arrival."""
     context = multiprocessing.get_context("fork")
     ready, found = context.Event(), []
     peer = context.Process(target=target, args=(argument, ready))

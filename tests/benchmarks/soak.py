@@ -37,7 +37,7 @@ APPROACH_S = 10.0
 
 
 def endless(cold_mm: float, hot_mm: float, duration_s: float) -> Reference:
-    """Sines over the middle of the stroke for `duration_s`, six minutes of each period in turn."""
+    """Return sines over the middle of the stroke for `duration_s`, six minutes of each period in turn."""
     times_s = np.arange(0.0, duration_s, 0.5)
     period_s = np.asarray(PERIODS_S)[(times_s // 360.0).astype(int) % len(PERIODS_S)]
     phase = np.cumsum(np.concatenate(([0.0], np.diff(times_s) / period_s[1:])))
@@ -46,7 +46,7 @@ def endless(cold_mm: float, hot_mm: float, duration_s: float) -> Reference:
 
 
 def memory_mb() -> float:
-    """The present memory of this process."""
+    """Return the present memory of this process in MB."""
     pages = int(Path("/proc/self/statm").read_text().split()[1])
     return pages * resource.getpagesize() / 1e6
 

@@ -1,16 +1,17 @@
-"""The cost of the tuning page: lateness of the loop beside it, time until a change is in force, load of the processors.
+"""The cost of the tuning page: lateness of the loop, time until a change is in force, load of the processors.
 
     .venv/bin/python tests/benchmarks/tuning.py [--browser | --off]
 
-The loop runs at 50 Hz on a served simulator, in real time and in a process that does nothing else, as `smadrive tune`
-has it: without a page, with one, with one whose user changes something all the time, and while the page process is
-killed and restarted. With --browser a chromium shows the page, and its load is taken at 20 Hz with 2,000 points in
-every trace.
-With --off only the time from POST /off to a zero current command is taken, at 20 Hz, while page loads are pending.
+The loop runs at 50 Hz on a served simulator, in real time and in a process of its own, as in `smadrive tune`. It runs
+without a page, with a page, with a page whose user changes something all the time, and while the page process is killed
+and restarted. With --browser a chromium shows the page, and its load is measured at 20 Hz with 2,000 points in every
+trace. With --off only the time from POST /off to a zero current command is measured, at 20 Hz, while page loads are
+pending.
 
 Lateness is from a tick's deadline to its beginning. Device, page, browser and builder share the processors with the
-loop: how much each used, and how long the loop was ready but had no processor, is printed beside it. That depends on
-the scheduling that the system grants; run it as an ordinary user to see what an ordinary user gets. The simulator
+loop. So the benchmark also prints the share of each process, and the time for which the loop was ready but had no
+processor. This time depends on the scheduling that the system permits; run the benchmark as an ordinary user to see the
+figures of an ordinary user. The simulator
 serves TCP: data on a virtual serial port pass through a kernel thread that waits for a processor, and beside a browser
 on two cores one exchange in a hundred then takes 18 ms longer, independent of the driver.
 """
@@ -62,11 +63,11 @@ PENDING_LOADS = (0, 5, 20, 60, 200)
 
 
 class Ended(BaseException):
-    """Ends the session."""
+    """The exception that ends the session."""
 
 
 def control(script, rate_hz):
-    """The control process: the loop, and a thread that sleeps until the script wants a page, or has ended."""
+    """Run the control process: the loop, and a thread that sleeps until the script requests a page, or has ended."""
     with ExitStack() as stack:
         simulator = stack.enter_context(ServedSimulator("flexinol-lt-0.15mm", real_time=True, tcp=True))
         config = load_rig("simulated").at(simulator.url).model_copy(update={"rate_hz": rate_hz})
@@ -129,7 +130,7 @@ def control(script, rate_hz):
 
 
 def stand_in_for_hardware(pid):
-    """A board has a processor of its own: its simulator runs before a browser, where that is granted."""
+    """Give the simulator a higher priority than a browser, if permitted: a board has a processor of its own."""
     for thread in Path(f"/proc/{pid}/task").iterdir():
         with suppress(OSError):
             os.sched_setscheduler(int(thread.name), os.SCHED_FIFO, os.sched_param(2))
@@ -161,7 +162,7 @@ class Script:
         time.sleep(3.0)
 
     def watch(self, name, action, alone=None):
-        """Do something for a while, and print how late the loop was meanwhile, and the load of the processors."""
+        """Do something for a while. Print the lateness of the loop during this time, and the load of the processors."""
         first, used, began_s, waited_s = self.page.written, self.used_s(), time.monotonic(), self.waited_s()
         action(began_s + EACH_S)
         took_s = time.monotonic() - began_s
@@ -189,12 +190,12 @@ class Script:
         }
 
     def waited_s(self):
-        """How long the loop's thread has been ready to run without running."""
+        """Return the time for which the loop's thread was ready but had no processor."""
         loop = self.processes["loop"]
         return int(Path(f"/proc/{loop}/task/{loop}/schedstat").read_text().split()[1]) * 1e-9
 
     def latencies(self):
-        """The time from a knob to the model in the loop, and from OFF to zero current measured."""
+        """Measure the time from a knob to the model in the loop, and from OFF to zero measured current."""
         knob_ms = []
         for n in range(20):
             value = 90.0 + 0.1 * (n % 5)
@@ -225,7 +226,7 @@ class Script:
 
 
 def lateness(script):
-    """The loop at 50 Hz in every state of the page."""
+    """Measure the lateness of the loop at 50 Hz in every state of the page."""
 
     def hammer(end_s):
         while time.monotonic() < end_s:
@@ -256,7 +257,7 @@ def lateness(script):
 
 
 def load(script):
-    """The load of page process and browser."""
+    """Measure the load of page process and browser."""
     script.heat()
     until(time.monotonic() + POINTS / LOAD_RATE_HZ)
     script.processes["page"] = script.command("open")["pid"]
@@ -272,7 +273,7 @@ def load(script):
 
 
 def off_beside_page_loads(script):
-    """From POST /off to the first tick that commands no current, while page loads wait for their answers."""
+    """Measure the time from POST /off to the first tick that commands no current, while page loads are pending."""
     address = urlsplit(script.command("open")["url"]).netloc
     for count in PENDING_LOADS:
         replied_ms, off_ms = zip(*(off_among(script, address, count) for _ in range(OFF_TRIALS)), strict=True)
@@ -286,7 +287,7 @@ def off_beside_page_loads(script):
 
 
 def off_among(script, address, count):
-    """Milliseconds to the reply and to the command."""
+    """Return the milliseconds from POST /off to its reply, and to the command of zero current."""
     script.heat()
     host, port = address.split(":")
     loads = [socket.create_connection((host, int(port))) for _ in range(count)]
@@ -307,7 +308,7 @@ def off_among(script, address, count):
 
 
 class shown:  # noqa: N801
-    """A chromium on the page."""
+    """Open the page in a chromium during the block."""
 
     def __init__(self, script):
         self._script = script
@@ -332,7 +333,7 @@ class shown:  # noqa: N801
 
 
 def schedule(rows, period_s):
-    """How many ticks were left out, and how much longer than the shortest the exchanges took, ms.
+    """Return the number of missing ticks, and the milliseconds by which exchanges were longer than the shortest one.
 
     A row has the time of the measurement and the lateness of its tick; their difference is the deadline plus the
     exchange.

@@ -2,8 +2,8 @@
 
 It runs the shipped in-process rig at 20 Hz in virtual time: plant, sensors, firmware, every register of every exchange
 through frames and codec, supervisor, controller, log. The first run is an excitation, the second tracks a sine with the
-inverse of the wire identified from it. Printed is the processor time of the best round. Every round has the same seed,
-so its log must be the same to the last bit. Function calls per tick are counted in a separate run.
+inverse of the wire identified from it. The benchmark prints the processor time of the best round. All rounds have the
+same seed, so their logs must be equal to the last bit. Function calls per tick are counted in a separate run.
 
 Use one core (`taskset`): with more, the threads of scipy's LAPACK wait for each other while the observer's gains are
 solved, which adds a tenth of a second of processor time that belongs to no tick.
@@ -70,7 +70,7 @@ def timed(loop):
 
 
 def measured(run, folder):
-    """The fastest of the rounds; AssertionError when the same seed gave another log."""
+    """Return the fastest of the rounds. AssertionError when two rounds gave different logs."""
     runs = []
     for number in range(ROUNDS):
         path = folder / f"{number}.h5"

@@ -26,11 +26,11 @@ from smadrive.wire.heat_balance import HeatBalance
 CHROMIUM = shutil.which("chromium")
 BALANCE = HeatBalance(0.0298, 0.014, 3.42e-5 * 24200.0, 22.0, 16.5, -0.12, 0.15)
 PATIENCE_S = 300.0
-"""How long a test waits for what must happen: a guard against hangs. Usually it happens within a second."""
+"""A test fails after this time if an expected change does not come. Usually the change comes within a second."""
 
 
 class PacedClock:
-    """The virtual time of a simulator, but no faster than real time."""
+    """A clock with the virtual time of a simulator, which runs no faster than real time."""
 
     def __init__(self, virtual):
         self._virtual = virtual
@@ -42,7 +42,7 @@ class PacedClock:
 
 
 class Ended(BaseException):
-    """Ends a session as Ctrl-C does."""
+    """The exception that ends a session, as Ctrl-C does."""
 
 
 class Session:
@@ -91,7 +91,7 @@ class Session:
 
     @property
     def published(self):
-        """Mode, faults and events, as the page gets them."""
+        """The status that the page gets: mode, faults, events and more."""
         _, status = PageEnd(self.channel.memory_fd, self.channel.page_socket).status(-1)
         return {name: status[name] for name in ("mode", "fault", "lost", "events")}
 
@@ -101,7 +101,7 @@ class Session:
 
     @property
     def time_s(self):
-        """The session's own time, which is slower than that of the machine when that is busy."""
+        """The time of the session. On a busy machine it runs slower than real time."""
         return self.ticks[-1][1].measurement.time_s
 
     @property
@@ -132,7 +132,7 @@ def lasting_session(tmp_path_factory):
 
 @pytest.fixture
 def live(lasting_session):
-    """The session, off to begin with."""
+    """A running session. The heater is off at the beginning."""
     lasting_session.switch_off()
     return lasting_session
 
@@ -158,7 +158,7 @@ def context(browser):
 
 @pytest.fixture
 def client(context, live):
-    """Opens pages of the session: `client()` one that may control, `client(token=False)` one that may not."""
+    """Opens pages of the session: `client()` one that may control, `client(token=False)` one that only watches."""
     pages = []
 
     def opened(*, token=True, says=None):

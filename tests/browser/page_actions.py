@@ -19,7 +19,7 @@ def press(page, name):
 
 
 def field(page, name):
-    """The field of a knob, by the title of its slider."""
+    """Return the field of the knob whose slider has this title."""
     row = page.locator(".bk-Row", has=page.get_by_text(name))
     return row.locator("input.bk-input").last
 
@@ -35,7 +35,7 @@ def name(page, text):
 
 
 def opened_editor(page, cell):
-    """The field in which a table's cell is edited: tried again until the table takes the double click."""
+    """Open the field in which a cell of a table is edited. Double click until the table opens the field."""
     editor = page.locator(".slick-cell input")
     while not editor.is_visible():
         cell.dblclick(force=True)
@@ -51,7 +51,7 @@ def heat(page, live):
 
 
 def drawn(page, *columns):
-    """Columns of the plots' data, as the browser has them at one moment."""
+    """Return columns of the data that the browser draws, all at one moment."""
     script = """columns => { for (const model of Bokeh.documents[0]._all_models.values())
         if (model.type === "ColumnDataSource" && columns.every(column => model.data[column]))
             return columns.map(column => Array.from(model.data[column])) }"""
@@ -63,13 +63,13 @@ def newest(page, column):
 
 
 def errors(page):
-    """Each error that is drawn, by its time."""
+    """Return each error that the page draws, by its time."""
     pairs = zip(*drawn(page, "time_s", "error_percent"), strict=True)
     return {time_s: percent for time_s, percent in pairs if math.isfinite(percent)}
 
 
 def post_off(live, **headers):
-    """POST /off as curl would; the status of the reply."""
+    """Send POST /off as curl does, and return the status of the reply."""
     connection = http.client.HTTPConnection("127.0.0.1", urllib.parse.urlsplit(live.page.url).port, timeout=PATIENCE_S)
     connection.request("POST", "/off", headers=headers)
     status = connection.getresponse().status
@@ -78,5 +78,5 @@ def post_off(live, **headers):
 
 
 def cells(page, column):
-    """The figures that a column of the table of rules shows in its first rows."""
+    """Return the numbers that a column of the table of rules shows in its first rows."""
     return [float(text) for text in page.locator(f".slick-cell.l{column}").all_inner_texts()[:4]]

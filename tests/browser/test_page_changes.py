@@ -103,7 +103,7 @@ def test_failed_fit_is_shown(client, live):
     fit_s.fill("10")
     fit_s.press("Enter")
     press(page, "Fit")
-    page.locator(".banner", has_text="nothing to fit").wait_for()
+    page.locator(".banner", has_text="no displacement was measured").wait_for()
     page.locator(".card", has_text="Events").get_by_text(
         "not fitted: the last 10 s: no displacement was measured"
     ).first.wait_for()

@@ -15,7 +15,7 @@ def test_page_loads_nothing_from_elsewhere_and_its_plots_move(client, live):
 
 BEYOND = """() => [...document.querySelectorAll("header > *, .card")].filter(
     element => element.getBoundingClientRect().right > innerWidth).length"""
-"""How many elements are wider than the window."""
+"""A script that counts the elements that are wider than the window."""
 
 
 @pytest.fixture
@@ -51,7 +51,7 @@ OVERLAPS = """() => {
     return places.flatMap(([element, place], n) => places.slice(n + 1).filter(([other, there]) =>
         element.parentNode.tagName === other.parentNode.tagName
         && overlap(place, there)).map(([other]) => [element.innerText, other.innerText])) }"""
-"""Which parts of the head, and which cards, lie over each other."""
+"""A script that returns the pairs of head parts or cards that overlap."""
 
 
 OVER_OFF = """() => {
@@ -59,7 +59,7 @@ OVER_OFF = """() => {
     const shares = [0.05, 0.5, 0.95];
     return shares.flatMap(x => shares.map(y => document.elementFromPoint(
         place.left + x * place.width, place.top + y * place.height))).filter(top => !off.contains(top)).length }"""
-"""At how many of nine points something lies over OFF."""
+"""A script that counts at how many of nine points something covers OFF."""
 
 
 def test_nothing_overlaps_at_any_window_width(page_of_each_width, live):

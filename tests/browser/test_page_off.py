@@ -10,7 +10,7 @@ from smadrive.tuning.session.modes import Mode
 from .page_actions import NONE_A, heat, post_off, press
 
 
-def test_arm_start_hold_and_disarm(client, live):
+def test_start_tracks_hold_keeps_heating_and_disarm_switches_off(client, live):
     page = client()
     heat(page, live)
     press(page, "Hold")
@@ -38,16 +38,16 @@ HOLD_BACK = """() => {
     WebSocket.prototype.send = function (...parts) { held.push(() => send.apply(this, parts)); };
     window.letGo = () => { WebSocket.prototype.send = send; held.forEach(sent => sent()); };
 }"""
-"""Holds back the messages of the page until `letGo()`."""
+"""A script that holds back the messages of the page until `letGo()` is called."""
 
 
 def offs(page):
-    """How many OFFs the page knows of."""
+    """Return the number of OFFs that the page knows."""
     return page.evaluate("() => Bokeh.documents[0].get_model_by_name('button_events').offs")
 
 
 def is_refused_and_the_next_one_arms(page, live):
-    page.locator(".banner", has_text="OFF was pressed after this. Press again").wait_for()
+    page.locator(".banner", has_text="OFF was pressed after this click. Press again").wait_for()
     assert not live.session.mode.heats
     press(page, "Arm")
     live.wait(lambda: live.session.mode.heats)

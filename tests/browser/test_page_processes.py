@@ -105,7 +105,7 @@ def test_killed_front_process_is_restarted_and_the_page_shows_the_loss(client, l
 
 
 class Elsewhere(http.server.BaseHTTPRequestHandler):
-    """A web server with one page."""
+    """A web server of another site, with one page."""
 
     def do_GET(self):
         self.send_response(http.client.OK)
@@ -118,7 +118,7 @@ class Elsewhere(http.server.BaseHTTPRequestHandler):
 
 @pytest.fixture
 def elsewhere():
-    """The address of another server on this machine."""
+    """The address of a different web server on this machine."""
     with http.server.ThreadingHTTPServer(("127.0.0.1", 0), Elsewhere) as server:
         serving = threading.Thread(target=server.serve_forever)
         serving.start()

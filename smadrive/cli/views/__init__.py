@@ -1,4 +1,4 @@
 """What the commands show: pages (HTML) of logs and fits, and live text on a terminal.
 
-It may import runs and everything below it. Computation of metrics never belongs here; it belongs to runs.
+It may import runs and everything below it. Metrics are computed in runs, never here.
 """

@@ -30,7 +30,7 @@ ARM_COLOURS = (MEASURED, ESTIMATED)
 
 
 def write_demo_report(path: Path, wire: WireFit, excitation: Log, arms: Sequence[ArmView]) -> None:
-    """Write the page; `arms` are (name, log, metrics) of the tracking runs, the inverse feedforward first."""
+    """Write the page. `arms` are (name, log, metrics) of the tracking runs; that with the inverse comes first."""
     rows = [
         (name, f"{f.rms_percent:.2f} %", f"{f.max_percent:.2f} %", str(f.trips), str(f.missed_deadlines))
         for name, _, f in arms
@@ -38,7 +38,7 @@ def write_demo_report(path: Path, wire: WireFit, excitation: Log, arms: Sequence
     write_report(
         path,
         "smadrive demo: tracking with a simulated SMA wire",
-        "Errors are reference minus displacement, in percent of the stroke. Both runs have the displacement sensor to "
+        "Errors are setpoint minus displacement, in percent of the stroke. Both runs use the displacement sensor to "
         "correct their estimate of the wire.",
         [
             Grid(("run", "RMS error", "max error", "trips", "missed deadlines"), rows),

@@ -20,7 +20,7 @@ Array = NDArray[np.float64]
 
 
 def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: str, axes: tuple[str, str]) -> None:
-    """Write the page; `axes` names input and output with their units, `caveats` are those of fit and record."""
+    """Write the page. `axes` names input and output with their units; `caveats` are those of the fit and the record."""
     measured = fit.predicted - fit.residual
     parts: list[PagePart] = [
         _verdict(fit),
@@ -51,7 +51,7 @@ def _metrics(fit: AnyFit) -> Tiles:
             (f"{fit.rms_percent:.3f} %", "RMS error, of the output span"),
             (f"{fit.max_percent:.3f} %", "largest error"),
             (f"{certificate.contraction_rate:.3g}", "contraction, per unit of input; above 0 an initial error decays"),
-            (f"{100 * certificate.invertible_share:.1f} %", "of the loop has one input for an output; best is 100 %"),
+            (f"{100 * certificate.invertible_share:.1f} %", "of the loop has one input for each output; best is 100 %"),
         ]
     )
 

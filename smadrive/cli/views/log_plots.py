@@ -37,7 +37,7 @@ PLANE_POINTS = 6000
 
 
 def log_plots(log: Log) -> Iterator[Plot]:
-    """The plots of the log; those without data are left out."""
+    """Yield the plots of the log. Plots without data are left out."""
     if "reference" in log.metadata:
         yield _tracking(log)
     yield _heat(log)
@@ -61,14 +61,14 @@ def _tracking(log: Log) -> Plot:
 
 
 def _draw(ax: Axes, log: Log, name: str, **look: Any) -> None:
-    """Draw a column over time; its role becomes the label of the line, its quantity that of the axis."""
+    """Draw a column over time. The role of the column labels the line, its quantity labels the axis."""
     facts = COLUMNS[name]
     line(ax, log.column("time_s"), log.column_with_gaps(name), label=facts.role, **look)
     ax.set_ylabel(facts.axis_label)
 
 
 def draw_error(ax: Axes, log: Log, colour: str) -> None:
-    """Draw the scored error; the approach, which is not scored, is shaded."""
+    """Draw the tracking error. The approach, which is not scored, is shaded."""
     line(ax, log.column("time_s"), error_percent(log), color=colour, lw=0.9)
     ax.axhline(0.0, color=SETPOINT, lw=0.6)
     ax.axvspan(0.0, reference_of(log).scored_from_s, color="#f0f2f5", lw=0)

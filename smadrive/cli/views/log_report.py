@@ -39,7 +39,7 @@ def _state(log: Log, summary: RunMetrics) -> Banner:
     if not log.end_time:
         return Banner(
             "warning",
-            f"This log has no end: its writer was killed, or still writes. It holds {summary.duration_s:.1f} s; "
+            f"This log has no end: its writer was killed, or still writes. The log holds {summary.duration_s:.1f} s; "
             "at most the last second is missing.",
         )
     if not log.ended_by:
@@ -52,7 +52,7 @@ def _state(log: Log, summary: RunMetrics) -> Banner:
 
 
 def _caveats(log: Log) -> Iterator[Banner]:
-    """Reasons to distrust the content or the metrics, as `run` prints them on the terminal."""
+    """Yield the reasons to distrust the content or the metrics, as `run` prints them on the terminal."""
     tracking = tracking_caveats(log) if "reference" in log.metadata else ()
     for caveat in (*log.caveats, *tracking):
         yield Banner("warning", f"Warning: {caveat}.")
@@ -73,7 +73,7 @@ def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator
 
 
 def _events(log: Log) -> Iterator[Grid]:
-    """The events; the text of a fault includes its remedy."""
+    """Yield the table of events. The text of a fault includes its remedy."""
     rows = [(f"{event.time_s:.2f} s", event.message) for event in log.events]
     yield Grid(("time", "event"), rows or [("", "none: no fault, no limit, no warning")], "Events", texts=True)
 
@@ -94,7 +94,7 @@ def _provenance(log: Log) -> Grid:
 
 
 def _background(log: Log) -> Iterator[PagePart]:
-    """The configuration of the run, folded."""
+    """Yield the configuration of the run. The reader opens each part by a click on its title."""
     yield Grid(("key", "value"), list(_flat(log.json("rig"))), "Rig file", texts=True, folded=True)
     if "wire" in log.metadata:
         yield Listing("Wire: the model of the run", log.text("wire"))
@@ -105,7 +105,7 @@ def _background(log: Log) -> Iterator[PagePart]:
 
 
 def _flat(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """A tree of JSON objects as lines `a.b = value`."""
+    """Yield the values of a tree of JSON objects, each with its path, for example `limits.current_max_a`."""
     if isinstance(value, dict):
         for name, inner in value.items():
             yield from _flat(inner, f"{key}.{name}" if key else name)

@@ -24,13 +24,13 @@ def write_paper_report(
     rows: Sequence[Sequence[str]],
     reading: Sequence[str],
 ) -> None:
-    """Write the page: the table of errors, the figures 3 to 13, the rules. `loops`: the inputs "major" and "mixed"."""
+    """Write the page: the table of errors, the figures 3 to 13, the rules. `loops` are the inputs."""
     derived, *_, best = models.values()
     plots = [
         Plot("Figures 3, 6, 7", _curves(duhem, loops), "Hysteresis curves of the Duhem model: major loop, mixed loop."),
-        Plot("Figures 4, 5", _inputs(loops), "The inputs. Rate-independent: only the order of the values matters."),
+        Plot("Figures 4, 5", _inputs(loops), "The inputs. Only the order of their values matters, not their speed."),
         Plot(
-            "Figures 8, 9", _memberships(derived, best), "Memberships of v: as in the paper, and fitted; and of dv/dt."
+            "Figures 8, 9", _memberships(derived, best), "Memberships of v, as in the paper and fitted, and of dv/dt."
         ),
         Plot("Figures 10, 11", _curves(best, loops), "The same curves from 22 rules with fitted centres."),
         Plot("Figures 12, 13", _errors(duhem, models, loops), "Errors; grey: the band that the paper reports."),
@@ -38,8 +38,8 @@ def write_paper_report(
     write_report(
         path,
         "Modeling of dynamic hysteresis based on a T-S fuzzy Duhem model, repeated",
-        "Errors are model minus Duhem model, in the unit of k = 40; unseen: the largest error on each of a hundred "
-        "random loops that no fit used, in % of k.",
+        "Errors are model minus Duhem model, in the unit of k = 40. The unseen errors are the largest errors on each "
+        "of a hundred random loops that no fit used, in % of k.",
         [
             Grid(HEADER, rows),
             *plots,

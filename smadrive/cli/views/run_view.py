@@ -1,8 +1,8 @@
 """The display of a run on a terminal: progress, live values, latest events.
 
-The loop assigns its latest tick to the display; a thread draws it a few times a second. A blocked terminal (Ctrl-S, a
-slow line) stops that thread, not the loop. The display is plain text, because Python runs one thread at a time: the
-layout of a table would make ticks late.
+The loop assigns its latest tick to the display; a thread draws the display a few times a second. A blocked terminal
+(Ctrl-S, a slow line) stops that thread, not the loop. The display is plain text: Python runs one thread at a time, so
+the layout of a table would make ticks late.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ from smadrive.runs.run_log import TickRecorder
 
 DRAWN_PER_S = 5
 BAR = 40
-"""Characters of the progress bar."""
+"""Length of the progress bar, in characters."""
 
 GIVE_WAY_S = 0.0005
-"""The drawing thread yields to the loop after this time; Python's default is ten times as long."""
+"""The drawing thread lets the loop run after this time. Python's default is ten times as long."""
 
 
 class RunView:
-    """The display of a run of `duration_s` with the limit `current_max_a`; `latest` is the tick that it shows."""
+    """The display of a run of `duration_s` with the limit `current_max_a`. `latest` is the tick on display."""
 
     def __init__(self, title: str, duration_s: float, current_max_a: float, recorder: TickRecorder) -> None:
         self._title = title
@@ -38,7 +38,7 @@ class RunView:
         self.latest: Tick | None = None
 
     def __rich__(self) -> Text:
-        """The display at this moment."""
+        """Return the text of the display at this moment."""
         tick = self.latest
         if tick is None:
             return Text(f"{self._title}: starting")
@@ -91,7 +91,7 @@ class RunView:
 def watched(
     recorder: TickRecorder, title: str, duration_s: float, current_max_a: float, *, quiet: bool
 ) -> Iterator[Callable[[Tick], None]]:
-    """The function that the loop calls with each tick: it records the tick, and shows it unless `quiet`."""
+    """Yield the function that the loop calls with each tick: it records the tick, and shows it unless `quiet`."""
     console = Console(stderr=True)
     if quiet or not console.is_terminal:
         yield recorder.tick
@@ -108,7 +108,7 @@ def watched(
 
 @contextmanager
 def drawing(view: RichCast, console: Console) -> Iterator[None]:
-    """Draw `view` during the block, beside a loop in this process. A lost terminal ends the drawing alone."""
+    """Draw `view` in a thread during the block. A lost terminal ends the drawing, not the block."""
     before_s = sys.getswitchinterval()
     live = Live(view, console=console, refresh_per_second=DRAWN_PER_S, transient=True)
     with suppress(OSError):
@@ -123,5 +123,5 @@ def drawing(view: RichCast, console: Console) -> Iterator[None]:
 
 
 def number(value: float, digits: int, unit: str) -> str:
-    """A value with its unit; a dash for NaN."""
+    """Return a value with its unit, or a dash for NaN."""
     return f"{value:.{digits}f} {unit}" if isfinite(value) else "–"

@@ -1,8 +1,8 @@
 """The display of `tune` in its terminal: the state of the heater, live values, the open pages.
 
-The loop continues without a page, so the display uses what the loop publishes, and the number of clients from the page
-process. A terminal shows it live; another stdout gets a line at each change. A thread writes it, as in a run: a blocked
-terminal or pipe stops that thread, not the loop.
+The display shows what the loop publishes, and the number of open pages from the page process. So it also works without
+a page. On a terminal the display is live; a pipe or a file gets a line at each change. A thread writes the display, as
+in a run: a blocked terminal or pipe stops that thread, not the loop.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class TuneView:
         self._latest = tick
 
     def __rich__(self) -> Text:
-        """The display at this moment."""
+        """Return the text of the display at this moment."""
         return Text("\n".join([f"{self._name}: {self.values}", *self._lines()]))
 
     @property
@@ -115,7 +115,7 @@ def watched(view: TuneView, output: Output) -> Iterator[None]:
 
 @contextmanager
 def _printing(changes: Changes) -> Iterator[None]:
-    """Print changes during the block. A failed stdout ends the printing alone."""
+    """Print changes in a thread during the block. A failed stdout ends the printing, not the block."""
     is_ending = threading.Event()
 
     def check() -> None:

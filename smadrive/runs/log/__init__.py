@@ -1,5 +1,5 @@
 """The log file: its layout, writer, reader and checksums, and the layouts of older versions.
 
-May import the table of log columns, files and errors, numpy and h5py. Never belongs here: the meaning of a column or of
-a metadata text, which the modules above read.
+It may import the table of log columns, files, errors, numpy and h5py. This package does not interpret a column or a
+metadata text; `runs` does.
 """

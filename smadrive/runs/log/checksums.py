@@ -1,9 +1,9 @@
-"""CRC-32 checksums of a log: of every row, of every event, of the metadata, and of the end of the log.
+"""CRC-32 checksums of a log: one for each row, one for each event, one for the metadata, one for the end of the log.
 
-HDF5's own Fletcher-32 filter works on whole chunks: a chunk of a live log would be unreadable between the writing of a
-row and the writing of its checksum. So a log has checksums of its own. They are computed from the content, not from the
-bytes of the file; so they also reveal damage to the file's structure that changes the content. The value 0 marks a
-place that was never written.
+HDF5's own Fletcher-32 filter has one checksum for a whole chunk of rows. During a run, that chunk would be unreadable
+between the writing of a row and the writing of the checksum. So a log has checksums of its own. They are computed from
+the content, not from the bytes of the file. So they also reveal damage to the file's structure that changes the
+content. The value 0 marks a checksum that was never written.
 """
 
 from __future__ import annotations
@@ -22,7 +22,10 @@ VALUE = np.dtype("<f8")
 
 
 def row_sums(block: NDArray[np.float64], first_row: int) -> Sums:
-    """Checksums of consecutive rows of the columns in alphabetical order; a row's number is part of its checksum."""
+    """Return the checksum of each row in `block`, whose columns are in alphabetical order.
+
+    `first_row` is the number of the first row. The number of a row is part of its checksum.
+    """
     rows = memoryview(block.astype(VALUE).tobytes())
     size = VALUE.itemsize * block.shape[1]
     sums = (crc32(rows[n * size : (n + 1) * size], first_row + n) or 1 for n in range(len(block)))
@@ -30,28 +33,28 @@ def row_sums(block: NDArray[np.float64], first_row: int) -> Sums:
 
 
 def event_sum(time_s: float, text: bytes, number: int) -> int:
-    """Checksum of an event; `text` is padded to its fixed length."""
+    """Return the checksum of an event. `text` must be padded to the fixed length of an event."""
     return crc32(text, crc32(np.array(time_s, VALUE).tobytes(), number)) or 1
 
 
 def metadata_sum(start_time: str, version: str, columns: Iterable[str], metadata: Mapping[str, str]) -> int:
-    """Checksum of everything that is fixed before the first row; `columns` are the names of all columns."""
+    """Return the checksum of everything that is fixed before the first row. `columns` are the names of all columns."""
     return _text_sum([start_time, version, sorted(columns), sorted(metadata.items())])
 
 
 def end_sum(end_time: str, rows: int, events: int) -> int:
-    """Checksum of the end of a log: its time, and the numbers of rows and events."""
+    """Return the checksum of the end of a log: the end time, the number of rows and the number of events."""
     return _text_sum([end_time, rows, events])
 
 
 def first_bad(found: Sums, expected: Sums) -> int | None:
-    """Index of the first checksum that differs; None when all agree."""
+    """Return the index of the first checksum that differs. Return None when all agree."""
     bad = np.flatnonzero(found != expected)
     return int(bad[0]) if bad.size else None
 
 
 def alphabetical(names: Sequence[str]) -> list[int]:
-    """Places of `names` in alphabetical order."""
+    """Return the indices of `names` in alphabetical order of the names."""
     return sorted(range(len(names)), key=names.__getitem__)
 
 

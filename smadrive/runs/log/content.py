@@ -1,7 +1,7 @@
 """The content of a log file, read and verified by its checksums.
 
-A log may still be written while it is read. So its checksums are read before the rows: a row whose checksum was already
-there is complete. A killed writer leaves at most `MOST_OPEN_ROWS` rows without a checksum behind the last complete one.
+Another process may still be writing the log. So the checksums are read before the rows: a row whose checksum was
+already there is complete. A killed writer leaves at most `MOST_OPEN_ROWS` rows without a checksum at the end.
 """
 
 from __future__ import annotations
@@ -23,7 +23,10 @@ Columns = dict[str, NDArray[np.float64]]
 Events = list[tuple[float, str]]
 
 UNCHECKED = {"start_time", "end_time", "program_name", "about", "events", "data"}
-"""The complete entry of a log without checksums, as the first 0.1 wrote it; with other members the log is damaged."""
+"""The members of `/entry` in a log without checksums, as the first version 0.1 wrote it.
+
+A log without checksums that has other members is damaged.
+"""
 
 UNCHECKED_VERSION = "0.1.0"
 
@@ -31,7 +34,10 @@ DIFFERENT = "the content does not agree with its checksum"
 
 
 class Content(NamedTuple):
-    """The content of a log file under the names of today; `end_time` is empty when the log was not ended."""
+    """The content of a log file. The columns of an older layout have their present names.
+
+    `end_time` is empty when the writer was killed, or still writes.
+    """
 
     columns: Columns
     metadata: dict[str, str]
@@ -59,10 +65,10 @@ class _RawEvents(NamedTuple):
 
 
 def read_content(file: h5py.File, size: int) -> Content:
-    """The content of an open file of `size` bytes.
+    """Read the content of an open file of `size` bytes.
 
-    ForeignContentError when it refers to other files, NewerLayoutError when a later smadrive wrote it, DamageError when
-    a checksum differs; other errors that a damaged file causes in h5py pass through.
+    ForeignContentError when the file refers to other files, NewerLayoutError when a later smadrive wrote the file,
+    DamageError when a checksum differs. For a damaged file, h5py may also raise errors of its own.
     """
     check_self_contained(file, size)
     layout, entry = layout_of(file), file["entry"]
@@ -71,7 +77,7 @@ def read_content(file: h5py.File, size: int) -> Content:
 
 
 def _has_checksums(file: h5py.File, entry: h5py.Group) -> bool:
-    """Whether the log has checksums; DamageError when it lost them."""
+    """Return True if the log has checksums. DamageError when they are missing."""
     if "checksums" in entry:
         return True
     if "checksums" in file.attrs or set(entry) != UNCHECKED:
@@ -80,7 +86,7 @@ def _has_checksums(file: h5py.File, entry: h5py.Group) -> bool:
 
 
 def _checked(entry: h5py.Group, layout: int) -> Content:
-    """The part of the content that the checksums verify."""
+    """Read and verify the content. Rows and events without a checksum are left out."""
     sums = _checksums(entry["checksums"])
     metadata = {name: _text(dataset) for name, dataset in entry[metadata_group(layout)].items()}
     start_time, version = _text(entry["start_time"]), _version(entry["program_name"])
@@ -95,7 +101,7 @@ def _checked(entry: h5py.Group, layout: int) -> Content:
 
 
 def _unchecked(entry: h5py.Group) -> Content:
-    """The content of a log without checksums, up to the last row that has a time; the time was written last."""
+    """Read a log without checksums, up to the last row that has a time. The time of a row was written last."""
     metadata = {name: _unchecked_text(dataset) for name, dataset in entry["about"].items()}
     columns, events = _columns(entry), _raw_events(entry)
     columns = _first_rows(columns, int(np.count_nonzero(np.isfinite(columns["time_s"]))))
@@ -129,7 +135,7 @@ def _raw_events(entry: h5py.Group) -> _RawEvents:
 
 
 def _verified_rows(columns: Columns, sums: Sums) -> Columns:
-    """The rows that have a checksum."""
+    """Return the rows that have a checksum. DamageError when a checksum differs."""
     rows = _written(sums, "rows")
     verified = _first_rows(columns, rows)
     block = np.column_stack([verified[name] for name in sorted(verified)])
@@ -141,7 +147,7 @@ def _verified_rows(columns: Columns, sums: Sums) -> Columns:
 
 
 def _verified_events(events: _RawEvents, sums: Sums) -> Events:
-    """The events that have a checksum."""
+    """Return the events that have a checksum. DamageError when a checksum differs."""
     count = _written(sums, "events")
     if min(events.times_s.size, events.messages.size) < count:
         raise DamageError(f"the log has fewer than {count} events")
@@ -154,7 +160,7 @@ def _verified_events(events: _RawEvents, sums: Sums) -> Events:
 
 
 def _written(sums: Sums, what: str) -> int:
-    """How many have a checksum; DamageError when there is a gap."""
+    """Return the number of checksums that were written. DamageError when there is a gap between them."""
     count = int(np.count_nonzero(sums))
     if not sums[:count].all():
         raise DamageError("checksums are missing", what)
@@ -168,7 +174,7 @@ def _first_rows(columns: Columns, rows: int) -> Columns:
 
 
 def _values(dataset: h5py.Dataset, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """All values of a dataset along one axis."""
+    """Return all values of a dataset. DamageError unless it has one axis and the type `dtype`."""
     if dataset.ndim != 1 or dataset.dtype != dtype:
         raise DamageError(f"{dataset.name} is not a column of {dtype}")
     values: NDArray[Any] = dataset[:]
@@ -197,5 +203,5 @@ def _is_fixed_text(kind: object) -> bool:
 
 
 def _unchecked_text(dataset: h5py.Dataset) -> str:
-    """A text of a log without checksums, which is of variable length."""
+    """Return a text of a log without checksums. Such a text has a variable length."""
     return heap_text(dataset.file.id.get_vfd_handle(), dataset.id.get_offset()).decode()

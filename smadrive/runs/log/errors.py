@@ -1,10 +1,13 @@
-"""The reasons why a file cannot be read as a log; the reader makes a DataError of each."""
+"""Errors of a file that cannot be read as a log. The reader turns each of them into a DataError."""
 
 from __future__ import annotations
 
 
 class DamageError(Exception):
-    """The content differs from what was written; `place` is a sample, an event, ..., or empty for the whole log."""
+    """The content differs from what the writer wrote.
+
+    `place` names the damaged part, for example a sample or an event. It is empty when no single part is damaged.
+    """
 
     def __init__(self, what: str, place: str = "") -> None:
         super().__init__(what)
@@ -12,7 +15,7 @@ class DamageError(Exception):
 
 
 class ForeignContentError(Exception):
-    """The file refers to content outside of itself, or claims more than it holds."""
+    """The file refers to content outside of itself, or claims more bytes than it has."""
 
 
 class NewerLayoutError(Exception):

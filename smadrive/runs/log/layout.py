@@ -1,14 +1,14 @@
-"""The layout of a log: an HDF5 file with the names of NeXus, and with room for its rows from the start.
+"""The layout of a log: an HDF5 file that has room for its rows from the start.
 
-The texts that smadrive reads back have a fixed length: texts of variable length lie in heaps, and HDF5 may loop for
-ever in a damaged heap.
+The names follow NeXus, a convention for scientific data. The texts that smadrive reads back have a fixed length: HDF5
+stores texts of variable length in heaps, and may loop for ever in a damaged heap.
 
-/                       NXroot; attribute `layout`; every column again as a link, so that plain readers find it
-/entry                  NXentry: start_time, end_time (empty: the writer was killed), program_name
+/                       NXroot: attribute `layout`; a link to every column, so that plain readers find the columns
+/entry                  NXentry: start_time, end_time (empty after the writer was killed), program_name
 /entry/data             NXdata: the columns along `time_s`, float64, each with its `units` and `long_name`
 /entry/metadata         NXcollection: texts (config, model, provenance), JSON where they are structured
 /entry/events           NXcollection: time_s, message
-/entry/checksums        NXcollection: rows, events (uint32 each, 0: not written), metadata, end (0: not ended)
+/entry/checksums        NXcollection: rows, events, metadata, end (uint32; 0 where no checksum was written)
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ from smadrive.runs.log.checksums import SUM, VALUE, metadata_sum
 from smadrive.runs.log.old_layouts import LAYOUT
 
 CHUNK_ROWS = 1024
-"""Rows of a column that are stored together."""
+"""Number of rows of a column that are stored together."""
 
 EVENT_ROWS = 128
-"""The room for events grows by this number."""
+"""The room for events grows by this number of events."""
 
 EVENT_BYTES = 400
-"""Every event has this length, so that its place in the file is known."""
+"""Length of every event in bytes. It is fixed, so that the place of each event in the file is known."""
 
 MOST_OPEN_ROWS = 1000
-"""Largest number of rows in one write, therefore of rows without a checksum after the writer was killed."""
+"""Largest number of rows in one write. A killed writer leaves at most this number of rows without a checksum."""
 
 CHECKSUMS = "CRC-32"
-"""Value of the attribute `checksums` of a log that has them."""
+"""Value of the attribute `checksums` in a log with checksums."""
 
 _NOW_BYTES = 32
 
 
 def create_log(path: Path, columns: Sequence[str], metadata: Mapping[str, str], rows: int) -> None:
-    """Create the file with room for `rows`, none of it written."""
+    """Create the file with its metadata, and with empty room for `rows` rows."""
     started, program_version = time_text(), version("smadrive")
     room = -(-rows // CHUNK_ROWS) * CHUNK_ROWS
     with h5py.File(path, "w") as file:
@@ -94,7 +94,7 @@ def _create_checksums(sums: h5py.Group, metadata: int, room: int) -> None:
 def _reserve(
     group: h5py.Group, name: str, dtype: np.dtype[Any], rows: int, chunk_rows: int, fill: float | None
 ) -> h5py.Dataset:
-    """A dataset whose chunks all exist from the start."""
+    """Create a dataset whose chunks all exist from the start."""
     creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     creation.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     return group.create_dataset(
@@ -103,7 +103,7 @@ def _reserve(
 
 
 def _fixed(text: str) -> NDArray[np.bytes_]:
-    """A text of fixed length, in UTF-8."""
+    """Return the text in UTF-8, as an HDF5 text of fixed length."""
     data = text.encode()
     return np.array(data, h5py.string_dtype("utf-8", max(1, len(data))))
 
@@ -115,5 +115,5 @@ def _group(parent: h5py.Group, name: str, nexus_class: str) -> h5py.Group:
 
 
 def time_text() -> str:
-    """The present time in the form that a log stores (UTC, ISO 8601)."""
+    """Return the present time in the form that a log stores (UTC, ISO 8601)."""
     return datetime.now(UTC).isoformat(timespec="seconds")

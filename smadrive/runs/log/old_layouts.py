@@ -1,7 +1,7 @@
-"""The layouts of older logs, and their names translated into those of today.
+"""The layouts of older logs, and the present names of their columns.
 
-Layout 1, written by smadrive 0.1: metadata in `/entry/about`, setpoints in the columns `reference_mm` and `wanted_c`.
-Its checksums are computed from the old names, so they are verified before the names are translated.
+smadrive 0.1 wrote layout 1: its metadata are in `/entry/about`, its setpoints in the columns `reference_mm` and
+`wanted_c`. Its checksums are computed from the old names, so they are verified before the names are translated.
 """
 
 from __future__ import annotations
@@ -19,30 +19,33 @@ LAYOUT = 2
 ValueT = TypeVar("ValueT")
 
 COLUMNS_OF_1 = {"reference_mm": "setpoint_mm", "wanted_c": "setpoint_c"}
-"""Columns of layout 1: old name and name of today."""
+"""The columns of layout 1 that have a different name today: old name to present name."""
 
 
 def layout_of(file: h5py.File) -> int:
-    """Number of the file's layout. DamageError when it is not a number; NewerLayoutError for a later one."""
+    """Return the number of the file's layout.
+
+    DamageError when it is not a valid number, NewerLayoutError when a later version of smadrive wrote the file.
+    """
     if "layout" not in file.attrs:
         return 1
     attribute = file.attrs.get_id("layout")
     if not isinstance(attribute.get_type(), h5py.h5t.TypeIntegerID) or attribute.shape != ():
-        raise DamageError("the number of its layout is damaged")
+        raise DamageError("the number of the layout is damaged")
     layout = int(file.attrs["layout"])
     if layout < 1:
-        raise DamageError(f"the number of its layout is {layout}")
+        raise DamageError(f"the number of the layout is {layout}")
     if layout > LAYOUT:
         raise NewerLayoutError(layout)
     return layout
 
 
 def metadata_group(layout: int) -> str:
-    """Name of the group of the metadata in `/entry`."""
+    """Return the name of the group in `/entry` that holds the metadata."""
     return "about" if layout == 1 else "metadata"
 
 
 def translated(columns: Mapping[str, ValueT], layout: int) -> dict[str, ValueT]:
-    """The columns of a log of `layout` under the names of today."""
+    """Return the columns of a log of `layout` under their present names."""
     names = COLUMNS_OF_1 if layout == 1 else {}
     return {names.get(name, name): values for name, values in columns.items()}

@@ -1,7 +1,7 @@
 """Reads a log back into memory: its columns, its metadata and its events.
 
-A log is readable at every moment of its life (see writer.py): the log of a run that still goes on, or whose writer was
-killed, ends with its last complete row. Its checksums verify the content.
+A log is readable at every moment (see writer.py). During its run, and after its writer was killed, the log ends with
+the last complete row. Checksums verify the content.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ Array = NDArray[np.float64]
 ValueT = TypeVar("ValueT")
 
 ENDED_BY = "ended by "
-"""First words of the event that names the cause of a run's early end."""
+"""First words of the event that says why a run ended early."""
 
 RESTORE = "restore the log from a copy, or record it again"
 CONVERT = "update smadrive, or copy the columns into a CSV with h5py (docs/records.md)"
 
 
 class RunEvent(NamedTuple):
-    """Something that happened at `time_s`."""
+    """An event of a run: `message` says what happened at `time_s`."""
 
     time_s: float
     message: str
@@ -42,10 +42,10 @@ class RunEvent(NamedTuple):
 
 @dataclass(frozen=True)
 class Log:
-    """The content of a log file; `metadata` are texts, by name: rig, wire, reference, versions, ...
+    """The content of a log file.
 
-    `end_time` is empty when the log was not ended: its writer was killed, or still writes. `has_checksums`: checksums
-    have verified the content.
+    `metadata` are texts by their names, for example rig, wire, reference and versions. `end_time` is empty when the
+    writer was killed, or still writes. `has_checksums` is True when checksums have verified the content.
     """
 
     path: Path
@@ -59,7 +59,7 @@ class Log:
 
     @property
     def ended_by(self) -> str:
-        """The cause of the run's early end; empty when it ran to its end."""
+        """The cause of the run's early end. It is empty when the run was complete."""
         causes = [event.message for event in self.events if event.message.startswith(ENDED_BY)]
         return causes[-1].removeprefix(ENDED_BY) if causes else ""
 
@@ -71,13 +71,13 @@ class Log:
         return (f"{self.path.name} has no checksums (smadrive {self.version} wrote none): damage would not be seen",)
 
     def column_with_gaps(self, name: str) -> Array:
-        """The named column, NaN where nothing was measured; DataError when the log has no such column."""
+        """Return the named column, with NaN where nothing was measured. DataError when the log has no such column."""
         if name not in self.columns:
-            raise DataError(f"no column '{name}'" + "; " + suggestion_or_list(name, self.columns), where=self.path)
+            raise DataError(f"no column '{name}'", where=self.path, cure=suggestion_or_list(name, self.columns))
         return self.columns[name]
 
     def column(self, name: str) -> Array:
-        """The named column, every value finite; DataError when a value is not, or when the log has no such column."""
+        """Return the named column. DataError when a value is not finite, or when the log has no such column."""
         values = self.column_with_gaps(name)
         if not np.all(np.isfinite(values)):
             row = int(np.flatnonzero(~np.isfinite(values))[0])
@@ -86,7 +86,7 @@ class Log:
         return values
 
     def text(self, name: str) -> str:
-        """The text `name` of the metadata; DataError when there is none."""
+        """Return the text `name` of the metadata. DataError when the log has no such text."""
         if name not in self.metadata:
             raise DataError(
                 f"the metadata lack '{name}'", where=self.path, cure="record the log with this version of smadrive"
@@ -94,11 +94,11 @@ class Log:
         return self.metadata[name]
 
     def json(self, name: str) -> Any:
-        """The JSON value `name` of the metadata; DataError when there is none, or when it is not JSON."""
+        """Return the JSON value `name` of the metadata. DataError when it is missing, or is not JSON."""
         return self.parsed(name, lambda value: value)
 
     def parsed(self, name: str, make: Callable[[Any], ValueT]) -> ValueT:
-        """`make` applied to the JSON value `name` of the metadata; DataError when that is not possible."""
+        """Return `make` of the JSON value `name` of the metadata. DataError when the value is missing or invalid."""
         text = self.text(name)
         try:
             return make(json.loads(text))
@@ -106,11 +106,11 @@ class Log:
             raise
         except (ValueError, TypeError, KeyError, IndexError, AttributeError, OverflowError, RecursionError) as error:
             where = f"{self.path}: {name}"
-            raise DataError(f"not understood: {_first_line(error)}", where=where, cure=RESTORE) from None
+            raise DataError("invalid metadata", where=where, value=_first_line(error), cure=RESTORE) from None
 
 
 def read_log(path: Path) -> Log:
-    """The log at `path`; DataError when it is missing, damaged, not a log, or refers to other files."""
+    """Read the log at `path`. DataError when it is missing, damaged, not a log, or refers to other files."""
     check_kind(path, LOG)
     if not path.exists():
         raise DataError("no such file", where=path)
@@ -118,7 +118,7 @@ def read_log(path: Path) -> Log:
         with h5py.File(path, "r", locking=False) as file:
             content = read_content(file, path.stat().st_size)
     except ForeignContentError as error:
-        raise DataError(f"not a log of smadrive alone: {error}", where=path, cure=LOG.cure) from None
+        raise DataError(f"not a log as smadrive writes it: {error}", where=path, cure=LOG.cure) from None
     except NewerLayoutError as error:
         what = "a later version of smadrive wrote this log"
         raise DataError(what, where=path, value=str(error), limit=LAYOUT, cure=CONVERT) from None
@@ -135,8 +135,8 @@ def _log(path: Path, content: Content) -> Log:
     backwards = np.flatnonzero(~(np.diff(times_s) > 0.0))
     if backwards.size:
         row = int(backwards[0])
-        what = f"time does not increase: {times_s[row]:g} s, then {times_s[row + 1]:g} s"
-        raise DataError(what, where=f"{path}, sample {row + 2}", cure=RESTORE)
+        value = f"{times_s[row]:g} s, then {times_s[row + 1]:g} s"
+        raise DataError("the time does not increase", where=f"{path}, sample {row + 2}", value=value, cure=RESTORE)
     events = tuple(RunEvent(time_s, text) for time_s, text in content.events)
     return Log(path, **{**content._asdict(), "events": events})
 
@@ -149,5 +149,5 @@ def _unreadable(path: Path, error: Exception) -> DataError:
 
 
 def _first_line(error: Exception) -> str:
-    """The first line of a message, or the error's type when the message is empty."""
+    """Return the first line of the error's message, or the name of its type when the message is empty."""
     return (str(error).splitlines() or [type(error).__name__])[0]

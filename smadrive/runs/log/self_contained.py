@@ -1,7 +1,7 @@
 """Checks that an HDF5 file holds all of its content itself.
 
-In HDF5, a link, a dataset or a filter can refer to another file, to raw bytes of any file, or to a plugin that is
-loaded and run. Through them, a log from a stranger could copy the reader's own files into the reader's report. So
+In HDF5, a link, a dataset or a filter can refer to another file, to raw bytes of any file, or to a plugin that HDF5
+loads and runs. With such a reference, a log from a stranger could copy private files of the user into a report. So
 every object of the file is checked before any value is read.
 """
 
@@ -12,10 +12,10 @@ import h5py
 from smadrive.runs.log.errors import ForeignContentError
 
 MOST_DEPTH = 8
-"""Limit of groups within groups; a log has two levels."""
+"""Largest depth of nested groups. A log has two levels."""
 
 MOST_OBJECTS = 10_000
-"""Limit of links in the whole file; a log has about fifty."""
+"""Largest number of links in the whole file. A log has about fifty."""
 
 
 def check_self_contained(file: h5py.File, size: int) -> None:
@@ -26,7 +26,7 @@ def check_self_contained(file: h5py.File, size: int) -> None:
         place, depth, group, name = places.pop()
         count += 1
         if depth == 0 or count > MOST_OBJECTS:
-            raise ForeignContentError(f"{place}: more than {MOST_DEPTH} levels or {MOST_OBJECTS} links")
+            raise ForeignContentError(f"more than {MOST_DEPTH} levels or {MOST_OBJECTS} links at {place}")
         inner = _opened(group, name, place)
         if isinstance(inner, h5py.Group):
             places += [(f"{place}/{below}", depth - 1, inner, below) for below in inner]
@@ -35,7 +35,7 @@ def check_self_contained(file: h5py.File, size: int) -> None:
 
 
 def _is_alias(file: h5py.File, name: str) -> bool:
-    """Whether this is one of the links to a column at the root of a log."""
+    """Return True if `name` is one of the links at the root of a log, each of which leads to a column."""
     link = file.get(name, getlink=True)
     return isinstance(link, h5py.SoftLink) and link.path == f"/entry/data/{name}"
 
@@ -46,16 +46,16 @@ def _opened(group: h5py.Group, name: str, place: str) -> object:
     except TypeError:  # a user-defined link
         link = None
     if not isinstance(link, h5py.HardLink):
-        raise ForeignContentError(f"{place}: is a link to another place; a log has none")
+        raise ForeignContentError(f"{place} is a link to another place")
     return group[name]
 
 
 def _check_dataset(dataset: h5py.Dataset, place: str, size: int) -> None:
     creation = dataset.id.get_create_plist()
     if creation.get_layout() == h5py.h5d.VIRTUAL or creation.get_external_count():
-        raise ForeignContentError(f"{place}: its values are in another file")
+        raise ForeignContentError(f"the values of {place} are in another file")
     if creation.get_nfilters():
-        raise ForeignContentError(f"{place}: passes through a filter; unpack the log with `h5repack -f NONE`")
+        raise ForeignContentError(f"{place} passes through a filter; unpack the log with `h5repack -f NONE`")
     claimed = (dataset.size or 0) * dataset.id.get_type().get_size()
     if claimed > size:
-        raise ForeignContentError(f"{place}: claims {claimed} bytes, the file has {size}")
+        raise ForeignContentError(f"{place} claims {claimed} bytes, the file has {size}")

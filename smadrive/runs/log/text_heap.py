@@ -1,7 +1,8 @@
 """Texts of variable length in HDF5's global heap, as the first logs of version 0.1 have them.
 
-HDF5's own reader loops for ever in some damaged heaps. This one refuses an object that does not fit into its
-collection. Format: "HDF5 File Format Specification", section III.E, Global Heap.
+A heap consists of collections, and a collection of objects. HDF5's own reader loops for ever in some damaged heaps; the
+reader in this module rejects an object that does not fit into its collection.
+Format: "HDF5 File Format Specification", section III.E, Global Heap.
 """
 
 from __future__ import annotations
@@ -14,11 +15,14 @@ _COLLECTION = struct.Struct("<4sB3xQ")
 _OBJECT = struct.Struct("<HH4xQ")
 
 MOST_BYTES = 1 << 26
-"""Size limit of one collection; that of a log has about ten thousand bytes."""
+"""Size limit of one collection, in bytes. The collection of a log has about ten thousand."""
 
 
 def heap_text(handle: int, offset: int | None) -> bytes:
-    """The text that the dataset at `offset` of an open file refers to. ValueError, struct.error for a damaged heap."""
+    """Return the text to which the dataset at `offset` of an open file refers.
+
+    ValueError or struct.error when the heap is damaged.
+    """
     if offset is None:
         raise ValueError("a text has no place in the file")
     length, address, index = _REFERENCE.unpack(os.pread(handle, _REFERENCE.size, offset))
@@ -36,7 +40,7 @@ def heap_text(handle: int, offset: int | None) -> bytes:
 
 
 def _collection(handle: int, address: int) -> bytes:
-    """The bytes of the collection at `address`, its header included."""
+    """Return the bytes of the collection at `address`, including its header."""
     signature, _, size = _COLLECTION.unpack(os.pread(handle, _COLLECTION.size, address))
     if signature != b"GCOL" or size > MOST_BYTES:
         raise ValueError(f"no heap of texts at {address}")

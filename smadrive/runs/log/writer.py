@@ -1,15 +1,16 @@
-"""Writes the file of a log: HDF5 with room for its rows from the start, into which rows are put by plain writes.
+"""Writes the file of a log: HDF5 creates the file with room for all rows, and plain writes fill in the rows.
 
-HDF5 needs milliseconds for a row of many columns, leaves an unreadable file when it is killed while it changes the
-structure, and cannot close a file on a full disk. So HDF5 takes no part in the run: it creates the whole file first,
-every place filled with NaN, and closes it. A disk without room is noticed before anything is heated. Then each row is
-written to the place that HDF5 has assigned to it. At every moment the file is a complete HDF5 file that any reader
-opens; places that are not written yet read NaN. At the end the columns are cut to the rows that were written; the log
-of a killed writer keeps a tail of NaN. HDF5 opens the file during the run only when the log becomes longer than
-announced, to make room for the next `GROWTH_ROWS` rows.
+HDF5 needs milliseconds for a row of many columns. It leaves an unreadable file when the process is killed while HDF5
+changes the structure of the file, and it cannot close a file on a full disk. So HDF5 takes no part in the run: it
+creates the whole file before the run, fills all columns with NaN, and closes the file. A disk without room is noticed
+before anything is heated. Then each row is written to the place that HDF5 has assigned to the row.
 
-layout.py describes the layout. A checksum (checksums.py) is written after the values that it belongs to: a row is
-complete when its checksum is there.
+At every moment the file is a complete HDF5 file that any reader opens; rows that are not written yet read NaN. At the
+end the columns are cut to the rows that were written; the log of a killed writer keeps rows of NaN at its end. During
+the run, HDF5 opens the file only when the log becomes longer than expected, to add room for `GROWTH_ROWS` rows.
+
+layout.py describes the layout. A checksum (checksums.py) is written after its values: a row is complete when its
+checksum is there.
 """
 
 from __future__ import annotations
@@ -29,10 +30,10 @@ from smadrive.runs.log.checksums import SUM, VALUE, alphabetical, end_sum, event
 from smadrive.runs.log.layout import CHUNK_ROWS, EVENT_BYTES, EVENT_ROWS, create_log, time_text
 
 GROWTH_ROWS = 8 * CHUNK_ROWS
-"""The room of a log of unknown length grows by this number of rows: seven minutes at 20 Hz."""
+"""The room of a log grows by this number of rows when it is full. They last seven minutes at 20 Hz."""
 
 STRUCTURE_BYTES = 1 << 18
-"""Upper bound of what HDF5 needs besides the rows and texts."""
+"""Upper bound of the bytes that HDF5 needs besides the rows and texts."""
 
 LEAVE = "leave the log and its folder alone until the run has ended, then run again"
 
@@ -41,7 +42,7 @@ SIGNATURE = b"\x89HDF\r\n\x1a\n"
 
 
 class Field:
-    """A dataset with one value a row, and the places of its chunks in the file."""
+    """A dataset with one value for each row, and the places of its chunks in the file."""
 
     def __init__(self, dataset: h5py.Dataset) -> None:
         self.name: str = dataset.name
@@ -52,17 +53,17 @@ class Field:
 
     @property
     def rows(self) -> int:
-        """Number of rows that fit in."""
+        """Number of rows for which the file has room."""
         return len(self._offsets) * self._chunk_rows
 
     def grow(self, file: h5py.File, rows: int) -> None:
-        """Make room for `rows` more, a multiple of the rows of a chunk."""
+        """Make room for `rows` more rows; `rows` must be a multiple of the chunk's rows."""
         dataset = file[self.name]
         dataset.resize(self.rows + rows, axis=0)
         self._find(dataset)
 
     def write(self, handle: int, row: int, values: bytes) -> None:
-        """Write `values` to their places, from `row` on."""
+        """Write `values` into consecutive rows, the first of which is `row`."""
         chunk_bytes = self._chunk_rows * self.value_bytes
         position = row * self.value_bytes
         while values:
@@ -106,9 +107,9 @@ class LogFile:
         return self._rows
 
     def append(self, block: NDArray[np.float64]) -> None:
-        """Write rows; `block` has one column for each column of the log.
+        """Append the rows of `block`, which has one column for each column of the log.
 
-        The time is written after the other columns and the checksum after the time: a row with a checksum is complete.
+        The time is written after the other columns, and the checksum after the time: a row with a checksum is complete.
         """
         self._check_untouched()
         with self._as_data_error():
@@ -120,7 +121,7 @@ class LogFile:
             self._rows += len(block)
 
     def add_event(self, time_s: float, message: str) -> None:
-        """Write one event; a message is cut to `EVENT_BYTES`."""
+        """Write one event. A longer message is cut to `EVENT_BYTES`."""
         self._check_untouched()
         text = message.encode()[:EVENT_BYTES].ljust(EVENT_BYTES, b"\0")
         checksum = np.array(event_sum(time_s, text, self._events), SUM)
@@ -133,7 +134,7 @@ class LogFile:
             self._events += 1
 
     def finish(self) -> None:
-        """Cut the log to the rows written, store the end time, close."""
+        """Cut the log to the rows that were written, store the end time, and close the file."""
         try:
             self._check_untouched()
             with self._as_data_error(), h5py.File(self._path, "r+", locking=False) as file:
@@ -148,7 +149,7 @@ class LogFile:
             os.close(self._handle)
 
     def discard(self) -> None:
-        """Close and remove the log: nothing was recorded. A file that has taken its place stays."""
+        """Close and remove the log of a run that recorded nothing. Another file that has replaced it stays."""
         try:
             if self._is_in_place():
                 self._path.unlink(missing_ok=True)
@@ -164,7 +165,10 @@ class LogFile:
         self._size = os.fstat(self._handle).st_size
 
     def _check_untouched(self) -> None:
-        """DataError when another program moved, replaced or cut the file: further writes would succeed and be lost."""
+        """Raise DataError when another program moved, replaced or cut the file.
+
+        Further writes into such a file would succeed, but their rows would be lost.
+        """
         with self._as_data_error():
             is_in_place = self._is_in_place()
             is_whole = os.fstat(self._handle).st_size >= self._size and os.pread(self._handle, 8, 0) == SIGNATURE
@@ -176,7 +180,7 @@ class LogFile:
             )
 
     def _is_in_place(self) -> bool:
-        """Whether the path still leads to the file that is open."""
+        """Return True if the path still leads to the open file."""
         try:
             return os.path.samestat(self._path.stat(), os.fstat(self._handle))
         except (FileNotFoundError, NotADirectoryError):
@@ -187,10 +191,10 @@ class LogFile:
         try:
             yield
         except (OSError, RuntimeError) as error:  # h5py raises either
-            number = getattr(error, "errno", None)  # h5py puts HDF5's own text where the system's should stand
+            number = getattr(error, "errno", None)  # the text of an OSError from h5py is not that of the system
             reason = os.strerror(number) if number else str(error).splitlines()[0]
             raise DataError(
-                f"the log cannot be written: {reason}", where=self._path, cure="check the folder and its space"
+                "the log cannot be written", where=self._path, value=reason, cure="check the folder and its space"
             ) from None
 
 

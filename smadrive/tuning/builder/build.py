@@ -1,7 +1,8 @@
-"""Build requests: a model is changed and checked, and its controller built, in a process beside the loop.
+"""Build requests: a process beside the loop changes and checks a model, and builds its controller.
 
-A request is complete in itself, so that a builder that died is replaced by a new one. One request is worked on at a
-time. The loop pays for sending a request of some kilobytes and for unpickling the result (see packing.py).
+A request holds everything that the builder needs, so a new process can replace a builder that died. The builder works
+on one request at a time. The loop spends time only on sending a request of some kilobytes and on unpickling the result
+(see packing.py).
 """
 
 from __future__ import annotations
@@ -20,7 +21,10 @@ from smadrive.wire.heat_balance import HeatBalance
 
 @dataclass(frozen=True)
 class BuildRequest:
-    """A tuning, the change to make in it, and the reference that it has to track; None while the heater is off."""
+    """A tuning, the change to make in it, and the reference to track with it.
+
+    `change` is None for a tuning that stays as it is. `reference` is None while the heater is off.
+    """
 
     tuning: Tuning
     change: Change | None
@@ -30,7 +34,10 @@ class BuildRequest:
 
 
 class Built(NamedTuple):
-    """A checked tuning and its controller, ready to be put in force; no controller while the heater is off."""
+    """A checked tuning and its controller, ready to be put in force.
+
+    `reference` and `controller` are None while the heater is off.
+    """
 
     tuning: Tuning
     reference: Reference | None
@@ -38,7 +45,7 @@ class Built(NamedTuple):
 
 
 class BuildFailure(NamedTuple):
-    """Why the request cannot be put in force."""
+    """The result of a request that cannot be put in force, with the reason."""
 
     reason: str
 
@@ -47,19 +54,22 @@ BuildResult = Built | BuildFailure
 
 
 class ModelBuilder(Protocol):
-    """Works on one request at a time."""
+    """Builds one request at a time."""
 
     def begin(self, request: BuildRequest) -> None:
-        """Begin to work on a request; the result of the one before must have been fetched."""
+        """Begin to build a request. The result of the previous request must have been fetched before."""
         ...
 
     def result(self) -> BuildResult | None:
-        """The result of the request, once; None while it is being worked on."""
+        """Return the result of the request, once. Return None while the builder works, and after the result."""
         ...
 
 
 def build(request: BuildRequest) -> Built:
-    """Change and check the tuning, and build its controller. ConfigError, ModelError, CertificateError."""
+    """Change and check the tuning, and build its controller.
+
+    ConfigError, ModelError or CertificateError when the tuning cannot be put in force.
+    """
     tuning = request.tuning if request.change is None else request.tuning.changed(request.change)
     request.config.check_feedback(tuning.feedback)
     tuning.check(request.config.limits, request.reference)
@@ -72,6 +82,6 @@ def build(request: BuildRequest) -> Built:
 def tuned_controller(
     tuning: Tuning, reference: Reference, config: RigConfig, balance: HeatBalance
 ) -> TrackingController:
-    """The controller of a tuning on a reference; its other settings are those of the rig file."""
+    """Return the controller that tracks `reference` with a tuning. Its other settings are those of the rig file."""
     tuned = config.model_copy(update={"feedback": tuning.feedback})
     return tracking_controller(tuned, reference, tuning.model, balance, HysteresisInverse(tuning.model))

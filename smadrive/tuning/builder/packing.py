@@ -1,9 +1,10 @@
-"""Build requests and results as bytes. Loop and builder are both ours: their pickles are trusted, those of no other.
+"""Build requests and results as bytes. Loop and builder trust each other's pickles, and no pickle of another process.
 
-A pickle holds everything that the receiver does not have yet:
+A pickle holds only what the receiver does not have yet:
 
-    request    models as the text of their file: their tables are long, and the builder keeps the last models
-    result     a changed model whole; objects of the request by their place in it, so that the loop gets its own back
+    request    a model as the text of its file: the tables of a model are long, and the builder keeps the last models
+    result     a changed model as a whole; an object of the request by its place there, so that the loop gets its own
+               object back
 """
 
 from __future__ import annotations
@@ -20,22 +21,23 @@ from smadrive.identification.reshape import Model
 from smadrive.tuning.builder.build import BuildRequest, BuildResult, Built
 
 KEPT_MODELS = 16
+"""Number of models that the builder keeps."""
 
 
 class ModelCache:
-    """The last models by their text: parsing a text again would tabulate the branches again."""
+    """The last models, by their text. Parsing a text again would compute the tables of the branches again."""
 
     def __init__(self) -> None:
         self._models: OrderedDict[str, Model] = OrderedDict()
 
     def keep(self, model: Model) -> None:
-        """Keep a model; the one that was used longest ago is dropped."""
+        """Keep a model. If there are too many, the model that was used longest ago is dropped."""
         self._models[_text(model)] = model
         while len(self._models) > KEPT_MODELS:
             self._models.popitem(last=False)
 
     def model(self, text: str) -> Model:
-        """The model of a text."""
+        """Return the model that a text describes."""
         if text not in self._models:
             self.keep(parse_model(text, place="the tuning in force", allow_uncertified=True))
         self._models.move_to_end(text)
@@ -48,7 +50,7 @@ class _Pickler(pickle.Pickler):
         self._name = name
 
     def persistent_id(self, thing: object) -> Any:
-        """The name under which the receiver has it; None for a thing that is sent whole."""
+        """Return the name of an object that the receiver has already. Return None for an object that is sent whole."""
         return self._name(thing)
 
 
@@ -58,23 +60,26 @@ class _Unpickler(pickle.Unpickler):
         self._find = find
 
     def persistent_load(self, name: Any) -> object:
-        """The receiver's own object."""
+        """Return the receiver's own object of this name."""
         return self._find(name)
 
 
 def pack_request(request: BuildRequest) -> bytes:
-    """A request as bytes."""
+    """Return a request as bytes."""
     return _pickled(request, lambda thing: _text(thing) if isinstance(thing, DuhemModel | TSFuzzyDuhem) else None)
 
 
 def unpack_request(content: bytes, cache: ModelCache) -> BuildRequest:
-    """The request that `pack_request` packed."""
+    """Return the request that `pack_request` packed."""
     request: BuildRequest = _Unpickler(io.BytesIO(content), cache.model).load()
     return request
 
 
 def pack_result(result: BuildResult, request: BuildRequest) -> bytes:
-    """The result of `request` as bytes. A new model is pickled apart, without a look at each of its numbers."""
+    """Return the result of `request` as bytes.
+
+    A new model is pickled separately, because looking up each of its numbers in the request would take long.
+    """
     shared = _shared(request)
     models = [result.tuning.model] if isinstance(result, Built) else []
     new = [model for model in models if not any(model is thing for thing in shared)]
@@ -82,7 +87,7 @@ def pack_result(result: BuildResult, request: BuildRequest) -> bytes:
 
 
 def unpack_result(content: bytes, request: BuildRequest) -> BuildResult:
-    """The result that `pack_result` packed; `request` is the one that was sent."""
+    """Return the result that `pack_result` packed. `request` is the request that the loop has sent."""
     file, shared = io.BytesIO(content), _shared(request)
     new: list[object] = _Unpickler(file, shared.__getitem__).load()
     result: BuildResult = _Unpickler(file, [*shared, *new].__getitem__).load()
@@ -96,7 +101,7 @@ def _pickled(thing: object, name: Callable[[object], Any]) -> bytes:
 
 
 def _shared(request: BuildRequest) -> list[object]:
-    """The objects of a request that the loop gets back as they are."""
+    """Return the objects of a request that the builder does not change."""
     return [request.tuning, request.tuning.model, request.tuning.unmoved, request.reference]
 
 

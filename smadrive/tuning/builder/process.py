@@ -1,4 +1,4 @@
-"""The model builder process: it works on the requests of the loop until its standard input ends."""
+"""The model builder process: it builds the requests of the loop until its standard input ends."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from smadrive.tuning.link.message_socket import MessageSocket
 
 
 def serve(parameters: dict[str, Any]) -> None:
-    """Serve at `parameters["address"]` until standard input ends."""
+    """Build requests that arrive at `parameters["address"]`, until standard input ends."""
     cache = ModelCache()
     with MessageSocket(parameters["address"], listens=True) as link:
         report_ready()
@@ -26,7 +26,7 @@ def serve(parameters: dict[str, Any]) -> None:
 
 
 def result_of(request: BuildRequest, cache: ModelCache) -> BuildResult:
-    """The result of a request. An error is a result, too: the loop waits for one."""
+    """Return the result of a request. An error is also a result, because the loop waits for a result."""
     try:
         built = build(request)
     except SmadriveError as error:

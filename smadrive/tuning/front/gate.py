@@ -1,13 +1,13 @@
-"""The gate of the tuning page: requests that pages of other web sites cause are refused.
+"""The gate of the tuning page: it refuses requests that pages of other web sites cause.
 
-A browser sends requests to 127.0.0.1 for any page of any site, and a name of that site may resolve to 127.0.0.1. Three
-headers tell them apart, and no script of a page can change them:
+A browser sends requests to 127.0.0.1 for any page of any site, and a name of such a site may resolve to 127.0.0.1.
+Three headers show where a request comes from, and no script of a page can change these headers:
 
     Host             the name in the address; a foreign name that resolves to this machine is an attack
-    Origin           the page that asks, sent with every POST and every websocket
-    Sec-Fetch-Site   how that page is related to this one, sent with everything else; "none" is an address typed in
+    Origin           the page that sends the request; every POST and every websocket has this header
+    Sec-Fetch-Site   relation of that page to this one, in all other requests; "none" if the user typed the address
 
-Programs that are no browsers, curl for instance, send neither of the last two and are allowed.
+Programs that are not browsers, for example curl, send neither Origin nor Sec-Fetch-Site. They are allowed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ OWN_PAGE = (None, "same-origin", "none")
 
 
 def is_allowed(request: HTTPServerRequest, hosts: tuple[str, ...]) -> bool:
-    """Whether the page itself, or a program that is no browser, has sent a request."""
+    """Return True if the tuning page itself, or a program that is not a browser, has sent the request."""
     headers = request.headers
     return (
         request.host in hosts
@@ -29,22 +29,22 @@ def is_allowed(request: HTTPServerRequest, hosts: tuple[str, ...]) -> bool:
 
 
 class GatedHandler(RequestHandler):
-    """The base of every handler on the page's port: 403 for what `is_allowed` refuses, before anything else."""
+    """The base of every handler on the page's port. Before anything else, it refuses forbidden requests with 403."""
 
     def prepare(self) -> None:
-        """Refuse the request, or continue with its method."""
+        """Refuse the request if `is_allowed` forbids it."""
         if not is_allowed(self.request, self.settings["hosts"]):
             raise HTTPError(403)
 
 
 class UnknownPath(GatedHandler):
-    """404 for every path without a handler of its own."""
+    """Answers 404 for every path that has no handler."""
 
     def prepare(self) -> None:
-        """Refuse the request."""
+        """Refuse the request with 404."""
         super().prepare()
         raise HTTPError(404)
 
 
 class StaticHandler(GatedHandler, StaticFileHandler):
-    """Files of a folder."""
+    """Serves the files of a folder."""

@@ -1,15 +1,15 @@
 """The front process: it owns the port of the tuning page, answers OFF, and passes page loads on.
 
-Building a page takes the page process about a second, and any program can request pages. OFF must never wait for that,
-nor for an interpreter that builds one. So this process builds nothing: it counts an OFF in shared memory, where the
-loop sees it at its next tick, and passes only as many page loads to the page process as that can build.
+The page process needs about a second to build a page, and any program can request pages. OFF must never wait for the
+building of a page. So the front process builds nothing. It counts each OFF in shared memory, where the loop sees the
+OFF at the next tick, and limits the number of page loads that it passes to the page process.
 
-    POST /off   counted here
-    /state      a websocket that reports how the run ended, and which page process answers
-    /static     the scripts of bokeh
-    /, /ws      passed on to the page process; 503 while MAX_BUILDS pages are being built or MAX_PAGES are open
+    POST /off   is counted here
+    /state      is a websocket that reports how the run ended, and which page process answers
+    /static     gives the scripts of bokeh
+    /, /ws      are passed on to the page process; 503 while MAX_BUILDS pages are being built or MAX_PAGES are open
 
-The control process owns the listening socket: requests that arrive while this process is restarted wait in it.
+The control process owns the listening socket. Requests that arrive while the front process is restarted wait there.
 """
 
 from __future__ import annotations
@@ -39,28 +39,28 @@ from smadrive.tuning.link.channel import PageEnd
 from smadrive.tuning.link.child import report_ready, run
 
 MAX_CONNECTIONS = 512
-"""The oldest connection is closed for one more, so that no number of idle connections keeps OFF out."""
+"""Largest number of connections. A further connection closes the oldest one, so idle connections cannot block OFF."""
 
 IDLE_S = 30.0
 """A connection without a request is closed after this time."""
 
 MAX_HEAD_BYTES = 1 << 14
 MAX_BODY_BYTES = 1 << 10
-"""No request here needs a body. A longer one is refused before it is read: to parse it would delay OFF."""
+"""No request to this process needs a body. A longer body is refused before it is read: parsing it would delay OFF."""
 
 BODY_WITHIN_S = 2.0
-"""The connection is closed when the body of a request has not arrived by then."""
+"""A connection is closed if the body of its request has not arrived after this time."""
 
 LIMITS = {
     "idle_connection_timeout": IDLE_S,
     "body_timeout": BODY_WITHIN_S,
     "max_header_size": MAX_HEAD_BYTES,
     "max_body_size": MAX_BODY_BYTES,
-    "max_buffer_size": 2 * CHUNK_BYTES,  # the relay reads chunks; a stream may hold one more behind each
+    "max_buffer_size": 2 * CHUNK_BYTES,  # the chunk that the relay reads, and a second one behind it
 }
 
 STALLED_S = 5.0
-"""A page process without a heartbeat for this time does not answer; building a page takes a second."""
+"""A page process without a heartbeat for this time counts as dead. Building a page takes a second."""
 
 REPORT_MS = 100
 FAREWELL_S = 0.5
@@ -68,20 +68,23 @@ FAREWELL_S = 0.5
 
 
 class OffHandler(GatedHandler):
-    """POST /off: the heater goes off at the loop's next tick."""
+    """POST /off: the loop switches the heater off at its next tick."""
 
     def check_xsrf_cookie(self) -> None:
-        """No cookie is required: switching off must not need a page that was loaded before. The gate suffices."""
+        """Require no cookie: one must be able to switch off without loading a page first. The gate is sufficient."""
 
     def post(self) -> None:
-        """Count an OFF."""
+        """Count an OFF in the shared memory."""
         channel: PageEnd = self.settings["channel"]
         channel.request_off()
         self.write({"off": "requested"})
 
 
 class States:
-    """The state that is reported to all pages, and the websockets on which it is reported."""
+    """Reports the state to all pages, each of which has a websocket for this purpose.
+
+    The state is the page process that answers, and the way in which the run has ended.
+    """
 
     def __init__(self, channel: PageEnd) -> None:
         self._channel = channel
@@ -89,7 +92,7 @@ class States:
         self._text = ""
 
     def enter(self, page: StateHandler) -> None:
-        """Report the state to a page that has just connected, and every change from now on."""
+        """Report the state, and every later change of it, to a page that has just connected."""
         self._sockets.add(page)
         page.write_message(self._text)
 
@@ -98,7 +101,7 @@ class States:
         self._sockets.discard(page)
 
     def report(self, end: str | None = None) -> list[Awaitable[None]]:
-        """Report the state if it has changed: which page process answers, and how the run has ended."""
+        """Report the state if it has changed. Return the messages that are being sent."""
         text = json.dumps({"page": self._channel.page_server(STALLED_S), "end": end})
         if text == self._text:
             return []
@@ -111,7 +114,7 @@ class States:
         await asyncio.gather(*self.report())
 
     async def report_end(self) -> None:
-        """Report how the run has ended; "unknown" when the control process has gone without publishing it."""
+        """Report how the run has ended: "unknown" if the control process died before it published the end."""
         published = self._channel.status(-1)
         end = published[1]["end"] if published else None
         with suppress(TimeoutError):
@@ -124,7 +127,7 @@ async def _sent(page: StateHandler, text: str) -> None:
 
 
 class StateHandler(GatedHandler, WebSocketHandler):
-    """GET /state: reports the state to a page as long as it is open."""
+    """GET /state: reports the state to a page while the page is open."""
 
     def open(self) -> None:
         """Report the state to this page."""
@@ -141,15 +144,15 @@ class StateHandler(GatedHandler, WebSocketHandler):
 
 
 class FrontServer(HTTPServer):
-    """An HTTP server that always has room for one more connection and bounds the size of every request."""
+    """An HTTP server that always accepts a further connection, and limits the size of every request."""
 
     def initialize(self, *args: Any, **kwargs: Any) -> None:
-        """See HTTPServer."""
+        """Initialize the server with `LIMITS`."""
         super().initialize(*args, **{**LIMITS, **kwargs})
         self._streams: list[IOStream] = []
 
     def handle_stream(self, stream: IOStream, address: tuple[Any, ...]) -> None:
-        """Close the oldest connection if there are too many."""
+        """Serve a connection. If there are too many, close the oldest one."""
         self._streams = [open_one for open_one in self._streams if not open_one.closed()]
         if len(self._streams) >= MAX_CONNECTIONS:
             self._streams.pop(0).close()
@@ -158,7 +161,7 @@ class FrontServer(HTTPServer):
 
 
 async def serve(parameters: dict[str, Any]) -> None:
-    """Serve until standard input ends."""
+    """Serve the port of the page until standard input ends."""
     channel = PageEnd(parameters["memory_fd"], socket.socket(fileno=parameters["socket_fd"]))
     states = States(channel)
     application = Application(
@@ -192,7 +195,7 @@ async def serve(parameters: dict[str, Any]) -> None:
 
 
 def bokeh_static() -> Path:
-    """The folder of bokeh's scripts. Bokeh is not imported for it: that would take half a second."""
+    """Return the folder of bokeh's scripts, without importing bokeh, which would take half a second."""
     package = find_spec("bokeh")
     if package is None or package.origin is None:
         raise ConfigError("the tuning page needs bokeh", cure="install it with pip install 'smadrive[tune]'")

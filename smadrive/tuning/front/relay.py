@@ -1,8 +1,8 @@
 """The relay between browsers and the page process: page loads and the websockets of open pages, as bytes.
 
-The head of a request is composed anew from the few fields that bokeh needs, so that only this one request reaches the
-page process. A page load keeps its place among the MAX_BUILDS until the page is built, even if its client has left
-meanwhile: the page process builds it all the same.
+The relay composes a new head for a request, from the few fields that bokeh needs, so that nothing else of the request
+reaches the page process. A page load counts among the MAX_BUILDS until the page is built, even if its browser has left
+in the meantime: the page process builds the page all the same.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from smadrive.tuning.front.gate import GatedHandler
 from smadrive.tuning.link.channel import PageEnd
 
 MAX_BUILDS = 2
-"""Pages that are built at the same time."""
+"""Largest number of pages that are built at the same time."""
 
 MAX_PAGES = 8
-"""Pages that are open at the same time."""
+"""Largest number of pages that are open at the same time."""
 
 CHUNK_BYTES = 1 << 16
 WEBSOCKET_FIELDS = (
@@ -43,7 +43,7 @@ BUSY = (
 
 
 class Places:
-    """Counts actions that go on at the same time, at most `limit`."""
+    """Counts the actions that run at the same time, of which there may be `limit`."""
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
@@ -51,12 +51,12 @@ class Places:
 
     @property
     def are_taken(self) -> bool:
-        """Whether all places are taken."""
+        """True if all places are taken."""
         return self.taken >= self.limit
 
     @contextmanager
     def one(self) -> Iterator[None]:
-        """Take a place while the block lasts."""
+        """Take a place during the block."""
         self.taken += 1
         try:
             yield
@@ -75,18 +75,21 @@ class Relay:
 
     @property
     def is_busy(self) -> bool:
-        """Whether no further page may be built now."""
+        """True if no further page may be built now."""
         return self.builds.are_taken or self._channel.pages_open >= MAX_PAGES
 
     async def page(self, request: HTTPServerRequest) -> bytes | None:
-        """The whole reply to a page load; None when the page process does not give one."""
+        """Return the whole reply to a page load. Return None when the page process does not reply."""
         with self.builds.one(), suppress(StreamClosedError):
             server = await self.sent(request, {"Connection": "close"})
             return await server.read_until_close() or None
         return None
 
     async def sent(self, request: HTTPServerRequest, fields: Mapping[str, str]) -> IOStream:
-        """A connection on which a request with these fields has been sent. StreamClosedError without page process."""
+        """Send the request with these header fields to the page process, and return the connection.
+
+        StreamClosedError when no page process listens.
+        """
         server = IOStream(socket.socket(socket.AF_UNIX))
         await server.connect(self._path)
         fields = {"Host": request.host, **fields}
@@ -96,10 +99,10 @@ class Relay:
 
 
 class PageHandler(GatedHandler):
-    """GET /: a page, built by the page process; 503 while that is busy or being started."""
+    """GET /: a page, built by the page process; 503 while the page process is busy or being started."""
 
     async def get(self) -> None:
-        """Pass the request on."""
+        """Pass the request on to the page process, and its reply back."""
         relay: Relay = self.settings["relay"]
         page = None if relay.is_busy else await relay.page(self.request)
         if page is None:
@@ -116,7 +119,7 @@ class PageSocketHandler(GatedHandler):
     """GET /ws: the websocket of an open page."""
 
     async def get(self) -> None:
-        """Pass data in both directions, until one end closes."""
+        """Pass data in both directions until the browser or the page process closes the connection."""
         relay: Relay = self.settings["relay"]
         headers = self.request.headers
         if headers.get("Upgrade", "").lower() != "websocket":

@@ -1,4 +1,4 @@
-"""The address of the tuning page: on this machine alone."""
+"""The address of the tuning page, which only this machine can reach."""
 
 from __future__ import annotations
 
@@ -6,5 +6,5 @@ ADDRESS = "127.0.0.1"
 
 
 def page_hosts(port: int) -> tuple[str, ...]:
-    """The `Host` headers with which a browser asks for the page on this port."""
+    """Return the `Host` headers that a browser may send for the page on this port."""
     return tuple(f"{name}:{port}" for name in (ADDRESS, "localhost"))

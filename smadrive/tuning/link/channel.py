@@ -1,18 +1,18 @@
-"""The connection between the control process and the processes of the page. Neither side ever waits for the other.
+"""The connection between the control process and the processes of the page. No process waits for another one.
 
-    control → page   rows       a ring in shared memory; the page copies the new rows, the oldest are overwritten
-    control → page   status     one JSON document in shared memory, replaced as a whole
-    front → control  OFF        a counter in shared memory: it needs no queue and no answer, and an OFF that was counted
-                                is not lost when the front process dies. Only the front process counts, so that no count
-                                is lost between two writers. A request that drives the wire carries the count that its
-                                page knew (see button_events.py)
-    page → control   pages      how many pages are open, and whether one of them controls
-    page → front     heartbeat  the page process, and when it last read the channel
-    front → control  heartbeat  a counter that increases as long as the front process answers
-    both ways        messages   JSON datagrams on a socket pair; each arrives whole or not at all; a full queue refuses
+    control → page   rows       a ring in shared memory: the page copies the new rows, new rows overwrite the oldest
+    control → page   status     one JSON document in shared memory, which is replaced as a whole
+    front → control  OFF        a counter in shared memory: it needs no queue and no answer, and a counted OFF is not
+                                lost when the front process dies. Only the front process counts, because two writers
+                                could lose a count. A request that drives the wire carries the count that its page knew
+                                (see button_events.py)
+    page → control   pages      the number of open pages, and a flag: one of them controls
+    page → front     heartbeat  the id of the page process, and the time at which it last read the channel
+    front → control  heartbeat  a counter that increases while the front process answers
+    both ways        messages   JSON datagrams on a socket pair: each arrives whole or not at all; a full queue rejects
 
 The memory has no name: the processes inherit its file descriptor, so nothing is left behind when a process is killed.
-A reader that the writer interrupts sees that by the number of the row, or by the version of the status.
+If a row changes while it is read, its number shows that to the reader; for the status its version does.
 See docs/decisions/0001-processes-of-the-tuning-page.md.
 """
 
@@ -35,7 +35,7 @@ from smadrive.runs.columns import Row
 from smadrive.tuning.link.samples import COLUMNS, Rows
 
 CAPACITY = 1 << 15
-"""Rows in the ring: 27 minutes at 20 Hz."""
+"""Number of rows in the ring: 27 minutes at 20 Hz."""
 
 STATUS_BYTES = 1 << 18
 MESSAGE_BYTES = 1 << 16
@@ -61,7 +61,7 @@ BLOCK = np.dtype(
 
 
 class Channel:
-    """The view of both ends: the memory, and one end of the socket pair."""
+    """The common part of both ends: the shared memory, and one socket of the pair."""
 
     def __init__(self, memory_fd: int, messages: socket.socket) -> None:
         self.memory_fd = memory_fd
@@ -76,13 +76,13 @@ class Channel:
         self._block[name][0] += 1
 
     def send(self, message: dict[str, Any]) -> bool:
-        """Whether the message was sent: not when the other end is closed, or its queue is full."""
+        """Send a message. Return False if the other end is closed, or if its queue is full."""
         with suppress(OSError):
             return self.messages.send(json.dumps(message).encode()) > 0
         return False
 
     def received(self, limit: int) -> Iterator[bytes]:
-        """The messages that have arrived, at most `limit`."""
+        """Yield the messages that have arrived, at most `limit` of them."""
         for _ in range(limit):
             try:
                 yield self.messages.recv(MESSAGE_BYTES)
@@ -91,7 +91,10 @@ class Channel:
 
 
 class ControlEnd(Channel):
-    """The end of the control process. It never waits, and no state of the page makes it fail. A context manager."""
+    """The end of the control process, a context manager. It never waits, and a page in any state cannot make it fail.
+
+    `offs` is the number of OFFs at the last look, `published` the latest status.
+    """
 
     def __init__(self) -> None:
         self.page_socket, own = socket.socketpair(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -122,7 +125,7 @@ class ControlEnd(Channel):
         self._increase("rows_written")
 
     def publish(self, status: dict[str, Any]) -> None:
-        """Replace the status; `published` is the latest. ValueError for a status above `STATUS_BYTES` (a defect)."""
+        """Replace the status. ValueError if it is longer than `STATUS_BYTES`, which would be a defect."""
         self.published = status
         text = np.frombuffer(json.dumps(status).encode(), np.uint8)
         self._increase("status_version")
@@ -132,16 +135,16 @@ class ControlEnd(Channel):
 
     @property
     def pages(self) -> tuple[int, bool]:
-        """How many pages are open, and whether one of them controls."""
+        """The number of open pages, and True if one of them controls."""
         return self._count("open_pages"), bool(self._count("is_controlled"))
 
     @property
     def front_beats(self) -> int:
-        """Increases as long as the front process answers."""
+        """A counter that increases while the front process answers."""
         return self._count("front_beats")
 
     def off_requested(self) -> bool:
-        """Whether OFF was pressed since the last call; `offs` is how many times until now."""
+        """Return True if OFF was pressed since the last call. Update `offs`, the number of OFFs until now."""
         count = self._count("off_count")
         is_new, self.offs = count != self.offs, count
         return is_new
@@ -151,43 +154,46 @@ class PageEnd(Channel):
     """The end of the page process and of the front process."""
 
     def request_off(self) -> None:
-        """Count an OFF; the loop sees it at its next tick."""
+        """Count an OFF, which the loop sees at its next tick."""
         self._increase("off_count")
 
     @property
     def offs(self) -> int:
-        """How many times OFF was pressed."""
+        """The number of times that OFF was pressed."""
         return self._count("off_count")
 
     def report_pages(self, count: int, *, is_controlled: bool) -> None:
-        """Report how many pages are open, and whether one of them controls."""
+        """Report the number of open pages. `is_controlled` is True if one of them controls."""
         self._block["open_pages"], self._block["is_controlled"] = count, is_controlled
 
     @property
     def pages_open(self) -> int:
-        """How many pages are open."""
+        """The number of open pages."""
         return self._count("open_pages")
 
     def beat(self) -> None:
-        """Report that this process, the page process, answers now."""
+        """Report that the page process, which calls this method, answers now."""
         self._block["page_pid"], self._block["page_beat_ns"] = os.getpid(), time.monotonic_ns()
 
     def beat_front(self) -> None:
-        """Report that the front process answers now."""
+        """Report that the front process, which calls this method, answers now."""
         self._increase("front_beats")
 
     def page_server(self, within_s: float) -> int | None:
-        """The process id of the page process that answered within this time; None without one."""
+        """Return the id of the page process, or None if no page process has answered within this time."""
         age_s = 1e-9 * (time.monotonic_ns() - self._count("page_beat_ns"))
         return self._count("page_pid") if age_s < within_s else None
 
     @property
     def written(self) -> int:
-        """How many rows were ever written."""
+        """The number of rows that were written since the session began."""
         return self._count("rows_written")
 
     def since(self, number: int) -> tuple[int, Rows]:
-        """The number to continue from, and the rows from `number` on that are still there, (rows, columns)."""
+        """Return the number of the next row, and all rows from `number` on that are not overwritten yet.
+
+        The rows have the shape (rows, columns). Pass the returned number to the next call.
+        """
         written = self.written
         numbers = np.arange(max(number, written - CAPACITY + 1), written)
         places, written_numbers = numbers % CAPACITY, self._block["row_number"][0]
@@ -197,7 +203,10 @@ class PageEnd(Channel):
         return written, rows[is_whole]
 
     def status(self, seen: int) -> tuple[int, dict[str, Any]] | None:
-        """Version and content of the status; None before the first, for version `seen`, and while it is written."""
+        """Return the version and the content of the status.
+
+        Return None before the first status, if its version is still `seen`, and while the status is being written.
+        """
         version = self._count("status_version")
         if version in (0, seen) or version % 2:
             return None
@@ -208,7 +217,7 @@ class PageEnd(Channel):
 
 
 def _anonymous_memory(size: int) -> int:
-    """The descriptor of a memory without a name."""
+    """Create shared memory without a name, and return its file descriptor."""
     if hasattr(os, "memfd_create"):
         memory_fd = os.memfd_create("smadrive-tuning")
     else:

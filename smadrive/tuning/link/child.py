@@ -1,7 +1,7 @@
-"""The side of a supervised process that faces the control process (see supervised_process.py).
+"""What a supervised process does for its supervisor, the control process (see supervised_process.py).
 
-It reads one line of parameters from standard input and writes one line when it is ready. It ends without a message when
-standard input ends: the control process has gone, or ends it.
+The process reads one line of parameters from standard input, and writes one line when it is ready. It ends without a
+message when standard input ends: then the control process has died, or ends it.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 
 def run(serve: Callable[[dict[str, Any]], None]) -> None:
-    """Call `serve` with the parameters, unless the control process has gone before it could send them."""
+    """Call `serve` with the parameters. If the control process dies before it sends them, return at once."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     line = sys.stdin.readline()
     if line:
@@ -26,10 +26,10 @@ def run(serve: Callable[[dict[str, Any]], None]) -> None:
 
 
 def report_ready() -> None:
-    """Write the line that the control process waits for. BrokenPipeError when the control process has gone."""
+    """Write the line that the control process waits for. BrokenPipeError when the control process has died."""
     os.write(sys.stdout.fileno(), b"{}\n")
 
 
 def is_input_closed(within_s: float) -> bool:
-    """Whether standard input ends within this time."""
+    """Return True if standard input ends within this time."""
     return bool(select.select([sys.stdin], [], [], within_s)[0])

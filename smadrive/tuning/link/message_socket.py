@@ -1,7 +1,7 @@
-"""A socket between two processes that sends and receives whole messages of any size without waiting (ZeroMQ).
+"""A ZeroMQ socket between two processes. It sends and receives whole messages of any size without waiting.
 
-A thread of ZeroMQ, which needs no interpreter, moves the bytes. The connecting end may exist before the listening one,
-and outlives it: its messages wait until a process listens again.
+A thread of ZeroMQ, which does not need the Python interpreter, moves the bytes. The connecting end may start before the
+listening end, and may outlive it: messages wait until a process listens again.
 See docs/decisions/0001-processes-of-the-tuning-page.md.
 """
 
@@ -14,9 +14,9 @@ import zmq
 
 
 class MessageSocket:
-    """One end at `address`, `ipc://PATH`. A message is a list of parts. A context manager.
+    """One end of the connection at `address`, which is `ipc://PATH`. A context manager.
 
-    The folder of PATH must belong to this user alone if messages are unpickled.
+    A message is a list of parts. If messages are unpickled, no other user may have access to the folder of PATH.
     """
 
     def __init__(self, address: str, *, listens: bool) -> None:
@@ -33,24 +33,24 @@ class MessageSocket:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close; messages that were not delivered are dropped."""
+        """Close the socket. Messages that were not delivered are dropped."""
         self._socket.close()
         self._context.term()
 
     def send(self, *parts: bytes) -> None:
-        """Send a message. It is dropped when a thousand of them wait already."""
+        """Send a message. The message is dropped if a thousand messages already wait."""
         with suppress(zmq.Again):
             self._socket.send_multipart(parts, zmq.NOBLOCK)
 
     def received(self) -> list[bytes] | None:
-        """The next message that has arrived; None without one."""
+        """Return the next message that has arrived, or None if no message has arrived."""
         try:
             return self._socket.recv_multipart(zmq.NOBLOCK)
         except zmq.Again:
             return None
 
     def wait(self, fd: int) -> bool:
-        """Wait until a message arrives or `fd` becomes readable; whether `fd` is."""
+        """Wait until a message arrives or `fd` becomes readable. Return True if `fd` is readable."""
         poller = zmq.Poller()
         poller.register(self._socket, zmq.POLLIN)
         poller.register(fd, zmq.POLLIN)

@@ -1,4 +1,4 @@
-"""Real-time scheduling of the loop, so that its ticks begin on time although a browser keeps every core busy."""
+"""Real-time scheduling of the loop, so that its ticks begin on time even if a browser keeps every core busy."""
 
 from __future__ import annotations
 
@@ -11,15 +11,16 @@ NICENESS = -10
 
 
 def use_real_time_scheduling() -> None:
-    """Call it once, in the loop's thread, after everything has been loaded and started.
+    """Give the calling thread real-time scheduling, or else a higher priority (niceness).
 
-    Where the system grants it, the thread runs as soon as it is ready, before all ordinary threads; a niceness decides
-    only about shares in the long run. Processes that are started later have ordinary scheduling. Loaded objects are
-    excluded from garbage collection: a collection of all of them would take longer than a tick.
+    Call this function once, in the loop's thread, after everything has been loaded and started. With real-time
+    scheduling, the thread runs as soon as it is ready, before all ordinary threads; a niceness only gives it a larger
+    share of the processor. Processes that are started later have ordinary scheduling. Loaded objects are excluded from
+    garbage collection, because collecting all of them would take longer than a tick.
     """
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(PRIORITY))
-    except (OSError, AttributeError):  # not granted; not Linux
+    except (OSError, AttributeError):  # the system does not grant it, or is not Linux
         with suppress(OSError):
             os.setpriority(os.PRIO_PROCESS, 0, NICENESS)
     gc.collect()

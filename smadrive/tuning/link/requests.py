@@ -1,7 +1,8 @@
 """The requests of a page: typed, bounded, and checked in the control process.
 
-A request carries a number that its answer repeats: `{"number": 7, "refused": null}`, or the reason in words. A request
-that drives the wire carries also the count of OFFs that its page knew, so that it cannot come after an OFF.
+A request carries a number, which the answer repeats: `{"number": 7, "refused": null}`. If the request is refused,
+`refused` is the reason. A request that drives the wire also carries the count of OFFs that its page knew, so that it is
+refused after a newer OFF.
 """
 
 from __future__ import annotations
@@ -26,13 +27,13 @@ class PageRequest(Section):
 
 
 class DrivingRequest(PageRequest):
-    """A request that drives the wire. `offs`: how many times OFF was pressed, as far as its page knew."""
+    """A request that drives the wire. `offs` is the number of OFFs that its page knew."""
 
     offs: int = Field(ge=0)
 
 
 class Off(PageRequest):
-    """Switch the heater off; the counter of the channel does the same without a queue."""
+    """Switch the heater off. The counter of OFFs in the channel has the same effect, without a queue."""
 
     act: Literal["off"]
 
@@ -44,52 +45,55 @@ class Arm(DrivingRequest):
 
 
 class ClearFaults(PageRequest):
-    """Clear the latched faults, once their cause is removed."""
+    """Clear the latched faults. Their cause must be removed before."""
 
     act: Literal["clear"]
 
 
 class Track(DrivingRequest):
-    """Follow a reference again and again: one of the session by its name, or any other in its one-line form."""
+    """Track a reference again and again.
+
+    `reference` is the name of a reference of the session, or a one-line form such as `sine:low_mm=2,high_mm=9`.
+    """
 
     act: Literal["track"]
     reference: str = Field(min_length=1, max_length=300)
 
 
 class Hold(DrivingRequest):
-    """Stay where the reference is now."""
+    """Hold the present setpoint."""
 
     act: Literal["hold"]
 
 
-class SetShape(PageRequest):
-    """Move a branch, or the scale."""
+class SetValue(PageRequest):
+    """Set one number of the tuning, which `key` names."""
+
+    key: str
+    value: float
+
+    @property
+    def event(self) -> str:
+        """The text of the event when the change is in force."""
+        return f"{self.key} = {self.value:g}"
+
+
+class SetShape(SetValue):
+    """Move or widen a branch, or change the scale."""
 
     act: Literal["shape"]
     key: ShapeKey
-    value: float
-
-    @property
-    def event(self) -> str:
-        """The line among the events when it is in force."""
-        return f"{self.key} = {self.value:g}"
 
 
-class SetFeedback(PageRequest):
-    """Change a gain of the feedback, or the share of the feedforward."""
+class SetFeedback(SetValue):
+    """Change a time constant of the feedback, or the share of the feedforward."""
 
     act: Literal["feedback"]
     key: FeedbackKey
-    value: float
-
-    @property
-    def event(self) -> str:
-        """The line among the events when it is in force."""
-        return f"{self.key} = {self.value:g}"
 
 
 class SetRule(PageRequest):
-    """Give a rule another consequent: dw = (a w + b) dv."""
+    """Replace the consequent of a rule, which is dw = (a w + b) dv."""
 
     act: Literal["rule"]
     index: int = Field(ge=0, le=200)
@@ -99,13 +103,16 @@ class SetRule(PageRequest):
 
     @property
     def event(self) -> str:
-        """The line among the events when it is in force."""
+        """The text of the event when the change is in force."""
         branch = "heating" if self.direction > 0 else "cooling"
         return f"rule {self.index + 1} {branch}: a = {self.a:g}, b = {self.b:g}"
 
 
 class SetModel(PageRequest):
-    """Take another model, as the text of its file. `source`: where it comes from; `caveats`: reasons to distrust it."""
+    """Replace the model. `text` is the text of a model file.
+
+    `source` says where the model comes from; `caveats` are reasons to distrust the model.
+    """
 
     act: Literal["model"]
     text: str
@@ -114,12 +121,12 @@ class SetModel(PageRequest):
 
     @property
     def event(self) -> str:
-        """The line among the events when it is in force."""
+        """The text of the event when the change is in force."""
         return f"model: {self.source}"
 
 
 class Note(PageRequest):
-    """Add a text to the events, which all pages see."""
+    """Add a text to the events, which all pages show."""
 
     act: Literal["note"]
     text: str = Field(max_length=2000)
@@ -132,7 +139,7 @@ class Step(PageRequest):
 
 
 class Keep(PageRequest):
-    """Keep the tuning in force in a slot."""
+    """Store the tuning in force in a slot."""
 
     act: Literal["keep"]
     slot: Slot
@@ -146,7 +153,7 @@ class Recall(PageRequest):
 
 
 class Compare(DrivingRequest):
-    """Alternate between both slots at every cycle of the reference, and score them."""
+    """Begin or end a comparison: slots A and B alternate at every cycle of the reference, and every cycle is scored."""
 
     act: Literal["compare"]
     on: bool
@@ -182,7 +189,7 @@ _REQUESTS: TypeAdapter[AnyRequest] = TypeAdapter(AnyRequest)
 
 
 def parse_request(message: bytes) -> AnyRequest:
-    """The request in a message. ConfigError names the key that is wrong."""
+    """Return the request in a message. ConfigError for a malformed request; its `where` is the wrong key."""
     try:
         return _REQUESTS.validate_json(message)
     except ValidationError as error:
@@ -192,11 +199,11 @@ def parse_request(message: bytes) -> AnyRequest:
 
 
 class _NumberedMessage(PageRequest, extra="ignore"):
-    """The number of any message."""
+    """A message of which only the number is read."""
 
 
 def numbered(message: bytes) -> PageRequest | None:
-    """The number by which a malformed request is answered; None for a message without one."""
+    """Return the number of a malformed request, which is needed to answer it. Return None if it has no number."""
     try:
         return _NumberedMessage.model_validate_json(message)
     except ValidationError:

@@ -22,15 +22,15 @@ COLUMNS = (
     "power_w",
     "commanded_a",
 )
-"""The columns of a row: measured, estimated and commanded values; `time_s` since the session began."""
+"""The columns of a row: measured, estimated and commanded values. `time_s` is the time since the session began."""
 
 Rows = NDArray[np.float64]
-"""(rows, columns)"""
+"""An array of shape (rows, columns)."""
 
 _values_of = row_getter(COLUMNS)
 
 
 def row_of(tick: Tick, began_s: float) -> Row:
-    """The `COLUMNS` of a tick of a session that began at `began_s`."""
+    """Return the row of a tick, with the values of `COLUMNS`. The session began at `began_s`."""
     _, *values = _values_of(tick)
     return (tick.measurement.time_s - began_s, *values)

@@ -1,9 +1,9 @@
-"""A process beside the loop: restarted when it dies, ended with the session.
+"""A process beside the loop, which is restarted when it dies and ended with the session.
 
-Work in a thread of the loop's own process takes the interpreter from a tick. Work in another process takes a processor
-at most, and there the loop can have priority. The process gets its parameters as one line on its standard input; the
-end of its standard input tells it that the control process has gone, however that ended. A thread waits for the
-process, so that its death and its restart take nothing from a tick; it tries until a restart succeeds.
+A thread in the loop's own process would delay the ticks, because Python runs one thread at a time. Another process only
+competes for the processors, where the loop can have priority. The process gets its parameters as one line on its
+standard input. The end of its standard input tells the process that the control process has ended or died. A thread of
+the control process watches the process and restarts it, until a restart succeeds; so a death does not delay a tick.
 """
 
 from __future__ import annotations
@@ -24,21 +24,22 @@ from smadrive.errors import ConfigError
 from smadrive.numerics.blas_threads import ONE_THREAD
 
 LOOK_S = 0.1
-"""How often the thread looks whether the process still runs."""
+"""Period at which the thread checks that the process still runs."""
 
 START_WITHIN_S = 60.0
-"""A process that is not ready by then is killed; a small computer needs some seconds."""
+"""A process that is not ready after this time is killed. A small computer needs some seconds."""
 
 END_WITHIN_S = 3.0
 RESTART_S = 0.5
-"""Pause before a restart: a process that dies at once must not keep the machine busy."""
+"""Pause before a restart, so that a process that dies at once does not keep the machine busy."""
 
 
 class SupervisedProcess:
-    """`python -m MODULE`, a context manager. It gets `parameters`, and answers with one line when it is ready.
+    """The process `python -m MODULE`, as a context manager.
 
-    It inherits the descriptors `fds`. `niceness` lowers its priority; below 0 it raises it, where the system grants
-    that. ConfigError when it does not start.
+    The process gets `parameters` and inherits the file descriptors `fds`; it answers with one line when it is ready. A
+    positive `niceness` lowers its priority, a negative one raises it if the system permits. ConfigError when the
+    process does not start.
     """
 
     def __init__(self, module: str, parameters: dict[str, Any], fds: tuple[int, ...], *, niceness: int = 0) -> None:
@@ -50,15 +51,15 @@ class SupervisedProcess:
         self.deaths = 0
         self.restarts = 0
         self.trouble: str | None = None
-        """Why the last restart failed; None while the process runs."""
+        """The reason why the last restart failed. It is None while the process runs."""
 
     @property
     def pid(self) -> int:
-        """The process id of the present process."""
+        """The id of the process, which changes with a restart."""
         return self._process.pid
 
     def __enter__(self) -> Self:
-        """Start it and wait until it is ready."""
+        """Start the process and wait until it is ready."""
         self._start()
         self._keeper = threading.Thread(target=self._keep, name=f"keeper of {self._module}", daemon=True)
         self._keeper.start()
@@ -67,9 +68,9 @@ class SupervisedProcess:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End it."""
+        """End the process."""
         self._is_ending.set()
-        self._keeper.join()  # a restart that is under way is ended there
+        self._keeper.join()  # the thread also ends a restart that has begun
         self._close_pipes()
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(END_WITHIN_S)
@@ -83,7 +84,7 @@ class SupervisedProcess:
             text=True,
             pass_fds=self._fds,
             env={**os.environ, **ONE_THREAD},
-            start_new_session=True,  # Ctrl-C goes to the control process: it switches off, then ends this process
+            start_new_session=True,  # Ctrl-C reaches only the control process, which switches off, then ends this one
         )
         try:
             _set_priority(self._process.pid, self._niceness)
@@ -92,12 +93,14 @@ class SupervisedProcess:
             self._kill()
             if isinstance(error, OSError | ValueError):
                 raise ConfigError(
-                    "the process did not start: see above", where=self._module, cure="check the installation"
+                    "the process did not start; its own error stands above",
+                    where=self._module,
+                    cure="check the installation",
                 ) from None
             raise
 
     def _wait_until_ready(self) -> None:
-        """Send the parameters and wait for the line of the process. OSError or ValueError without one."""
+        """Send the parameters, and wait for the line of the process. OSError or ValueError when the line is missing."""
         stdin, stdout = self._process.stdin, self._process.stdout
         if stdin is None or stdout is None:
             raise ValueError("no standard input and output")
@@ -110,7 +113,7 @@ class SupervisedProcess:
         json.loads(stdout.readline())
 
     def _kill(self) -> None:
-        """Kill it if it still runs, and close its pipes."""
+        """Kill the process if it still runs, and close its pipes."""
         self._process.kill()
         self._process.wait()
         self._close_pipes()
@@ -118,7 +121,7 @@ class SupervisedProcess:
     def _close_pipes(self) -> None:
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
-                with suppress(OSError):  # unsent data for a process that has gone
+                with suppress(OSError):  # the process has ended before it read all data
                     pipe.close()
 
     def _keep(self) -> None:
@@ -129,16 +132,16 @@ class SupervisedProcess:
                 self._restart()
 
     def _is_frozen(self) -> bool:
-        """Whether the process runs but does not work; called every LOOK_S. A subclass may know; here it is False."""
+        """Return True if the process runs but does not work. Called every `LOOK_S`; a subclass may override it."""
         return False
 
     def _restart(self) -> None:
-        """Try until it runs or the session ends: a lack of memory or of descriptors passes."""
+        """Try again until the process runs or the session ends: a lack of memory or of descriptors may be temporary."""
         while not self._is_ending.wait(RESTART_S):
             try:
                 self._start()
-            except Exception as error:  # noqa: BLE001 (after any error OFF must come back)
-                self.trouble = f"{self._module} did not start ({error}): it is tried again every {RESTART_S:g} s"
+            except Exception as error:  # noqa: BLE001 (whatever the error is, OFF must work again)
+                self.trouble = f"{self._module} did not start ({error}); next attempt in {RESTART_S:g} s"
             else:
                 self.restarts += 1
                 self.trouble = None
@@ -146,9 +149,9 @@ class SupervisedProcess:
 
 
 def _set_priority(pid: int, niceness: int) -> None:
-    """Set its niceness, and on Linux that of its session: there sessions share the processors among each other.
+    """Set the niceness of a process and, on Linux, of its session: Linux shares the processors among sessions.
 
-    A process that has already ended is found by the keeper. A priority that the system does not grant is left as it is.
+    A process that has already ended, and a priority that the system does not permit, are no errors here.
     """
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, pid, niceness)

@@ -1,5 +1,5 @@
-"""The page process: bokeh documents that show what the loop publishes and send requests of their user.
+"""The page process: bokeh documents, which show what the loop publishes and send the requests of the user.
 
-May import bokeh, identification (for fits), hysteresis and `tuning.link`. It never touches a device, and every act of a
-user passes `ClientRegistry`, so that only the client with the token in control can request anything.
+It may import bokeh, identification (for fits), hysteresis and `tuning.link`. It never accesses a device. Every request
+of a user passes `ClientRegistry`, so that only the client in control can request anything.
 """

@@ -1,11 +1,11 @@
-"""Button events that drive the wire. None of them overtakes an OFF.
+"""Button events that drive the wire. A click is refused after a newer OFF.
 
-OFF acts at once, but a click passes two event loops before it reaches the control process, and OFF may be pressed
-meanwhile, on this page or elsewhere. So a click carries the count of OFFs that its page knew in the browser; the
-control process refuses it unless that is the present count.
+OFF acts at once. A click passes two event loops before it reaches the control process, and OFF may be pressed in the
+meantime, on the same page or elsewhere. So a click carries the count of OFFs that its page knew in the browser. The
+control process refuses the click if its own count differs.
 
-A page counts its own OFF as soon as it is pressed (page.html), and delays later clicks until that OFF has arrived; the
-OFFs of other pages reach it by `set_offs`. A count that arrives late costs one more click, never an OFF.
+A page counts its own OFF at once (page.html), and delays later clicks until that OFF has arrived. `set_offs` tells the
+page the OFFs of other pages. If such a count arrives late, the user must click again; an OFF is never lost.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ switchedOff.then(() => { events.latest = click; });
 
 
 class ButtonEvents(DataModel):  # type: ignore[misc]  # bokeh has no type for it
-    """Shared with the browser: the count of OFFs that it knows, and the latest click (button, that count, number)."""
+    """Values that the browser shares: `offs` is the count of OFFs that it knows, `latest` the latest click.
+
+    A click is the name of the button, the count of OFFs at the click, and the number of the click.
+    """
 
     offs = Int(default=0)
     latest = Tuple(String, Int, Int, default=("", 0, 0))
@@ -35,7 +38,7 @@ class ButtonEvents(DataModel):  # type: ignore[misc]  # bokeh has no type for it
             self.offs = offs
 
     def resend_offs(self, offs: int) -> None:
-        """Send the count after a refusal in any case: the page's own count may be wrong."""
+        """Send the count of OFFs even if it has not changed. After a refusal, the page's own count may be wrong."""
         self.offs = -1
         self.offs = offs
 

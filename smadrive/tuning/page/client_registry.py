@@ -1,7 +1,7 @@
 """The clients of the page process: which one controls, its requests and their answers.
 
-One client controls, the others watch. Control goes to the first client with the token, and to the next one when that
-leaves. The loop goes on without a controlling client, and every client can switch off.
+One client controls, the others watch. The first client with the token gets control. When it leaves, the next client
+with the token gets control. The loop continues without a controlling client, and every client can switch off.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ from smadrive.tuning.link.channel import PageEnd
 
 MAX_ANSWERS = 50
 
-WATCHES = "this page only watches: another one controls, or it was opened without the token"
+WATCHES = "this page only watches: another page controls, or this page was opened without the token"
 
 Answered = Callable[[str | None], None]
-"""Called with the answer to a request: None, or the reason why it is refused."""
+"""A function that is called with the answer to a request: None, or the reason for a refusal."""
 
 
 class ClientRegistry:
-    """The page's end of the channel, shared by its clients; a client is the id of its session."""
+    """The clients of the page process, which share its end of the channel. A client is the id of its bokeh session."""
 
     def __init__(self, channel: PageEnd, token: str) -> None:
         self.channel = channel
@@ -36,7 +36,7 @@ class ClientRegistry:
         self._report()  # a restarted page process has no client yet
 
     def may_control(self, token: str) -> bool:
-        """Whether this is the token that allows to control."""
+        """Return True if `token` is the token that permits control."""
         return secrets.compare_digest(token.encode(), self._token.encode())
 
     def enter(self, client: str) -> None:
@@ -45,25 +45,25 @@ class ClientRegistry:
         self._report()
 
     def claim(self, client: str) -> bool:
-        """Whether `client` controls; it takes control if no other client has it."""
+        """Give control to `client` unless another client has it. Return True if `client` controls now."""
         if self._controlling is None:
             self._controlling = client
             self._report()
         return self._controlling == client
 
     def controls(self, client: str) -> bool:
-        """Whether `client` controls: every action checks this."""
+        """Return True if `client` controls. Every action checks this."""
         return self._controlling == client
 
     def leave(self, client: str) -> None:
-        """Remove a client that has closed its page."""
+        """Remove a client that has closed its page. If the client had control, control becomes free."""
         self._clients.discard(client)
         if self._controlling == client:
             self._controlling = None
         self._report()
 
     def ask(self, client: str, act: str, answered: Answered, **values: Any) -> None:
-        """Send a request of the controlling client; a request of another client is refused here."""
+        """Send a request of the controlling client. A request of another client is refused without being sent."""
         if not self.controls(client):
             answered(WATCHES)
             return
@@ -77,7 +77,7 @@ class ClientRegistry:
         self.channel.report_pages(len(self._clients), is_controlled=self._controlling is not None)
 
     def read(self) -> None:
-        """Read the new status, and pass the new answers on."""
+        """Read the new status, and pass each new answer to the client that waits for it."""
         news = self.channel.status(self._version)
         if news is not None:
             self._version, self.status = news

@@ -1,4 +1,4 @@
-"""The widgets of the page: knobs, buttons, fields. They send requests; only the control process decides."""
+"""The widgets of the page: knobs, buttons, fields. They only send requests; the control process decides."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from smadrive.tuning.page.knob import COMPACT, Knob
 from smadrive.tuning.page.rules_table import RulesTable
 
 Act = Callable[..., None]
-"""Do an action of the user: `act(name, **values)`."""
+"""A function that does an action of the user: `act(name, **values)`."""
 
 
 class Controls:
-    """All widgets, by the name under which the page's template places them.
+    """All widgets. The page's template places them by their names.
 
-    Every action of the user calls `act`, which checks whether this client controls.
+    Every action of the user calls `act`, which checks that this client controls.
     """
 
     def __init__(self, act: Act, references: list[str]) -> None:
@@ -65,12 +65,15 @@ class Controls:
 
     @property
     def roots(self) -> list[Any]:
-        """Everything that the template places."""
+        """All widgets that the template places."""
         knobs = [knob.row for knob in self.knobs.values()]
         return [*knobs, *self.buttons.values(), self._reference, self._spec, self._fit_s, self._name, self.rules.widget]
 
     def enable(self, on: bool, *, status: dict[str, Any]) -> None:
-        """Enable what this client can do now."""
+        """Enable the widgets that this client can use in this state, and disable the others.
+
+        `on` is True if this client controls; `status` is the published status.
+        """
         mode, comparison = status["mode"], status["comparison"]
         heats, compares = mode in {"holding", "tracking"}, comparison["on"]
         self._is_comparing = compares
@@ -127,7 +130,7 @@ def _button(name: str, label: str, kind: str) -> Button:
 
 
 def _set(widget: Any, **values: Any) -> None:
-    """Set the values that differ: every assignment is sent to the browser."""
+    """Set the values that differ. Values that are equal are skipped, because every assignment goes to the browser."""
     for name, value in values.items():
         if getattr(widget, name) != value:
             setattr(widget, name, value)

@@ -1,9 +1,9 @@
-"""A model fitted to the last N seconds of the loop.
+"""A model that is fitted to the last N seconds of the loop.
 
-The fit runs in a process of its own with a low priority. Its model goes through the same checks as any other change. A
-running reference drives the wire through a part of its travel only, and a model of that part alone would not determine
-the displacement of a cold wire. So beyond the temperatures that were driven the record is completed by samples of the
-model in force, far fewer than were measured, which begin at the measured displacement.
+The fit runs in a process of its own with a low priority. The fitted model must pass the same checks as any other
+change. A running reference moves the wire through only a part of its travel, and such a record does not determine the
+displacement of a cold wire. So the record is completed: for temperatures outside the record, samples of the model in
+force are added, far fewer than were measured. They begin at the measured displacement.
 """
 
 from __future__ import annotations
@@ -26,22 +26,27 @@ from smadrive.wire.wire_model import travel_mm
 
 NICENESS = 10
 MAX_SAMPLES = 12000
-"""A longer record is thinned."""
+"""Largest number of samples of a fit. Of a longer record, only every second, third, ... sample is used."""
 
 COMPLETING_SAMPLES = 100
-"""Samples of the model in force, for each branch and each end of the travel."""
+"""Number of samples of the model in force, for each branch and each end of the travel."""
 
 UNMET = 0.1
-"""Share of the driven temperatures over which an inner branch comes near the outer one."""
+"""Share of the recorded temperature range that an inner branch needs to come near the outer branch."""
 
 AT_END = 1e-9
-"""A model with less way left, in mm or relative to the measured way, is at its end already."""
+"""A model that has less travel left than this, in mm or relative to the measured way, is at the end of its travel."""
 
 MIN_MOVED = 0.1
-"""Share of the travel; a shorter path is noise rather than a loop."""
+"""Least movement of the wire, as a share of its travel. A smaller movement counts as noise, not as a loop."""
 
 DRIFTED = 0.5
-"""% of the output span. Between the two halves of a sound record the fit's error differs by 0.2 at most."""
+"""Largest difference of the mean error between the two halves of a record, in % of the output span.
+
+In a sound record the difference is at most 0.2 %.
+"""
+
+ARM_AND_START = "arm and start a reference, then fit"
 
 Array = NDArray[np.float64]
 
@@ -53,18 +58,19 @@ class Fitter:
         self._pool = _new_pool()
 
     def close(self) -> None:
-        """End the process; a fit that still runs is given up."""
+        """End the process. A fit that still runs is lost."""
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def fit(self, rows: Rows, seconds: float, wire: str) -> Future[IdentifiedWire]:
-        """A model of the kind in `wire`, fitted to the last `seconds` of heated rows.
+        """Begin to fit a model to the last `seconds` of heated rows, and return the future of the fitted wire.
 
-        IdentificationError when they do not determine one.
+        `wire` is the text of the wire in force; the new model is of the same kind. IdentificationError when the rows do
+        not determine a model.
         """
         loop = heated_loop(rows, seconds, wire)
         try:
             return self._pool.submit(fit_wire, *loop, wire)
-        except BrokenExecutor:  # its process died with an earlier fit, which has reported it
+        except BrokenExecutor:  # the process died during an earlier fit, which has reported the death
             self._pool = _new_pool()
             return self._pool.submit(fit_wire, *loop, wire)
 
@@ -74,18 +80,20 @@ def _new_pool() -> ProcessPoolExecutor:
 
 
 def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
-    """Wire temperature and displacement of the last `seconds`, heated and measured, without a warm-up before them.
+    """Return wire temperature and displacement of the heated and measured samples in the last `seconds`.
 
-    IdentificationError when they do not contain a full loop.
+    A warm-up at the beginning is left out. IdentificationError when the samples do not contain a full loop.
     """
     wire_c, reached_mm = (rows[:, COLUMNS.index(name)] for name in ("estimated_c", "displacement_mm"))
     times_s = rows[:, COLUMNS.index("time_s")]
     if not times_s.size:
-        raise IdentificationError("nothing was recorded yet", cure="arm and start a reference, then fit")
+        raise IdentificationError("nothing was recorded yet", cure=ARM_AND_START)
     used = (times_s > times_s[-1] - seconds) & np.isfinite(wire_c) & np.isfinite(reached_mm)
     if not used.any():
         raise IdentificationError(
-            "no displacement was measured on a heated wire: nothing to fit", where=f"the last {seconds:g} s"
+            "no displacement was measured on a heated wire",
+            where=f"the last {seconds:g} s",
+            cure=f"check the displacement sensor, {ARM_AND_START}",
         )
     driven = _warmed_up(wire_c[used])
     wire_c, reached_mm = wire_c[used][driven:], reached_mm[used][driven:]
@@ -93,24 +101,30 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
         _check_loop(wire_c, reached_mm, parse_wire(wire, place="the wire in force").model)
     except IdentificationError as error:
         raise IdentificationError(
-            f"they cannot be fitted: {error.what}",
+            f"this record cannot be fitted: {error.what}",
             where=f"the last {seconds:g} s",
             value=error.value,
             limit=error.limit,
-            cure="let a reference go up and down once more, then fit again, to as many seconds as that takes at least",
+            cure="let a reference go up and down once more, then fit again; the seconds must include that movement",
         ) from None
     step = max(1, wire_c.size // MAX_SAMPLES)
     return wire_c[::step], reached_mm[::step]
 
 
 def _warmed_up(wire_c: Array) -> int:
-    """The first sample as warm as the wire was after its largest cooling: the samples before it are the warm-up."""
+    """Return the number of samples in the warm-up.
+
+    The warm-up ends at the first sample that is as warm as the wire was after its largest cooling.
+    """
     coolest_c = wire_c[np.argmax(np.maximum.accumulate(wire_c) - wire_c)]
     return int(np.argmax(wire_c >= coolest_c))
 
 
 def _check_loop(wire_c: Array, reached_mm: Array, model: HysteresisModel) -> None:
-    """IdentificationError unless the measured samples contain a loop: the completing samples would always."""
+    """Raise IdentificationError unless the measured samples alone contain a loop.
+
+    The completing samples are left out of this check, because they always contain a loop.
+    """
     cold_mm, hot_mm = travel_mm(model)
     moved_mm = float(np.ptp(reached_mm))
     if moved_mm < MIN_MOVED * abs(hot_mm - cold_mm):
@@ -119,7 +133,10 @@ def _check_loop(wire_c: Array, reached_mm: Array, model: HysteresisModel) -> Non
 
 
 def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> IdentifiedWire:
-    """`wire` with its model fitted to other data; see Fitter."""
+    """Return `wire` with a model of the same kind, fitted to the given samples.
+
+    `wire_c` and `reached_mm` are wire temperature and displacement; `wire` is the text of the wire in force.
+    """
     in_force = parse_wire(wire, place="the wire in force")
     document = json.loads(wire)
     kind: Kind = document["kind"]
@@ -133,21 +150,26 @@ def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> IdentifiedWire:
 
 
 def _drifts(residual_percent: Array) -> tuple[str, ...]:
-    """A caveat when the halves of the record differ: wire or sensor has changed, and the model is a mean of both."""
+    """Return a caveat if the two halves of the record differ, otherwise an empty tuple.
+
+    A difference means that the wire or a sensor has changed. Then the model is a mean of both halves.
+    """
     earlier, later = np.array_split(residual_percent, 2)
     percent = abs(float(np.mean(later)) - float(np.mean(earlier)))
     if percent <= DRIFTED:
         return ()
-    differ = f"the two halves of its record differ by {percent:.1f} % of the output span, those of a sound one by 0.2 %"
+    differ = f"the two halves of the record differ by {percent:.1f} % of the output span, more than {DRIFTED:g} %"
     return (f"{differ}: a sensor or the wire may drift. Undo the fit, and find the cause before you fit again",)
 
 
 def _completing(model: HysteresisModel, wire_c: Array, reached_mm: Array) -> tuple[Array, Array]:
-    """Temperatures beyond the record and the displacements expected there: to the hot end and back, then the cold end.
+    """Return temperatures outside the record, and the displacements that `model` expects there.
 
-    Both ways out begin at the displacement that was measured, wherever `model` has it: a sudden step between the two
-    would contradict the record, and the fit would bend the ends of the travel to halve it. The way to the cold end
-    begins on the branch from the hot end, the record on an inner one; where they have not met yet it has no samples.
+    The path leads to the hot end of the travel and back, then to the cold end and back. The ways to both ends begin at
+    the measured displacement, even if `model` expects a different one: a step between record and completing samples
+    would contradict the record, and the fit would bend the ends of the travel to reduce the step. `model` goes to
+    the cold end along the branch from the hot end, but the record ends on an inner branch. So the samples towards the
+    cold end begin only where these two branches meet.
     """
     cold_c, hot_c = model.input_range
     hottest, coldest = int(np.argmax(wire_c)), int(np.argmin(wire_c))
@@ -162,7 +184,7 @@ def _completing(model: HysteresisModel, wire_c: Array, reached_mm: Array) -> tup
 
 
 def _begun_at(start_mm: float, way_mm: Array) -> Array:
-    """The way to an end of the travel with another beginning: what is left of it shrinks or grows in proportion."""
+    """Return the way to an end of the travel, scaled so that it begins at `start_mm` and keeps its end."""
     end_mm, left_mm = way_mm[-1], way_mm - way_mm[-1]
     if abs(left_mm[0]) <= AT_END * max(abs(start_mm - end_mm), AT_END):
         return way_mm

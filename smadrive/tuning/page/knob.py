@@ -1,7 +1,7 @@
-"""One number on the page: a slider for coarse and a field for exact values.
+"""One number on the page, with a slider for coarse values and a field for exact values.
 
-It shows the value in force. While the user moves it, the value in force is not shown for `HANDS_OFF_S`, so that it does
-not jump back under the hand; after a refusal the value in force is shown at once.
+A knob shows the value in force. For `HANDS_OFF_S` after the user has moved the knob, it keeps the user's value, so that
+the slider does not jump back under the hand. After a refusal the knob shows the value in force at once.
 """
 
 from __future__ import annotations
@@ -14,18 +14,21 @@ from bokeh.models import Row, Slider, Spinner
 HANDS_OFF_S = 1.0
 
 ACCENT = "#0b8f87"
-"""The colour of active, measured and suggested things."""
+"""The colour of active controls and of measured values."""
 
 COMPACT = f"""
 :host {{ font-size: 12px; }} .bk-input, .bk-btn {{ min-height: 26px; padding: 2px 8px; }}
 .bk-btn-primary, .bk-btn-primary:is(:hover, :active, :focus) {{ background: {ACCENT}; border-color: {ACCENT}; }}
 .noUi-target:not([disabled]) .noUi-connect {{ background: {ACCENT}; }}
 """
-"""The last line: bokeh applies a slider's `bar_color` only if it is enabled when it is drawn for the first time."""
+"""Style of compact widgets.
+
+Its last line colours the slider: bokeh applies `bar_color` only to a slider that is enabled when it is first drawn.
+"""
 
 
 class Knob:
-    """A slider and a field for the value `name`; `changed(name, value)` is called when the user moves either."""
+    """A slider and a field for the value `name`. A move of either by the user calls `changed(name, value)`."""
 
     def __init__(self, name: str, title: str, step: float, changed: Callable[[str, float], None]) -> None:
         self._name = name
@@ -50,18 +53,18 @@ class Knob:
         self.row = Row(self._slider, self._field, sizing_mode="stretch_width", name=name)
 
     def bound(self, low: float, high: float) -> None:
-        """Set the ends of the slider; the field accepts whatever the control process allows."""
+        """Set the ends of the slider. The field also takes values outside, which the control process may refuse."""
         self._slider.update(start=low, end=high)
 
     def show(self, value: float, *, now: bool = False) -> None:
-        """Show the value in force, unless the user is moving the knob."""
+        """Show the value in force, unless the user is moving the knob. With `now`, show it in any case."""
         if not now and time.monotonic() - self._moved_s < HANDS_OFF_S:
             return
         if value != self._field.value:
             self._set(value)
 
     def enable(self, on: bool) -> None:
-        """Whether the user can move it."""
+        """Enable the knob if `on`, otherwise disable it."""
         self._slider.disabled = self._field.disabled = not on
 
     def _set(self, value: float) -> None:

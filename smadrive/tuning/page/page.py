@@ -1,6 +1,6 @@
-"""The page of one client: it shows what the control process publishes, and sends the requests of its user.
+"""The page of one client: it shows what the control process publishes, and sends the requests of the user.
 
-Everything is drawn from the channel, every `FRAME_MS`, so that a page that is opened later shows the same.
+Every `FRAME_MS` the page draws the content of the channel, so all pages show the same, also those opened later.
 """
 
 from __future__ import annotations
@@ -29,13 +29,16 @@ HERE = Path(__file__).parent
 
 FRAME_MS = 300
 STATE_FRAMES = 2
-"""The plane and the texts are drawn once in so many frames: they change slowly."""
+"""The hysteresis plane and the texts change slowly, so they are drawn only once in this number of frames."""
 
 TIMING_FRAMES = 7
-"""The timing of the loop is shown once in so many frames: a new text makes the browser compute the layout again."""
+"""The text of the loop timing changes once in this number of frames: a new text makes the browser lay out the page."""
 
 _SPREAD = {"mu_heating": 15.0, "mu_cooling": 15.0}
-"""Range of these sliders to either side of the first value; the others range from a third to three times it."""
+"""Range of these sliders, in °C to either side of the first value.
+
+The other sliders range from a third of the first value to three times the first value.
+"""
 
 
 class Page:
@@ -108,7 +111,7 @@ class Page:
         self._shown = tuning
 
     def _show_knobs(self, tuning: dict[str, Any], *, now: bool = False) -> None:
-        """Show the values in force; a knob that the user moves now shows its value later."""
+        """Show the values in force, except on a knob that the user is moving. With `now`, show them on all knobs."""
         for name, value in {**tuning["shape"], **tuning["feedback"]}.items():
             if name in self._controls.knobs:
                 self._controls.knobs[name].show(value, now=now)
@@ -128,7 +131,7 @@ class Page:
             self._texts[name].text = html
 
     def _act(self, act: str, **values: Any) -> None:
-        """Every action of a widget comes here; only the client that controls may act."""
+        """Do an action of a widget. Refuse it if this client does not control."""
         if not self._clients.controls(self._client):
             self._answered(act, WATCHES)
             return
@@ -144,7 +147,10 @@ class Page:
         self._clients.ask(self._client, act, partial(self._answered, act), **values)
 
     def _answered(self, act: str, refused: str | None) -> None:
-        """Note a refusal and show the values in force again; called outside of the document's own callbacks."""
+        """Note a refusal, and show the values in force again.
+
+        This method is called outside of the document's own callbacks, so it only schedules the drawing.
+        """
         self._note = f"{act}: {refused}" if refused else ""
         if refused:
             self._doc.add_next_tick_callback(self._show_again)
@@ -156,7 +162,7 @@ class Page:
         self._show_knobs(self._clients.status["tuning"], now=True)
 
     def _fit(self, seconds: float) -> None:
-        """Fit a model in the process of the fitter, then request it as a change."""
+        """Fit a model in the process of the fitter, then request the fitted model as a change."""
         (_, rows), wire = self._clients.channel.since(0), self._clients.status["tuning"]["wire"]
         try:
             fitting = self._fitter.fit(rows, seconds, wire)
@@ -173,7 +179,7 @@ class Page:
         except SmadriveError as error:
             self._report_unfitted(str(error))
         except BrokenExecutor:
-            self._report_unfitted(f"the process of the fit to the last {seconds:g} s ended: fit again")
+            self._report_unfitted(f"the process that fitted the last {seconds:g} s died: fit again")
 
     def _report_unfitted(self, reason: str) -> None:
         """Report a failed fit among the events, which all pages show, and in the note of this page."""

@@ -19,7 +19,7 @@ _MODES = {"off": "off", "holding": "on", "tracking": "on", "off, unconfirmed": "
 
 
 class LoopTiming:
-    """How late the last ticks began, and how many of all were missed."""
+    """Lateness of the last ticks, and the number of missed ticks since the page was opened."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
@@ -33,7 +33,7 @@ class LoopTiming:
         self.missed += int(np.sum(late_s > LATE_FRACTION * self._period_s))
 
     def __str__(self) -> str:
-        """Period, median and 99th percentile of the lateness, missed ticks."""
+        """Return a text: the period, median and 99th percentile of the lateness, and the number of missed ticks."""
         if not self._late_s:
             return "no tick yet"
         median_ms, worst_ms = 1e3 * np.percentile(self._late_s, (50, 99))
@@ -41,7 +41,7 @@ class LoopTiming:
 
 
 def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: bool) -> str:
-    """The status line under the title."""
+    """Return the status line under the title."""
     mode, limits = status["mode"], status["limited_by"]
     tuning = status["tuning"]
     certified = f"contracting, {tuning['invertible_percent']:.1f} % invertible"
@@ -57,7 +57,10 @@ def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: boo
 
 
 def banner_html(status: dict[str, Any], note: str) -> str:
-    """Faults with their remedy, a lost device, warnings of the model, and `note`: the answer to the last request."""
+    """Return the faults with their remedy, a lost device, warnings about the model, and `note`.
+
+    `note` is the answer to the last request.
+    """
     lines = []
     if status["mode"] == "off, unconfirmed":
         lines.append(("bad", "The heater could NOT be confirmed off: cut its supply."))
@@ -77,7 +80,7 @@ def banner_html(status: dict[str, Any], note: str) -> str:
 
 
 def events_html(events: list[tuple[float, str]]) -> str:
-    """The latest events, newest first."""
+    """Return the table of the latest events; the newest comes first."""
     lines = [
         f"<tr><td>{time_s:.1f} s</td><td>{escape(text)}</td></tr>" for time_s, text in reversed(events[-SHOWN_EVENTS:])
     ]
@@ -85,7 +88,7 @@ def events_html(events: list[tuple[float, str]]) -> str:
 
 
 def scores_html(comparison: dict[str, Any]) -> str:
-    """The tunings A and B, and their scores."""
+    """Return the tunings A and B with their scores."""
     cells = []
     for slot in ("A", "B"):
         mean_percent, cycles = comparison["scores"][slot]

@@ -1,6 +1,7 @@
-"""The plots of the page and their data: four over time, the hysteresis plane, the firing strengths of the rules.
+"""The plots of the page and their data: four plots over time, the hysteresis plane, the firing strengths of the rules.
 
-All traces over time share one source, so that a new row is sent once; axes have fixed ends where these are known.
+All traces over time share one data source, so that a new row is sent only once. An axis with known limits has fixed
+ends.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ from smadrive.identification.reshape import Model
 from smadrive.tuning.link.samples import COLUMNS, Rows
 
 POINTS = 2000
-"""Points that a trace keeps."""
+"""Largest number of points of a trace."""
 WINDOW_S = 60.0
 DRAWN = (
     "time_s",
@@ -32,10 +33,10 @@ DRAWN = (
 """The columns that are drawn over time."""
 
 MOVED = 0.004
-"""On the plane a point is added when the wire has moved by this share of an axis."""
+"""A point is added to the hysteresis plane when the wire has moved by this share of an axis."""
 
 ERROR_AXES = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-"""Ends of the error's axis, in percent of the stroke."""
+"""Possible ends of the axis of the error, in percent of the stroke."""
 
 BRANCH_POINTS = 200
 
@@ -47,7 +48,7 @@ _COLUMN = {name: number for number, name in enumerate(COLUMNS)}
 
 
 class Plots:
-    """All figures, by the name under which the page's template places them."""
+    """All figures. The page's template places them by their names."""
 
     def __init__(self, current_max_a: float, temperature_max_c: float) -> None:
         self.time = ColumnDataSource({name: [] for name in (*DRAWN, "error_percent")})
@@ -72,7 +73,7 @@ class Plots:
         ]
 
     def show_model(self, model: Model, travel_mm: tuple[float, float]) -> None:
-        """Draw the branches of another model, and fit the axes to its travel."""
+        """Draw the branches of a new model, and fit the axes to its travel."""
         self._model, self._travel_mm = model, travel_mm
         v = np.linspace(*model.input_range, BRANCH_POINTS)
         branches = [
@@ -86,7 +87,7 @@ class Plots:
             axis.update(start=low_mm - margin_mm, end=high_mm + margin_mm)
 
     def add(self, rows: Rows) -> None:
-        """Append new rows; `show_model` was called before."""
+        """Append new rows. `show_model` must have been called before."""
         assert self._travel_mm is not None
         columns = {name: rows[:, _COLUMN[name]] for name in DRAWN}
         stroke_mm = abs(self._travel_mm[1] - self._travel_mm[0])
@@ -99,7 +100,7 @@ class Plots:
         self._fit_error_axis()
 
     def _fit_error_axis(self) -> None:
-        """The axis changes in steps, so that it can be read."""
+        """Choose the end of the axis from `ERROR_AXES`. The axis changes rarely, so that it can be read."""
         errors = np.abs(self.time.data["error_percent"])
         largest = float(np.max(errors[np.isfinite(errors)], initial=0.5))
         end = next((step for step in ERROR_AXES if step >= 1.05 * largest), ERROR_AXES[-1])
@@ -107,7 +108,10 @@ class Plots:
             self._error_range.update(start=-end, end=end)
 
     def show_state(self, rows: Rows) -> None:
-        """Show the wire on the plane, and the firing strengths there; `rows` are new since the last call."""
+        """Show the state of the wire on the plane, and the firing strengths of the rules in this state.
+
+        `rows` are the rows since the last call.
+        """
         before, now = rows[0], rows[-1]
         wire_c, reached_mm = _wire_c(now), _first(now, "displacement_mm", "estimated_mm")
         if not (isfinite(wire_c) and isfinite(reached_mm)):
@@ -123,7 +127,7 @@ class Plots:
             self._rules.data = {"set": centres, "strength": strengths, "colour": [colour] * len(centres)}
 
     def _draw_loop(self, path: Rows) -> None:
-        """Continue the measured loop along `path`, (rows, 2); it has a gap where the wire is unknown."""
+        """Continue the measured loop along `path`, which has the shape (rows, 2). Unknown points leave a gap."""
         reach = np.array([axis.end - axis.start for axis in (self._plane_c, self._plane_mm)])
         drawn = []
         for point in path:
@@ -208,7 +212,7 @@ def _figure(name: str, label: str, **ranges: object) -> figure:
 
 
 def _lines(plot: figure, source: ColumnDataSource, **traces: str) -> None:
-    """One line for each column, in its colour."""
+    """Draw a line for each column, in the given colour."""
     for column, colour in traces.items():
         plot.line("time_s", column, source=source, color=colour, line_width=1.6)
 
@@ -218,7 +222,7 @@ def _limit(plot: figure, at: float) -> None:
 
 
 def _has_moved(before: Rows, now: Rows, far: Rows) -> bool:
-    """Whether a point is drawn: it has moved, or it is the first unknown one, which ends the line."""
+    """Return True if `now` is drawn: it is far from `before`, or it is the first unknown point, which ends the line."""
     if np.isnan(now).any():
         return not np.isnan(before).any()
     return not bool((np.abs(now - before) < far).all())

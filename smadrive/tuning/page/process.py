@@ -1,7 +1,8 @@
-"""The page process: it builds the pages and serves their data, to the front process alone.
+"""The page process: it builds the pages and serves their data, only to the front process.
 
-The loop never waits for it, and nothing leaves the machine: all scripts and styles come from the installed packages.
-It listens on a Unix socket in a folder of this user: only requests that have passed the gate reach it.
+The loop never waits for the page process. Nothing is loaded from the network: all scripts and styles come from the
+installed packages. The process listens on a Unix socket in a private folder of the user, so only requests that have
+passed the gate reach it.
 """
 
 from __future__ import annotations
@@ -27,11 +28,11 @@ from smadrive.tuning.page.page import Page
 
 READ_MS = 50
 UNUSED_MS = 1000
-"""A client whose socket was closed for this time has left."""
+"""A client counts as gone when its socket has been closed for this time."""
 
 
 def serve(parameters: dict[str, Any]) -> None:
-    """Serve until standard input ends."""
+    """Serve pages until standard input ends."""
     channel = PageEnd(parameters["memory_fd"], socket.socket(fileno=parameters["socket_fd"]))
     clients, fitter = ClientRegistry(channel, parameters["token"]), Fitter()
     folder, rig_file = Path(parameters["folder"]), Path(parameters["rig_file"])
@@ -44,7 +45,7 @@ def serve(parameters: dict[str, Any]) -> None:
         channel.beat()
 
     clients.read()
-    while not clients.status:  # a page needs one; the control process may be writing it
+    while not clients.status:  # a page needs a status; the control process may still be writing the first one
         if is_input_closed(within_s=READ_MS / 1000):
             return
         clients.read()

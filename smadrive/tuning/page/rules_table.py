@@ -13,7 +13,7 @@ STYLE = ".slick-cell, .slick-header-column { font-size: 11.5px; }"
 
 
 class RulesTable:
-    """`edited(index=..., direction=..., a=..., b=...)` is called for the rule whose cell was edited."""
+    """The table of rules. An edited cell calls `edited(index=..., direction=..., a=..., b=...)` for its rule."""
 
     def __init__(self, edited: Callable[..., None]) -> None:
         self._edited = edited
@@ -28,7 +28,7 @@ class RulesTable:
         self._source.data = {"centre": centres, **{name: list(laws[name]) for name in LAWS}}
 
     def enable(self, on: bool) -> None:
-        """Whether the user can edit it."""
+        """Enable editing if `on`, otherwise disable it."""
         self.widget.editable = on
 
     def _changed(self, _attribute: str, _old: Any, data: dict[str, Any]) -> None:
@@ -61,6 +61,6 @@ class RulesTable:
             autosize_mode="force_fit",
             stylesheets=[STYLE],
         )
-        # A table draws its rows again when its view changes; bokeh changes the view with the number of rows alone.
+        # A table redraws its rows when its view changes, but bokeh changes the view only with the number of rows.
         self._source.js_on_change("data", CustomJS(args={"view": table.view}, code="view.change.emit()"))
         return table

@@ -1,4 +1,4 @@
-"""Saving a tuning: a new model file and a new rig file that names it. No existing file is overwritten."""
+"""Saves a tuning: a new model file, and a new rig file that names the model. No existing file is overwritten."""
 
 from __future__ import annotations
 
@@ -18,10 +18,10 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
 
 
 def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any]) -> tuple[Path, Path]:
-    """Write NAME.json and NAME.toml into `folder` from the status of the session; their paths.
+    """Write the tuning in force, from the status of the session, as NAME.json and NAME.toml. Return their paths.
 
-    ConfigError for an invalid or taken name and for a rig file that cannot be read, DataError when a file cannot be
-    written. Either both files are written or neither.
+    ConfigError when the name is invalid or exists already, or when the rig file cannot be read. DataError when a file
+    cannot be written; then none of the two files is left.
     """
     if not name:
         raise ConfigError("the new files have no name", cure="type a name")
@@ -30,7 +30,7 @@ def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any])
     model_file, new_rig_file = folder / f"{name}.json", folder / f"{name}.toml"
     for path in (model_file, new_rig_file):
         if path.exists():
-            raise ConfigError("it exists", where=path, cure="choose another name")
+            raise ConfigError("the file exists already", where=path, cure="choose another name")
     tuning, saved = status["tuning"], datetime.now(UTC).isoformat(timespec="seconds")
     source = f"tuned on rig '{status['rig']}', {saved}; last change: {tuning['change']}"
     metadata = {"source": source, "caveats": tuning["caveats"], "events": [text for _, text in status["events"]]}
@@ -52,7 +52,10 @@ def _model_text(wire: str, metadata: dict[str, Any]) -> str:
 
 
 def _rig_text(rig_file: Path, model_file: Path, feedback: dict[str, float], source: str) -> str:
-    """The rig file, comments included, with the new model and feedback; it still names the same other files."""
+    """Return the text of the rig file, including comments, with the new model and the new feedback.
+
+    Other files that the rig file names stay the same.
+    """
     try:
         load_rig(str(rig_file))
     except ConfigError as error:

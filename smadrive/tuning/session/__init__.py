@@ -1,4 +1,4 @@
-"""The tuning session, in the process of the control loop: it serves the page's requests between two ticks.
+"""The tuning session, in the process of the control loop: it handles the requests of the pages between two ticks.
 
-May import rig, control and the rest of tuning except page/ and front/. Nothing here may wait, or build a model.
+It may import rig, control and the rest of tuning, except page/ and front/. Nothing here may wait or build a model.
 """

@@ -1,12 +1,13 @@
-"""The online adaptation of a session: updated at every tick; every `PUBLISH_S` its rules are put in force as a change.
+"""The online adaptation of a session. It learns at every tick, and every `PUBLISH_S` its rules are put in force.
 
-The wire temperature that it learns from is estimated without the displacement: an observer that uses both would explain
-a wrong model by a wrong temperature. The estimate begins at the first tick of the session: begun while the wire heats
-up, it would start at a thermocouple that lags 15 K behind, and the rules would be bent until it had converged.
+The adaptation needs the wire temperature. This temperature is estimated without the displacement: an observer that also
+used the displacement would explain a wrong model by a wrong temperature. The estimate begins at the first tick of the
+session. If it began while the wire heats up, it would start from a thermocouple that lags 15 K behind, and would
+falsify the rules until it had converged.
 
-After another change the adaptation restarts from the model in force. Undo takes all of it back and ends it. When it
-finds that its sensor is faulty, rules that were learnt from the fault are in force already: the rules from before the
-fault are put in force once more, and the adaptation ends.
+After another change, the adaptation restarts from the model in force. Undo takes back the whole adaptation and ends it.
+When the adaptation finds that its sensor is faulty, rules that were learnt from the fault are already in force. Then
+the rules from before the fault are put in force again, and the adaptation ends.
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ PUBLISH_S = 2.0
 
 
 class AdaptationRunner:
-    """Switches the adaptation on and off, and publishes its rules."""
+    """Switches the adaptation on and off, updates it, and says when its rules are due to be put in force."""
 
     def __init__(self, tuning: Tuning, balance: HeatBalance, period_s: float, noise_c: float) -> None:
         self._balance = balance
@@ -43,17 +44,17 @@ class AdaptationRunner:
 
     @property
     def is_on(self) -> bool:
-        """Whether the adaptation is on."""
+        """True if the adaptation is on."""
         return self._adaptation is not None
 
     def switch(self, on: bool, tuning: Tuning) -> None:
-        """Switch it on, from the rules in force, or off.
+        """Switch the adaptation off, or on, starting with the rules of `tuning`.
 
         ConfigError for a model without rules, and while rules of an ended adaptation wait to be put in force.
         """
         if self._ended is not None:
             raise ConfigError(
-                "the adaptation has ended, and its rules from before wait to be put in force", cure="try again"
+                "the adaptation has ended, and the rules from before the fault are not in force yet", cure="try again"
             )
         if on and not isinstance(tuning.model, TSFuzzyDuhem):
             raise ConfigError("a Duhem model has no rules to adapt", cure="identify with --kind tsfuzzy")
@@ -68,7 +69,7 @@ class AdaptationRunner:
         return WireObserver(wire, self._period_s, self._noise_c, abs(tuning.model.scale))
 
     def update(self, tick: Tick, tuning: Tuning, *, is_heating: bool) -> str | None:
-        """Learn from a tick while the loop runs; the reason when the adaptation has ended, otherwise None."""
+        """Learn from a tick if the heater is on. Return the reason if the adaptation has ended, otherwise None."""
         wire_c = self._wire_c(tick.measurement)
         if self._adaptation is None or not is_heating:
             return None
@@ -78,10 +79,10 @@ class AdaptationRunner:
         if self._adaptation.lying is None:
             return None
         self._ended, self._adaptation = self._adaptation, None
-        return f"adaptation ended: {self._ended.lying}; its rules from before are put in force"
+        return f"adaptation ended: {self._ended.lying}; the rules from before the fault are put in force"
 
     def _wire_c(self, measurement: Measurement) -> float:
-        """The wire temperature by heat balance and thermocouple alone; NaN while it is not known."""
+        """Return the wire temperature, estimated only from heat balance and thermocouple. Return NaN if unknown."""
         dt_s, self._time_s = measurement.time_s - self._time_s, measurement.time_s
         power_w = measurement.current_a * measurement.voltage_v
         if not isfinite(power_w):
@@ -96,7 +97,10 @@ class AdaptationRunner:
         return self._estimate.temperature_c
 
     def due(self, time_s: float, *, is_heating: bool) -> Adaptation | None:
-        """The adaptation whose rules are due to be put in force, if any; an ended one also while the heater is off."""
+        """Return the adaptation if its rules are due to be put in force, otherwise None.
+
+        The rules of an ended adaptation are due at once, even while the heater is off.
+        """
         if self._ended is not None:
             return self._ended
         if self._adaptation is None or not is_heating or time_s - self._published_s < PUBLISH_S:
@@ -105,5 +109,5 @@ class AdaptationRunner:
         return self._adaptation
 
     def taken(self) -> None:
-        """The rules that were due are on their way into force: those of an ended adaptation are not due again."""
+        """Note that the change queue has accepted the rules. The rules of an ended adaptation are not due again."""
         self._ended = None

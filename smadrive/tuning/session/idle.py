@@ -1,6 +1,6 @@
-"""The wire while no loop runs: measured at zero current; the safe state is tried again until it is confirmed.
+"""Measures the wire while no loop runs. The current is zero, and the safe state is written again until it is confirmed.
 
-`is_safe` becomes False only after an attempt has failed, not while none was made.
+`Status.is_safe` becomes False only when an attempt to enter the safe state has failed.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from smadrive.rig.rig import Rig
 from smadrive.tuning.session.status import Status
 
 RETRY_S = 1.0
-"""How often an unconfirmed safe state is tried again."""
+"""The time between two attempts to enter the safe state."""
 
 
 class Idle:
@@ -29,7 +29,7 @@ class Idle:
         self._due_s = -inf
 
     def sample(self, now_s: float) -> Measurement | None:
-        """One measurement at zero current; None while the devices do not answer."""
+        """Return one measurement at zero current. Return None while the devices do not answer."""
         try:
             if now_s > self._due_s:
                 self._enter_safe_state(now_s)

@@ -9,7 +9,7 @@
     COMPARING   on       Compare off → TRACKING; OFF and faults as HOLDING
     ENDED       off      the session was interrupted
 
-A stop that was requested is no mode of its own: the loop ends before its next exchange.
+A requested stop is not a separate mode: the loop ends before its next exchange.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from smadrive.tuning.link.requests import (
 
 
 class Mode(Enum):
-    """The modes of a session; `heats` while the control loop runs."""
+    """The modes of a session."""
 
     IDLE = "idle"
     TRIPPED = "tripped"
@@ -50,7 +50,7 @@ class Mode(Enum):
 
     @property
     def heats(self) -> bool:
-        """Whether the control loop runs."""
+        """True in the modes in which the control loop runs."""
         return self in HEATING
 
 
@@ -70,7 +70,7 @@ class ModeRule(NamedTuple):
 
 
 MODE_RULES = (
-    ModeRule((Arm,), HEATING | {Mode.ARMING}, "it is armed already"),
+    ModeRule((Arm,), HEATING | {Mode.ARMING}, "the heater is armed already"),
     ModeRule((ClearFaults,), HEATING, "the heater is on", "switch it off before clearing faults"),
     ModeRule((Track, Hold), OFF, "the heater is off", "arm first"),
     ModeRule(
@@ -80,9 +80,9 @@ MODE_RULES = (
 
 
 def check_allowed(request: AnyRequest, mode: Mode) -> None:
-    """ConfigError when the mode refuses the request."""
+    """Raise ConfigError when the mode refuses the request."""
     for requests, modes, what, cure in MODE_RULES:
         if isinstance(request, requests) and mode in modes:
             raise ConfigError(what, cure=cure)
     if isinstance(request, Compare) and request.on and mode not in {Mode.TRACKING, Mode.COMPARING}:
-        raise ConfigError("a comparison needs a running reference", cure="arm, then start one")
+        raise ConfigError("a comparison needs a running reference", cure="arm, then start a reference")

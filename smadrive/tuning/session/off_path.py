@@ -1,4 +1,4 @@
-"""Whether OFF on the tuning page has an effect: the front process that answers it sends heartbeats in the channel."""
+"""Checks that OFF on the tuning page has an effect: the front process, which answers OFF, must send heartbeats."""
 
 from __future__ import annotations
 
@@ -8,11 +8,14 @@ from smadrive.errors import FrontSilentError
 from smadrive.tuning.link.channel import ControlEnd
 
 SILENT_S = 2.0
-"""A front process that died is back within this time; a frozen one is killed after 1 s."""
+"""A front process without a heartbeat for longer counts as silent.
+
+A front process that died is restarted within this time, and a frozen one is killed after 1 s.
+"""
 
 
 class OffPath:
-    """Watches the heartbeats of the front process. Before the first one it counts as silent."""
+    """Watches the heartbeats of the front process. Before the first heartbeat, the process counts as silent."""
 
     def __init__(self, channel: ControlEnd) -> None:
         self._channel = channel
@@ -20,17 +23,17 @@ class OffPath:
         self._beat_s = -inf
 
     def is_silent(self, now_s: float) -> bool:
-        """Whether no heartbeat came for more than SILENT_S."""
+        """Return True if no heartbeat came for more than `SILENT_S`."""
         if self._channel.front_beats != self._beats:
             self._beats, self._beat_s = self._channel.front_beats, now_s
         return now_s - self._beat_s > SILENT_S
 
 
 def front_silent() -> FrontSilentError:
-    """The reason to switch off, or to refuse to arm."""
+    """Return the error that is the reason to switch off, or to refuse to arm."""
     return FrontSilentError(
-        "its front process does not answer",
+        "the front process of the page does not answer",
         where="OFF of the tuning page",
         limit=f"{SILENT_S:g} s",
-        cure="arm when it has been restarted",
+        cure="arm when the front process has been restarted",
     )

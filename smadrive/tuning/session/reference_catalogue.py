@@ -1,7 +1,8 @@
-"""The references that a page can start: those of the session by their names, and any other in its one-line form.
+"""The references that a page can start: those of the session by their names, and others by a one-line form.
 
-Their tables are computed between two ticks, so their length is bounded: at `LONGEST_S` that takes half a period of
-20 Hz. On the page a reference repeats by itself; `smadrive run` tracks longer ones.
+The table of a reference is computed between two ticks, so its length is limited. For a reference of `LONGEST_S`, the
+computation takes half a period at 20 Hz. On the page a reference repeats by itself; `smadrive run` tracks longer
+references.
 """
 
 from __future__ import annotations
@@ -20,11 +21,14 @@ from smadrive.wire.wire_model import travel_mm
 LONGEST_S = 600.0
 
 APPROACH_S = 10.0
-"""Duration of the approach to the beginning of a reference, and of the return to it when its ends differ."""
+"""Duration of the approach to the beginning of a reference.
+
+The return from its end to its beginning takes the same time, if the ends differ.
+"""
 
 
 class ReferenceCatalogue:
-    """The references of a session by their names. ConfigError for one that is too long for the page."""
+    """The references of a session by their names. ConfigError for a reference that is too long for the page."""
 
     def __init__(self, references: Mapping[str, Reference]) -> None:
         for name, reference in references.items():
@@ -46,9 +50,10 @@ class ReferenceCatalogue:
         return list(self._references)
 
     def path(self, name: str | None, tuning: Tuning, from_mm: float) -> Reference:
-        """A reference by its name or its one-line form, approached from the present setpoint; None: stay there.
+        """Return the reference of a name or a one-line form, with an approach from the setpoint `from_mm`.
 
-        ConfigError, DataError for a text that is neither, or a reference outside the travel of the wire.
+        If `name` is None, the reference stays at `from_mm`. ConfigError or DataError when `name` is neither a known
+        name nor a one-line form, or when the reference leaves the travel of the wire.
         """
         if name is None:
             return _staying(from_mm)
@@ -57,9 +62,10 @@ class ReferenceCatalogue:
         return reference.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)
 
     def hold(self, tuning: Tuning, measurement: Measurement) -> Reference:
-        """A reference that stays at the measured displacement, limited to what the model reaches at this temperature.
+        """Return a reference that stays at the measured displacement.
 
-        The limit is for a sensor that has lost its zero: it must not heat a cold wire.
+        The displacement is limited to the range of the model at this temperature, so that a sensor with a wrong zero
+        does not make the controller heat a cold wire.
         """
         model, temperature_c = tuning.model, measurement.temperature_c
         displacement_mm = measurement.displacement_mm

@@ -1,4 +1,4 @@
-"""The requests of the pages: each is checked against OFF and the mode, then done, queued or refused with its reason."""
+"""Handles the requests of the pages: checks each against OFF and the mode, then does, queues or refuses it."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from smadrive.tuning.session.state import SessionState
 
 
 class RequestHandler:
-    """Serves the messages of the channel, and OFF."""
+    """Handles OFF, and the messages that arrive on the channel."""
 
     def __init__(
         self,
@@ -44,14 +44,14 @@ class RequestHandler:
         self._off_path = OffPath(state.channel)
 
     def check_off(self) -> None:
-        """Switch off if OFF was pressed, or if it could not be pressed because the front process is silent."""
+        """Switch off if OFF was pressed, or if OFF would have no effect because the front process is silent."""
         if self._state.channel.off_requested():
             self._off()
         if self._off_path.is_silent(self._state.now_s):
             self._stop_without_front()
 
     def receive(self, message: bytes) -> None:
-        """Do or queue the request in a message; an OFF that its page knew of comes before it."""
+        """Do, queue or refuse the request in a message. An OFF that its page knew is handled before the request."""
         self.check_off()
         try:
             self._do(parse_request(message))
@@ -63,7 +63,7 @@ class RequestHandler:
 
     def _do(self, request: AnyRequest) -> None:
         if isinstance(request, DrivingRequest) and request.offs != self._state.channel.offs:
-            raise ConfigError("OFF was pressed after this", cure="press again")
+            raise ConfigError("OFF was pressed after this click", cure="press again")
         check_allowed(request, self._state.mode)
         match request:
             case Arm():
@@ -92,7 +92,7 @@ class RequestHandler:
         if isinstance(request, Step):
             self._adaptation.switch(False, self._state.tunings.in_force)
         if isinstance(request, Compare) and request.on and self._adaptation.is_on:
-            raise ConfigError("the adaptation would change what is compared", cure="end it first")
+            raise ConfigError("the adaptation would change the compared tunings", cure="stop the adaptation first")
         self._change_queue.add(request, self._state.live)
 
     def _arm(self, request: Arm) -> None:
@@ -101,7 +101,7 @@ class RequestHandler:
         self._arming.begin(request)
 
     def _off(self) -> None:
-        self._arming.settle("the heater was switched off meanwhile")
+        self._arming.settle("the heater was switched off in the meantime")
         self._state.report("OFF")
         if self._state.live is None:
             self._idle.make_safe()
@@ -109,7 +109,7 @@ class RequestHandler:
             self._state.stop_requested = True
 
     def _stop_without_front(self) -> None:
-        """Nothing heats while OFF on the page has no effect."""
+        """Stop the loop, because nothing may heat while OFF on the page has no effect."""
         error = front_silent()
         self._arming.settle(str(error))
         if self._state.live is not None and not self._state.stop_requested:

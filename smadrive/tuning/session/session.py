@@ -1,8 +1,9 @@
-"""The tuning session: a rig that is idle or heats, and at every tick a look at the requests of the page.
+"""The tuning session: it measures or controls the wire, and handles the requests of the page at every tick.
 
-Idle, the wire is measured and the heater is off. Armed, one run of the control loop lasts until OFF or until the
-supervisor trips; its controller is swapped between two ticks. The loop looks at OFF before every exchange. Models are
-built and checked by the builder beside the loop. The loop never waits for page or builder (see channel.py).
+When the session is idle, the heater is off and the wire is measured. When it is armed, one run of the control loop
+lasts until OFF or until the supervisor trips; the controller may be swapped between two ticks. The loop checks OFF
+before every exchange. The builder process builds and checks models. The loop never waits for the page or the builder
+(see channel.py).
 """
 
 from __future__ import annotations
@@ -37,7 +38,10 @@ from smadrive.wire.heat_balance import HeatBalance
 
 
 class TuningSession:
-    """One rig, one wire, one page. `references` by their names (see ReferenceCatalogue); `record` gets every tick."""
+    """A session with one rig, one wire and one page.
+
+    `references` are those that a page can start, by their names (see ReferenceCatalogue). `record` gets every tick.
+    """
 
     def __init__(
         self,
@@ -71,7 +75,7 @@ class TuningSession:
         return self._state.mode
 
     def run(self) -> None:
-        """Run until interrupted: no request of a page ends it."""
+        """Run until the process is interrupted. No request of a page ends the session."""
         try:
             while True:
                 self._wait()
@@ -80,7 +84,7 @@ class TuningSession:
             self._end()
 
     def _end(self) -> None:
-        """Switch off, and publish whether that is confirmed."""
+        """Switch off, and publish "off", or "unconfirmed" if the safe state was not confirmed."""
         try:
             self._rig.heater.enter_safe_state()
             self._status.is_safe, self._status.end = True, "off"
@@ -89,7 +93,7 @@ class TuningSession:
         self._publish()
 
     def _wait(self) -> None:
-        """Measure with the heater off, until an Arm waits and no change is on its way into force."""
+        """Measure with the heater off, until an Arm waits and no change is queued or being built."""
         clock, period_s = self._rig.clock, self._rig.period_s
         due_s = clock.now_s()
         while not self._may_heat():
@@ -106,7 +110,7 @@ class TuningSession:
         return self._arming.is_waiting and not self._change_queue.is_busy
 
     def _heat(self) -> None:
-        """One run of the control loop. The Arm is answered by its first tick."""
+        """Run the control loop once. Its first tick answers the Arm."""
         self._status.clear_fault()
         self._state.stop_requested, self._is_served = False, True
         try:
@@ -120,7 +124,7 @@ class TuningSession:
             self._change_queue.cancel()
 
     def _hold(self, measurement: Measurement) -> SwappableController:
-        """A controller that holds the wire where it is. SafetyError when its temperature is not known."""
+        """Return a controller that holds the wire at its displacement. SafetyError when the temperature is unknown."""
         check_thermocouple(measurement)
         tuning = self.tunings.in_force
         reference = self._references.hold(tuning, measurement)
@@ -136,7 +140,7 @@ class TuningSession:
         self._rig.drive(live, self._balance, self._take, tuning.model, self._stop_requested)
 
     def _fail(self, error: SmadriveError) -> None:
-        """Report the fault; the rig stays connected, so that the user sees whether the remedy works."""
+        """Report the fault. The rig stays connected, so that the user sees the effect of the remedy."""
         self._status.fail(self._state.now_s, error)
         if not self._status.is_safe:
             self._idle.make_safe()
@@ -165,7 +169,7 @@ class TuningSession:
             self._adaptation.taken()
 
     def _serve(self) -> None:
-        """Once a tick: OFF, the requests of the page, the results of the builder, the status."""
+        """Handle OFF, the requests of the page and the results of the builder, and publish the status. Once a tick."""
         self._is_served = True
         if self._state.live is not None and self._arming.is_waiting:
             self._state.report("armed, holding")
@@ -185,7 +189,7 @@ class TuningSession:
         self._state.publish(adapts=self._adaptation.is_on)
 
     def _stop_requested(self) -> bool:
-        """Whether the loop must end. Serves the page first when a lost exchange has left that undone."""
+        """Return True if the loop must end. After a lost exchange, handle the requests of the page first."""
         if not self._is_served:
             self._serve()
         self._is_served = False

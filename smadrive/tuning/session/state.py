@@ -15,7 +15,11 @@ from smadrive.tuning.session.status import Status
 
 @dataclass
 class SessionState:
-    """`live` while the control loop runs, `arm_request` while an Arm waits; `stop_requested` ends the loop."""
+    """The shared state of a session.
+
+    `live` is the controller while the control loop runs, otherwise None. `arm_request` is the Arm that waits, or None.
+    `stop_requested` ends the loop.
+    """
 
     rig: Rig
     channel: ControlEnd
@@ -29,7 +33,7 @@ class SessionState:
 
     @property
     def now_s(self) -> float:
-        """Time since the session began."""
+        """The time since the session began, in seconds."""
         return self.rig.clock.now_s() - self.began_s
 
     @property
@@ -53,7 +57,7 @@ class SessionState:
         self.status.add_event(self.now_s, event)
 
     def answer(self, request: PageRequest | None, refused: str | None) -> None:
-        """Answer a request; a refusal is also an event."""
+        """Answer a request: `refused` is None, or the reason for a refusal. A refusal is also an event."""
         if request is not None:
             self.channel.send({"number": request.number, "refused": refused})
             if refused:

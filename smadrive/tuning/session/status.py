@@ -1,4 +1,4 @@
-"""The status: everything that a page shows besides the samples, as one JSON document."""
+"""The status: all data that a page shows, except the samples, as one JSON document."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import travel_mm
 
 STATUS_S = 0.1
-"""How often it is published."""
+"""The status is published with this period."""
 
 MAX_EVENTS = 40
 
 MAX_EVENT_LENGTH = 400
-"""Characters; all events together must fit in the status."""
+"""Largest length of an event in characters. All events together must fit in the status."""
 
 _HEATER = {Mode.HOLDING: "holding", Mode.TRACKING: "tracking", Mode.COMPARING: "tracking"}
 """The `mode` that is published while the heater is on."""
@@ -31,8 +31,9 @@ _HEATER = {Mode.HOLDING: "holding", Mode.TRACKING: "tracking", Mode.COMPARING: "
 class Status:
     """Collects events, the open fault, a lost connection and the last measurement.
 
-    `is_safe` until an attempt to make the heater safe has failed, and again when one has succeeded. `end` is None until
-    the session ends, then "off" if the devices have confirmed the safe state, otherwise "unconfirmed".
+    `is_safe` becomes False when an attempt to switch the heater off fails, and True again when an attempt succeeds.
+    `end` is None until the session ends. Then it is "off" if the devices have confirmed the safe state, otherwise
+    "unconfirmed".
     """
 
     def __init__(self, rig: Rig, references: list[str], balance: HeatBalance) -> None:
@@ -58,7 +59,7 @@ class Status:
         self._described: tuple[Tuning, dict[str, Any]] | None = None
 
     def add_event(self, time_s: float, event: str) -> None:
-        """Add an event; a long one is cut."""
+        """Add an event. A long text is cut to `MAX_EVENT_LENGTH`."""
         if len(event) > MAX_EVENT_LENGTH:
             event = event[: MAX_EVENT_LENGTH - 1] + "…"
         self.events.append((round(time_s, 2), event))
@@ -68,7 +69,7 @@ class Status:
         self.fault = self.fault_type = None
 
     def fail(self, time_s: float, error: BaseException) -> None:
-        """Take the fault and the state of the heater from `error`."""
+        """Take the open fault and the state of the heater from `error`."""
         outcome = shutdown_of(error)
         self.is_safe = outcome is None or outcome.confirmed
         self.fault = " — ".join([str(error), *getattr(error, "__notes__", ())])
@@ -76,7 +77,7 @@ class Status:
         self.add_event(time_s, self.fault)
 
     def document(self, mode: Mode, tunings: Tunings, *, adapts: bool) -> dict[str, Any]:
-        """The status as plain values."""
+        """Return the status as values that JSON can hold."""
         measurement = self.measurement
         return {
             **self._fixed,
@@ -97,7 +98,7 @@ class Status:
         }
 
     def _tuning(self, tuning: Tuning) -> dict[str, Any]:
-        """The tuning in force; computed once for each."""
+        """Return the description of the tuning in force. It is computed once for each tuning."""
         if self._described is None or self._described[0] is not tuning:
             certificate = tuning.model.certificate()
             document = {

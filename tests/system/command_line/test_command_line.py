@@ -41,7 +41,7 @@ def succeed(*arguments, cwd):
 
 @pytest.fixture
 def data(tmp_path):
-    """A CSV of a falling output with reversals, and an extra column."""
+    """A CSV with an extra column; its output falls with the input and has reversals."""
     sweep = np.concatenate(
         [np.linspace(a, b, 150) for a, b in [(25, 130), (130, 75), (75, 95), (95, 40), (40, 130), (130, 25)]]
     )
@@ -146,7 +146,7 @@ def test_probe_and_off_answer_in_json(tmp_path):
 
 @pytest.fixture
 def track(tmp_path):
-    """Track a reference on the rig in process; returns the JSON result of `run` and its log."""
+    """A function that tracks a reference on the in-process rig. It returns the JSON result of `run`, and the log."""
     wire = DuhemModel.gaussian(
         mu_heating=89.9, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(0, 200)
     )
@@ -207,7 +207,7 @@ def test_tripped_run_prints_its_metrics_until_the_trip_and_the_trip(track, tmp_p
     assert CONFIRMED in outcome
 
 
-@pytest.mark.parametrize("limit", ["displacement_max_mm = 5.0", "displacement_min_mm = 5.0"])  # on its way, at once
+@pytest.mark.parametrize("limit", ["displacement_max_mm = 5.0", "displacement_min_mm = 5.0"])
 def test_tripped_excitation_prints_its_metrics_until_the_trip_and_the_trip(limit, tmp_path):
     (tmp_path / "tight.toml").write_text(rig_text("watchdog_s = 0.5", f"watchdog_s = 0.5\n{limit}", rig="in-process"))
     done = smadrive("excite", "tight.toml", "-o", "short.h5", "--json", cwd=tmp_path)
@@ -222,7 +222,7 @@ def test_run_warns_that_only_tune_adapts_the_rules(track, tmp_path):
     adapting = rig_text("[excitation]", "[feedback]\nadapt = true\n\n[excitation]", rig="in-process")
     (tmp_path / "adapting.toml").write_text(adapting)
     ran, log = track("sine:low_mm=2,high_mm=9,period_s=20,cycles=1", rig="adapting.toml")
-    assert "`smadrive tune` alone" in ran["caveats"][0]
+    assert "only in `smadrive tune`" in ran["caveats"][0]
     assert log.json("caveats") == ran["caveats"]
 
 
@@ -235,7 +235,7 @@ def test_full_disk_is_an_error_and_a_closed_pipe_is_not(tmp_path, arguments, unb
     with Path("/dev/full").open("w") as full:
         done = smadrive(*arguments, cwd=tmp_path, stdout=full, env=environment, is_from_scratch=True)
     assert done.returncode == 2
-    assert done.stderr.startswith("smadrive: standard output: cannot be written: No space left on device")
+    assert done.stderr.startswith("smadrive: standard output: cannot be written (No space left on device)")
     assert len(done.stderr.splitlines()) == 1
     reading, writing = os.pipe()
     os.close(reading)
@@ -260,7 +260,7 @@ def test_help_of_run_names_every_shape_of_reference(tmp_path):
 
 
 def rig_text(old, new, rig="simulated"):
-    """A shipped rig with one thing changed."""
+    """Return the text of a shipped rig file in which one text is replaced."""
     text = (CONFIGS / "rigs" / f"{rig}.toml").read_text()
     assert old in text
     return text.replace(old, new)
@@ -277,7 +277,7 @@ WIRE, BOARD, SIM = (
 A_RIG = "Give such a .toml file, or the name of a shipped one: bench-supply, in-process, simulated, tclab."
 STRAIN = ("--output", "strain", "-o", "m.json")
 WRONG = [
-    # name of the case, the command, exit code, a part of the line
+    # name of the case, command, exit code, a part of the line on stderr
     ("missing file", ("identify", "absent.csv", "-o", "m.json"), 2, "absent.csv: no such file"),
     ("missing column", ("identify", "wire.csv", "-o", "m.json"), 2, "no column 'displacement_mm'"),
     ("text in a cell", ("identify", "text.csv", *STRAIN), 2, "line 3, column 'strain': 'high'"),
@@ -321,7 +321,7 @@ WRONG = [
     ("a table over its input", ("invert", "loop.json", "wire.csv", "-o", "./wire.csv"), 2, "wire.csv: is an input"),
     ("data that is a page", ("identify", "link.html", *STRAIN), 2, "link.html: neither a log nor a CSV"),
     ("a demo among other files", ("demo", "-o", "."), 2, "is not empty"),
-    ("tuning in virtual time", ("tune", "in-process", "--model", "loop.json"), 2, "sim:// time is virtual"),
+    ("tuning in virtual time", ("tune", "in-process", "--model", "loop.json"), 2, "the time of sim:// is virtual"),
     ("no model", (*RUN, "--reference", ANY_SINE), 2, "names no model"),
     ("a rig that is a pipe", ("probe", "pipe.toml"), 2, "pipe.toml: is a pipe, not a regular file. Give"),
     ("an endless table", ("simulate", "loop.json", "/dev/zero", "-o", "o.csv"), 2, "/dev/zero: is a device, not a reg"),

@@ -1,4 +1,4 @@
-"""Damaged files of every kind end in a result or in a typed error; full size: tests/benchmarks/fuzz_files.py."""
+"""A command with a damaged file gives a result or a typed error. tests/benchmarks/fuzz_files.py tries more files."""
 
 import subprocess
 import sys
@@ -9,7 +9,7 @@ import pytest
 
 @pytest.mark.exhaustive
 def test_damaged_files_end_in_a_result_or_a_typed_error():
-    """The fuzzer runs in a process of its own, which can be forked safely."""
+    """The fuzzer runs in a separate process, because forking a process of the tests is not safe."""
     command = [sys.executable, str(Path(__file__).parents[2] / "benchmarks" / "fuzz_files.py"), "2", "7"]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr

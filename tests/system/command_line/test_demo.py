@@ -18,7 +18,7 @@ DEMO = [sys.executable, "-m", "smadrive", "demo"]
 
 @pytest.fixture(scope="module")
 def demo(tmp_path_factory):
-    """Folder and figures of one demo."""
+    """The folder and the JSON result of one demo."""
     folder = tmp_path_factory.mktemp("demo")
     done = subprocess.run([*DEMO, "--json", "-o", folder], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stderr
@@ -54,7 +54,7 @@ def test_default_folder_is_one_that_is_not_in_use(tmp_path, monkeypatch):
 
 
 class Plots(HTMLParser):
-    """Counts the images in the page, and lists the addresses that it would fetch."""
+    """Counts the images in a page, and lists the addresses that a browser would fetch."""
 
     def __init__(self):
         super().__init__()

@@ -1,4 +1,4 @@
-"""A log becomes one page and one table with all its content, whatever ended it."""
+"""`report` makes a page and a table with all content of a log, whatever ended the run."""
 
 import json
 import shutil
@@ -36,7 +36,7 @@ WIRE = DuhemModel.gaussian(
 
 @pytest.fixture(scope="module")
 def logs(tmp_path_factory):
-    """A folder of logs: of a complete run, of the same one as a kill leaves it, of an experiment that tripped."""
+    """A folder with three logs: of a complete run, of the same run as if it was killed, of a tripped experiment."""
     folder = tmp_path_factory.mktemp("logs")
     with Rig(load_rig("in-process")) as rig:
         reference = sine(low_mm=1.0, high_mm=8.0, period_s=40.0, cycles=1.0).with_approach(0.0, 5.0)
@@ -73,7 +73,7 @@ def report(folder, log, *options):
 
 
 class Page(HTMLParser):
-    """Collects titles, and what a browser would fetch."""
+    """Collects the titles of a page, and the addresses that a browser would fetch."""
 
     def __init__(self, text):
         super().__init__()
@@ -162,9 +162,7 @@ def test_command_at_the_limit_counts_as_limited(logs):
     log = read_log(logs / "complete.h5")
     at_limit = log.column("commanded_a") >= 0.6 * AT_LIMIT
     assert at_limit.any()
-    np.testing.assert_array_equal(
-        log.column("limited")[1:] > 0, at_limit[:-1]
-    )  # a command is sent by the next exchange
+    np.testing.assert_array_equal(log.column("limited")[1:] > 0, at_limit[:-1])  # the next exchange sends the command
     assert figures["limited_percent"] == pytest.approx(100.0 * at_limit.sum() / at_limit.size)
     assert ">0.0 %<" not in text
     assert "limited by current_max for the first time" in text

@@ -31,7 +31,7 @@ WIRE = DuhemModel.gaussian(
 
 
 def on_a_terminal(*arguments, cwd):
-    """Output on stderr of a command whose stderr is a terminal."""
+    """Run a command whose stderr is a terminal, and return its output there."""
     client, slave = pty.openpty()
     command = [sys.executable, "-m", "smadrive", *arguments]
     environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
@@ -41,7 +41,7 @@ def on_a_terminal(*arguments, cwd):
         while True:
             try:
                 seen += os.read(client, 65536)
-            except OSError:  # the other end is closed
+            except OSError:  # the command has ended and closed its end
                 break
         process.communicate()
     os.close(client)

@@ -1,4 +1,4 @@
-"""The page of the architecture, and the paths in all pages: the files, folders and links that they name exist."""
+"""The files, folders and links that docs/architecture.md and the other pages name exist."""
 
 import re
 from pathlib import Path
@@ -9,10 +9,10 @@ ROOT = Path(__file__).parents[3]
 TEXT = (ROOT / "docs" / "architecture.md").read_text()
 PROSE = re.sub(r"```.*?```", "", TEXT, flags=re.DOTALL)
 PLACES = (ROOT, ROOT / "smadrive")
-"""Paths of the page are relative to the checkout or to the driver's package."""
+"""Folders to which paths in the page are relative."""
 
 SUBJECTS = re.findall(r"^\| `([\w/]+)` \| (.*) \|$", PROSE, re.MULTILINE)
-"""The rows of the table of folders; the second column names subfolders of the first one."""
+"""The rows of the table of folders. The second column names subfolders of the folder in the first column."""
 
 QUOTED = re.findall(r"`([^`\s]+)`", "\n".join(line for line in PROSE.splitlines() if not line.startswith("| `")))
 PATHS = sorted(

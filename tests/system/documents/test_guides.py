@@ -1,4 +1,4 @@
-"""The guides: every command in them runs, in its order, on the files that the guide has the reader write.
+"""Every command of the guides runs, in the order of the guide, with the files that the guide tells the reader to write.
 
 A guide that continues another one runs in the same folder. A command that ends in `&` runs until the last guide of the
 folder has ended. Ports are private to this test, so several tests may run on one machine.
@@ -20,7 +20,7 @@ import pytest
 ROOT = Path(__file__).parents[3]
 GUIDES = sorted((ROOT / "docs").glob("*.md"))
 BLOCK = re.compile(r"```(\w+)(?: (\S+))?\n(.*?)```", re.DOTALL)
-"""Language, name of the file that the reader writes (if one), content."""
+"""Pattern of a block of code: its language, the name of the file that the reader writes (optional), its content."""
 
 WALKS = (("first-wire", "records", "tuning"), ("bench-supply",))
 """Guides that a reader follows one after the other in one folder."""
@@ -35,7 +35,7 @@ PROMISED = {
 
 
 def steps(text):
-    """The files and commands of a guide, in the order of its text."""
+    """Return the files and commands of a guide, in the order of its text."""
     for language, name, content in BLOCK.findall(text):
         if name:
             yield "write", name, content
@@ -50,7 +50,7 @@ def free_port():
 
 
 def run(command, **options):
-    """The command, as it ends; smadrive is imported already, but not for what runs in the background."""
+    """Run a command to its end. smadrive is imported before, except for a command in the background."""
     captured = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     if command[0] == "smadrive":
         return programs.run([sys.executable, "-m", *command], **captured, **options)
@@ -59,7 +59,7 @@ def run(command, **options):
 
 @contextmanager
 def in_the_background(command, **options):
-    """The process of a command, ended by Ctrl-C as a reader would; its first line names its address."""
+    """Start a command in the background and wait for its first line, which names its address. Ctrl-C ends it."""
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options) as process:
         assert process.stdout.readline(), process.communicate()
         try:

@@ -1,4 +1,4 @@
-"""A damaged log is refused; the reader never returns other data than was written."""
+"""A damaged log is refused. The reader never returns data that were not written."""
 
 import random
 from contextlib import suppress
@@ -48,7 +48,7 @@ def content(log):
 
 
 def place_of_damage(path):
-    """The place that the error of the reader names behind the file; empty for the whole log."""
+    """Return the place that the reader's error names after the file. It is empty for the whole log."""
     with pytest.raises(DataError) as error:
         read_log(path)
     assert error.value.where.startswith(str(path))
@@ -62,7 +62,7 @@ def overwrite(path, offset, data):
 
 
 def place_of(path, name, row):
-    """Offset of a value in the file, and its size in bytes."""
+    """Return the offset of a value in the file, and its size in bytes."""
     with h5py.File(path) as file:
         dataset = file[name]
         chunk, within = divmod(row, dataset.chunks[0])
@@ -122,7 +122,7 @@ def test_lost_checksums_are_found(copy):
 
 @pytest.mark.parametrize(("rows", "is_lost"), [(0, True), (MOST_OPEN_ROWS, False)])
 def test_overwritten_checksums_of_a_killed_run_are_found(tmp_path, rows, is_lost):
-    """A killed writer leaves a few rows without their checksum; more of them are damage."""
+    """A killed writer leaves only a few rows without a checksum. More rows without a checksum are damage."""
     path, written = tmp_path / "run.h5", 2 * MOST_OPEN_ROWS
     write(path, written, ()).flush()
     lost = written - MOST_OPEN_ROWS - 1 if is_lost else written - MOST_OPEN_ROWS

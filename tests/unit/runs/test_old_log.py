@@ -27,7 +27,7 @@ WIRE = DuhemModel.gaussian(
 
 @pytest.fixture(scope="module")
 def tracked(tmp_path_factory):
-    """A short tracking run in the layout of today."""
+    """The log of a short tracking run in the present layout."""
     path = tmp_path_factory.mktemp("tracked") / "run.h5"
     reference = sine(low_mm=1.0, high_mm=8.0, period_s=10.0, cycles=0.5).with_approach(0.0, 2.0)
     with Rig(load_rig("in-process")) as rig:

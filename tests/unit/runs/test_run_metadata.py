@@ -1,4 +1,4 @@
-"""The metadata of a log, of today and of version 0.1, become typed values."""
+"""The metadata of a log become typed values, also those of a log of version 0.1."""
 
 import json
 from pathlib import Path

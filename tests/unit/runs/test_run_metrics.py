@@ -23,7 +23,7 @@ APPROACH = 20
 
 
 def log_of(lost):
-    """100 rows after the approach, each with an error of 0.1 mm; the `lost` ones were not measured."""
+    """Return a log of 100 rows after the approach, each with an error of 0.1 mm. The rows `lost` were not measured."""
     time_s = np.arange(APPROACH + 100.0)
     measured_mm = np.full(time_s.size, 4.9)
     measured_mm[APPROACH + np.array(lost, dtype=int)] = nan

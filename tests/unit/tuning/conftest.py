@@ -29,12 +29,12 @@ DRIVING = ("arm", "track", "hold", "compare")
 NONE_A = 0.002
 """The noise of the simulated current measurement."""
 
-AFTER_OFF = "OFF was pressed after this. Press again."
-"""The answer to a request that OFF has overtaken."""
+AFTER_OFF = "OFF was pressed after this click. Press again."
+"""The answer to a request that was sent before an OFF and arrives after it."""
 
 
 class DirectBuilder:
-    """A builder that builds at once in this process; it has no result while it `is_stopped`."""
+    """A builder that builds at once in this process. While `is_stopped`, it gives no result."""
 
     is_stopped = False
 
@@ -49,14 +49,14 @@ class DirectBuilder:
 
 
 class Ended(BaseException):
-    """Ends a session as Ctrl-C does."""
+    """The exception that ends a session, as Ctrl-C does."""
 
 
 class TunedRig:
     """A rig on a simulated device with its session, the page's end of its channel, and the recorded ticks.
 
     `wire` is the true state of the plant at each tick: time, temperature and displacement. `trace_folder` and
-    `stale_after_s` are those of the rig. `status` is the last one published before the session is interrupted, `end`
+    `stale_after_s` are those of the rig. `status` is the last status before the session is interrupted, `end` is
     that published afterwards. The front process sends a heartbeat at every tick unless `front_is_silent`.
     """
 
@@ -80,7 +80,7 @@ class TunedRig:
         self._number = 0
 
     def at(self, time_s, act, **values):
-        """Let the page send a request at `time_s`; its number, by which `answers` has the answer.
+        """Let the page send a request at `time_s`. Return its number, which is its key in `answers`.
 
         A request that drives the wire carries the count of all OFFs until then, unless `offs` is given.
         """
@@ -148,7 +148,9 @@ class TunedRig:
         return self.page.status(seen=-1)[1]
 
     def rms_percent(self, models, over_s=40.0):
-        """RMS error of all models against the true wire, each over `over_s` before its time, in % of the stroke."""
+        """Return the RMS error of models against the true wire, in % of the stroke.
+
+        Each model is compared over the last `over_s` before its time."""
         times_s, wire_c, reached_mm = np.array(self.wire).T
         errors = []
         for time_s, model in models:

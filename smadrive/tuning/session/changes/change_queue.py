@@ -1,7 +1,7 @@
-"""Changes on their way into the loop: requested, built and checked beside it, put in force between two ticks.
+"""The queue of changes. The model builder builds and checks a change; then it is put in force between two ticks.
 
-One job is built at a time, each on the result of the one before. Of a dragged slider only the latest value waits.
-A change that is refused leaves everything as it is, and its reason is reported.
+One job is built at a time, and each job starts from the result of the previous one. While a slider is dragged, only its
+latest value waits. A change that is refused leaves everything as it is, and the reason is reported.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from smadrive.wire.heat_balance import HeatBalance
 MAX_WAITING = 8
 
 Answer = tuple[AnyRequest, str | None]
-"""A request, and the reason why it is refused; None when it is done."""
+"""A request, and the reason why it is refused, which is None when the request is done."""
 
 
 class ChangeQueue:
-    """The jobs that wait, and the one that is being built. `path` makes references (see ReferenceCatalogue)."""
+    """The jobs that wait, and the job that is being built. `path` makes references (see ReferenceCatalogue)."""
 
     def __init__(
         self, tunings: Tunings, builder: ModelBuilder, path: Path, config: RigConfig, balance: HeatBalance
@@ -46,7 +46,7 @@ class ChangeQueue:
 
     @property
     def is_busy(self) -> bool:
-        """Whether a change is on its way into force."""
+        """True if a job waits or is being built."""
         return self._job is not None or bool(self._waiting)
 
     def add(self, request: AnyRequest, live: SwappableController | None) -> None:
@@ -64,9 +64,10 @@ class ChangeQueue:
         self._answers.append((request, None))
 
     def adapt(self, adaptation: Adaptation) -> bool:
-        """Put the adapted rules in force, unless another change is on its way; whether that was begun.
+        """Queue the adapted rules. Return False if another change or a comparison has priority.
 
-        The rules that an adaptation takes back when its sensor is faulty are put in force although the loop has ended.
+        After a fault of its sensor, the adaptation gives the rules from before the fault. These rules are put in force
+        even if the loop has ended in the meantime.
         """
         if self.is_busy or self._tunings.comparison.is_on:
             return False
@@ -74,7 +75,7 @@ class ChangeQueue:
         return True
 
     def update(self, live: SwappableController | None, now_s: float) -> Iterator[str]:
-        """Once a tick: put in force what is built, begin the next job; the events to report."""
+        """Put a built change in force, and begin the next job. Yield the events to report. Called at every tick."""
         result = self._builder.result() if self._is_building else None
         if result is not None:
             job, self._job, self._is_building = self._job, None, False
@@ -86,21 +87,21 @@ class ChangeQueue:
             yield from self._begin(self._waiting.popleft(), live)
 
     def answers(self) -> Iterator[Answer]:
-        """The requests that were done or refused since the last call."""
+        """Return the answers to the requests that were done or refused since the last call."""
         answers, self._answers = self._answers, []
         return iter(answers)
 
     def cancel(self) -> None:
-        """The loop has ended: refuse the requests that wait, and drop all jobs but those that outlive the loop."""
+        """Refuse the requests that wait, because the loop has ended, and drop all jobs except those that outlive it."""
         under_way = [job for job in (self._job, *self._waiting) if job is not None]
         for job in under_way:
-            self._answer(job, "the heater was switched off meanwhile")
+            self._answer(job, "the heater was switched off in the meantime")
         self._waiting = deque(job for job in under_way if job.outlives_the_loop)
         self._job = None
         self._tunings.end_comparison()
 
     def _queue(self, job: Job) -> None:
-        """Append a job, or replace one that still waits."""
+        """Append a job, or put it in the place of a waiting job that it replaces. ConfigError if too many jobs wait."""
         for place, waiting in enumerate(self._waiting):
             if job.replaces(waiting):
                 self._waiting[place] = job
@@ -111,7 +112,7 @@ class ChangeQueue:
         self._waiting.append(job)
 
     def _begin(self, job: Job, live: SwappableController | None) -> Iterator[str]:
-        """Send it to the builder, unless it is not possible any more."""
+        """Send the job to the builder. Refuse it if it is not possible any more."""
         try:
             target = job.target(self._tunings, live)
         except SmadriveError as error:

@@ -1,4 +1,4 @@
-"""The comparison of two tunings on the running reference: they alternate by cycle, and every cycle is scored."""
+"""The comparison of two tunings: they alternate at every cycle of the running reference, and every cycle is scored."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ class Score:
 
     @property
     def mean_percent(self) -> float | None:
-        """The RMS error over all cycles; None before the first is complete."""
+        """The RMS error over all cycles, in percent of the stroke. It is None before the first cycle is complete."""
         return sqrt(sum(rms**2 for rms in self.cycles) / len(self.cycles)) if self.cycles else None
 
 
 class Comparison:
-    """The slots, the one that drives, and the scores.
+    """The slots with their tunings and scores. `turn` is the slot that drives the wire, or None.
 
-    The error is setpoint - measured displacement, or - estimated displacement without a sensor.
+    The error is setpoint minus measured displacement. Without a sensor, the estimated displacement is used.
     """
 
     def __init__(self) -> None:
@@ -37,26 +37,29 @@ class Comparison:
         self._samples = 0
 
     def keep(self, slot: Slot, tuning: Tuning) -> None:
-        """Fill a slot and clear its score."""
+        """Store a tuning in a slot, and clear the slot's score."""
         self.slots[slot] = tuning
         self.scores[slot] = Score()
 
     def slot(self, slot: Slot) -> Tuning:
-        """The tuning of a slot; ConfigError when it is empty."""
+        """Return the tuning in a slot. ConfigError when the slot is empty."""
         if slot not in self.slots:
-            raise ConfigError(f"slot {slot} is empty", cure="keep a tuning in it first")
+            raise ConfigError(f"slot {slot} is empty", cure="keep a tuning in this slot first")
         return self.slots[slot]
 
     def start(self) -> None:
-        """Begin with A at the end of the running cycle. ConfigError when a slot is empty, or both keep the same."""
+        """Let A drive from the end of the running cycle on.
+
+        ConfigError when a slot is empty, or both slots hold the same tuning.
+        """
         if self.slot("A").drives_as(self.slot("B")):
             raise ConfigError(
-                "slot A and slot B keep the same tuning", cure="change something and keep that in one of them"
+                "slot A and slot B hold the same tuning", cure="change the tuning and keep it in one of the slots"
             )
         self.is_on, self.turn = True, None
 
     def stop(self) -> None:
-        """End the turns; the scores stay."""
+        """End the comparison. The scores stay."""
         self.is_on, self.turn = False, None
 
     @property
@@ -65,13 +68,13 @@ class Comparison:
         return "B" if self.turn == "A" else "A"
 
     def sample(self, error_mm: float, stroke_mm: float) -> None:
-        """Add one tick of the cycle."""
+        """Add the error of one tick of the cycle. A NaN is left out."""
         if isfinite(error_mm):
             self._squares += (100.0 * error_mm / stroke_mm) ** 2
             self._samples += 1
 
     def end_cycle(self, follows: Slot | None) -> None:
-        """Score the cycle that is complete; `follows` drives the next one."""
+        """Score the complete cycle for the slot that drove it. The slot `follows` drives the next cycle."""
         if self.turn is not None and self._samples:
             self.scores[self.turn].cycles.append(sqrt(self._squares / self._samples))
         self.turn = follows

@@ -1,4 +1,4 @@
-"""The turns of a comparison: at the end of each cycle of the reference the other slot's controller takes over."""
+"""Runs a comparison: at the end of each cycle of the reference, the controller of the other slot takes over."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from smadrive.wire.wire_model import travel_mm
 
 
 class ComparisonRunner:
-    """Alternates the two slots of `tunings`; `queue` takes the jobs that build the controllers."""
+    """Alternates the slots A and B of `tunings`. `queue` accepts the jobs that build the controllers."""
 
     def __init__(self, tunings: Tunings, queue: Callable[[Job], None]) -> None:
         self._tunings = tunings
@@ -23,7 +23,7 @@ class ComparisonRunner:
         self._next: Built | None = None
 
     def start(self, live: SwappableController) -> None:
-        """Begin at the end of the running cycle. ConfigError when a slot is empty, or both keep the same tuning."""
+        """Begin at the end of the running cycle. ConfigError when a slot is empty, or both hold the same tuning."""
         self._comparison.start()
         self._cycle, self._next = live.reference.cycle(live.reference_s), None
         try:
@@ -38,7 +38,7 @@ class ComparisonRunner:
         self._comparison.sample(error_mm, hot_mm - cold_mm)
 
     def update(self, live: SwappableController) -> None:
-        """At the end of a cycle: score it, and let the other slot drive the next one, if its controller is ready."""
+        """At the end of a cycle, score the cycle, and let the other slot drive if its controller is ready."""
         if not self._comparison.is_on:
             return
         cycle = live.reference.cycle(live.reference_s)

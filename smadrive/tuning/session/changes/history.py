@@ -1,6 +1,7 @@
-"""Undo and redo: a list of tunings and a place in it.
+"""Undo and redo: a list of tunings, and the place of the present tuning in the list.
 
-A slider that is dragged makes many changes; changes of one name that follow each other within `DRAG_S` are one step.
+A slider that is dragged makes many changes. Changes with the same name that follow each other within `DRAG_S` are one
+step of undo.
 """
 
 from __future__ import annotations
@@ -12,7 +13,7 @@ MAX_TUNINGS = 200
 
 
 class History:
-    """The tunings that were in force, and the place of the present one."""
+    """The tunings that were in force, the present tuning, and those that redo would put in force again."""
 
     def __init__(self, first: Tuning) -> None:
         self._line = [first]
@@ -26,16 +27,16 @@ class History:
 
     @property
     def undo_name(self) -> str | None:
-        """The change that undo would take back; None without one."""
+        """The name of the change that undo would take back. It is None if there is no such change."""
         return self._line[self._at].change if self._at else None
 
     @property
     def redo_name(self) -> str | None:
-        """The change that redo would make again; None without one."""
+        """The name of the change that redo would make again. It is None if there is no such change."""
         return self._line[self._at + 1].change if self._at + 1 < len(self._line) else None
 
     def push(self, tuning: Tuning, time_s: float) -> None:
-        """Add a new change; afterwards nothing can be redone."""
+        """Add a new change. Changes that could be redone before are forgotten."""
         goes_on = (
             self._at > 0
             and tuning.change == self.now.change
@@ -47,11 +48,11 @@ class History:
         self._changed_s = time_s
 
     def peek(self, step: int) -> Tuning | None:
-        """The tuning `step` places on (-1: undo, +1: redo); None beyond the ends."""
+        """Return the tuning that undo (`step` -1) or redo (`step` +1) leads to. Return None if there is none."""
         at = self._at + step
         return self._line[at] if 0 <= at < len(self._line) else None
 
     def move(self, step: int) -> None:
-        """Go `step` places on."""
+        """Undo (`step` -1) or redo (`step` +1)."""
         self._at += step
         self._changed_s = float("-inf")

@@ -1,4 +1,4 @@
-"""Jobs of the change queue: what each kind of request has built, and what is done with the result between two ticks."""
+"""Jobs of the change queue. A job defines what the builder builds, and installs the result between two ticks."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from smadrive.tuning.link.requests import (
     SetModel,
     SetRule,
     SetShape,
+    SetValue,
     Step,
     Track,
 )
@@ -27,11 +28,17 @@ from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.tuning import Change, Tuning
 
 Path = Callable[[str | None, Tuning, float], Reference]
-"""The reference of a name (None: stay there), for a tuning, from the present setpoint in mm."""
+"""A function of the name of a reference, a tuning and the present setpoint in mm. It returns the reference to track.
+
+Without a name (None), the reference stays at the present setpoint.
+"""
 
 
 class BuildTarget(NamedTuple):
-    """A tuning, the change to make in it, and the reference that it has to track; None while the heater is off."""
+    """A tuning, the change to make in it, and the reference to track with it.
+
+    `change` is None for a tuning that stays as it is. `reference` is None while the heater is off.
+    """
 
     tuning: Tuning
     change: Change | None
@@ -40,9 +47,10 @@ class BuildTarget(NamedTuple):
 
 @dataclass(frozen=True)
 class Job(ABC):
-    """`request` is None for a job that no page requested; `event` is reported when the job is done.
+    """One job of the change queue.
 
-    A job that `outlives_the_loop` is done although the loop has ended meanwhile.
+    `request` is None for a job that no page requested. `event` is reported when the job is done. A job with
+    `outlives_the_loop` is done even if the loop has ended in the meantime.
     """
 
     request: AnyRequest | None
@@ -51,18 +59,16 @@ class Job(ABC):
 
     @abstractmethod
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
-        """The build that the job needs, when its turn has come. SmadriveError when it is not possible any more."""
+        """Return what the builder has to build, now that the job begins. SmadriveError if that is not possible now."""
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:
         """Put the result in force, as a change that can be undone."""
         tunings.push(built, live, now_s)
 
     def replaces(self, waiting: Job) -> bool:
-        """Whether this job makes an earlier one that still waits needless: another value of the same thing."""
+        """Return True if this job sets the same number as `waiting`, which then need not be done."""
         new, old = self.request, waiting.request
-        if isinstance(new, SetShape | SetFeedback) and isinstance(old, SetShape | SetFeedback):
-            return new.key == old.key
-        return False
+        return isinstance(new, SetValue) and isinstance(old, SetValue) and new.key == old.key
 
 
 @dataclass(frozen=True)
@@ -72,7 +78,7 @@ class ChangeJob(Job):
     change: Change | None = None
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
-        """See Job."""
+        """Return the tuning in force with the change to make in it."""
         return BuildTarget(tunings.in_force, self.change, _running(live))
 
 
@@ -84,7 +90,7 @@ class RecallJob(Job):
     tuning: Tuning
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
-        """See Job."""
+        """Return the kept tuning."""
         return BuildTarget(self.tuning, None, _running(live))
 
 
@@ -96,49 +102,49 @@ class StepJob(Job):
     step: int
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
-        """See Job."""
+        """Return the tuning that undo or redo leads to."""
         tuning = tunings.history.peek(self.step)
         if tuning is None:
-            raise ConfigError(f"there is nothing to {'undo' if self.step < 0 else 'redo'}")
+            raise ConfigError(f"there is no change to {'undo' if self.step < 0 else 'redo'}")
         return BuildTarget(tuning, None, _running(live))
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
-        """Put it in force, and move in the history."""
+        """Put the tuning in force, and move in the history."""
         tunings.put(built, live)
         tunings.history.move(self.step)
 
 
 @dataclass(frozen=True)
 class PutJob(RecallJob):
-    """Put a tuning in force that is no change: the one before a comparison."""
+    """Put the tuning from before a comparison in force again. This is not a change that can be undone."""
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
-        """Put it in force."""
+        """Put the tuning in force."""
         tunings.put(built, live)
 
 
 @dataclass(frozen=True)
 class FollowJob(Job):
-    """Follow the reference of a name, or stay at the present setpoint (None)."""
+    """Track the reference `name`. If `name` is None, stay at the present setpoint."""
 
     _: KW_ONLY
     path: Path
     name: str | None
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
-        """See Job."""
+        """Return the tuning in force with the new reference."""
         if live is None:
             raise ConfigError("the heater is off", cure="arm first")
         return BuildTarget(tunings.in_force, None, self.path(self.name, tunings.in_force, live.setpoint_mm))
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
-        """Follow it from now on."""
+        """Track the reference from now on."""
         tunings.put(built, live)
 
 
 @dataclass(frozen=True)
 class TurnJob(Job):
-    """Build the controller of the next turn of a comparison; `ready` gets it."""
+    """Build the controller of the next turn of a comparison, and pass it to `ready`."""
 
     _: KW_ONLY
     tuning: Tuning
@@ -146,16 +152,16 @@ class TurnJob(Job):
     ready: Callable[[Built], None]
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
-        """See Job."""
+        """Return the tuning of the next turn, with the present reference."""
         return BuildTarget(self.tuning, None, self.reference)
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
-        """Keep it ready."""
+        """Pass the controller to `ready`. The comparison puts it in force later."""
         self.ready(built)
 
 
 def job_of(request: AnyRequest, tunings: Tunings, path: Path) -> Job:
-    """The job of a request. ConfigError when a slot is empty, or for a request that needs no job."""
+    """Return the job that a request needs. ConfigError when a slot is empty, or when the request needs no job."""
     match request:
         case SetShape() | SetFeedback() | SetRule() | SetModel():
             return ChangeJob(request, request.event, change=request)
@@ -171,9 +177,9 @@ def job_of(request: AnyRequest, tunings: Tunings, path: Path) -> Job:
             return RecallJob(request, f"slot {slot} in force", tuning=kept)
         case Compare(on=False):
             return PutJob(request, "comparison ended", tuning=tunings.history.now)
-    raise ConfigError("no job", where=request.act)
+    raise ConfigError("this request needs no job", where=request.act)
 
 
 def _running(live: SwappableController | None) -> Reference | None:
-    """The reference that is followed when the job begins: the job before it may have changed that."""
+    """Return the present reference. A job reads it when it begins, because an earlier job may have changed it."""
     return None if live is None else live.reference

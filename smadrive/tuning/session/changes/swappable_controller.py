@@ -1,4 +1,4 @@
-"""A tracking controller that can be swapped between two ticks: the new one takes over where the old one stands."""
+"""A tracking controller that can be swapped between two ticks. The new one continues from the state of the old one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from smadrive.measurement import Measurement
 
 
 class SwappableController:
-    """Runs a tracking controller without end; `at_tick` is called before every update and may swap it."""
+    """Runs a tracking controller without end. `at_tick` is called before every update and may swap the controller."""
 
     duration_s = inf
 
@@ -25,22 +25,22 @@ class SwappableController:
 
     @property
     def reference_s(self) -> float:
-        """Time since the reference began."""
+        """The time since the reference began, in seconds."""
         return self.time_s - self._began_s
 
     @property
     def setpoint_mm(self) -> float:
-        """The present value of the reference."""
+        """The present value of the reference, in mm."""
         return self.reference.value_mm(self.reference_s)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """See Controller."""
+        """Call `at_tick`, and return the command of the controller for this measurement."""
         self.time_s = time_s
         self._at_tick()
         return self._controller.update(self.reference_s, measurement, dt_s)
 
     def swap(self, controller: TrackingController, reference: Reference) -> None:
-        """Let `controller` take over, bumplessly; another reference begins now, the same one continues."""
+        """Let `controller` take over without a bump. A new reference begins now; the same reference continues."""
         controller.take_over(self._controller)
         self._controller = controller
         if reference is not self.reference:

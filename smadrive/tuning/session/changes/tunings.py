@@ -1,4 +1,4 @@
-"""The tuning in force, those before it, and the two that are compared."""
+"""The tuning in force, the history of tunings, and the comparison of two tunings."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from smadrive.tuning.tuning import Tuning
 
 
 class Tunings:
-    """Changed between two ticks only."""
+    """The tuning in force, the history and the comparison. They change only between two ticks."""
 
     def __init__(self, first: Tuning) -> None:
         self.in_force = first
@@ -18,17 +18,17 @@ class Tunings:
         self.comparison = Comparison()
 
     def put(self, built: Built, live: SwappableController | None) -> None:
-        """Put a built tuning in force; in the running loop, if there is one, its controller takes over."""
+        """Put a built tuning in force. If the loop runs, the tuning's controller takes over."""
         self.in_force = built.tuning
         if live is not None and built.controller is not None and built.reference is not None:
             live.swap(built.controller, built.reference)
 
     def push(self, built: Built, live: SwappableController | None, now_s: float) -> None:
-        """Put it in force as a change that can be undone."""
+        """Put a built tuning in force as a change that can be undone."""
         self.put(built, live)
         self.history.push(built.tuning, now_s)
 
     def end_comparison(self) -> None:
-        """Go back to the tuning before the comparison."""
+        """End the comparison, and return to the tuning before it."""
         self.comparison.stop()
         self.in_force = self.history.now

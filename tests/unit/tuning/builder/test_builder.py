@@ -39,7 +39,7 @@ def builder():
 
 
 def awaited(builder):
-    """The result of the request that the builder works on."""
+    """Wait for the result of the builder."""
     while (result := builder.result()) is None:
         time.sleep(0.005)
     return result
@@ -105,7 +105,7 @@ def test_request_sent_during_a_restart_is_done_by_the_new_process(builder):
 
 
 def test_large_request_does_not_wait_for_a_stopped_process(builder):
-    """It is larger than the buffers of a socket."""
+    """The request is larger than the buffers of a socket."""
     os.kill(builder.pid, signal.SIGSTOP)
     try:
         builder.begin(build_request(moved(91.0), reference=LONG_REFERENCE))

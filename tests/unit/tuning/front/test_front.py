@@ -50,7 +50,7 @@ REQUESTS = [
 
 
 class Served:
-    """The page of a session that has ended, on a port of its own."""
+    """The tuning page of a session that does not run any more, on a port of its own."""
 
     def __init__(self, control, folder):
         TunedRig(true_wire(), control).run(until_s=1.0)
@@ -64,7 +64,7 @@ class Served:
         return urlsplit(self.page.url).netloc
 
     def status(self, method, path, headers=()):
-        """The status of the reply to one request."""
+        """Send one request, and return the status of the reply."""
         connection = http.client.HTTPConnection(self.host, timeout=60.0)
         connection.request(method, path, headers=dict(headers))
         status = connection.getresponse().status
@@ -72,7 +72,7 @@ class Served:
         return status
 
     def pending(self, request):
-        """A connection on which `request` has been sent."""
+        """Send `request` on a new connection, and return the connection."""
         connection = socket.create_connection(self.host.split(":"), timeout=PATIENCE_S)
         connection.sendall(request.encode())
         return connection
@@ -196,7 +196,7 @@ def test_last_message_to_a_page_is_how_the_run_has_ended(control, tmp_path, monk
     monkeypatch.setattr(supervised_process, "END_WITHIN_S", PATIENCE_S)
 
     async def messages():
-        """The messages before the end of the run, and those after it; the page process may be slow at any time."""
+        """Return the messages before the end of the run and after it. The page process may be slow at any time."""
         served = Served(control, tmp_path)
         with served.page:
             state = await websocket_connect(f"ws://{served.host}/state")

@@ -1,4 +1,4 @@
-"""A supervised process: restarted until that succeeds, and ended with the session in every case."""
+"""A supervised process is restarted until a restart succeeds, and always ends with the session."""
 
 import json
 import os
@@ -21,7 +21,7 @@ PATIENCE_S = 60.0
 
 
 class Interrupted(BaseException):
-    """Raised by a signal handler, as Ctrl-C does it in a command."""
+    """The exception that a signal handler raises, as Ctrl-C does in a command."""
 
 
 def wait(condition):
@@ -44,7 +44,7 @@ def no_descriptors():
 
 
 def children():
-    """The running child processes of this one."""
+    """Return the running child processes of this process."""
     return set(Path(f"/proc/self/task/{threading.get_native_id()}/children").read_text().split())
 
 
@@ -83,7 +83,7 @@ def test_interrupt_during_the_start_leaves_no_process(slow_module):
 
 
 def test_end_during_a_new_start_leaves_no_process(tmp_path, monkeypatch):
-    """The process becomes ready once, and never again."""
+    """The first start of the process succeeds; a restart never becomes ready."""
     script = "import pathlib, sys, time\nonce = pathlib.Path(sys.argv[0]).with_suffix('.once')\n"
     script += "if not once.exists():\n    once.touch()\n    print('{}', flush=True)\n"
     (tmp_path / "ready_once.py").write_text(f"{script}while True:\n    time.sleep(1.0)\n")

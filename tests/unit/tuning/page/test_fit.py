@@ -1,4 +1,4 @@
-"""A fit to the last seconds: which rows it uses, what it keeps of the old model, whether its model may drive."""
+"""A fit to the last seconds uses the right rows, keeps the ends of the old model, and its model may drive the wire."""
 
 from html import unescape
 
@@ -17,17 +17,17 @@ SINE = "sine:low_mm=2,high_mm=9,period_s=28"
 STARTED_S = 3.0
 WRONG_MU_C = 93.0
 DRIVEN_UP_C = np.linspace(64.0, 94.0, 400)
-"""The range of wire temperatures of the sine."""
+"""Rising wire temperatures over the range of the sine."""
 
 
 def loop_mm(wire):
-    """The loop of a wire file, up and down again."""
+    """Return the displacement of a wire file's model along `DRIVEN_UP_C` and back."""
     return parse_wire(wire, place="wire").model.simulate(np.concatenate((DRIVEN_UP_C, DRIVEN_UP_C[::-1])))
 
 
 @pytest.fixture(params=["rig", exhaustive("ruled_rig")])
 def tracking(request):
-    """A rig that follows the sine by a model whose heating branch is 3 K too warm."""
+    """A rig that tracks the sine with a model whose heating branch is 3 K too warm."""
     rig = request.getfixturevalue(request.param)
     rig.at(1.0, "shape", key="mu_heating", value=WRONG_MU_C)
     rig.at(2.0, "arm")
@@ -37,13 +37,13 @@ def tracking(request):
 
 @pytest.mark.parametrize("after_s", [45.0, 148.0])
 def test_fit_to_part_of_the_travel_keeps_its_ends_and_can_drive(tracking, true_model, after_s):
-    """With the warm-up within the last 120 s, and without: then the rows alone do not determine a cold wire."""
+    """After 45 s, the last 120 s contain the warm-up. After 148 s they do not, and do not determine a cold wire."""
     wires = []
 
     def fit():
         wire = tracking.status["tuning"]["wire"]
         fitted = fit_wire(*heated_loop(tracking.page.since(0)[1], 120.0, wire), wire)
-        assert not any("halves of its record" in caveat for caveat in fitted.caveats)
+        assert not any("halves of the record" in caveat for caveat in fitted.caveats)
         text = fitted.text()
         tracking.page.send({"number": 77, "act": "model", "text": text, "source": "fit", "caveats": fitted.caveats})
         wires.extend((wire, text))
@@ -67,7 +67,7 @@ DRIFTS = {
 
 @pytest.mark.parametrize("sensor", DRIFTS)
 def test_fit_to_a_drifting_sensor_keeps_its_warning_in_every_later_model(tracking, sensor):
-    """Its rules are certified and its residual is small enough: no other check finds it."""
+    """The fitted rules are certified and the residual is small enough, so no other check finds the drift."""
     sensed, fitted = getattr(tracking.device.bench.sensors.faults, sensor), []
     tracking.do(30.0, lambda: sensed.begin("drift", None, lambda reading, age_s: DRIFTS[sensor](reading.right, age_s)))
 
@@ -82,7 +82,7 @@ def test_fit_to_a_drifting_sensor_keeps_its_warning_in_every_later_model(trackin
     tracking.at(92.0, "shape", key="scale", value=12.1)
     tracking.run(until_s=94.0)
     assert tracking.answers[77] is None
-    assert "the two halves of its record differ by" in fitted[0]
+    assert "the two halves of the record differ by" in fitted[0]
     status = tracking.status
     assert status["tuning"]["change"] == "scale"
     assert status["tuning"]["caveats"] == fitted
@@ -111,7 +111,7 @@ def test_record_without_a_loop_is_refused_with_a_cure(rig, act, at_s, seconds, r
 
 
 def test_note_of_a_page_is_added_to_the_events(rig):
-    """For instance that nothing could be fitted: other pages would not know it."""
+    """For example, a note says that a fit has failed. Without the event, other pages would not show it."""
     noted = rig.at(1.0, "note", text="not fitted: the last 120 s cannot be fitted: no loop")
     rig.run(until_s=2.0)
     assert rig.answers[noted] is None

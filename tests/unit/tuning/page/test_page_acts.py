@@ -1,4 +1,4 @@
-"""Every action on a page is done for the page in control, and refused on all others."""
+"""Every action is done on the page in control, and refused on all other pages."""
 
 import secrets
 from functools import partial
@@ -19,7 +19,7 @@ TOKEN = secrets.token_urlsafe(8)
 
 
 def edit_rule(source):
-    """As the table of the rules does it when its first cell is edited."""
+    """Change the data as the table of rules does when the user edits its first cell."""
     source.data = {**source.data, "a_heating": [-0.01, *source.data["a_heating"][1:]]}
 
 
@@ -28,7 +28,7 @@ def turn(number):
 
 
 CHANGES = {(Slider, "value"): turn, (Spinner, "value"): turn, (ColumnDataSource, "data"): edit_rule}
-"""How a user changes the values that the page listens to. A new kind of widget needs a line here."""
+"""Functions that change a value of a widget, as a user does. A new kind of widget needs a line here."""
 
 
 class OpenPage:
@@ -46,7 +46,7 @@ class OpenPage:
         self._doc.get_model_by_name("save_name").value = "stolen"
 
     def acts(self):
-        """All actions of a user, by the names of widget and event."""
+        """Return all actions of a user, by the names of widget and event."""
         events = next(model for model in self._doc.models if isinstance(model, ButtonEvents))
         for model in sorted(self._doc.models, key=lambda model: model.id):
             for event in model._event_callbacks:
@@ -61,7 +61,7 @@ class OpenPage:
                 )
 
     def note_after(self, act):
-        """The banner of the page after an action."""
+        """Do an action, and return the note in the banner of the page."""
         self._page._note = ""
         act()
         for _ in range(STATE_FRAMES):

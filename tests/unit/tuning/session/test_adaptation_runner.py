@@ -15,12 +15,12 @@ from smadrive.tuning.tuning import Tuning
 from tests.unit.tuning.conftest import BALANCE
 
 FOUND_S = 76.0
-"""When that adaptation ends."""
+"""The time at which the adaptation of `faulty_rig` finds the fault and ends."""
 
 
 @pytest.fixture
 def faulty_rig(ruled_rig):
-    """A rig that tracks; its adaptation finds at FOUND_S that a sensor is faulty."""
+    """A rig that tracks a reference. At `FOUND_S` its adaptation finds that a sensor is faulty."""
     faults = ruled_rig.device.bench.sensors.faults
     ruled_rig.at(1.0, "arm")
     ruled_rig.at(1.2, "adapt", on=True)
@@ -32,7 +32,7 @@ def faulty_rig(ruled_rig):
 
 @pytest.mark.parametrize("off_after_s", [None, exhaustive(0.05), 0.1, exhaustive(0.15)])
 def test_rules_from_before_a_sensor_fault_are_put_in_force_again(faulty_rig, off_after_s):
-    """A drifting thermocouple is followed for a while; the rules learnt from it must not stay, whenever OFF comes."""
+    """The adaptation learns wrong rules from a drifting thermocouple. They must not stay, whenever OFF comes."""
     spoilt = []
     if off_after_s is not None:
         faulty_rig.do(FOUND_S + off_after_s, faulty_rig.page.request_off)
@@ -40,7 +40,7 @@ def test_rules_from_before_a_sensor_fault_are_put_in_force_again(faulty_rig, off
     faulty_rig.run(until_s=90.0)
     (ended_s, event) = next(entry for entry in faulty_rig.status["events"] if "adaptation ended" in entry[1])
     assert ended_s == pytest.approx(FOUND_S, abs=0.06)
-    assert "its rules from before are put in force" in event
+    assert "the rules from before the fault are put in force" in event
     in_force = faulty_rig.session.tunings.in_force
     assert in_force.change == "adaptation"
     assert in_force.model.scale != pytest.approx(spoilt[0].scale, rel=1e-3), (
@@ -53,11 +53,11 @@ def test_rules_from_before_a_sensor_fault_are_put_in_force_again(faulty_rig, off
     ("act", "values"), [exhaustive("adapt", {"on": True}), exhaustive("adapt", {"on": False}), ("undo", {})]
 )
 def test_waiting_rules_of_an_ended_adaptation_are_put_in_force(faulty_rig, act, values):
-    """A slider that is moved at that moment delays them."""
+    """A slider that is moved when the adaptation ends delays its rules."""
     faulty_rig.at(FOUND_S, "feedback", key="closed_loop_s", value=0.3)
     asked = faulty_rig.at(FOUND_S + 0.05, act, **values)
     faulty_rig.run(until_s=80.0)
-    assert "rules from before wait" in faulty_rig.answers[asked]
+    assert "rules from before the fault are not in force yet" in faulty_rig.answers[asked]
     assert faulty_rig.session.tunings.in_force.change == "adaptation"
 
 
@@ -73,14 +73,14 @@ def test_comparison_and_adaptation_exclude_each_other(ruled_rig):
     compare = ruled_rig.at(7.0, "compare", on=True)
     too_late = ruled_rig.at(8.0, "adapt", on=True)
     ruled_rig.run(until_s=9.0)
-    assert "would change what is compared" in ruled_rig.answers[too_early]
+    assert "would change the compared tunings" in ruled_rig.answers[too_early]
     assert ruled_rig.answers[compare] is None
     assert "being compared" in ruled_rig.answers[too_late]
 
 
 @pytest.mark.parametrize("at_s", [2.5, 3.0, 3.5])
 def test_adaptation_begun_while_a_healthy_wire_heats_up_leaves_the_rules(rig, at_s):
-    """The wire rises by 50 K within a second then, and its thermocouple shows it later."""
+    """At this time the wire rises by 50 K within a second, and its thermocouple shows the rise later."""
     sets = TriangularSets(tuple(np.linspace(50.0, 110.0, 31).tolist()))
     rig.model = TSFuzzyDuhem.from_duhem(rig.model, sets)
     rig.at(1.0, "arm")

@@ -1,4 +1,4 @@
-"""A wire that ages while it works, and rules that follow it: from the registers of the device to the rules in force."""
+"""The adaptation follows a wire that ages while it works, from the registers of the device to the rules in force."""
 
 import pytest
 

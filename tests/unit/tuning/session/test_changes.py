@@ -1,4 +1,4 @@
-"""Changes of the tuning: put in force, refused, undone, compared."""
+"""Changes of the tuning are put in force, refused, undone and compared."""
 
 import numpy as np
 import pytest
@@ -25,8 +25,8 @@ def test_change_is_put_in_force_without_a_jump(rig):
     ("act", "values", "reason"),
     [
         ("shape", {"key": "mu_heating", "value": 60.0}, "must exceed mu_cooling"),
-        ("shape", {"key": "mu_heating", "value": 134.9}, "would need"),
-        ("shape", {"key": "mu_heating", "value": 140.0}, "temperature_max_c"),
+        ("shape", {"key": "mu_heating", "value": 134.9}, "above temperature_max_c"),
+        ("shape", {"key": "mu_heating", "value": 140.0}, "not below temperature_max_c"),
         ("shape", {"key": "scale", "value": 5.0}, "reaches from"),
         ("feedback", {"key": "closed_loop_s", "value": 0.0}, "greater than 0"),
         ("feedback", {"key": "closed_loop_s", "value": 0.04}, "shorter than a period of the loop"),
@@ -41,7 +41,7 @@ def test_change_is_put_in_force_without_a_jump(rig):
         ),
         ("track", {"reference": "steps:low_mm=2,high_mm=9,dwell_s=0.001,cycles=1e5"}, "pieces, at most 2000"),
         ("track", {"reference": "square"}, "neither a shape nor a CSV file"),
-        ("undo", {}, "nothing to undo"),
+        ("undo", {}, "no change to undo"),
         ("recall", {"slot": "A"}, "slot A is empty"),
         ("compare", {"on": True}, "slot A is empty"),
         ("model", {"text": "{}", "source": "elsewhere"}, "elsewhere"),
@@ -65,7 +65,7 @@ def test_catalogue_refuses_a_reference_that_is_too_long_for_the_page():
     assert "smadrive run" in refused.value.cure
 
 
-def test_undo_and_redo(rig):
+def test_undo_takes_a_change_back_and_redo_can_make_it_again(rig):
     rig.at(1.0, "arm")
     rig.at(2.0, "shape", key="mu_heating", value=92.0)
     rig.at(3.0, "feedback", key="closed_loop_s", value=0.5)
@@ -135,12 +135,12 @@ def test_comparison_of_equal_tunings_is_refused(rig):
     rig.at(3.0, "track", reference="sine")
     compare = rig.at(5.0, "compare", on=True)
     rig.run(until_s=6.0)
-    assert "slot A and slot B keep the same tuning" in rig.answers[compare]
+    assert "slot A and slot B hold the same tuning" in rig.answers[compare]
     assert not rig.status["comparison"]["on"]
 
 
 def half_way_c(wire):
-    """The temperature at which the heating branch of a wire file is half way up."""
+    """Return the temperature at which the heating branch of a wire file is half way up."""
     model = parse_wire(wire, place="status").model
     return float(np.interp(0.5, model.engine.heating.target, model.engine.nodes))
 

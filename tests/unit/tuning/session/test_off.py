@@ -1,4 +1,4 @@
-"""OFF of the tuning page: zero current, its confirmation, and the requests that it wins over."""
+"""OFF of the tuning page gives zero current, is confirmed, and wins over earlier requests."""
 
 from itertools import pairwise
 
@@ -24,7 +24,7 @@ def test_off_ends_with_zero_current_within_two_periods(rig, way):
 
 @pytest.fixture
 def modes(rig):
-    """The published modes, without repetitions."""
+    """A function that returns the published modes, without repetitions."""
     seen = []
     rig.clock.follow(lambda _: seen.append(rig.control.published.get("mode")))
     return lambda: [mode for before, mode in pairwise(seen) if mode != before]
@@ -145,7 +145,7 @@ def test_every_arm_is_answered_although_off_comes_before_the_wire_is_held(rig):
     off = rig.at(1.0, "off")
     rig.run(until_s=3.0)
     first, second = (rig.answers[arm] for arm in arms)
-    assert "switched off meanwhile" in first
+    assert "switched off in the meantime" in first
     assert "armed already" in second
     assert rig.answers[off] is None
     assert rig.status["mode"] == "off"

@@ -1,4 +1,4 @@
-"""OFF while no reply arrives: the loop checks it before every exchange, so that no later frame carries current."""
+"""OFF while no reply arrives: the loop checks OFF before every exchange, so no later frame commands current."""
 
 import pytest
 
@@ -10,7 +10,7 @@ EXCHANGE = 0x17
 
 
 def commands(trace):
-    """Time and current of every command that was sent."""
+    """Return time and current of every command that was sent."""
     codec = load_profile("sma-reference").register("heater_current").codec
     for time_s, direction, frame in read_trace(trace)[1]:
         _, pdu = content_of(frame, numbered=False) if direction == "sent" else (0, b"")

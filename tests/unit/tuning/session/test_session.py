@@ -82,7 +82,7 @@ def test_arm_that_waits_too_long_is_refused_and_does_not_heat_later(rig):
     change = rig.at(19.5, "shape", key="mu_heating", value=90.2)
     arm = rig.at(19.6, "arm")
     rig.run(until_s=40.0)
-    assert "still on its way into force: press again" in rig.answers[arm]
+    assert "still being built: press Arm again" in rig.answers[arm]
     assert rig.answers[change] is None
     assert rig.status["mode"] == "off"
     assert currents(rig.between(19.2, 40.0)).max() < NONE_A

@@ -1,4 +1,4 @@
-"""The view of `tune` in the terminal, while pages are opened and closed."""
+"""The terminal of `tune` shows the heater and the pages, while pages are opened and closed."""
 
 import secrets
 from pathlib import Path
