@@ -1,4 +1,4 @@
-"""A record, a log or a display that fails at any step leaves no current flowing and hides no trip."""
+"""A record, log or display may fail at any step: the current still ends at zero and the trip is still reported."""
 
 import errno
 import os
@@ -37,7 +37,7 @@ class Constant:
 
 
 class Scene:
-    """A rig on its bench."""
+    """A rig and its simulated bench."""
 
     def __init__(self, kind):
         base = load_rig("in-process").model_dump(exclude_none=True)
@@ -101,7 +101,7 @@ def test_a_log_whose_file_fails_at_its_end_does_not_hide_the_trip(scene, tmp_pat
 
 
 class FailingTerminal:
-    """A terminal that takes some writes and is gone then."""
+    """A terminal that disappears after some writes."""
 
     encoding = "utf-8"
 

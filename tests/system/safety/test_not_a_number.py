@@ -1,4 +1,4 @@
-"""A supply with float registers that measures NaN: no check is skipped, and no run ends in a ValueError."""
+"""A supply with float registers may measure NaN: no check is skipped, and no run ends with a ValueError."""
 
 import pytest
 
@@ -94,7 +94,7 @@ class Constant:
 
 
 class Scene:
-    """The rig and its bench; `record` breaks something at `FAULT_AT_S`."""
+    """The rig and its simulated bench. `record` returns a recorder that causes a fault at `FAULT_AT_S`."""
 
     def __init__(self, tmp_path):
         (tmp_path / "float-supply.toml").write_text(PROFILE, encoding="utf-8")
@@ -156,7 +156,7 @@ def test_a_single_sample_without_power_ends_no_tracking_run(scene, fault):
     assert scene.ticks[-1].time_s > FAULT_AT_S + 10.0
 
 
-def test_without_a_valid_current_nothing_is_armed_and_off_is_not_confirmed(scene):
+def test_invalid_current_prevents_arming_and_the_confirmation_of_off(scene):
     def arm(rig):
         scene.bench.known_faults()["lose_current"]()
         rig.clock.sleep_until(rig.clock.now_s() + 1.0)
