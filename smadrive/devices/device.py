@@ -55,7 +55,7 @@ class Device:
         lowest, highest = (1, 247) if profile.profile.protocol == "modbus-rtu" else (0, 255)
         if unit_id is not None and not lowest <= unit_id <= highest:
             raise ConfigError(
-                "no single device can have it", where="unit_id", value=unit_id, limit=f"{lowest} to {highest}"
+                "is no unit id of a single device", where="unit_id", value=unit_id, limit=f"{lowest} to {highest}"
             )
         timing = profile.bus_timing()
         timing = timing if read_retries is None else replace(timing, read_retries=read_retries)

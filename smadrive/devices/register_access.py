@@ -103,7 +103,7 @@ class RegisterAccess:
                 "reads back another value than the written one",
                 where=f"unit {self._unit_id}, register '{write.name}'",
                 value=f"{write.text(found)}, wrote {write.text(write.words)}",
-                cure="check that the device is neither locked nor in a fault, and that nobody turned its knob",
+                cure="check that the device is neither locked nor in a fault, and that its knob was not turned",
             )
 
     @property

@@ -18,7 +18,7 @@ class PolledSensor:
     """Reads the role `quantity` (temperature or displacement) of `device`, at most once per `period_s`."""
 
     def __init__(self, device: Device, quantity: str, period_s: float, stale_s: float, clock: Clock) -> None:
-        """ConfigError when the profile binds no register to `quantity`."""
+        """Raise ConfigError if the profile has no register for `quantity`."""
         self._device = device
         self._quantity = quantity
         self._name = device.profile.role(quantity)

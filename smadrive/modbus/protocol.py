@@ -2,9 +2,9 @@
 
 verdict.py holds the rules.
 
-Two faults cannot be seen in a frame. On RTU, the second copy of a reply that arrives after the next request of the same
-kind looks like the answer to it. On any connection, a gateway may answer with the reply to an older request.
-probes.py chooses reads whose answers exclude both faults.
+A single frame does not reveal two faults. On RTU, a second copy of an earlier reply may arrive after the next request
+of the same kind, and looks like the answer to this request. On any connection, a gateway may answer with the reply to
+an older request. probes.py chooses reads whose answers exclude both faults.
 """
 
 from __future__ import annotations

@@ -152,7 +152,7 @@ class GuardianClient:
     def take_back(self) -> None:
         """After a take-over, wait until the guardian has finished, and get the ports back.
 
-        SafetyError when the guardian does not finish in time; it then continues.
+        SafetyError when the guardian does not finish in time. The guardian then continues its attempts.
         """
         if self._state is WatchState.TAKEN_OVER:
             if not self._is_freed():

@@ -62,7 +62,10 @@ class PortSearch:
 
     @property
     def _terminal_exists(self) -> bool:
-        """True if the pseudo-terminal has not ended. Its times cannot show that: they also change with its owner."""
+        """True if the pseudo-terminal has not ended.
+
+        The times of its file also change with its owner or permissions.
+        """
         return self._terminal is not None and os.fstat(self._terminal).st_nlink > 0
 
     def _at(self, name: str) -> str:

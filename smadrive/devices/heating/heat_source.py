@@ -72,7 +72,10 @@ class HeatSource(Protocol):
 
     @property
     def identity(self) -> Identity:
-        """The registers that distinguish the device from its twin. Is empty before `connect` and if there are none."""
+        """The registers that distinguish the device from its twin.
+
+        It is empty before `connect`, and for a device without any.
+        """
         ...
 
     @property

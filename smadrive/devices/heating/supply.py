@@ -129,7 +129,7 @@ class BenchSupply(RegisterSource):
                 "the voltage limit reads back another value than the one that was set",
                 where=f"unit {self.device.unit_id}, register '{name}'",
                 value=f"{readings[name].value:g} V, set to {self._voltage_set.value:g} V",
-                cure="check that nobody turned the knob of the supply",
+                cure="check that the knob of the supply was not turned",
             )
 
     def _protect(self, role: str, limit: float) -> None:
@@ -152,7 +152,7 @@ class BenchSupply(RegisterSource):
     def _limits_voltage(self, readings: dict[str, RegisterReading], voltage_v: float) -> bool:
         """Return True if the supply holds its voltage instead of its current.
 
-        The CC/CV flag tells this; without the flag, a voltage near the limit does.
+        The CC/CV flag shows this. Without such a flag, a voltage near the limit shows it.
         """
         name = self._names.get("regulation")
         return "cv" in readings[name].words if name is not None else voltage_v >= AT_LIMIT * self._voltage_max_v

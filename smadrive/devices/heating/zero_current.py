@@ -11,7 +11,7 @@ from smadrive.errors import DeviceError, ProtocolError, SafetyError, TransportEr
 CURRENT_ZERO_A = 0.05
 """A smaller current, in amperes, is noise of the current measurement."""
 ZERO_SHARE = 0.1
-"""For thin wires, the bound is this fraction of current_max_a, if that is smaller."""
+"""For thin wires, the bound is this fraction of current_max_a. The smaller bound applies."""
 CURRENT_GONE_S = 0.2
 """Current may still be measured for this time after switching off, added to the settling time of the source."""
 LOOK_AGAIN_S = 0.05

@@ -66,7 +66,7 @@ class TripLatch:
         return self._trip
 
     def latch(self, trip: TripError) -> None:
-        """Latch the trip. If its record cannot be written, add a note to the trip; it then ends with the process."""
+        """Latch the trip. If its record cannot be written, add a note to the trip, which then ends with the process."""
         self._trip = str(trip)
         if self._key is None:
             return

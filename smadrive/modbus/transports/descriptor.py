@@ -94,7 +94,7 @@ class DescriptorTransport(ABC):
             )
 
     def read(self, deadline_s: float) -> bytes:
-        """Return the bytes that have arrived, at least one; return none if nothing arrived before `deadline_s`."""
+        """Return the bytes that have arrived, at least one; return no bytes if none arrived before `deadline_s`."""
         self._check_access()
         if self.lost:
             self._fail(OSError("closed"))

@@ -53,7 +53,7 @@ class InProcessTransport:
             self.deliver(due_s, answer)
 
     def read(self, deadline_s: float) -> bytes:
-        """Return the bytes that have arrived, at least one; return none if nothing arrived before `deadline_s`."""
+        """Return the bytes that have arrived, at least one; return no bytes if none arrived before `deadline_s`."""
         self._check_open()
         arriving = self._arriving
         if not arriving or arriving[0][0] > deadline_s:

@@ -56,7 +56,7 @@ class Transport(Protocol):
         ...
 
     def read(self, deadline_s: float) -> bytes:
-        """Return the bytes that have arrived, at least one; return none if nothing arrived before `deadline_s`."""
+        """Return the bytes that have arrived, at least one; return no bytes if none arrived before `deadline_s`."""
         ...
 
     def discard(self) -> bytes:

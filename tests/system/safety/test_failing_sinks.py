@@ -11,12 +11,11 @@ from firmware_sim.config import load_sim
 from smadrive.cli.views.run_view import RunView, drawing
 from smadrive.clock import VirtualClock
 from smadrive.control.controllers.temperature import Command
-from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import SafetyError, TripError
 from smadrive.rig.config import RigConfig, load_rig
-from smadrive.rig.rig import Rig
 from smadrive.runs.run_log import record_excitation
 from smadrive.safety.shutdown import shutdown_of
+from tests.on_bench import rig_on
 
 TICKS = 40
 FAILURES = [OSError(errno.ENOSPC, "full"), BrokenPipeError(), MemoryError(), ValueError("closed"), SystemExit(1)]
@@ -48,11 +47,7 @@ class Scene:
         self.bench = SimulatedBench(load_sim("flexinol-lt-0.15mm"), seed=5)
         clock = VirtualClock()
         clock.follow(self.bench.advance_to)
-        transports = {
-            device.name: self.bench.attach(load_profile(device.profile), name=device.name).transport(clock)
-            for device in config.devices
-        }
-        self.rig = Rig(config, transports=transports)
+        self.rig = rig_on(self.bench, config, clock)
 
     def drive(self, rig, record):
         return rig.drive(Constant(rig.period_s), rig.nominal_balance, record)

@@ -8,13 +8,12 @@ from smadrive.clock import VirtualClock
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine
-from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import SafetyError, TripError
 from smadrive.hysteresis import DuhemModel
 from smadrive.rig.config import RigConfig, load_rig
-from smadrive.rig.rig import Rig
 from smadrive.safety.faults import Fault
 from smadrive.safety.shutdown import shutdown_of
+from tests.on_bench import rig_on
 
 SIM = "flexinol-lt-0.15mm"
 PERIOD_S = 0.25
@@ -109,11 +108,7 @@ class Scene:
         self.bench = SimulatedBench(load_sim(SIM), seed=5)
         clock = VirtualClock()
         clock.follow(self.bench.advance_to)
-        transports = {
-            device.name: self.bench.attach(load_profile(device.profile), name=device.name).transport(clock)
-            for device in config.devices
-        }
-        self.rig = Rig(config, transports=transports)
+        self.rig = rig_on(self.bench, config, clock)
         self.ticks = []
 
     def record(self, name, for_s=None):
