@@ -137,6 +137,7 @@ class TextLine:
                 "another board answers now",
                 where=self._transport.name,
                 value=f"'{line}', was '{self._banner}'",
+                cure="check the port in the rig file",
             )
 
     def _await_silence(self) -> None:

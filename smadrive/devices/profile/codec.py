@@ -82,11 +82,13 @@ class Codec:
             raise ConfigError("the value is not finite", where=where, value=value, cure="give a finite number")
         if self._min is not None and self._max is not None and not self._min <= value <= self._max:
             limit = f"{self._min:g} to {self._max:g}"
-            text = f"{value:g} {self._unit}"
+            text = f"{value:g} {self._unit}".rstrip()
             raise ConfigError("the value is outside the limits", where=where, value=text, limit=limit)
         raw = self._raw_of(value, context)
         if not self._lowest <= raw <= self._highest:
-            raise ConfigError(self._overflow(value, raw), where=where)
+            limit = f"raw {self._lowest:g} to {self._highest:g}"
+            text = f"{value:g} {self._unit}".rstrip() + f", raw {raw:g}"
+            raise ConfigError(f"the value overflows {self._kind}", where=where, value=text, limit=limit)
         if self._enum and raw not in self._enum:
             states = ", ".join(f"{number} = {word}" for number, word in self._enum.items())
             raise ConfigError("the value is not a state of the register", where=where, value=f"{value:g}", limit=states)

@@ -117,7 +117,7 @@ class Profile(Section):
             return self.registers[name]
         except KeyError:
             raise ConfigError(
-                f"no register '{name}'; {suggestion_or_list(name, self.registers)}", where=self._where
+                f"no register '{name}'", where=self._where, cure=suggestion_or_list(name, self.registers)
             ) from None
 
     def role(self, role: str) -> str:
@@ -145,7 +145,7 @@ class Profile(Section):
         choices = {variant.choice: variant for variant in self.variants if variant.choice}
         if choice not in choices:
             raise ConfigError(
-                f"no choice '{choice}'; {suggestion_or_list(choice, map(str, choices))}", where=self._where
+                f"no choice '{choice}'", where=self._where, cure=suggestion_or_list(choice, map(str, choices))
             )
         return self.as_variant(choices[choice])
 
