@@ -1,4 +1,5 @@
-"""Devices of a rig: registers by name and in engineering units, heat sources, sensors, scan of a bus.
+"""Devices of a rig: registers by name and in engineering units, heat sources, sensors, the scan of a bus.
 
-May import modbus and the ground. Never here: hysteresis, wire, control or any other maths, and no rig file.
+This package may import `modbus` and the modules below it. Hysteresis, wire, control, other maths and rig files do not
+belong here.
 """

@@ -1,16 +1,18 @@
 """A device on the bus, used by register names and in engineering units.
 
-Nothing is written before the identity is proved, and a write counts only after its read-back. A new connection may lead
-to another device (two adapters of a hub change names), so the device must prove again that it is the same one. Where
-models of a family differ in their registers, nothing is read either before the model is known. Where a setting decides
-(a range switch), it is read again before every write.
+Nothing is written before the identity of the device is proved, and a write counts as done only after its read-back. A
+new connection may lead to another device (two adapters of a hub exchange their names), so the device must prove again
+that it is the same one. If the models of a family differ in their registers, the model must be known before a read,
+too. If a setting of the device decides about the registers (a range switch), it is read again before every write.
 
-    use                 the identity is checked before it, unless it was proved on this connection and no exchange has
-                        failed since: after silence, a refusal or a wrong read-back another device may be there
-    safe state          the identity is checked once more before it counts as confirmed
-    read                if the model decides about the registers, or the identity of the device is known
-    encode a write      if the model decides about the registers; with a range switch at every write
+The identity is checked before the uses below, unless it was proved on this connection and no exchange has failed since
+then. After silence, an exception or a wrong read-back another device may be there.
+
+    read                if the registers depend on the model, or the identity of the device is known
+    encode a write      if the registers depend on the model; with a range switch, at every write
     send a write        always
+
+After the safe state it is checked once more, if registers can prove it. Only then is the safe state confirmed.
 """
 
 from __future__ import annotations
@@ -31,14 +33,14 @@ from smadrive.errors import ConfigError, DeadlineError, DeviceError, IdentityErr
 from smadrive.modbus import requests
 from smadrive.modbus.client import ModbusClient
 
-_REFUTED = -1  # in place of the connection on which the identity was proved: another device answered
+_REFUTED = -1  # takes the place of the proved connection after another device has answered
 
 
 class Device:
-    """One device of type `profile` at `unit_id` (the profile's own if None) behind `client`.
+    """A device of type `profile` at `unit_id` (the profile's own if None) behind `client`.
 
-    `read_retries` replaces that of the profile; 0 for periodic pollers. `identity` is the known identity of this very
-    device; without it, the identity that is found first counts.
+    `read_retries` replaces that of the profile; periodic pollers set 0. `identity` is the known identity of this very
+    device. If it is left out, the first identity that is found counts.
     """
 
     def __init__(
@@ -49,11 +51,11 @@ class Device:
         read_retries: int | None = None,
         identity: Identity = UNKNOWN,
     ) -> None:
-        """Nothing is sent yet. ConfigError when no single device can have `unit_id`."""
+        """Send nothing yet. ConfigError when `unit_id` cannot belong to a single device."""
         lowest, highest = (1, 247) if profile.profile.protocol == "modbus-rtu" else (0, 255)
         if unit_id is not None and not lowest <= unit_id <= highest:
             raise ConfigError(
-                "no single device can have it", where="unit_id", value=unit_id, limit=f"{lowest} to {highest}"
+                "is no unit id of a single device", where="unit_id", value=unit_id, limit=f"{lowest} to {highest}"
             )
         timing = profile.bus_timing()
         timing = timing if read_retries is None else replace(timing, read_retries=read_retries)
@@ -74,13 +76,13 @@ class Device:
 
     @property
     def profile(self) -> Profile:
-        """The profile of the device; once its identity is proved, that of its model."""
+        """The profile of the device. Once the identity is proved, it is the profile of the proved model."""
         return self._registers.profile
 
     def check_identity(self) -> None:
-        """Prove that the device is the one that the profile describes, and find its model; IdentityError if not.
+        """Prove that the profile describes the device, and find its model; IdentityError if the proof fails.
 
-        A device that was proved before must be the same one. At the first check it gets `boot_ms` to start.
+        After the first check, it must be the same device. At the first check the device has `boot_ms` to start.
         """
         connection, names = self.client.connection, self._check.registers
         first = self._proved_on is None
@@ -95,12 +97,11 @@ class Device:
         self.proof, self._proved_on, self._is_doubtful = self._proof_if_checked, connection, False
 
     def read(self, names: Sequence[str], *, proved: bool = False) -> dict[str, RegisterReading]:
-        """The registers `names`, in as few requests as their addresses allow.
+        """Read the registers `names` in as few requests as possible, and return their readings.
 
-        Plain Modbus RTU cannot distinguish a stale reply from a current one of equal length: a second copy of the
-        previous reply may be taken for this one. Where a safety decision rests on the readings, ask for `proved` ones:
-        a request of another length is answered first (see ModbusClient.execute). That costs one more transaction for
-        each request.
+        Plain Modbus RTU cannot distinguish a second copy of the previous reply from a current one of equal length.
+        `proved` excludes that: the device must first answer a request of another length (see ModbusClient.execute),
+        which costs one more transaction per request. Set it where a safety decision depends on the readings.
         """
         with self._doubt_on_failure():
             if self._check.model_registers or self.identity:
@@ -108,13 +109,13 @@ class Device:
             return self._registers.read(tuple(names), proved=proved)
 
     def write(self, name: str, value: float) -> None:
-        """Write one register and read it back (unless it is write-only); ReadBackError when it did not arrive."""
+        """Write one register and read it back, unless it is write-only. ReadBackError when the value did not arrive."""
         with self._doubt_on_failure():
             self._prove_model()
             self._write(self._registers.encode(name, value))
 
     def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, RegisterReading]:
-        """Write adjacent registers, then read adjacent registers, in one FC23 transaction; never retried."""
+        """Write adjacent registers, then read adjacent registers, in one FC23 transaction. It is never retried."""
         with self._doubt_on_failure():
             self._prove_model()
             target, source = self._registers.plans.exchange(tuple(writes), tuple(reads))
@@ -126,10 +127,9 @@ class Device:
     def command(
         self, name: str, value: float, reads: Sequence[str], *, proved: bool = False
     ) -> dict[str, RegisterReading]:
-        """Read `reads`, which include `name`, then write `value` to it, unless it holds that value already.
+        """Read `reads`, which include `name`, then write `value` to `name` unless the register holds it already.
 
-        The readings show the effect of the previous command. ReadBackError when `name` does not hold the previous
-        command: it did not arrive, or the register was changed elsewhere.
+        The readings show the effect of the previous command. ReadBackError when `name` does not hold that command.
         """
         with self._doubt_on_failure():
             return self._command(name, value, reads, proved=proved)
@@ -150,10 +150,10 @@ class Device:
         return decode(spans, words, reads)
 
     def enter_safe_state(self) -> None:
-        """Write the profile's safe state, confirmed by read-back; see `retry_all`.
+        """Write the profile's safe state and confirm it by read-back; see `retry_all`.
 
-        A line may still carry requests although no reply comes back. So a step without an answer is sent once more,
-        even while replies are outstanding: a safe state can be written twice, and only a read-back confirms it.
+        A line may still carry requests when no reply comes back. So a step without an answer is sent once more, even
+        while replies are outstanding. Writing a safe state twice is harmless, and only a read-back confirms it.
         """
         steps = [partial(self._make_safe, step.register_, step.value) for step in self.profile.safe_state]
         retry_all([*steps, self._confirm_identity], self.client.clock)
@@ -170,31 +170,31 @@ class Device:
             raise
 
     def _confirm_identity(self) -> None:
-        """Check the identity where registers prove it: the read-backs may be those of a device in its place."""
+        """Check the identity if registers can prove it, because another device may have answered the read-backs."""
         if self._proof_if_checked is Proof.PROVED or self.identity:
             self.check_identity()
 
     def _write(self, write: RegisterWrite) -> None:
-        """Write it in the order that the profile demands, and read it back."""
+        """Write the registers that the profile demands first, then `write`, and read it back."""
         name = write.name
         self._prove_identity()
         self._keep_order(name)
         if write.register.nonvolatile and self._registers.words(name) == write.words:
-            return  # every write wears the memory
+            return  # each write wears the memory of the device
         self._store(write)
         self._written.add(name)
         if name in self._check.model_registers:
             self._proved_on = None
 
     def _store(self, write: RegisterWrite) -> None:
-        """Send the write and read it back, proved."""
+        """Send the write and read it back with a proved read."""
         self._commanded.pop(write.name, None)
         self._registers.send(write, self._proved_on)
         if write.register.access == "rw":
             self._registers.confirm(write, self._registers.words(write.name, proved=True))
 
     def _keep_order(self, name: str) -> None:
-        """Write first what `write_order` demands before `name`; ConfigError where only the caller knows the value."""
+        """Write the registers that `write_order` demands first; ConfigError if only the caller can give their value."""
         for rule in self.profile.write_order:
             if rule.before not in ("*", name) or rule.write == name:
                 continue
@@ -202,19 +202,19 @@ class Device:
                 self._ensure(rule, rule.value)
             elif rule.write not in self._written:
                 raise ConfigError(
-                    f"must not be written before '{rule.write}'",
+                    f"cannot be written before '{rule.write}'",
                     where=f"register '{name}'",
                     cure=f"write '{rule.write}' first",
                 )
 
     def _ensure(self, rule: WriteOrder, value: float) -> None:
-        """Write the value of the rule unless the register holds it."""
+        """Write `value` to the register of the rule unless the register holds it already."""
         write = self._registers.encode(rule.write, value)
         if self._registers.words(rule.write) != write.words:
             self._store(write)
 
     def _read_patiently(self, names: tuple[str, ...]) -> dict[str, RegisterReading]:
-        """The registers, proved; a silent device is asked again until `boot_ms` have passed."""
+        """Read the registers, proved; repeat this for a silent device until `boot_ms` have passed."""
         give_up_s = self.client.clock.now_s() + self.profile.timing.boot_ms / 1e3
         while True:
             try:
@@ -224,7 +224,7 @@ class Device:
                     raise
 
     def _prove_model(self) -> None:
-        """Check the identity where the registers depend on the model, and the model is not certain at this moment."""
+        """Check the identity if the registers depend on the model and the model is not certain at this moment."""
         if self._check.model_registers and (self._has_switch or self._must_be_proved):
             self.check_identity()
 
@@ -234,7 +234,7 @@ class Device:
 
     @contextmanager
     def _doubt_on_failure(self) -> Iterator[None]:
-        """Doubt the identity after silence, a refusal or a wrong read-back: another device may be there."""
+        """Mark the identity as doubtful after silence, an exception or a wrong read-back (see the head)."""
         try:
             yield
         except (DeadlineError, DeviceError):

@@ -1,8 +1,9 @@
-"""The only way to heat: every ampere goes through `Heater.exchange`.
+"""The only way to heat: every commanded current goes through `Heater.exchange`.
 
-It joins a heat source with the sensors of the wire and clamps the current: to [0, current_max_a], to a falling limit
-within `DERATE_C` of temperature_max_c, and to zero while the source is not armed, the temperature is invalid or at its
-maximum, or the command is not a number. Arming sets the limits and the watchdog of the source itself.
+`Heater` joins a heat source with the sensors of the wire. It clamps the current to [0, current_max_a], and to a limit
+that falls to zero within `DERATE_C` below temperature_max_c. The current is zero while the source is not armed, while
+the temperature is invalid or at its maximum, and when the command is not a number. Arming sets the limits and the
+watchdog of the source itself.
 """
 
 from __future__ import annotations
@@ -19,15 +20,15 @@ from smadrive.measurement import Measurement
 
 DERATE_C = 5.0
 AT_LIMIT = 1.0 - 1e-6
-"""A command above this part of the limit counts as limited: a controller that knows the limit commands no more."""
+"""A command above this fraction of the limit counts as limited: a controller that knows the limit commands no more."""
 _NOTHING = Sample(nan, 0.0)
 
 
 class Heater:
-    """A heat source with the sensors of its wire; raises the errors of the devices.
+    """A heat source with the sensors of its wire. Methods raise the errors of the devices.
 
-    `thermometer` and `displacement` replace the measurements of the source; ConfigError when nothing measures the
-    temperature. `guard` is the guardian of a source that has no watchdog of its own.
+    `thermometer` and `displacement` are sensors that replace the measurements of the source. `guard` is the guardian of
+    a source that has no watchdog of its own.
     """
 
     def __init__(
@@ -39,10 +40,12 @@ class Heater:
         displacement: PolledSensor | None = None,
         guard: GuardianClient | None = None,
     ) -> None:
-        """Nothing is sent yet; call `connect()`."""
+        """Send nothing yet: call `connect()`. ConfigError when no device measures the temperature."""
         if thermometer is None and "temperature" not in source.measures:
             raise ConfigError(
-                "no device measures the temperature of the wire", where="[[devices]]", cure="add one to the rig file"
+                "no device measures the temperature of the wire",
+                where="[[devices]]",
+                cure="add a thermometer to the rig file",
             )
         self.source = source
         self.limits = limits
@@ -55,16 +58,16 @@ class Heater:
 
     @property
     def armed(self) -> bool:
-        """Whether the source was armed at every exchange since `arm`."""
+        """True if the source was armed at every exchange since `arm`."""
         return self.source.armed
 
     @property
     def temperature_period_s(self) -> float:
-        """The period of the thermometer, where a device of its own measures the temperature; 0: every exchange."""
+        """Period in seconds of a separate thermometer; 0 when every exchange measures the temperature."""
         return 0.0 if self._thermometer is None else self._thermometer.period_s
 
     def connect(self) -> Measurement:
-        """Prove the identity of every device, bring it to its safe state, and measure. Nothing is armed afterwards."""
+        """Prove the identity of every device, write its safe state, and measure. Nothing is armed afterwards."""
         self.source.connect()
         for sensor in (self._thermometer, self._displacement):
             if sensor is not None:
@@ -74,23 +77,24 @@ class Heater:
         return self.exchange(0.0)
 
     def arm(self, watchdog_s: float) -> None:
-        """Give the source its limits and its watchdog, confirmed by read-back, then arm it.
+        """Set the limits and the watchdog of the source, confirmed by read-back, then arm it.
 
         SafetyError when a fault is latched, the temperature is invalid or too high, or the device does not arm;
-        ConfigError when the device cannot have such a watchdog or limit.
+        ConfigError when the device cannot keep this limit or this watchdog time.
         """
         now = self.exchange(0.0)
         if now.device_faults:
             raise SafetyError(
-                "not armed, faults are latched on the device",
+                "not armed, because faults are latched on the device",
                 value=", ".join(now.device_faults),
                 cure="remove the cause, then clear the faults",
             )
         if not self._temperature_c < self.limits.temperature_max_c:
             raise SafetyError(
-                "not armed, the temperature does not allow it",
+                "not armed, because the temperature is unknown or too high",
                 value=now.temperature_fault or f"{now.temperature_c:.1f} °C",
                 limit=f"{self.limits.temperature_max_c:g} °C",
+                cure="check the thermocouple, or let the wire cool down",
             )
         self.source.configure(self.limits, watchdog_s)
         if self._guard is not None:
@@ -100,8 +104,8 @@ class Heater:
     def exchange(self, current_a: float) -> Measurement:
         """Command `current_a`, clamped to the limits, and measure.
 
-        A current that is not a number is sent as zero, then SafetyError is raised. After a wrong reply the temperature
-        counts as unknown, and the next command is clamped to zero.
+        If the command is not a number, zero is sent and SafetyError is raised. After a wrong reply the temperature
+        counts as unknown, so the next command is clamped to zero.
         """
         if self._guard is not None:
             self._guard.check()
@@ -115,7 +119,7 @@ class Heater:
         measurement = self._measurement(supplied, in_force_a, limits)
         if not isfinite(current_a):
             raise SafetyError(
-                "the commanded current is not a number, zero was sent",
+                "the commanded current is not a number, so zero was sent",
                 where="current_a",
                 value=current_a,
                 cure="check the controller",
@@ -128,9 +132,10 @@ class Heater:
         return self.exchange(0.0)
 
     def enter_safe_state(self) -> None:
-        """Zero current and heater off, confirmed by read-back; tried several times, raises when unconfirmed.
+        """Set zero current and switch the heater off, confirmed by read-back.
 
-        SafetyError when current still flows, or the source still reports that it is armed.
+        This is tried several times. Raises the last error if the read-back does not confirm it; SafetyError when
+        current still flows, or the source still reports that it is armed.
         """
         self._sent_a = 0.0
         if self._guard is None:
@@ -144,7 +149,12 @@ class Heater:
         self.source.clear_faults()
         measurement = self.exchange(0.0)
         if measurement.device_faults:
-            raise SafetyError("not cleared, the cause persists", value=", ".join(measurement.device_faults))
+            raise SafetyError(
+                "not cleared, because their cause persists",
+                where="faults",
+                value=", ".join(measurement.device_faults),
+                cure="remove the cause first",
+            )
         return measurement
 
     def _switch_off(self) -> None:
@@ -153,7 +163,7 @@ class Heater:
         wait_for_zero_current(self.source, self.limits.current_max_a, self._clock)
 
     def _switch_off_under(self, guard: GuardianClient) -> None:
-        """Switch off; the guardian watches until no current flows, and switches off if the driver stands still."""
+        """Switch off. The guardian watches until no current flows, and switches off if the driver stands still."""
         while True:
             guard.take_back()
             try:
@@ -164,11 +174,11 @@ class Heater:
             return
 
     def _allowed(self, current_a: float) -> tuple[float, tuple[str, ...]]:
-        """The current that may flow, and the names of the limits that hold it."""
+        """Return the allowed current in amperes, and the names of the limits that hold it back."""
         headroom_c = self.limits.temperature_max_c - self._temperature_c
         if not (self.source.armed and isfinite(current_a)):
             return 0.0, ()
-        if not headroom_c > 0.0:  # too hot, or the temperature unknown
+        if not headroom_c > 0.0:  # the wire is too hot, or its temperature is unknown (NaN)
             return 0.0, ("temperature",) if current_a > 0.0 else ()
         most_a = self.limits.current_max_a
         limit = "current_max"
@@ -195,7 +205,7 @@ class Heater:
             device_limits=supplied.limits,
             host_limits=limits,
             armed=supplied.armed
-            and self.source.armed,  # a source that came on again is not armed: nothing would be sent
+            and self.source.armed,  # a source that switched on again by itself does not count as armed
             in_force_a=in_force_a,
             temperature_age_s=now_s - temperature.time_s,
             displacement_age_s=now_s - displacement.time_s,

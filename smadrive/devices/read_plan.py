@@ -1,8 +1,8 @@
 """The requests that read a set of registers, and the readings in their replies.
 
-Neighbours are read together, as many as the device allows, and across other registers of the profile: a request costs
-more than a few words. A block is always read whole and by itself, so that its values belong together. Registers on
-which the meaning of another one depends are read with it.
+One request reads as many neighbours as the device allows, also across unneeded registers of the profile: one more
+request costs more time than a few more words. A block is always read whole and by itself, so that its values belong to
+the same moment. If the meaning of a register depends on other registers, they are read with it.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ _Names = tuple[str, ...]
 
 
 class RegisterSlice(NamedTuple):
-    """One register of a span: its `place` among the words of the span, and its codec."""
+    """One register of a span. `place` is its position in the words of the span."""
 
     name: str
     register: Register
@@ -43,16 +43,16 @@ class RegisterSpan:
     has_dependents: bool
 
     def words(self, payload: bytes) -> tuple[int, ...]:
-        """The words in the payload of the reply."""
+        """Return the words in the payload of the reply."""
         return words_of(self.table, payload, self.count)
 
     def read_request(self, function_codes: Sequence[int]) -> Request:
-        """The request that reads the span."""
+        """Return the request that reads the span."""
         return read_request(self.table, self.address, self.count, function_codes)
 
 
 class RequestPlans:
-    """The spans that a device of `profile` needs for each set of registers, computed once a set."""
+    """Computes the spans that a device of `profile` needs for a set of registers, once for each set."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
@@ -60,14 +60,14 @@ class RequestPlans:
         self._exchanges: dict[tuple[_Names, _Names], tuple[RegisterSpan, RegisterSpan]] = {}
 
     def read(self, names: _Names) -> tuple[RegisterSpan, ...]:
-        """The spans that hold the registers `names` and all that must be read with them."""
+        """Return the spans with the registers `names` and all registers that must be read with them."""
         spans = self._reads.get(names)
         if spans is None:
             spans = self._reads[names] = plan(self._profile, names)
         return spans
 
     def exchange(self, writes: _Names, reads: _Names) -> tuple[RegisterSpan, RegisterSpan]:
-        """The span that one FC23 writes and the span that it reads; ConfigError when registers are not adjacent."""
+        """Return the spans that one FC23 request writes and reads; ConfigError when registers are not adjacent."""
         spans = self._exchanges.get((writes, reads))
         if spans is None:
             for name in writes:
@@ -95,7 +95,7 @@ class RequestPlans:
 
 
 def plan(profile: Profile, names: Sequence[str]) -> tuple[RegisterSpan, ...]:
-    """The spans that hold the registers `names` and all that must be read with them."""
+    """Return the spans with the registers `names` and all registers that must be read with them."""
     most = profile.timing.max_read_registers
     loose = _loose_addresses(profile)
     groups: list[list[tuple[str, Register]]] = []
@@ -112,7 +112,7 @@ def plan(profile: Profile, names: Sequence[str]) -> tuple[RegisterSpan, ...]:
 def decode(
     spans: Iterable[RegisterSpan], words: Iterable[Sequence[int]], names: Sequence[str]
 ) -> dict[str, RegisterReading]:
-    """The readings of `names` out of the words of the spans."""
+    """Return the readings of `names`, decoded from the words of the spans."""
     readings: dict[str, RegisterReading] = {}
     later: list[tuple[str, Register, Sequence[int]]] = []
     for span, span_words in zip(spans, words, strict=True):
@@ -127,7 +127,7 @@ def decode(
 
 
 def words_of_register(spans: Iterable[RegisterSpan], words: Iterable[tuple[int, ...]], name: str) -> tuple[int, ...]:
-    """The words of one register out of the words of the spans."""
+    """Return the words of one register, taken from the words of the spans."""
     (found,) = (
         span_words[part.place]
         for span, span_words in zip(spans, words, strict=True)
@@ -138,7 +138,7 @@ def words_of_register(spans: Iterable[RegisterSpan], words: Iterable[tuple[int, 
 
 
 def _with_related(profile: Profile, names: Sequence[str]) -> set[str]:
-    """`names`, the registers on which they depend, and the rest of their blocks with theirs."""
+    """Return `names`, the registers on which they depend, and all registers that share a block with one of these."""
     related = set(names)
     while True:
         blocks = {profile.register(name).block for name in related} - {None}
@@ -150,13 +150,13 @@ def _with_related(profile: Profile, names: Sequence[str]) -> set[str]:
 
 
 def _loose_addresses(profile: Profile) -> set[tuple[str, int]]:
-    """Table and address of every readable register outside blocks: a request may read across them."""
+    """Return table and address of every readable register outside blocks. One request may read across these."""
     readable = (register for register in profile.registers.values() if register.access != "w" and not register.block)
     return {(register.table, address) for register in readable for address in register.addresses}
 
 
 def _belongs(register: Register, first: Register, last: Register, most: int, loose: set[tuple[str, int]]) -> bool:
-    """Whether `register` can be read in the request that reads `first` to `last`."""
+    """Return True if the request that reads `first` to `last` can also read `register`."""
     if last.table != register.table or last.block != register.block:
         return False
     between = range(last.addresses.stop, register.address)

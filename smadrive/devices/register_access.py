@@ -1,7 +1,7 @@
-"""The registers of one unit: read by name, encoded and sent as writes, compared with their read-back.
+"""The registers of one unit: reads by name, writes, and the comparison of read-backs.
 
-The identity of the device is not checked here: `Device` proves it first, and binds every write to the connection on
-which it was proved.
+This module does not check the identity of the device. `Device` proves the identity first, and binds every write to the
+connection on which it was proved.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from smadrive.modbus.requests import Request
 
 
 class RegisterWrite(NamedTuple):
-    """A write of one register: the words, and the context that gives them their meaning."""
+    """A write of one register: the words, and the context that determines their meaning."""
 
     name: str
     register: Register
@@ -30,12 +30,12 @@ class RegisterWrite(NamedTuple):
     words: tuple[int, ...]
 
     def text(self, words: Sequence[int]) -> str:
-        """`words` as a value of this register in engineering units."""
+        """Return `words` as a value of this register in engineering units."""
         return f"{self.register.codec.decode(words, self.context).value:g} {self.register.unit}"
 
 
 class RegisterAccess:
-    """The registers of `profile` at `unit_id` behind `client`; raises the errors of the client."""
+    """The registers of `profile` at `unit_id` behind `client`. Methods raise the errors of the client."""
 
     def __init__(self, profile: Profile, client: ModbusClient, unit_id: int, timing: BusTiming) -> None:
         self.profile = profile
@@ -45,35 +45,38 @@ class RegisterAccess:
         self._timing = timing
 
     def use(self, profile: Profile) -> None:
-        """Take the registers of another profile, that of the model."""
+        """Use the registers of another profile, which is that of the proved model."""
         if profile.registers is not self.profile.registers:
             self.profile = profile
             self.plans = RequestPlans(profile)
 
     def execute(self, request: Request, connection: int | None = None, *, proved: bool = False) -> bytes:
-        """The payload of the reply; `connection`, `proved`: see ModbusClient.execute."""
+        """Send the request and return the payload of the reply; see ModbusClient.execute for the arguments."""
         return self._client.execute(self._unit_id, request, self._timing, connection, proved=proved)
 
     def read(self, names: tuple[str, ...], *, proved: bool = False) -> dict[str, RegisterReading]:
-        """The readings of the registers `names`."""
+        """Read the registers `names` and return their readings."""
         spans = self.plans.read(names)
         return decode(spans, [self.span_words(span, proved=proved) for span in spans], names)
 
     def span_words(self, span: RegisterSpan, *, proved: bool = False) -> tuple[int, ...]:
-        """The words of a span, read from the device."""
+        """Read a span and return its words."""
         request = span.read_request(self.profile.timing.function_codes)
         return span.words(self.execute(request, proved=proved))
 
     def words(self, name: str, *, proved: bool = False) -> tuple[int, ...]:
-        """The words of one register, read from the device."""
+        """Read one register and return its words."""
         spans = [span for span in self.plans.read((name,)) if any(part.name == name for part in span.parts)]
         return words_of_register(spans, [self.span_words(span, proved=proved) for span in spans], name)
 
     def encode(self, name: str, value: float) -> RegisterWrite:
-        """The write of `value`; ConfigError when it cannot be written. Reads the registers on which `name` depends."""
+        """Return the write of `value`.
+
+        Reads the registers on which `name` depends. ConfigError if it cannot be written.
+        """
         register = self.profile.register(name)
         if not register.writable:
-            raise ConfigError("cannot be written (access 'r')", where=f"register '{name}' of '{self._id}'")
+            raise ConfigError("cannot be written", where=f"register '{name}' of '{self._id}'", value="access 'r'")
         context = ALONE
         if register.depends_on:
             context = context_of(register, self.read(register.depends_on))
@@ -82,7 +85,7 @@ class RegisterAccess:
         return RegisterWrite(name, register, context, register.codec.encode(value, name, context))
 
     def send(self, write: RegisterWrite, connection: int | None) -> None:
-        """Send the write on this connection; an ExceptionReply names register and value."""
+        """Send the write on this connection. An ExceptionReply names the register and the value."""
         try:
             self.execute(self._request(write), connection)
         except ExceptionReply as error:
@@ -94,13 +97,13 @@ class RegisterAccess:
         self._client.send_unconfirmed(self._unit_id, self._request(write), self._timing)
 
     def confirm(self, write: RegisterWrite, found: tuple[int, ...]) -> None:
-        """ReadBackError when the words read back differ from those written."""
+        """Raise ReadBackError if the words that were read back differ from the written words."""
         if found != write.words:
             raise ReadBackError(
-                "reads back another value than was written",
+                "reads back another value than the written one",
                 where=f"unit {self._unit_id}, register '{write.name}'",
                 value=f"{write.text(found)}, wrote {write.text(write.words)}",
-                cure="check whether the device is locked or in a fault, and whether its knob was turned",
+                cure="check that the device is neither locked nor in a fault, and that its knob was not turned",
             )
 
     @property

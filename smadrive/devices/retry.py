@@ -1,7 +1,7 @@
-"""Repeats steps on a bad bus: the way to bring a device to its safe state.
+"""Repeats steps on a bad bus, to bring a device to its safe state.
 
-A step that fails, by any exception, does not keep the others from being tried: each of them may end the heat. Only a
-guardian that has taken the devices over, or a signal, ends the tries.
+If a step fails, by whatever exception, the other steps are still tried, because each of them may end the heat. Only a
+guardian that has taken over the devices, or a signal, ends the repetition.
 """
 
 from __future__ import annotations
@@ -12,19 +12,19 @@ from smadrive.clock import Clock
 from smadrive.errors import TakenOverError
 
 PAUSES_S = (0.0, 0.0, 0.5, 0.5, 0.5, 0.5)
-"""Pauses between the rounds: a wrong reply is tried again at once, a lost connection after half a second."""
+"""Pauses between the rounds in seconds. The first two are 0 for wrong replies; lost connections need half a second."""
 
 
 def retry_all(steps: Sequence[Callable[[], None]], clock: Clock) -> None:
-    """Run all steps in rounds until no step fails; raises the first error of the last round."""
+    """Run all steps in rounds until no step fails. Raise the first error of the last round."""
     for pause_s in (*PAUSES_S, None):
         failed: Exception | None = None
         for step in steps:
             try:
                 step()
             except TakenOverError:
-                raise  # the guardian uses the devices until it frees them
-            except Exception as error:  # noqa: BLE001  (a trace on a full disk, for instance)
+                raise  # the guardian uses the devices now
+            except Exception as error:  # noqa: BLE001  (any error, for example a trace on a full disk)
                 failed = failed or error
         if failed is None:
             return

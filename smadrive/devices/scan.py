@@ -1,9 +1,9 @@
-"""Scan of a bus: each unit id is asked for the registers that prove the identity of each profile. Nothing is written.
+"""Scan of a bus. It asks each unit id for the registers that prove the identity of each profile, and writes nothing.
 
-Devices without Modbus are asked first: their answer to a Modbus frame is undefined.
+Devices without Modbus are asked first, because their answer to a Modbus frame is undefined.
 
-A profile without a register that proves it is possible where the registers of its roles read as valid numbers. A unit
-that leaves `SILENT` requests unanswered counts as absent.
+If no register can prove a profile, the profile is possible when the registers of its roles read as valid numbers. A
+unit that does not answer `SILENT` requests counts as absent.
 """
 
 from __future__ import annotations
@@ -22,14 +22,17 @@ from smadrive.modbus.transports.connect import open_transport, port_of
 from smadrive.modbus.transports.transport import SerialSettings, Transport
 
 SILENT = 3
-"""Unanswered requests after which a unit counts as absent."""
+"""Number of unanswered requests after which a unit counts as absent."""
 TIMEOUT_MS = 200.0
-"""Response timeout of a scan: longer than any of the shipped devices takes when it is not busy."""
+"""Response timeout of a scan in milliseconds. Every shipped device answers sooner when it is not busy."""
 
 
 @dataclass(frozen=True)
 class FoundDevice:
-    """A device that answers, with its proved and possible profiles; `unit_id` None: the only device of its line."""
+    """A device that answered, with its proved and possible profiles.
+
+    `unit_id` is None for the only device on a line.
+    """
 
     unit_id: int | None
     line: SerialSettings | None
@@ -40,10 +43,10 @@ class FoundDevice:
 def scan(
     url: str, unit_ids: Sequence[int], profiles: Sequence[Profile], ask: Callable[[str, int], None]
 ) -> Iterator[FoundDevice]:
-    """The devices that answer at `url`; `ask(line, unit_id)` is called before each question.
+    """Yield the devices that answer at `url`. `ask(line, unit_id)` is called before each question.
 
     A serial URL without a baud rate is tried with the line settings of all profiles. BusyError when another smadrive
-    has the port.
+    process uses the port.
     """
     with lock_line(port_of(url), Role.DRIVER) if url.startswith("serial:") else nullcontext():
         yield from _scan(url, unit_ids, profiles, ask)
@@ -83,7 +86,7 @@ def _text(line: SerialSettings | None) -> str:
 
 
 def _proved(transport: Transport, profiles: Iterable[Profile], line: SerialSettings | None) -> Iterator[str]:
-    """The profiles of devices without Modbus that answer on this line with these settings."""
+    """Yield the profiles of devices without Modbus that answer on this line with these settings."""
     for profile in profiles:
         if line in (None, profile.serial_settings()):
             with suppress(TransportError, ProtocolError, DeviceError):
@@ -94,7 +97,7 @@ def _proved(transport: Transport, profiles: Iterable[Profile], line: SerialSetti
 def _identified(
     client: ModbusClient, unit_id: int, profiles: Iterable[Profile]
 ) -> tuple[tuple[str, ...], tuple[str, ...]] | None:
-    """The proved and the possible profiles of unit `unit_id`; None when it does not answer."""
+    """Return the proved and the possible profiles of `unit_id`; return None when the unit does not answer."""
     matching: dict[bool, list[str]] = {True: [], False: []}
     silent, answered = 0, False
     for profile in profiles:
@@ -117,7 +120,7 @@ def _identified(
 
 
 def _is_one(device: Device) -> bool:
-    """Whether the device proves its identity, or, where nothing proves it, shows valid measurements."""
+    """Return True if the device proves its identity. If nothing can prove it, valid measurements are enough."""
     device.check_identity()
     names = device.profile.measured
     return device.profile.proves_type or all(reading.invalid is None for reading in device.read(names).values())

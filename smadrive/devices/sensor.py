@@ -1,7 +1,7 @@
-"""A measuring device besides the heater: read at its own rate, on its own bus, each reading with its time.
+"""A measuring device besides the heater. It has its own period and bus, and each of its readings has its own time.
 
-After a failed reading the last one counts, until it is older than `stale_s`; then the value is invalid. That holds for
-every failure of the sensor, also for an exception reply: the measurement of the heater must not be lost with it.
+After a failed reading the previous one is used until it is older than `stale_s`; then the value is invalid. This holds
+for every failure of the sensor, also for an exception reply, so that the heater's measurement is not lost with it.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from smadrive.errors import DeviceError, ProtocolError, SmadriveError, Transport
 
 
 class PolledSensor:
-    """The role `quantity` (temperature or displacement) of `device`, read at most every `period_s`."""
+    """Reads the role `quantity` (temperature or displacement) of `device`, at most once per `period_s`."""
 
     def __init__(self, device: Device, quantity: str, period_s: float, stale_s: float, clock: Clock) -> None:
-        """ConfigError when the profile binds no register to `quantity`."""
+        """Raise ConfigError if the profile has no register for `quantity`."""
         self._device = device
         self._quantity = quantity
         self._name = device.profile.role(quantity)
@@ -30,12 +30,15 @@ class PolledSensor:
         self._failure: SmadriveError | None = None
 
     def connect(self) -> None:
-        """Prove the identity of the device and enter its safe state: a temperature controller could heat by itself."""
+        """Prove the identity of the device, then write its safe state.
+
+        A temperature controller could heat by itself.
+        """
         self._device.check_identity()
         self._device.enter_safe_state()
 
     def sample(self) -> Sample:
-        """The latest reading; a due one is taken now."""
+        """Return the latest sample. Read the device first if its period has passed."""
         now_s = self._clock.now_s()
         if now_s >= self._due_s:
             self._due_s = max(self._due_s, now_s - self.period_s) + self.period_s

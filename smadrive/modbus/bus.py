@@ -1,4 +1,4 @@
-"""Timing, counters and trace of a bus, and the names of the Modbus exceptions."""
+"""Timing, counters and trace of a bus; names of the Modbus exceptions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ Trace = Callable[[float, Direction, bytes], None]
 
 
 class GuardedTrace:
-    """Passes frames on to a trace. A trace that fails (a full disk) is ended, and the traffic goes on without it."""
+    """Passes frames on to a trace. A trace that raises (a full disk) gets no more frames, and the traffic continues."""
 
     def __init__(self, trace: Trace | None) -> None:
         self._trace = trace
@@ -20,7 +20,7 @@ class GuardedTrace:
 
     @property
     def active(self) -> bool:
-        """Whether a trace still takes the frames."""
+        """True if there is a trace and it has not failed."""
         return self._trace is not None
 
     def __call__(self, time_s: float, direction: Direction, data: bytes) -> None:
@@ -29,12 +29,12 @@ class GuardedTrace:
             return
         try:
             self._trace(time_s, direction, data)
-        except Exception as failure:  # noqa: BLE001  (whatever it is, a safe state must still go out)
+        except Exception as failure:  # noqa: BLE001  (no error of a trace may stop the writing of a safe state)
             self._trace, self.failure = None, failure
 
 
 NEVER_SILENT_S = 2.0
-"""A bus on which bytes arrive for so long is used by another client."""
+"""If bytes arrive without a pause for this long, another client uses the bus."""
 
 EXCEPTIONS = {
     1: "illegal function",
@@ -53,12 +53,12 @@ EXCEPTIONS = {
 class BusTiming:
     """The timing that one device needs on the bus.
 
-    response_timeout_s   longest wait for a reply, from the moment when the request has left the wire
-    min_gap_s            least pause before a request
-    post_write_s         addition to that pause after a write
-    interval_s           least time from the end of one request of this device to its next
-    silence              whether the standard's pause of 3.5 characters is kept
-    read_retries         retries of a request that writes nothing; others are never retried
+    response_timeout_s   longest wait for a reply, from the end of the request on the wire
+    min_gap_s            shortest pause before a request
+    post_write_s         added to that pause after a write
+    interval_s           shortest time from the end of a request to this device to the next one
+    silence              True keeps the standard's pause of 3.5 characters
+    read_retries         number of retries of a read; writes are never retried
     """
 
     response_timeout_s: float = 0.2
@@ -71,7 +71,7 @@ class BusTiming:
 
 @dataclass(slots=True)
 class BusCounters:
-    """Counts of events on the bus since the client was made."""
+    """Counts of events on the bus since the client was created."""
 
     requests: int = 0
     replies: int = 0
@@ -88,5 +88,8 @@ class BusCounters:
 
 
 def silence_s(baudrate: int) -> float:
-    """The pause between frames: 3.5 characters of 11 bits, and 1.75 ms above 19200 bits/s (V1.02, section 2.5.1.1)."""
+    """Return the pause between frames in seconds: 3.5 characters of 11 bits, but 1.75 ms above 19200 bits/s.
+
+    Source: Modbus over serial line V1.02, section 2.5.1.1.
+    """
     return 1.75e-3 if baudrate > 19200 else 3.5 * 11 / baudrate

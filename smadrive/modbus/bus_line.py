@@ -1,13 +1,13 @@
-"""The line of one bus: it is open, silent and empty before a request; every byte that passes is counted and traced.
+"""The line of one bus. Before each request it is open, silent and empty; every byte is counted and traced.
 
-A lost connection is opened anew. Bytes that arrived before a request answer nothing and are discarded. On RTU a failure
-is followed by a quarantine: nothing is sent before the bus has been silent for one response timeout.
+A lost connection is opened anew. Bytes that arrived before a request answer nothing and are discarded. On RTU, a
+quarantine follows each failure: nothing is sent until the bus has been silent for one response timeout.
 
-A socket that missed a deadline may be dead without a sign (its gateway restarted, a router dropped it from its table).
-So it is closed, and opened anew for the next request. A device on a new connection may be another one: `connection` is
-another number then.
+A socket that missed a deadline may be dead without a sign: its gateway restarted, or a router dropped it from its
+table. So the line closes the socket and opens a new one for the next request. The device on a new connection may be
+another one; callers recognise this by the number `connection`, which has changed.
 
-A trace sees every frame after it has passed. A trace that fails is ended, and the traffic goes on without it.
+The trace gets every frame after it has passed. A trace that fails gets no more frames, and the traffic continues.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from smadrive.modbus.transports.transport import Transport
 from smadrive.modbus.verdict import ConnectionState, Outcome, Verdict
 
 REOPENS_WITHIN_S = 0.5
-"""One attempt to open a lost connection takes no longer."""
-TURNAROUND_S = 0.1  # after a broadcast, serial line V1.02 section 2.4.1
+"""Time limit of one attempt to open a lost connection."""
+TURNAROUND_S = 0.1  # pause after a broadcast: serial line V1.02, section 2.4.1
 
 
 class Transaction(NamedTuple):
@@ -54,11 +54,11 @@ class BusLine:
 
     @property
     def connection(self) -> int:
-        """The number of the connection that the next request takes: a lost one is opened anew for it."""
+        """The number of the connection that the next request uses. A lost connection counts as opened anew."""
         return self.counters.reopenings + self._transport.lost
 
     def settle(self, unit_id: int, timing: BusTiming) -> None:
-        """Return when the bus and the unit may be used: open, silent for long enough, and empty."""
+        """Wait until a request to the unit may be sent: the bus is open, empty, and has been silent for long enough."""
         if self._transport.lost:
             self._reopen()
         gap_s = max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)
@@ -73,9 +73,10 @@ class BusLine:
             self._quarantine(timing, silent_since_s=self.clock.now_s() if stray else self._free_at_s)
 
     def exchange(self, transaction: Transaction) -> Outcome:
-        """Send the request and read until its outcome is known, at the latest at the deadline. A dead socket is closed.
+        """Send the request and read until its outcome is known, at the latest until the deadline.
 
-        The deadline is the time on the wire, the device's response timeout and the latency of the connection.
+        Time until the deadline: time on the wire + the device's response timeout + latency of the connection. A socket
+        that missed a deadline is closed.
         """
         unit_id, request, timing = transaction
         frame = self._protocol.send(unit_id, request)
@@ -85,7 +86,7 @@ class BusLine:
         try:
             self._write(frame)
             outcome = self._outcome(sent_s + on_wire_s + self._patience_s(timing))
-        except BaseException:  # Ctrl-C too leaves a reply on its way
+        except BaseException:  # also after Ctrl-C the reply may still arrive
             if self._protocol.state is ConnectionState.WAITING:
                 self._protocol.give_up(self.clock.now_s())
             raise
@@ -96,13 +97,16 @@ class BusLine:
         return outcome
 
     def broadcast(self, request: Request, timing: BusTiming) -> None:
-        """Send a write to every device; returns after the turnaround delay of the standard."""
+        """Send a write to every device, and return after the turnaround delay of the standard."""
         self.settle(rtu.BROADCAST, timing)
         self._write(self._transport.framing.request(rtu.BROADCAST, request.pdu))
         self.clock.sleep_until(self.clock.now_s() + TURNAROUND_S)
 
     def send_unconfirmed(self, transaction: Transaction) -> None:
-        """Send a request without waiting for its reply, which stays outstanding; nothing on a lost connection."""
+        """Send a request without waiting for its reply, which counts as outstanding.
+
+        Send nothing if the connection is lost.
+        """
         unit_id, request, timing = transaction
         if self._transport.lost:
             return
@@ -111,7 +115,7 @@ class BusLine:
         self._free_at_s = self.clock.now_s() + timing.post_write_s
 
     def _outcome(self, deadline_s: float) -> Outcome:
-        """The outcome as soon as a byte is wrong or the reply is whole, at the latest at the deadline."""
+        """Return the outcome as soon as a byte is wrong or the reply is complete, at the latest at the deadline."""
         protocol, read = self._protocol, self._transport.read
         while data := read(deadline_s):
             self._received_s = self.clock.now_s()
@@ -130,7 +134,7 @@ class BusLine:
         self.trace(now_s, "sent", frame)
 
     def _end_exchange(self, transaction: Transaction) -> None:
-        """Trace the reply, and note when bus and unit are free again; a stream out of step is closed."""
+        """Trace the reply, and note when bus and unit are free again. Close a stream whose last frame is incomplete."""
         unit_id, request, timing = transaction
         if self._received:
             self.trace(self._received_s, "received", self._received)
@@ -142,7 +146,7 @@ class BusLine:
             self._transport.disconnect()
 
     def _discard(self) -> bytes:
-        """The bytes that arrived before the request; a connection that has ended meanwhile is opened anew."""
+        """Return the bytes that arrived before the request. Reopen the connection if it has ended meanwhile."""
         try:
             return self._transport.discard()
         except TransportError:
@@ -161,7 +165,7 @@ class BusLine:
         return timing.response_timeout_s + self._transport.latency_s
 
     def _quarantine(self, timing: BusTiming, silent_since_s: float) -> None:
-        """Listen until the bus has been silent for one response timeout; TransportError when it never is."""
+        """Listen until the bus has been silent for one response timeout; TransportError if it is never silent."""
         self.counters.quarantines += 1
         quiet_s = max(self._patience_s(timing), self._silence_s)
         give_up_s = self.clock.now_s() + NEVER_SILENT_S + quiet_s
@@ -172,7 +176,7 @@ class BusLine:
                 raise TransportError(
                     "the bus is never silent",
                     where=self._transport.name,
-                    cure="check that no other client talks on this line",
+                    cure="check that no other program uses this line",
                 )
         self._protocol.silence()
 

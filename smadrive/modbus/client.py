@@ -1,10 +1,11 @@
 """The one client of a bus: one request, one reply, an absolute deadline.
 
 The line (bus_line.py) sends and receives, the protocol (protocol.py) judges what arrived. The client decides what goes
-out: where an outstanding reply could be mistaken for the answer, a probe goes first, a read whose reply looks
-different. A device answers in order, so nothing older can follow the probe's reply.
+out. If an outstanding reply could be taken for the answer, the client sends a probe first: a read whose reply looks
+different. A device answers in order, so no older reply can follow the reply to the probe.
 
-Reads are retried after a missed deadline or a wrong reply. Writes never are: the caller reads back, then decides.
+The client retries reads after a missed deadline or a wrong reply. It never retries writes: the caller reads the value
+back, then decides.
 """
 
 from __future__ import annotations
@@ -21,14 +22,14 @@ from smadrive.modbus.transports.transport import Transport
 from smadrive.modbus.verdict import FINAL_CODES, Outcome, Verdict
 
 PROBES = 3
-"""Probes that are sent before a request is given up."""
+"""Greatest number of probes before a request fails."""
 
 
 class ModbusClient:
     """Sends requests to the devices of one bus, one at a time; threads wait for each other."""
 
     def __init__(self, transport: Transport, trace: Trace | None = None) -> None:
-        """Take over `transport`; `trace(time_s, direction, bytes)` sees every byte that passes, a frame at a time."""
+        """Take over `transport`. `trace(time_s, direction, bytes)` is called for every frame that passes."""
         self.transport = transport
         self.clock = transport.clock
         self._protocol = ClientProtocol(transport.framing)
@@ -39,7 +40,7 @@ class ModbusClient:
 
     @property
     def connection(self) -> int:
-        """The number of the connection that the next request takes: a lost one is opened anew for it."""
+        """The number of the connection that the next request uses. A lost connection counts as opened anew."""
         return self._line.connection
 
     def execute(
@@ -51,13 +52,15 @@ class ModbusClient:
         *,
         proved: bool = False,
     ) -> bytes:
-        """The payload of the reply of `unit_id` to `request`, which goes out on this `connection` or not at all.
+        """Send `request` to `unit_id` and return the payload of the reply.
 
-        `proved`: a request of another kind is answered first, so that not even the second copy of an earlier reply can
-        be taken for this one; for reads that a safety decision rests on.
+        connection: the number of the connection that the request must use; None allows any.
+        proved: before the request, the device must answer a request of another kind. Then not even the second copy of
+        an earlier reply can be taken for the answer. Reads that a safety decision depends on set it.
 
-        DeadlineError, ProtocolError, ExceptionReply; TransportError when the connection is lost, or another one. Reads
-        are retried after the first two.
+
+        Raises DeadlineError, ProtocolError (reads are retried after these two) or ExceptionReply; raises TransportError
+        when the connection is lost or is not `connection`.
         """
         transaction = Transaction(unit_id, request, timing)
         retries = 0 if request.writes else timing.read_retries
@@ -72,24 +75,24 @@ class ModbusClient:
             self.counters.retries += 1
 
     def broadcast(self, request: Request, timing: BusTiming) -> None:
-        """Send a write to every device, without replies; returns after the turnaround delay of the standard."""
+        """Send a write to every device, and return after the turnaround delay of the standard. No device replies."""
         with self._turn:
             self._line.broadcast(request, timing)
 
     def send_unconfirmed(self, unit_id: int, request: Request, timing: BusTiming) -> None:
-        """Send a request that must go out although no reply comes; its reply stays outstanding.
+        """Send a request without waiting for its reply, which counts as outstanding.
 
-        Nothing is sent through a connection that is lost.
+        Send nothing if the connection is lost. For requests that must go out although the caller cannot wait.
         """
         with self._turn:
             self._line.send_unconfirmed(Transaction(unit_id, request, timing))
 
     def distrust(self) -> None:
-        """Treat the last reply as stale, because its content proved it so: its request may still be answered."""
+        """Treat the last reply as stale, because its content proved that. The real answer may still arrive."""
         self._protocol.distrust(self.clock.now_s())
 
     def _execute_once(self, transaction: Transaction, connection: int | None, *, proved: bool) -> bytes:
-        """The payload of the reply, after the proofs that the reply cannot be an older one."""
+        """Return the payload of the reply, after the probes that exclude an older reply."""
         unit_id, request, timing = transaction
         self._line.settle(unit_id, timing)
         if self._protocol.needs_probe(unit_id, request, self.clock.now_s()):
@@ -100,14 +103,14 @@ class ModbusClient:
             self._line.settle(unit_id, timing)
         if connection is not None and connection != self._line.connection:
             raise TransportError(
-                "not sent, the connection was opened anew and the device is not identified yet",
+                "not sent, because the connection was opened anew and the device is not identified yet",
                 where=self._where(unit_id, request),
                 cure="try again",
             )
         return self._transact(transaction)
 
     def _transact(self, transaction: Transaction) -> bytes:
-        """The payload of the reply; the error that its verdict means."""
+        """Return the payload of the reply, or raise the error of the verdict on it."""
         outcome = self._line.exchange(transaction)
         if outcome.verdict is not Verdict.ANSWERED:
             raise self._failure(outcome, transaction)
@@ -115,16 +118,16 @@ class ModbusClient:
         return outcome.data
 
     def _failure(self, outcome: Outcome, transaction: Transaction) -> SmadriveError:
-        """The error that the verdict means, counted."""
+        """Count the failure and return its error."""
         for counter in COUNTED[outcome.verdict]:
             setattr(self.counters, counter, getattr(self.counters, counter) + 1)
         return failure(outcome, self._where(transaction.unit_id, transaction.request))
 
     def _probe(self, transaction: Transaction) -> None:
-        """Send reads of other kinds until an answer proves that no outstanding reply is left; else raise the reason."""
+        """Send reads of other kinds until an answer proves that no older reply can follow; else raise the reason."""
         unit_id, request, timing = transaction
         reason: SmadriveError = ProtocolError(
-            "not sent, a late reply to an earlier request could be taken for its answer",
+            "not sent, because a late reply to an earlier request could be taken for the answer",
             where=self._where(unit_id, request),
             cure="wait 10 s, or restart the device",
         )
@@ -143,7 +146,7 @@ class ModbusClient:
         raise reason
 
     def _sync(self, transaction: Transaction) -> None:
-        """Have a request of another kind answered: no copy of an older reply can follow."""
+        """Make the device answer a request of another kind: after that answer no copy of an older reply can follow."""
         unit_id, request, timing = transaction
         sync = self._protocol.probes.sync_request(unit_id, request, self.clock.now_s())
         try:
@@ -155,10 +158,10 @@ class ModbusClient:
             self._sync_by_answered_read(transaction)
 
     def _sync_by_answered_read(self, transaction: Transaction) -> None:
-        """The same after silence: a device that answers only familiar reads, or one that does not answer now.
+        """Do the same as `_sync` after a silence: the device may answer only familiar reads, or not answer at all now.
 
-        A read that it has answered before distinguishes them. A device that has answered nothing but `request` is
-        believed only when no copy of such an answer can follow any more.
+        A read that the device has answered before distinguishes these cases. If the device has answered nothing but
+        `request`, the next answer is accepted only when no copy of an earlier answer can follow any more.
         """
         unit_id, request, timing = transaction
         now_s = self.clock.now_s()
@@ -167,18 +170,18 @@ class ModbusClient:
             self._ask(Transaction(unit_id, sync, timing))
         elif self._protocol.probes.copy_may_follow(unit_id, request, now_s):
             raise DeadlineError(
-                "an older reply could be taken for the answer, and no other request is answered",
+                "not sent, because an older reply could be taken for the answer",
                 where=self._where(unit_id, request),
                 cure="try again in 10 s",
             )
 
     def _ask(self, sync: Transaction) -> None:
-        """Get `sync` answered, by its reply or by an exception that ends it."""
+        """Send `sync` and wait for its reply, or for an exception that ends it."""
         self.counters.probes += 1
         try:
             self._transact(sync)
         except ExceptionReply as error:
-            if error.code not in FINAL_CODES:  # the real answer may still come: nothing is proved
+            if error.code not in FINAL_CODES:  # the real answer may still come, so this one proves nothing
                 raise
 
     def _where(self, unit_id: int, request: Request) -> str:

@@ -1,4 +1,4 @@
-"""From a verdict to the error that is raised, and to the counters that it moves."""
+"""The error that is raised for a verdict, and the counters that the verdict increments."""
 
 from __future__ import annotations
 
@@ -16,30 +16,36 @@ COUNTED = {
     Verdict.MALFORMED: ("wrong_replies",),
     Verdict.DAMAGED: ("crc_errors",),
 }
-"""The BusCounters that a failure moves."""
+"""The fields of BusCounters that a failure increments."""
 
-_OTHER_CLIENT = "check that no other program talks on this line"
+_OTHER_CLIENT = "check that no other program uses this line"
 _WRONG = {
-    Verdict.STALE: ("discarded, the reply may be a late one to an earlier request", _OTHER_CLIENT),
-    Verdict.FOREIGN: ("discarded, the reply answers another request", _OTHER_CLIENT),
-    Verdict.WRONG_SIZE: ("discarded, the reply has a wrong size", _OTHER_CLIENT),
-    Verdict.MALFORMED: ("discarded, the reply is no Modbus TCP frame", "where the port speaks RTU, write rtu+tcp://"),
-    Verdict.DAMAGED: ("discarded, the reply has a wrong CRC", "check cable, termination and baud rate"),
+    Verdict.STALE: ("discarded, because the reply may answer an earlier request", _OTHER_CLIENT),
+    Verdict.FOREIGN: ("discarded, because the reply answers another request", _OTHER_CLIENT),
+    Verdict.WRONG_SIZE: ("discarded, because the reply has a wrong size", _OTHER_CLIENT),
+    Verdict.MALFORMED: (
+        "discarded, because the reply is no Modbus TCP frame",
+        "if the port speaks Modbus RTU, write rtu+tcp:// in the URL",
+    ),
+    Verdict.DAMAGED: (
+        "discarded, because the reply has a wrong CRC",
+        "check the cable, its termination and the baud rate",
+    ),
 }
-"""What is wrong, and the cure."""
+"""For each verdict on a wrong reply: the message and the cure."""
 
 
 def failure(outcome: Outcome, where: str) -> SmadriveError:
-    """The error of a request to `where` that was not answered."""
+    """Return the error for the outcome of a request to `where` that was not answered."""
     meaning = f"exception {outcome.code}, {EXCEPTIONS.get(outcome.code, 'unknown')}" if outcome.code else ""
     if outcome.verdict in (Verdict.REFUSED, Verdict.DEFERRED):
-        return ExceptionReply("the device refuses", outcome.code, where=where, value=meaning)
+        return ExceptionReply("the device rejects the request", outcome.code, where=where, value=meaning)
     if outcome.verdict is Verdict.SILENT:
         return DeadlineError(
-            "the reply was not complete before the deadline" if outcome.data else "no reply before the deadline",
+            "the reply was incomplete at the deadline" if outcome.data else "no reply before the deadline",
             where=where,
             value=f"{len(outcome.data)} bytes",
-            cure="check that the device is powered, and its unit id, baud rate and parity",
+            cure="check that the device is powered, and that unit id, baud rate and parity are right",
         )
     wrong, cure = _WRONG[outcome.verdict]
     value = ": ".join(filter(None, (meaning, outcome.data.hex(" "))))

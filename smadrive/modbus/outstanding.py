@@ -1,13 +1,13 @@
 """Replies that may still arrive although the client no longer waits for them.
 
-A request without an answer leaves two frames behind that may come later: its reply and its exception. Modbus RTU
-gives a frame no number. So only its kind distinguishes such a frame from the answer to a later request:
+A request without an answer leaves two frames that may come later: its reply and its exception. Modbus RTU gives a frame
+no number. So only its kind distinguishes such a frame from the answer to a later request:
 
     kind of a reply       unit, head (function and byte count, or the echo of a write), payload size
     kind of an exception  unit, function with the top bit set
 
-An outstanding frame is forgotten after `LATEST_REPLY_S`, or when its unit has proved that it is past it: a device
-answers in order, so nothing older can follow the answer to a later request.
+An outstanding frame is forgotten after `LATEST_REPLY_S`, or when its unit has answered a later request: a device
+answers in order, so no older reply can follow that answer.
 """
 
 from __future__ import annotations
@@ -15,37 +15,37 @@ from __future__ import annotations
 from smadrive.modbus.requests import Request
 
 LATEST_REPLY_S = 10.0
-"""A reply that has not arrived after this time is lost for good. It is longer than any latency of a connection."""
+"""A reply that has not arrived after this time is lost for good. The time exceeds every latency of a connection."""
 
 Kind = tuple[int, bytes, int]
 
 
 def reply_kind(unit_id: int, request: Request) -> Kind:
-    """The kind of the right reply of `unit_id` to `request`."""
+    """Return the kind of the right reply of `unit_id` to `request`."""
     return unit_id, request.reply_head, request.payload_size
 
 
 def exception_kind(unit_id: int, request: Request) -> Kind:
-    """The kind of an exception of `unit_id` to `request`: one for all requests of that function."""
+    """Return the kind of an exception of `unit_id` to `request`; all requests of one function share it."""
     return unit_id, bytes((request.function | 0x80,)), 1
 
 
 class Outstanding:
-    """The kinds of frames that may still arrive, and until when."""
+    """The kinds of frames that may still arrive, each with the time until which it may."""
 
     def __init__(self) -> None:
         self._until_s: dict[Kind, float] = {}
 
     def __bool__(self) -> bool:
-        """Whether anything may still arrive."""
+        """Return True if any kind of frame is listed; its time may have passed."""
         return bool(self._until_s)
 
     def add(self, kind: Kind, now_s: float) -> None:
-        """A frame of this kind may still arrive."""
+        """Note that a frame of this kind may arrive within `LATEST_REPLY_S` from `now_s`."""
         self._until_s[kind] = now_s + LATEST_REPLY_S
 
     def holds(self, kind: Kind, now_s: float) -> bool:
-        """Whether a frame of this kind may still arrive at `now_s`."""
+        """Return True if a frame of this kind may still arrive at `now_s`."""
         until_s = self._until_s.get(kind)
         if until_s is None:
             return False
@@ -55,5 +55,5 @@ class Outstanding:
         return False
 
     def clear(self, unit_id: int) -> None:
-        """Forget every frame of `unit_id`: the unit is past all of its requests."""
+        """Forget every frame of `unit_id`, which has answered a later request."""
         self._until_s = {kind: until_s for kind, until_s in self._until_s.items() if kind[0] != unit_id}

@@ -1,4 +1,4 @@
-"""A request or a reply described in words, for the reader of a trace."""
+"""Descriptions of requests and replies in words, for the reader of a trace."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _TABLES = {1: "coils", 2: "discrete inputs", 3: "holding registers", 4: "input r
 
 
 def of_request(pdu: bytes) -> str:
-    """Function, addresses and values of a request, as in `read 11 holding registers from 16`."""
+    """Return function, addresses and values of a request as text, for example `read 11 holding registers from 16`."""
     try:
         return _request(pdu)
     except (struct.error, IndexError):
@@ -20,7 +20,7 @@ def of_request(pdu: bytes) -> str:
 
 
 def of_reply(pdu: bytes, request: bytes) -> str:
-    """The values that a reply to `request` carries, or its exception, or `done` for a write."""
+    """Return the values in a reply to `request` as text, or its exception, or `done` for a write."""
     if not pdu:
         return "nothing"
     if len(pdu) == 2 and pdu[0] & 0x80:

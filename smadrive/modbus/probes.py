@@ -1,8 +1,8 @@
-"""The choice of reads whose answers prove something about the frames that may still arrive.
+"""The choice of reads whose answers prove that older replies cannot arrive any more.
 
-A probe is a read whose reply differs from every outstanding frame: its answer proves that the unit is past its older
-requests. A sync is a read whose answer is of a kind that has not arrived lately: once it is answered, no copy of an
-older reply can follow, and no reply lags.
+A probe is a read whose reply differs from every outstanding frame: its answer proves that the unit has dealt with its
+older requests. A sync is a read whose answer is of a kind that has not arrived lately: after its answer no copy of an
+older reply can follow, and no reply lags behind its request.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from smadrive.modbus.outstanding import LATEST_REPLY_S, Kind, Outstanding, excep
 from smadrive.modbus.requests import Request
 
 FRESH = 16
-"""A frame is new when its kind is not among so many last arrivals: no gateway lags by more replies."""
+"""A frame is new if its kind is not among this many last arrivals. No gateway lags by more replies."""
 NEVER = -FRESH - 1
 
 
 class Probes:
-    """Chooses probes and syncs from the history of a connection and the frames that are `outstanding` on it."""
+    """Chooses probes and syncs by the frames that have arrived on a connection and those `outstanding` on it."""
 
     def __init__(self, outstanding: Outstanding) -> None:
         self._outstanding = outstanding
@@ -32,7 +32,7 @@ class Probes:
         self._silent: set[Kind] = set()
 
     def note_frame(self) -> None:
-        """Count a frame, or a silence instead of one."""
+        """Count a frame, or a missing reply."""
         self._arrivals += 1
 
     def note_reply(self, unit_id: int, request: Request, now_s: float) -> None:
@@ -47,22 +47,22 @@ class Probes:
         self._arrived[exception_kind(unit_id, request)] = self._arrivals
 
     def has_answered(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Whether a read that the unit has answered before, or the first part of one, can serve as a probe now."""
+        """Return True if a read that the unit has answered before can serve as a probe now, whole or its first part."""
         return next(self._clean(unit_id, request, self._answered_reads(unit_id), now_s), None) is not None
 
     def probe_request(self, unit_id: int, request: Request, attempt: int, now_s: float) -> Request | None:
-        """A read whose reply differs from every outstanding frame, preferably one that was answered before.
+        """Return a probe: a read whose reply differs from every outstanding frame. Reads that were answered come first.
 
-        None when no such read exists, because too many replies of the unit are outstanding.
+        Return None when no such read exists, because too many replies of the unit are outstanding.
         """
         others = () if attempt == 0 else _other_functions(request)
         tries = chain(self._answered_reads(unit_id), others, _other_lengths(request))
         return next(self._clean(unit_id, request, tries, now_s), None)
 
     def sync_request(self, unit_id: int, request: Request, now_s: float) -> Request:
-        """A read of another kind than `request`; its answer is of the kind that arrived longest ago, or never.
+        """Return a sync: a read of another kind than `request`. The kind of its answer arrived longest ago, or never.
 
-        A read that was answered before is taken if its kind has not been among the last `FRESH` arrivals.
+        A read that was answered before is preferred if its kind is not among the last `FRESH` arrivals.
         """
         answered = list(self._clean(unit_id, request, self._answered_reads(unit_id), now_s))
         sure = min(answered, key=lambda one: self._last_arrival(unit_id, one), default=None)
@@ -73,24 +73,25 @@ class Probes:
         return min([*answered, *tries], key=lambda one: self._last_arrival(unit_id, one), default=request)
 
     def answered_sync_request(self, unit_id: int, request: Request, now_s: float) -> Request | None:
-        """The sync for a device that does not answer unfamiliar reads; None when it has answered nothing else.
+        """Return the sync for a device that does not answer unfamiliar reads.
 
-        A read of another kind than `request` that this unit has answered before, the one that arrived longest ago.
+        It is a read of another kind than `request` that this unit has answered before. Of several, it is the one that
+        arrived longest ago. Return None when the unit has answered no read of another kind.
         """
         answered = self._clean(unit_id, request, self._answered_reads(unit_id), now_s)
         return min(answered, key=lambda one: self._last_arrival(unit_id, one), default=None)
 
     def stays_silent(self, unit_id: int, request: Request) -> bool:
-        """Note that this sync was not answered; whether silence is normal: the unit never answered such a read."""
+        """Note that this sync was not answered. Return True if that is normal: the unit never answered such a read."""
         self._silent.add(reply_kind(unit_id, request))
         return not any(request.pdu[:3] == one.pdu[:3] for kind, one in self._answered.items() if kind[0] == unit_id)
 
     def copy_may_follow(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Whether a second copy of an earlier reply of this kind may still arrive."""
+        """Return True if a second copy of an earlier reply of this kind may still arrive."""
         return now_s < self._arrived_s.get(reply_kind(unit_id, request), -inf) + LATEST_REPLY_S
 
     def _last_arrival(self, unit_id: int, one: Request) -> int:
-        """The number of the last arrival that could be an answer to this read: its reply, or an exception."""
+        """Return the number of the last arrival of a reply or an exception to this read."""
         kinds = reply_kind(unit_id, one), exception_kind(unit_id, one)
         return max(self._arrived.get(kind, NEVER) for kind in kinds)
 
@@ -98,13 +99,13 @@ class Probes:
         return reply_kind(unit_id, one) not in self._silent
 
     def _clean(self, unit_id: int, request: Request, tries: Iterable[Request], now_s: float) -> Iterator[Request]:
-        """The reads whose replies differ from every outstanding frame and from the reply to `request`."""
+        """Return the reads whose replies differ from every outstanding frame and from the reply to `request`."""
         own = reply_kind(unit_id, request)
         kinds = ((one, reply_kind(unit_id, one)) for one in tries)
         return (one for one, kind in kinds if kind != own and not self._outstanding.holds(kind, now_s))
 
     def _answered_reads(self, unit_id: int) -> Iterator[Request]:
-        """Reads that this unit has answered, and the first parts of them."""
+        """Yield the reads that this unit has answered, then their first parts."""
         answered = [request for kind, request in self._answered.items() if kind[0] == unit_id]
         yield from answered
         for request in answered:
@@ -113,13 +114,16 @@ class Probes:
 
 
 def _other_lengths(request: Request) -> Iterator[Request]:
-    """Reads from the same address on, by the same function where that reads."""
+    """Yield reads of all lengths at the address of `request`, with the same function if that is a read."""
     for count in range(1, requests.MAX_READ_REGISTERS + 1):
         yield requests.read_like(request, count)
 
 
 def _other_functions(request: Request) -> Iterator[Request]:
-    """One read by each other function. A device without the function refuses, which proves as much as a reply."""
+    """Yield one read with each other function.
+
+    A device without the function answers with an exception, which proves as much as a reply.
+    """
     address = requests.read_like(request, 1).address
     reads = (requests.read_holding, requests.read_input, requests.read_discrete, requests.read_coils)
     for read in reads:

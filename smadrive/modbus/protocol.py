@@ -1,8 +1,10 @@
-"""The client's side of Modbus without I/O: a request in, bytes in, a verdict out (the rules: verdict.py).
+"""The client's side of Modbus without I/O: it takes a request and the bytes that arrive, and returns a verdict.
 
-Two faults cannot be seen in a frame. On RTU, the second copy of a reply that arrives after the next request of the same
-kind looks like the answer to it. On any connection, a gateway may answer with the reply to an older request.
-`probes` chooses the reads whose answers exclude both (probes.py).
+verdict.py holds the rules.
+
+A single frame does not reveal two faults. On RTU, a second copy of an earlier reply may arrive after the next request
+of the same kind, and looks like the answer to this request. On any connection, a gateway may answer with the reply to
+an older request. probes.py chooses reads whose answers exclude both faults.
 """
 
 from __future__ import annotations
@@ -28,7 +30,10 @@ _FINAL = frozenset(bytes((code,)) for code in FINAL_CODES)
 
 
 class ClientProtocol:
-    """One connection's requests and replies, one at a time. Times are arguments; nothing is read or written here."""
+    """Judges the replies to the requests of one connection, one request at a time.
+
+    Times are arguments; this class reads no clock and does no I/O.
+    """
 
     def __init__(self, framing: Framing) -> None:
         self._framing = framing
@@ -42,12 +47,12 @@ class ClientProtocol:
         self._become(ConnectionEvent.NEW_CONNECTION)
 
     def new_connection(self) -> None:
-        """Note a new connection: the requests that went through it before are unknown."""
+        """Note a new connection: the requests that went through it before, from whatever program, are unknown."""
         self._framing.restart()
         self._become(ConnectionEvent.NEW_CONNECTION)
 
     def stray(self, data: bytes) -> None:
-        """Note that `data` arrived although no request is out: it answers nothing."""
+        """Note that `data` arrived although no request is waiting for a reply, so `data` answers nothing."""
         self._framing.skip(data)
         self._become(ConnectionEvent.STRAY)
 
@@ -56,12 +61,12 @@ class ClientProtocol:
         self._become(ConnectionEvent.SILENCE)
 
     def distrust(self, now_s: float) -> None:
-        """Note that the content of the last reply proved it stale: the answer to its request may still arrive."""
+        """Note that the content of the last reply proved that reply stale: the real answer may still arrive."""
         self._outstanding.add(reply_kind(self._unit_id, self._request), now_s)
         self._become(ConnectionEvent.FAILED)
 
     def send(self, unit_id: int, request: Request) -> bytes:
-        """The frame to write; bytes that arrive from now on may be its answer."""
+        """Return the frame to write. Bytes that arrive from now on may be the answer to `request`."""
         self._become(ConnectionEvent.SENT)
         self._unit_id, self._request, self._reply = unit_id, request, b""
         self._head = bytes((unit_id,)) + request.reply_head
@@ -70,14 +75,14 @@ class ClientProtocol:
         return self._framing.request(unit_id, request.pdu)
 
     def send_unconfirmed(self, unit_id: int, request: Request, now_s: float) -> bytes:
-        """The frame of a request that is sent without waiting; its answer stays outstanding."""
+        """Return the frame of a request that is sent without waiting. Its answer counts as outstanding."""
         self._outstanding.add(reply_kind(unit_id, request), now_s)
         self._outstanding.add(exception_kind(unit_id, request), now_s)
         self._become(ConnectionEvent.FAILED)
         return self._framing.request(unit_id, request.pdu)
 
     def receive(self, data: bytes, now_s: float) -> Outcome | None:
-        """The outcome once `data` decides it, None while more may come."""
+        """Return the outcome as soon as `data` decides it; return None while the reply is incomplete."""
         try:
             self._reply = self._framing.reply(data)
         except ProtocolError:
@@ -87,15 +92,18 @@ class ClientProtocol:
         return None if outcome is None else self._concluded(outcome, now_s)
 
     def give_up(self, now_s: float) -> Outcome:
-        """The outcome when the deadline has passed, or the wait was interrupted."""
+        """Return the outcome of a request whose deadline has passed, or whose wait was interrupted."""
         return self._concluded(Outcome(Verdict.SILENT, self._reply), now_s)
 
     def may_be_mistaken(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Whether an outstanding frame is of the kind of this request's reply; the request must not be sent then."""
+        """Return True if an outstanding frame could be taken for the reply to `request`: it must not be sent then."""
         return bool(self._outstanding) and self._outstanding.holds(reply_kind(unit_id, request), now_s)
 
     def needs_probe(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Whether a probe goes first: a reply could be mistaken, or an exception could be an older one."""
+        """Return True if a probe must go first, because an older reply or exception could be taken for the answer.
+
+        For an exception alone, a probe is needed only if the unit has answered a read that can serve as a probe.
+        """
         if self.may_be_mistaken(unit_id, request, now_s):
             return True
         return self._exception_is_doubtful(unit_id, request, now_s) and self.probes.has_answered(
@@ -113,7 +121,7 @@ class ClientProtocol:
         return Outcome(Verdict.FOREIGN, reply)
 
     def _whole(self, reply: bytes, size: int, arrived: Verdict, now_s: float) -> Outcome | None:
-        """The outcome of a reply with the right head, once it has its `size`."""
+        """Return the outcome of a reply with the right head; return None until `size` bytes have arrived."""
         if len(reply) < size and not self._framing.numbered:
             return None
         if len(reply) != size:
@@ -128,15 +136,16 @@ class ClientProtocol:
                 return Outcome(verdict, reply, code=0 if arrived is Verdict.ANSWERED else reply[2])
 
     def _is_outstanding(self, arrived: Verdict, now_s: float) -> bool:
-        """Whether the frame that arrived may belong to an earlier request."""
+        """Return True if the frame that arrived may belong to an earlier request."""
         if arrived is Verdict.ANSWERED:
             return self.may_be_mistaken(self._unit_id, self._request, now_s)
         return self._exception_is_doubtful(self._unit_id, self._request, now_s)
 
     def _exception_is_doubtful(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Whether an outstanding exception looks like this one. Transaction numbers exclude it for exceptions.
+        """Return True if an exception to this request could be an older, outstanding one.
 
-        They do not exclude it for replies: a gateway may number a late reply of its serial line.
+        Transaction numbers exclude that for exceptions. They do not exclude it for replies: a gateway may give a late
+        reply of its serial line the number of the present request.
         """
         if self._framing.numbered or not self._outstanding:
             return False

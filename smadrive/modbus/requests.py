@@ -1,9 +1,9 @@
-"""Requests, and the shape of the right reply to each.
+"""Modbus requests; each one knows the shape of its right reply.
 
-A right reply starts with bytes that are known before it is sent (function and byte count of a read, the echo of a
-write) and has a known length. So a request consists of its PDU, and the head and the size of the right reply. Comparing
-the head checks function, byte count, register count and echoed address in one step. Two requests whose heads or sizes
-differ can never be answered by each other's reply.
+A right reply begins with bytes that are known before the request is sent: function and byte count of a read, or the
+echo of a write. Its length is known, too. So a request consists of its PDU, and of the head and the size of the right
+reply. Comparing the head checks function, byte count, register count and echoed address in one step. If the heads or
+the sizes of two requests differ, the reply to one can never be taken for the reply to the other.
 
 Limits of the standard (application protocol V1.1b3, section 6) are checked when the request is made.
 """
@@ -36,57 +36,69 @@ class Request(NamedTuple):
 
     @property
     def address(self) -> int:
-        """The first address that is read or written (of FC23: read)."""
+        """The first address that is read or written; for FC23, which does both, the first that is read."""
         return int.from_bytes(self.pdu[1:3], "big")
 
 
 def read_holding(address: int, count: int) -> Request:
-    """FC03: `count` holding registers from `address`."""
+    """Return a request to read `count` holding registers from `address` (FC03).
+
+    ValueError outside the standard's limits.
+    """
     return _read(3, address, count, MAX_READ_REGISTERS, 2 * count)
 
 
 def read_input(address: int, count: int) -> Request:
-    """FC04: `count` input registers from `address`."""
+    """Return a request to read `count` input registers from `address` (FC04).
+
+    ValueError outside the standard's limits.
+    """
     return _read(4, address, count, MAX_READ_REGISTERS, 2 * count)
 
 
 def read_coils(address: int, count: int) -> Request:
-    """FC01: `count` coils from `address`."""
+    """Return a request to read `count` coils from `address` (FC01). ValueError outside the standard's limits."""
     return _read(1, address, count, MAX_READ_BITS, (count + 7) // 8)
 
 
 def read_discrete(address: int, count: int) -> Request:
-    """FC02: `count` discrete inputs from `address`."""
+    """Return a request to read `count` discrete inputs from `address` (FC02).
+
+    ValueError outside the standard's limits.
+    """
     return _read(2, address, count, MAX_READ_BITS, (count + 7) // 8)
 
 
 def read_count(request: Request) -> int:
-    """The number of addresses that a read (FC01 to FC04) asks for."""
+    """Return the number of addresses that a read (FC01 to FC04) asks for."""
     return int.from_bytes(request.pdu[3:5], "big")
 
 
 def read_like(request: Request, count: int) -> Request:
-    """A read of `count` addresses at the address and by the function of `request`; by FC03 where `request` writes."""
+    """Return a read of `count` addresses with the address and the function of `request`.
+
+    The function is FC03 if `request` writes. The address is lower where the read would leave the address space.
+    """
     read = _READS.get(request.function, read_holding)
     return read(min(request.address, 0x10000 - count), count)
 
 
 def write_register(address: int, word: int) -> Request:
-    """FC06: one holding register."""
+    """Return a request to write one holding register (FC06). ValueError outside the address space."""
     _check_range(address, 1, 1)
     pdu = struct.pack(">BHH", 6, address, word)
     return Request(pdu, reply_head=pdu, payload_size=0, writes=True)
 
 
 def write_coil(address: int, on: bool) -> Request:
-    """FC05: one coil."""
+    """Return a request to write one coil (FC05). ValueError outside the address space."""
     _check_range(address, 1, 1)
     pdu = struct.pack(">BHH", 5, address, 0xFF00 if on else 0)
     return Request(pdu, reply_head=pdu, payload_size=0, writes=True)
 
 
 def write_registers(address: int, words: Sequence[int]) -> Request:
-    """FC16: consecutive holding registers."""
+    """Return a request to write consecutive holding registers (FC16). ValueError outside the standard's limits."""
     count = len(words)
     _check_range(address, count, MAX_WRITE_REGISTERS)
     head = struct.pack(">BHH", 16, address, count)
@@ -94,7 +106,7 @@ def write_registers(address: int, words: Sequence[int]) -> Request:
 
 
 def write_coils(address: int, states: Sequence[bool]) -> Request:
-    """FC15: consecutive coils."""
+    """Return a request to write consecutive coils (FC15). ValueError outside the standard's limits."""
     count = len(states)
     _check_range(address, count, MAX_WRITE_BITS)
     head = struct.pack(">BHH", 15, address, count)
@@ -103,14 +115,17 @@ def write_coils(address: int, states: Sequence[bool]) -> Request:
 
 
 def mask_write(address: int, and_mask: int, or_mask: int) -> Request:
-    """FC22: register = (register AND and_mask) OR (or_mask AND NOT and_mask)."""
+    """Return a request to set register = (register AND and_mask) OR (or_mask AND NOT and_mask) (FC22)."""
     _check_range(address, 1, 1)
     pdu = struct.pack(">BHHH", 22, address, and_mask, or_mask)
     return Request(pdu, reply_head=pdu, payload_size=0, writes=True)
 
 
 def exchange(write_address: int, words: Sequence[int], read_address: int, read_count: int) -> Request:
-    """FC23: write `words`, then read `read_count` holding registers, in one transaction."""
+    """Return a request to write `words`, then read `read_count` holding registers, in one transaction (FC23).
+
+    ValueError outside the standard's limits.
+    """
     count = len(words)
     _check_range(write_address, count, MAX_EXCHANGE_WRITE_REGISTERS)
     _check_range(read_address, read_count, MAX_READ_REGISTERS)
@@ -122,17 +137,17 @@ _READS = {1: read_coils, 2: read_discrete, 3: read_holding, 4: read_input}
 
 
 def packed_bits(states: Sequence[int]) -> bytes:
-    """The bytes that carry these states, lowest bit of the first byte first."""
+    """Return the states packed into bytes; the first state is the lowest bit of the first byte."""
     return sum(1 << bit for bit, on in enumerate(states) if on).to_bytes((len(states) + 7) // 8, "little")
 
 
 def registers_of(payload: bytes) -> tuple[int, ...]:
-    """The registers that a reply's payload carries."""
+    """Return the 16-bit registers in the payload of a reply."""
     return struct.unpack(f">{len(payload) // 2}H", payload)
 
 
 def bits_of(payload: bytes, count: int) -> tuple[bool, ...]:
-    """The first `count` bits that a reply's payload carries, lowest bit of the first byte first."""
+    """Return the first `count` bits in the payload of a reply, beginning with the lowest bit of the first byte."""
     packed = int.from_bytes(payload, "little")
     return tuple(bool(packed >> bit & 1) for bit in range(count))
 

@@ -1,12 +1,13 @@
-"""A bus trace that a person can read, and a program can serve again as a device (`firmware-sim --replay`).
+"""A bus trace that a person can read and that `firmware-sim --replay` can serve again as a device.
 
     # smadrive bus trace 1: rtu
     # seconds, > sent or < received or x discarded, the bytes, their meaning
         0.200431 > 01 03 00 00 00 02 C4 0B | unit 1: read 2 holding registers from 0
         0.203120 < 01 03 04 53 4D 00 01 ... | unit 1: 21325 1
 
-Each frame is one line. A reply that came in pieces is one line, at the time of its last piece. A request without an
-answer below it was not answered. A board that speaks text gives a trace of its lines, which cannot be served again.
+Each frame is one line. A reply that came in pieces is one line, at the time of its last piece. If no reply follows a
+request, the request was not answered. A board that speaks text gives a trace of its lines, which cannot be served
+again.
 """
 
 from __future__ import annotations
@@ -39,15 +40,15 @@ class TraceLine(NamedTuple):
 
 
 class TraceFile:
-    """Writes every frame on the bus of `transport`: `ModbusClient(transport, trace=TraceFile(path, transport))`.
+    """Writes every frame on the bus of `transport`. Use: `ModbusClient(transport, trace=TraceFile(path, transport))`.
 
-    A context manager. Times are seconds since the trace began. A line is written after its frame has passed. A trace
-    that cannot be written any more (a full disk) ends there; leaving it logs a warning with time and reason.
-    `speaks_text`: lines of text pass there, no frames.
+    A context manager. Times are in seconds since the trace began. A line is written after its frame has passed. If a
+    line cannot be written (a full disk), the trace ends there, and a warning with time and reason is logged at the exit
+    of the context. `speaks_text` is True for a board that exchanges lines of text instead of frames.
     """
 
     def __init__(self, path: Path, transport: Transport, *, speaks_text: bool = False) -> None:
-        """ConfigError when `path` exists already, or cannot be written."""
+        """Create the file. ConfigError when `path` exists already or cannot be written."""
         self._clock_start_s = transport.clock.now_s()
         self._numbered = transport.framing.numbered
         self._speaks_text = speaks_text
@@ -85,7 +86,7 @@ class TraceFile:
         return self
 
     def __exit__(self, *exception: object) -> None:
-        with suppress(OSError):  # of bytes that could not be written
+        with suppress(OSError):  # the last bytes could not be written
             self._file.close()
         if self._ended is not None:
             _LOG.warning(self._ended)
@@ -106,21 +107,24 @@ class TraceFile:
 
 
 def read_trace(path: Path) -> tuple[bool, list[TraceLine]]:
-    """Whether the frames are numbered (Modbus TCP), and the lines; ConfigError names a line that cannot be read."""
+    """Return True if the frames are numbered (Modbus TCP), and the lines of the trace.
+
+    ConfigError when the file cannot be read; `where` names the wrong line.
+    """
     try:
         head, *rows = path.read_text(encoding="ascii").splitlines() or [""]
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError("cannot be read", where=path, value=error) from None
     if not head.startswith(HEADER):
-        raise ConfigError(f"not a bus trace, its first line does not begin with '{HEADER}'", where=path)
+        raise ConfigError("not a bus trace", where=path, limit=f"its first line begins with '{HEADER}'")
     kind = head.removeprefix(HEADER).partition(",")[0].strip()
     if kind not in ("rtu", "tcp"):
-        raise ConfigError("a trace of this kind cannot be served again", where=path, value=kind, limit="rtu or tcp")
+        raise ConfigError("this kind of trace cannot be served again", where=path, value=kind, limit="rtu or tcp")
     return kind == "tcp", [_line(path, number, row) for number, row in enumerate(rows, 2) if row and row[0] != "#"]
 
 
 def content_of(frame: bytes, *, numbered: bool) -> tuple[int, bytes] | None:
-    """Unit id and PDU of an intact frame."""
+    """Return unit id and PDU of an intact frame; None for another frame."""
     if not numbered:
         return (frame[0], frame[1:-2]) if rtu.crc_holds(frame) else None
     whole = len(frame) > mbap.HEADER_SIZE and mbap.frame_size(frame) == len(frame)
@@ -133,7 +137,10 @@ def _line(path: Path, number: int, row: str) -> TraceLine:
         return TraceLine(float(time_s), _DIRECTIONS[mark], bytes.fromhex(data))
     except (ValueError, KeyError):
         raise ConfigError(
-            "not a line of a trace", where=f"{path}, line {number}", value=row, cure="write time, one of > < x, bytes"
+            "not a line of a trace",
+            where=f"{path}, line {number}",
+            value=row,
+            cure="write the time, one of > < x, and the bytes",
         ) from None
 
 

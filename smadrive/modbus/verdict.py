@@ -1,9 +1,10 @@
-"""The rules of the client as tables: the verdict on what arrived, its consequences, the states of the connection.
+"""The rules of the client as tables: the verdict on the bytes that arrived, its consequences, the connection's states.
 
-A reply counts only if unit, function, byte count (or echo), length and CRC are those of the request. A frame of an
-earlier request is recognised by its transaction number (Modbus TCP) or by its kind (RTU, see outstanding.py):
+A reply is accepted only if unit, function, byte count (or echo), length and CRC are those of the request. A frame that
+answers an earlier request is recognised by its transaction number (Modbus TCP) or by its kind (RTU, see
+outstanding.py):
 
-    arrived                      nothing of that kind outstanding     such a frame outstanding
+    arrived                      no frame of that kind outstanding    such a frame outstanding
     the reply                    ANSWERED                             STALE
     an exception                 REFUSED, or DEFERRED by its code     STALE
     another frame                FOREIGN                              FOREIGN
@@ -12,17 +13,18 @@ earlier request is recognised by its transaction number (Modbus TCP) or by its k
     no frame of the protocol     MALFORMED                            MALFORMED
     nothing, or half a frame     SILENT                               SILENT
 
-The consequences of a verdict (`CONSEQUENCES`): only after ANSWERED nothing is outstanding. After a failure both the
-reply and an exception may still arrive. After an exception the real reply may come: a busy device or a gateway may
-answer later (DEFERRED), and a second copy of an older exception looks like this one. So the reply stays outstanding,
-and a lag by one reply cannot begin. A final exception of the device proves that it is past its older requests.
+The consequences of a verdict (`CONSEQUENCES`): after ANSWERED no frame of this unit is outstanding. After a failure
+both the reply and an exception may still arrive. After an exception the real reply may come: a busy device or a gateway
+may answer later (DEFERRED), and a second copy of an older exception looks like the present one. So the reply stays
+outstanding, and replies cannot begin to lag by one request. A final exception (REFUSED) proves that the device has
+dealt with its older requests.
 
 The states of the connection (`TRANSITIONS`):
 
-    READY         a request may go out
-    WAITING       a request is out
-    SUSPECT       bytes of an earlier request may be on their way: silence must come first (RTU only)
-    OUT_OF_STEP   a frame was left unfinished in a stream: only a new connection helps (TCP only)
+    READY         a request may be sent
+    WAITING       a request was sent, its reply is awaited
+    SUSPECT       bytes that answer an earlier request may arrive: silence must come first (RTU only)
+    OUT_OF_STEP   the last frame in the stream is incomplete: only a new connection helps (TCP only)
 """
 
 from __future__ import annotations
@@ -31,7 +33,7 @@ from enum import Enum, auto
 from typing import NamedTuple
 
 FINAL_CODES = frozenset((1, 2, 3, 4, 7, 8))
-"""Exception codes by which a device ends a request; 5, 6, 10 and 11 may be followed by the real reply."""
+"""Exception codes that end a request. After the other codes (5, 6, 10, 11) the real reply may follow."""
 
 
 class Verdict(Enum):
@@ -49,7 +51,7 @@ class Verdict(Enum):
 
 
 class ConnectionState(Enum):
-    """The state of the connection: whether a request may go out."""
+    """The state of the connection, which decides if a request may be sent; see the head of this file."""
 
     READY = auto()
     WAITING = auto()
@@ -69,7 +71,13 @@ class ConnectionEvent(Enum):
 
 
 class Consequence(NamedTuple):
-    """`proves`: the unit is past its older requests. `..._remains`: it may still arrive. `event` changes the state."""
+    """The consequence of a verdict.
+
+    proves               the unit has dealt with its older requests: no reply to them can follow
+    reply_remains        the reply to the request may still arrive
+    exception_remains    an exception to the request may still arrive
+    event                the event that changes the state of the connection
+    """
 
     proves: bool
     reply_remains: bool
@@ -85,7 +93,7 @@ VERDICTS = {
     (Verdict.DEFERRED, False): Verdict.DEFERRED,
     (Verdict.DEFERRED, True): Verdict.STALE,
 }
-"""The verdict by what arrived and whether such a frame is outstanding; every other arrival is its own verdict."""
+"""The verdict by what arrived, and True if such a frame is outstanding. Other arrivals are verdicts themselves."""
 
 _FAILED = Consequence(proves=False, reply_remains=True, exception_remains=True, event=ConnectionEvent.FAILED)
 CONSEQUENCES = {
@@ -116,7 +124,7 @@ TRANSITIONS = {
     (ConnectionState.READY, ConnectionEvent.SILENCE): ConnectionState.READY,
     **{(state, ConnectionEvent.NEW_CONNECTION): ConnectionState.SUSPECT for state in ConnectionState},
 }
-"""The next state on RTU. In a numbered stream SUSPECT is READY, or OUT_OF_STEP where a frame was left unfinished."""
+"""The next state on RTU. On Modbus TCP, READY takes the place of SUSPECT, or OUT_OF_STEP if a frame is incomplete."""
 
 
 class Outcome(NamedTuple):

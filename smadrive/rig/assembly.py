@@ -1,4 +1,4 @@
-"""Opening the devices of a rig as its plan says (plan.py). Devices with the same address share its connection."""
+"""Opens the devices of a rig according to its plan (plan.py). Devices with the same address share a connection."""
 
 from __future__ import annotations
 
@@ -24,10 +24,14 @@ from smadrive.rig.plan import PlannedDevice, RigPlan
 
 
 class RigDevices(NamedTuple):
-    """The open devices of a rig: the heater with its sensors, every device by its name, the clock that they share.
+    """The open devices of a rig.
 
-    `source` is the device that heats, `port_key` its key before it has answered (None for a simulated device), `lines`
-    are the locked lines.
+    heater      the heater with its sensors
+    by_name     every device, by its name
+    clock       the clock that all devices share
+    source      the device that heats
+    port_key    key of that device before it has answered; None for a simulated device
+    lines       the locked lines
     """
 
     heater: Heater
@@ -38,7 +42,7 @@ class RigDevices(NamedTuple):
     lines: tuple[str, ...]
 
     def key(self) -> DeviceKey | None:
-        """The key of the device that heats, after it has proved its identity; None for a simulated device."""
+        """Return the key of the device that heats, which has proved its identity; None for a simulated device."""
         if self.port_key is None:
             return None
         return self.port_key.with_identity(self.source.profile, self.source.identity)
@@ -51,11 +55,12 @@ def open_devices(
     transports: Mapping[str, Transport],
     trace_folder: Path | None = None,
 ) -> RigDevices:
-    """Open the devices of the plan; `stack` closes them. No request is sent yet.
+    """Open the devices of the plan without sending a request. `stack` closes the devices.
 
-    `transports` (by device name) replace the connections of the rig file, and `clock` replaces theirs. With a
-    `trace_folder` the traffic on each connection is traced to a file there. ConfigError when a trace file cannot be
-    written, TransportError when a port does not open.
+    transports      connections, by device name, that replace those of the rig file
+    clock           clock that replaces that of the connections
+    trace_folder    folder for traces of the traffic, one file for each connection
+    ConfigError when a trace file cannot be written; TransportError when a port cannot be opened.
     """
     connections = Connections(stack, trace_folder)
     guard = _guard(plan, connections)
@@ -81,7 +86,7 @@ def open_devices(
 
 
 def heat_source(planned: PlannedDevice, device: Device | TCLabBoard, clock: Clock) -> HeatSource:
-    """The open device as a heat source; its full scales have been checked (`check_full_scales`)."""
+    """Return the open device as a heat source. `check_full_scales` must have checked its full scales."""
     if isinstance(device, Device):
         return HeaterBoard(device, clock) if planned.source_type is HeaterBoard else BenchSupply(device)
     full_scale_a, full_scale_v = planned.config.full_scale_a, planned.config.full_scale_v
@@ -91,14 +96,14 @@ def heat_source(planned: PlannedDevice, device: Device | TCLabBoard, clock: Cloc
 
 
 def port_key(device: PlannedDevice) -> DeviceKey | None:
-    """The key of the device by its port; None for a simulated device, which ends with this process."""
+    """Return the key of the device by its port; None for a simulated device, which ends with this process."""
     if device.is_simulated:
         return None
     return key_at(device.config.url, device.profile, device.config.unit_id)
 
 
 def _guard(plan: RigPlan, connections: Connections) -> GuardianClient | None:
-    """The driver's end of the guardian, asked before every use of a connection; None when the plan has no guardian."""
+    """Return the client of the guardian, which every use of a connection calls; None if the plan has no guardian."""
     if plan.guardian is None:
         return None
     guard = GuardianClient(plan.guardian, connections.disconnect)
@@ -110,6 +115,6 @@ def _sensors(plan: RigPlan, devices: Mapping[str, Device | TCLabBoard], clock: C
     sensors = {}
     for sensor in plan.sensors:
         device = devices[sensor.device.name]
-        assert isinstance(device, Device)  # only the source of a rig can be another one
+        assert isinstance(device, Device)  # only the heat source can be a TCLabBoard
         sensors[sensor.quantity] = PolledSensor(device, sensor.quantity, sensor.period_s, sensor.stale_s, clock)
     return sensors

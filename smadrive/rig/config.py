@@ -1,4 +1,4 @@
-"""The rig file: devices, wire, limits, excitation and feedback; its schema and its loading."""
+"""The rig file, with devices, wire, limits, excitation and feedback: its schema, and the functions that load it."""
 
 from __future__ import annotations
 
@@ -16,12 +16,12 @@ from smadrive.files.shipped import config_file
 
 
 class DeviceConfig(Section):
-    """One device of the rig: its address, its profile, and the part of it that the rig uses.
+    """One device of the rig: its address, its profile, and its use.
 
-    `measures`: the quantities taken from it; all that its profile has a register for if left out. `rate_hz`: how often
-    a sensor is read; at every tick if left out, and never faster than it converts.
-
-    `full_scale_a`, `full_scale_v`: what a board that is commanded by duty drives through this wire at 100 %.
+    measures        quantities that the rig takes from this device; by default all for which the profile has a register
+    rate_hz         rate at which a sensor is read; by default at every tick, but never faster than the sensor converts
+    full_scale_a    for a board that is commanded by duty: current in A through this wire at 100 %
+    full_scale_v    for such a board: voltage in V at this wire at 100 %
     """
 
     name: str
@@ -35,7 +35,7 @@ class DeviceConfig(Section):
 
 
 class LimitsConfig(Section):
-    """The limits of the rig, for every layer of safety. A limit that is left out does not apply."""
+    """The limits of the rig, which every safety layer uses. A limit without a value does not apply."""
 
     current_max_a: float = Field(gt=0)
     temperature_max_c: float = Field(le=600)
@@ -50,7 +50,7 @@ class LimitsConfig(Section):
 
 
 class ExcitationConfig(Section):
-    """The identification experiment: its lowest and highest temperature and its rate."""
+    """The identification experiment: its lowest and highest temperature, and its rate."""
 
     low_c: float
     high_c: float
@@ -60,10 +60,12 @@ class ExcitationConfig(Section):
 class FeedbackConfig(Section):
     """The speed of the temperature loop; its gains follow from the heat balance.
 
-    `closed_loop_s`: if left out, the default, or `LOOP_PERIODS` periods of the loop where these take longer.
-    `feedforward_share`: the part of the feedforward's power that is used; less than 1 shows the feedback alone.
-    `adapt`: the session of `tune` adapts the rules to the measured displacement once it is armed. No other command
-    adapts them.
+    closed_loop_s        time constant of the closed loop in s; by default 0.25, and at least `LOOP_PERIODS` periods
+    integral_s           integral time in s
+    noise_c              noise of the measured temperature in °C
+    feedforward_share    fraction of the feedforward's power that is used; less than 1 shows the feedback alone
+    adapt                if True, a session of `tune` adapts the rules to the measured displacement while it is armed;
+                         no other command adapts them
     """
 
     closed_loop_s: float = Field(default=0.25, gt=0)
@@ -74,11 +76,11 @@ class FeedbackConfig(Section):
 
 
 LOOP_PERIODS = 2.5
-"""A temperature loop that has to settle in fewer periods overshoots when the wire heats at full current."""
+"""A temperature loop that must settle in fewer periods overshoots when the wire heats at full current."""
 
 
 class RigConfig(Section):
-    """A rig file."""
+    """The content of a rig file."""
 
     name: str
     wire: str
@@ -92,7 +94,7 @@ class RigConfig(Section):
     @field_validator("feedback")
     @classmethod
     def _no_faster_than_its_ticks(cls, feedback: FeedbackConfig, info: ValidationInfo) -> FeedbackConfig:
-        """A slow rig gets a slower loop, unless the file sets `closed_loop_s`."""
+        """Return the feedback, with a slower loop for a slow rig if the file does not set `closed_loop_s`."""
         if "rate_hz" not in info.data or "closed_loop_s" in feedback.model_fields_set:
             return feedback
         closed_loop_s = max(feedback.closed_loop_s, LOOP_PERIODS / info.data["rate_hz"])
@@ -119,7 +121,7 @@ class RigConfig(Section):
         if not high_c < limit_c:
             raise ValueError(
                 f"excitation.high_c = {high_c:g} must be below limits.temperature_max_c = {limit_c:g}, or the "
-                "experiment trips its own protection"
+                "experiment would trip the supervisor"
             )
 
     def _check_limits(self) -> None:
@@ -137,7 +139,7 @@ class RigConfig(Section):
             )
 
     def check_feedback(self, feedback: FeedbackConfig) -> None:
-        """ConfigError for a loop faster than its ticks: it would switch between no current and full current."""
+        """Raise ConfigError for a loop that is faster than its ticks: it would switch between zero and full current."""
         for name in ("closed_loop_s", "integral_s"):
             if getattr(feedback, name) < 1.0 / self.rate_hz:
                 raise ConfigError(
@@ -149,13 +151,13 @@ class RigConfig(Section):
                 )
 
     def in_folder(self, folder: Path) -> RigConfig:
-        """The same rig, with the paths in it relative to `folder`; the names of shipped files stay."""
+        """Return the same rig with its relative paths joined to `folder`. Names of shipped files stay."""
         devices = _in_folder(self.devices, folder)
         model = None if self.model is None else str(folder / self.model)
         return self.model_copy(update={"wire": path_or_name(folder, self.wire), "model": model, "devices": devices})
 
     def at(self, url: str) -> RigConfig:
-        """The same rig with all its devices at `url`."""
+        """Return the same rig with all devices at `url`."""
         return self.model_copy(
             update={"devices": tuple(device.model_copy(update={"url": url}) for device in self.devices)}
         )
@@ -170,7 +172,7 @@ class OffConfig(NamedTuple):
 
 
 class _OffSection(Section):
-    """The keys of a rig file without which nothing can be switched off."""
+    """The keys of a rig file that switching off needs."""
 
     devices: tuple[DeviceConfig, ...] = Field(min_length=1)
 
@@ -184,19 +186,22 @@ def _in_folder(devices: Iterable[DeviceConfig], folder: Path) -> tuple[DeviceCon
 
 
 def path_or_name(folder: Path, name: str) -> str:
-    """A path relative to `folder`, with the choice that may follow it; the name of a shipped file stays as it is."""
+    """Return the path `name` joined to `folder`, or the name of a shipped file as it is. A choice (`:J`) stays."""
     path = name.partition(":")[0]
     return str(folder / name) if path.endswith(".toml") else name
 
 
 def load_rig(name: str) -> RigConfig:
-    """The rig file at the path `name`, or the shipped rig; the paths in it are relative to its folder. ConfigError."""
+    """Load the rig file at the path `name`, or the shipped rig of that name; ConfigError if it is wrong.
+
+    Paths in a rig file are relative to its folder.
+    """
     path = rig_file(name)
     return load_config(path, RigConfig).in_folder(path.parent)
 
 
 def load_off_config(name: str) -> OffConfig:
-    """The devices of a rig file, whatever is wrong with the rest of it. ConfigError when these cannot be read."""
+    """Load only the devices of a rig file, even if other parts are wrong; ConfigError if the devices are wrong."""
     path = rig_file(name)
     tables = read_toml(path)
     devices = validate(_address_tables(tables), _OffSection, where=str(path)).devices
@@ -208,7 +213,7 @@ def load_off_config(name: str) -> OffConfig:
 
 
 def _address_tables(tables: dict[str, Any]) -> dict[str, Any]:
-    """The devices with their address keys alone; a value that is no list of tables is left to the validation."""
+    """Return the devices with only their address keys. A value of a wrong type stays, and the validation reports it."""
     devices = tables.get("devices")
     if isinstance(devices, list):
         devices = [_address_keys(device) if isinstance(device, dict) else device for device in devices]
@@ -220,5 +225,5 @@ def _address_keys(device: dict[str, Any]) -> dict[str, Any]:
 
 
 def rig_file(name: str) -> Path:
-    """The path of the rig file `name`, a path or the name of a shipped rig. ConfigError when there is none."""
+    """Return the path of a rig file. `name` is a path or the name of a shipped rig; ConfigError if there is none."""
     return config_file(name, RIG)

@@ -1,20 +1,23 @@
-"""Checks of a rig against its wire, before anything is heated.
+"""Checks of a rig file against its wire, before anything is heated.
 
-**Limits**: each must be a limit for this wire, in the unit of its name.
+**Limits.** Each limit must be plausible for this wire. A limit in a wrong unit is not.
 
-Temperature: at most the limit of the wire file. Current: the current that holds the wire at `temperature_max_c`,
+Temperature: at most the limit of the wire file. Current: it is compared with the current that holds the wire at
+`temperature_max_c`,
 
     I_held = sqrt(h A (T_max - T_amb) / R)
 
-is the scale; `AMPLE` times as much limits nothing. Voltage: a supply goes to its voltage limit when a clamp opens, so
-the limit should be little above R I_max. The supervisor takes a supply that gives less than `LEAST_SHARE` of the
-commanded current for a broken circuit, so a lower voltage would trip it. The upper bound allows for the leads, and for
-a current limit that is still low for the first heating: V <= `MOST_VOLTS` (R + R_leads) max(I_max, I_held).
+A limit of more than `AMPLE` times this current has no effect. Voltage: when a clamp opens, the voltage of a supply
+rises to its limit, so the limit should be only a little above R I_max. If a supply gives less than `LEAST_SHARE` of the
+commanded current, the supervisor assumes a broken circuit, so a lower voltage limit would trip it. The upper bound
+allows for the leads, and for a current limit that is still low for the first heating: V <= `MOST_VOLTS` (R + R_leads)
+max(I_max, I_held).
 
-**Heat balance**: an identified one must lie near the nominal one of the rig's wire, because all that supervises a run
-relies on it: with a thermocouple lag in milliseconds instead of seconds no reading would be implausible, and with ten
-times the resistance nothing would be heated. The ranges allow for the differences of right values: published specific
-heats differ by a factor of 2.6, moving air doubles the loss, a bead of glue makes a thermocouple several times slower.
+**Heat balance.** An identified heat balance must be near the nominal one of the rig's wire, because all supervision of
+a run relies on it. With a thermocouple lag in milliseconds instead of seconds, no reading would be implausible; with
+ten times the resistance, the wire would not be heated. The ranges allow for the scatter of right values: published
+specific heats differ by a factor of 2.6, moving air doubles the loss, and a bead of glue makes a thermocouple several
+times slower.
 """
 
 from __future__ import annotations
@@ -25,33 +28,33 @@ from smadrive.wire.data_sheet import WireDataSheet
 from smadrive.wire.heat_balance import HeatBalance
 
 AMPLE = 20.0
-"""A limit of this many times the current that holds the wire at temperature_max_c must be in another unit."""
+"""A current limit above this multiple of the current that holds the wire must be in another unit."""
 
 LEAST_SHARE = 0.5
-"""The least voltage drives this share of current_max_a through the nominal wire; less would be a fault."""
+"""The lowest voltage limit drives this fraction of current_max_a through the nominal wire."""
 
 MOST_VOLTS = 4.0
-"""The largest voltage, in multiples of the voltage that the circuit needs at its largest current."""
+"""The highest voltage limit, as a multiple of the voltage that the circuit needs at its largest current."""
 
 LEADS_OHM = 0.5
-"""Resistance of leads and clamps: it matters beside a short thick wire."""
+"""Resistance of leads and clamps in ohms. It matters for a short thick wire."""
 
 ZERO_C_IN_K = 273.15
 
 FACTORS = {"heat_capacity_j_per_k": 3.0, "loss_w_per_k": 3.0, "resistance_cold_ohm": 2.0}
-"""An identified parameter may differ from the nominal one by this factor, up or down."""
+"""Largest factor, up or down, between an identified parameter and the nominal one."""
 LATENT_FACTOR, LATENT_SPAN_K = 5.0, 20.0
-"""The most latent heat: a multiple of the nominal one, or the heat capacity times a span, whichever is more."""
+"""The latent heat is at most this multiple of the nominal one, or this span times the heat capacity if that is more."""
 LAG_FACTOR, LAG_S = 5.0, 1.0
-"""The longest lag: a multiple of the nominal one, or a fixed time, whichever is longer."""
+"""The lag is at most this multiple of the nominal one, or this time if that is longer."""
 AMBIENT_K = 20.0
-"""Largest difference of the ambient temperature."""
+"""Largest difference between identified and nominal ambient temperature."""
 RESISTANCE_CHANGE = 0.4
-"""Largest difference of the relative change of resistance, whose sign differs between wires."""
+"""Largest difference between identified and nominal relative change of resistance, whose sign differs between wires."""
 
 
 def check_limits(config: RigConfig, wire: WireDataSheet) -> None:
-    """ConfigError with value, limit and cure when a limit of the rig cannot be meant for this wire."""
+    """Raise ConfigError if a limit of the rig cannot be meant for this wire."""
     _check_temperature(config, wire)
     balance = wire.heat_balance()
     held_a = balance.current_a(balance.power_w(config.limits.temperature_max_c, 0.0, 0.0), 1.0)
@@ -67,7 +70,7 @@ def _check_temperature(config: RigConfig, wire: WireDataSheet) -> None:
             where=f"rig '{config.name}'",
             value=f"{limit_c:g} °C",
             limit=f"{wire.ambient_c:g} °C",
-            cure="correct the one that is wrong",
+            cure="correct the wrong value",
         )
     if limit_c > wire_c:
         raise ConfigError(
@@ -80,16 +83,16 @@ def _check_temperature(config: RigConfig, wire: WireDataSheet) -> None:
 
 
 def _temperature_cure(limit_c: float, wire: WireDataSheet) -> str:
-    """How to correct a limit above the wire's, which is that of the wire file or that of nickel-titanium."""
+    """Return the cure for a limit above that of the wire, which is in the wire file or that of nickel-titanium."""
     cure = "lower it"
     if "temperature_max_c" not in wire.model_fields_set:
         cure = (
-            "the wire file has no temperature_max_c, and nickel-titanium ages above that limit: lower it, or set "
+            "the wire file has no temperature_max_c, and nickel-titanium ages above this limit: lower it, or set "
             "temperature_max_c in the wire file if its alloy withstands more"
         )
     from_kelvin_c = limit_c - ZERO_C_IN_K
     if wire.ambient_c < from_kelvin_c <= wire.temperature_max_c:
-        cure += f". Is it in kelvin? {limit_c:g} K are {from_kelvin_c:.0f} °C"
+        cure += f". Is it in kelvin? {limit_c:g} K is {from_kelvin_c:.0f} °C"
     return cure
 
 
@@ -101,7 +104,7 @@ def _check_current(config: RigConfig, held_a: float) -> None:
             where=f"rig '{config.name}'",
             value=f"{limit_a:g} A",
             limit=f"{AMPLE * held_a:.2g} A",
-            cure="is it in amperes?",
+            cure="is the limit in amperes?",
         )
 
 
@@ -120,12 +123,12 @@ def _check_voltage(config: RigConfig, balance: HeatBalance, held_a: float) -> No
             where=f"rig '{config.name}'",
             value=f"{limits.voltage_max_v:g} V",
             limit=f"{least_v:.2g} to {most_v:.2g} V",
-            cure=f"set it to about {1.25 * needed_v:.2g}. Is it in volts?",
+            cure=f"set it to about {1.25 * needed_v:.2g} V. Is it in volts?",
         )
 
 
 def check_same_wire(found: HeatBalance, nominal: HeatBalance, wire: str) -> None:
-    """ConfigError when `found` cannot be a heat balance of the wire file `wire`, whose nominal one is `nominal`."""
+    """Raise ConfigError if the heat balance `found` cannot belong to the wire file `wire`, whose own is `nominal`."""
     most_latent_j = max(LATENT_FACTOR * nominal.latent_heat_j, LATENT_SPAN_K * nominal.heat_capacity_j_per_k)
     ranges = {name: (getattr(nominal, name) / by, getattr(nominal, name) * by) for name, by in FACTORS.items()} | {
         "latent_heat_j": (0.0, most_latent_j),
@@ -140,7 +143,7 @@ def check_same_wire(found: HeatBalance, nominal: HeatBalance, wire: str) -> None
         value = getattr(found, name)
         if not low <= value <= high:
             raise ConfigError(
-                f"{name} is not that of the rig's wire '{wire}', nominally {getattr(nominal, name):.4g}",
+                f"{name} does not fit the rig's wire '{wire}', whose nominal value is {getattr(nominal, name):.4g}",
                 where="heat balance of the model",
                 value=f"{value:.4g}",
                 limit=f"{low:.3g} to {high:.3g}",

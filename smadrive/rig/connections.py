@@ -1,6 +1,6 @@
-"""Connections to the devices of a rig: one transport and one client per address, locked, and traced where wanted.
+"""Connections to the devices of a rig: one transport and one client per address, with locks and traces.
 
-An address is the URL of a port, or sim://NAME: a simulated device in this process, in virtual time.
+An address is the URL of a port, or sim://NAME for a simulated device in this process and in virtual time.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ from smadrive.rig.simulation import SimulatedConnections, simulate
 
 
 class Connections:
-    """Opens one connection per address; `stack` closes them. A trace is named after the first device at its address.
+    """Opens one connection per address; `stack` closes them. A trace has the name of the first device at its address.
 
-    `access`, if it is set before, is asked at every use of a connection. The line of a serial port is locked, and that
-    of a device that heats. With the role of `off`, a line that another process has locked is used nevertheless.
+    `access` is called at every use of a connection, if it was set before the connection was opened. Serial ports are
+    locked, and so is the line of a device that heats. With the role of `off`, a line that another process has locked is
+    used, too.
     """
 
     access: PortAccess | None = None
@@ -42,7 +43,7 @@ class Connections:
     def device(
         self, device: PlannedDevice, given: Transport | None = None, read_retries: int | None = None
     ) -> Device | TCLabBoard:
-        """The device at its address, or on the connection `given`. BusyError when another process has its line."""
+        """Return the device at its address, or on the connection `given`; BusyError if another process has its line."""
         if not device.is_simulated:
             self._lock(device)
         if not device.profile.has_registers:
@@ -57,11 +58,11 @@ class Connections:
         return tuple(self._locks)
 
     def locks_of(self, device: PlannedDevice) -> list[LineLock]:
-        """The locks of the line of a device, one for each name of the line."""
+        """Return the locks of the device's line, one for each name of the line."""
         return [self._locks[line] for line in line_names(device) if line in self._locks]
 
     def disconnect(self) -> None:
-        """Close every connection; the next request on it opens it again."""
+        """Close every connection. The next request opens its connection again."""
         for transport in self._connected:
             transport.disconnect()
 
@@ -77,7 +78,7 @@ class Connections:
                     raise
 
     def _client(self, device: PlannedDevice) -> ModbusClient:
-        """The client of the device's address; a simulated device has one of its own."""
+        """Return the client of the device's address. Each simulated device has a client of its own."""
         if device.is_simulated:
             return self._client_on(self._connect(device), device)
         url = device.config.url
@@ -97,9 +98,9 @@ class Connections:
         return transport
 
     def _simulated(self, device: PlannedDevice) -> Transport:
-        """A connection to a simulated device in this process; devices with the same sim://NAME share one bench.
+        """Return a connection to a simulated device in this process. Devices with the same sim://NAME share one bench.
 
-        sim://NAME?profile=OTHER simulates a device of another type than the rig file names.
+        sim://NAME?profile=OTHER simulates a device of type OTHER instead of the type in the rig file.
         """
         name, _, other = device.config.url.removeprefix(SIMULATED).partition("?profile=")
         if name not in self._simulations:
@@ -112,7 +113,9 @@ class Connections:
         try:
             self._trace_folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise ConfigError(f"cannot make a folder for traces: {error.strerror}", where=self._trace_folder) from None
+            raise ConfigError(
+                "the folder for traces cannot be made", where=self._trace_folder, value=error.strerror
+            ) from None
         path = self._trace_folder / f"{device.name}.trace"
         return self._stack.enter_context(TraceFile(path, transport, speaks_text=speaks_text))
 

@@ -1,4 +1,4 @@
-"""The controllers of the experiments, made from rig file, wire and model.
+"""The controllers of the experiments, created from rig file, wire and model.
 
 The rig runs such a controller on the wire; a replay runs the same controller on recorded measurements.
 """
@@ -17,11 +17,11 @@ from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
 
 EXCITATION_SLOWER = 2.0
-"""The temperature loop is slower by this factor before the wire is identified."""
+"""Before the wire is identified, the temperature loop is slower by this factor."""
 
 
 def excitation_controller(config: RigConfig, excitation: Excitation, balance: HeatBalance) -> TemperatureController:
-    """The controller that follows the temperature path of an identification experiment."""
+    """Return the controller that follows the temperature path of an identification experiment."""
     feedback = config.feedback
     return TemperatureController(
         excitation.temperature_c,
@@ -39,12 +39,12 @@ def tracking_controller(
     balance: HeatBalance,
     inverse: DisplacementInverse,
 ) -> TrackingController:
-    """The controller that follows a displacement reference with the given inverse."""
+    """Return the controller that follows a displacement reference with the given inverse."""
     return TrackingController(reference, WireModel(model, balance), inverse, tracking_settings(config))
 
 
 def tracking_settings(config: RigConfig) -> TrackingSettings:
-    """The settings of the tracking controller in the rig file."""
+    """Return the settings of the tracking controller, taken from the rig file."""
     return TrackingSettings(
         period_s=1.0 / config.rate_hz,
         current_limit_a=config.limits.current_max_a,

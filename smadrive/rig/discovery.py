@@ -12,9 +12,13 @@ from smadrive.files.shipped import configs_dir
 
 @dataclass(frozen=True)
 class DiscoveredDevice:
-    """A device that answered: its unit id (None: it has none), its line settings and its URL with them.
+    """A device that answered.
 
-    `proved`: the profiles that its answers prove. `possible`: those that they do not exclude, if they prove none.
+    unit_id     unit id on the line; None for a device without one
+    line        line settings as text, for example `115200 8N1`
+    url         URL of the port, with the line settings
+    proved      profiles that the answers of the device prove
+    possible    profiles that the answers do not exclude, if they prove none
     """
 
     unit_id: int | None
@@ -25,7 +29,7 @@ class DiscoveredDevice:
 
     @property
     def rig_entry(self) -> str:
-        """The entry of the device in a rig file; empty for a device without a proved profile."""
+        """The entry of the device in a rig file. It is empty for a device without a proved profile."""
         if not self.proved:
             return ""
         name = self.proved[0]
@@ -34,9 +38,9 @@ class DiscoveredDevice:
 
 
 def discover(port: str, unit_ids: Sequence[int], ask: Callable[[str, int], None]) -> list[DiscoveredDevice]:
-    """The devices at the URL `port`, compared with every shipped profile. Nothing is written to a device.
+    """Find the devices at the URL `port` by all shipped profiles, and return them. Nothing is written to a device.
 
-    `ask(line, unit_id)` is called before each request. BusyError when another process has the port.
+    `ask(line, unit_id)` is called before each request. BusyError when another process uses the port.
     """
     profiles = [load_profile(file) for file in sorted((configs_dir() / "devices").glob("*.toml"))]
     devices = []

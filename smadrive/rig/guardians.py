@@ -1,4 +1,4 @@
-"""The guardians of earlier runs that still wait for their device."""
+"""The guardians of earlier runs that still wait for their devices."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from smadrive.errors import SafetyError, SmadriveError
 
 
 def waiting_guardians() -> list[str]:
-    """A sentence for each guardian that waits, with its cure. SafetyError when the state folder cannot be read."""
+    """Return a sentence with a cure for each guardian that waits; SafetyError if the state folder is unreadable."""
     return [str(duty) for duty in waiting_duties()]
 
 
 @contextmanager
 def notes_waiting_guardians() -> Iterator[None]:
-    """An error of the block gets a note for each guardian: one of them may wait for the device that is missing."""
+    """Add a note for each waiting guardian to an error of the block: a guardian may wait for the missing device."""
     try:
         yield
     except SmadriveError as error:

@@ -1,10 +1,9 @@
-"""The plan of a rig: what each device does, derived from the rig file and the device profiles alone.
+"""The plan of a rig, which gives every device its task. It is derived from the rig file and the device profiles.
 
-Nothing here opens a port. Devices that do not make up a rig are a ConfigError here, before anything is opened.
-
-One device heats. A device measures every quantity that its profile has a register for, or only those that the rig file
-lists for it. Two devices that measure the same quantity are an error, because only the user knows which one is right.
-A heat source without a watchdog of its own needs a guardian.
+This module opens no port: devices that do not form a rig raise ConfigError before any port is opened. One device heats.
+A device measures every quantity that its profile has a register for, or only those that the rig file lists for it. Two
+devices that measure the same quantity are an error, because only the user knows which one is right. A heat source
+without a watchdog of its own needs a guardian.
 """
 
 from __future__ import annotations
@@ -25,22 +24,25 @@ from smadrive.modbus.transports.connect import latency_s_of
 from smadrive.rig.config import DeviceConfig, LimitsConfig, RigConfig
 
 SIMULATED = "sim://"
-"""Such a device ends with this process: it needs no guardian, and its trips are not kept."""
+"""The scheme of simulated devices.
+
+They end with this process, so they need no guardian, and their trips are not kept.
+"""
 
 HEATING_ROLES = ("heater", "supply")
 
 QUANTITIES = ("temperature", "displacement")
 
 STALE_PERIODS = 3.0
-"""A polled sensor is stale after this many of its periods, however short the rig's `stale_after_s` is."""
+"""A polled sensor becomes stale only after this many of its periods, even if `stale_after_s` is shorter."""
 
 GUARDIAN_PATIENCE = 1.5
-"""A guardian waits for the driver at least this many times as long as the driver waits for a reply."""
+"""The guardian waits for the driver at least this many times longer than the driver waits for a reply."""
 
 
 @dataclass(frozen=True)
 class PlannedDevice:
-    """A device of the rig file and its profile. `is_given`: the caller supplies the connection to it."""
+    """A device of the rig file and its profile. If `is_given` is True, the caller supplies the connection."""
 
     config: DeviceConfig
     profile: Profile
@@ -48,38 +50,38 @@ class PlannedDevice:
 
     @property
     def name(self) -> str:
-        """The device's name in the rig file."""
+        """The name of the device in the rig file."""
         return self.config.name
 
     @property
     def where(self) -> str:
-        """The device as error messages name it."""
+        """The name of the device in error messages."""
         return f"device '{self.name}'"
 
     @property
     def heats(self) -> bool:
-        """Whether the device drives current through the wire."""
+        """True if the device drives current through the wire."""
         return self.profile.profile.role in HEATING_ROLES
 
     @property
     def is_simulated(self) -> bool:
-        """Whether the device has no port of its own: it is simulated in this process, or its connection is given."""
+        """True if the device has no port: it is simulated in this process, or the caller gives its connection."""
         return self.is_given or self.config.url.startswith(SIMULATED)
 
     @property
     def unit_id(self) -> int:
-        """The unit id of the rig file, or else the factory setting of the device."""
+        """The unit id in the rig file, or the factory setting of the device if the file has none."""
         return self.profile.unit_id if self.config.unit_id is None else self.config.unit_id
 
     @property
     def source_type(self) -> type[HeaterBoard | BenchSupply | TCLab]:
-        """The class that heats with this device."""
+        """The class of heat source for this device."""
         if not self.profile.has_registers:
             return TCLab
         return HeaterBoard if self.profile.profile.role == "heater" else BenchSupply
 
     def measures(self, quantity: str) -> bool:
-        """Whether the rig takes `quantity` from this device. ConfigError when the device cannot measure it."""
+        """Return True if the rig takes `quantity` from this device; ConfigError if the device cannot measure it."""
         has_register = getattr(self.profile.roles, quantity) is not None
         if self.config.measures is None:
             return has_register
@@ -94,7 +96,7 @@ class PlannedDevice:
 
 @dataclass(frozen=True)
 class PlannedSensor:
-    """A device that measures `quantity` beside the heat source: read every `period_s`, stale after `stale_s`."""
+    """A device, besides the heat source, that measures `quantity` every `period_s` and is stale after `stale_s`."""
 
     device: PlannedDevice
     quantity: str
@@ -104,7 +106,7 @@ class PlannedSensor:
 
 @dataclass(frozen=True)
 class RigPlan:
-    """The devices of a rig and what each of them does. `guardian`: the task of the guardian, None without one."""
+    """The devices of a rig and their tasks. `guardian` is the task of the guardian, or None if none is needed."""
 
     devices: tuple[PlannedDevice, ...]
     source: PlannedDevice
@@ -114,9 +116,9 @@ class RigPlan:
 
 
 def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collection[str] = ()) -> RigPlan:
-    """The plan of the rig; `profiles` by the names of the devices, `given` names those with a connection already.
+    """Return the plan of the rig, from its `profiles` by name of the device; ConfigError when it is no rig.
 
-    ConfigError when the devices do not make up a rig.
+    `given` names the devices whose connection the caller supplies.
     """
     where = f"rig '{config.name}'"
     devices = tuple(PlannedDevice(device, profiles[device.name], device.name in given) for device in config.devices)
@@ -129,13 +131,13 @@ def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collecti
 
 
 def check_full_scales(source: PlannedDevice) -> None:
-    """ConfigError when the rig file gives full scales to a source in amperes, or none to a source in percent."""
+    """Raise ConfigError if a source that is commanded in amperes has full scales, or one in percent lacks them."""
     scales = source.config.full_scale_a, source.config.full_scale_v
     if source.source_type is TCLab and None in scales:
         raise ConfigError(
             f"'{source.config.profile}' is commanded by duty and needs full scales",
             where=source.where,
-            cure="set full_scale_a and full_scale_v to what it drives through this wire at 100 %",
+            cure="set full_scale_a and full_scale_v to current and voltage at this wire at 100 % duty",
         )
     if source.source_type is not TCLab and scales != (None, None):
         raise ConfigError(
@@ -146,11 +148,11 @@ def check_full_scales(source: PlannedDevice) -> None:
 
 
 def _source(devices: Sequence[PlannedDevice], where: str) -> PlannedDevice:
-    """The one device that heats."""
+    """Return the one device that heats."""
     heating = [device for device in devices if device.heats]
     if len(heating) != 1:
         raise ConfigError(
-            "a rig has exactly one device that heats", where=where, value=_names(heating) or "none", limit="one"
+            "a rig needs exactly one device that heats", where=where, value=_names(heating) or "none", limit="one"
         )
     return heating[0]
 
@@ -158,7 +160,7 @@ def _source(devices: Sequence[PlannedDevice], where: str) -> PlannedDevice:
 def _sensors(
     devices: Sequence[PlannedDevice], source: PlannedDevice, config: RigConfig, where: str
 ) -> Iterator[PlannedSensor]:
-    """The sensors of the quantities that the source does not measure itself."""
+    """Yield the sensors of the quantities that the source does not measure itself."""
     for quantity in QUANTITIES:
         measuring = [device for device in devices if device.measures(quantity)]
         if len(measuring) > 1:
@@ -166,14 +168,14 @@ def _sensors(
                 f"several devices measure the {quantity}",
                 where=where,
                 value=_names(measuring),
-                cure=f'write measures = ["{quantity}"] at the one that counts, and measures = [] at the others',
+                cure=f'write measures = ["{quantity}"] at the right device, and measures = [] at the others',
             )
         if measuring and measuring != [source]:
             yield _sensor(measuring[0], quantity, config)
 
 
 def _sensor(device: PlannedDevice, quantity: str, config: RigConfig) -> PlannedSensor:
-    """The sensor is read at every tick, or at the rate of the rig file, and never faster than it converts."""
+    """Return the sensor, which is read at every tick or at its rate, but never faster than it converts."""
     period_s = max(1.0 / (device.config.rate_hz or config.rate_hz), device.profile.timing.update_ms / 1e3)
     return PlannedSensor(device, quantity, period_s, max(config.limits.stale_after_s, STALE_PERIODS * period_s))
 
@@ -181,12 +183,12 @@ def _sensor(device: PlannedDevice, quantity: str, config: RigConfig) -> PlannedS
 def _check_thermometer(source: PlannedDevice, sensors: Iterable[PlannedSensor], where: str) -> None:
     if "temperature" not in {*source.source_type.measures, *(sensor.quantity for sensor in sensors)}:
         raise ConfigError(
-            "no device measures the temperature of the wire", where=where, cure="add one to the rig's [[devices]]"
+            "no device measures the temperature of the wire", where=where, cure="add a thermometer to [[devices]]"
         )
 
 
 def _check_addresses(devices: Sequence[PlannedDevice], where: str) -> None:
-    """ConfigError when the devices at one address cannot be told apart, or simulated ones are on two benches."""
+    """Raise ConfigError if devices at one address are ambiguous, or simulated devices are on two benches."""
     for url in {device.config.url for device in devices if not device.config.url.startswith(SIMULATED)}:
         _check_line(url, [device for device in devices if device.config.url == url])
     urls = {device.config.url for device in devices if device.is_simulated and not device.is_given}
@@ -200,14 +202,14 @@ def _check_addresses(devices: Sequence[PlannedDevice], where: str) -> None:
 
 
 def _check_line(url: str, devices: Sequence[PlannedDevice]) -> None:
-    """ConfigError when a device needs the line for itself, or two have the same unit id."""
+    """Raise ConfigError if a device on a shared line needs it for itself, or two devices have the same unit id."""
     by_unit: dict[int, PlannedDevice] = {}
     for device in devices:
         if len(devices) > 1 and not device.profile.has_registers:
             raise ConfigError(
                 f"'{device.config.profile}' cannot share {url} with other devices",
                 where=device.where,
-                cure="connect the others to another port",
+                cure="connect the other devices to another port",
             )
         other = by_unit.setdefault(device.unit_id, device)
         if other is not device:
@@ -215,7 +217,7 @@ def _check_line(url: str, devices: Sequence[PlannedDevice]) -> None:
                 f"two devices at {url} have the same unit id",
                 where=f"devices '{other.name}' and '{device.name}'",
                 value=device.unit_id,
-                cure="set another one at the device, and as its unit_id in the rig file",
+                cure="set another unit id at one device, and as its unit_id in the rig file",
             )
 
 
@@ -224,13 +226,13 @@ def _limits(limits: LimitsConfig) -> HeaterLimits:
 
 
 def _guardian(source: PlannedDevice, devices: Iterable[PlannedDevice], limits: LimitsConfig, where: str) -> Task | None:
-    """The task of the guardian. ConfigError when it could mistake a driver that waits for a reply for a dead one."""
+    """Return the task of the guardian, or None; ConfigError if it could take a driver that waits for a dead one."""
     if source.is_simulated or source.source_type.has_watchdog:
         return None
     longest_s = max(*PAUSES_S, *(_reply_timeout_s(device) for device in devices if not device.is_simulated))
     if limits.watchdog_s < GUARDIAN_PATIENCE * longest_s:
         raise ConfigError(
-            f"limits.watchdog_s is too short for a guardian: the driver may wait {longest_s:g} s for a reply",
+            f"limits.watchdog_s is too short for a guardian, because the driver may wait {longest_s:g} s for a reply",
             where=where,
             value=f"{limits.watchdog_s:g} s",
             limit=f"{GUARDIAN_PATIENCE * longest_s:g} s",

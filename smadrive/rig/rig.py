@@ -1,6 +1,6 @@
-"""The rig: it connects devices, controller, supervisor and loop, and runs experiments on the wire.
+"""The rig, which connects devices, controller, supervisor and loop, and runs experiments on the wire.
 
-Nothing here computes, and nothing here sends a request: the controllers and the devices do.
+This module computes nothing and sends no request: controllers and devices do that.
 """
 
 from __future__ import annotations
@@ -43,29 +43,29 @@ from smadrive.wire.heat_balance import HeatBalance
 Record = Callable[[Tick], None]
 
 LAG_FACTOR = 3.0
-"""The thermocouple may lag this many times its nominal lag before its reading counts as implausible."""
+"""Multiple of the thermocouple's nominal lag that the supervisor allows before a reading counts as implausible."""
 
 MISPLACED_S = 2.0
-"""A displacement outside the model's range is a fault after that lag and this time."""
+"""A displacement outside the model's range is a fault after this time in seconds, added to the lag."""
 
 SAMPLED = 0.5
-"""Longest time between two readings of the temperature, in time constants of the wire."""
+"""Longest time between two temperature readings, as a fraction of the wire's time constant."""
 
 CURRENT_TOLERANCE_A = 0.05
-"""Largest difference of measured and commanded current; at most a tenth of current_max_a is allowed."""
+"""Largest difference between measured and commanded current in amperes, but at most a tenth of current_max_a."""
 
 RATE_EXCHANGES = 4
-"""This many exchanges are timed before the loop starts, to check that the devices keep up with its rate."""
+"""Number of exchanges that are timed before the loop starts, to check that the devices keep up with its rate."""
 
 
 class Rig:
-    """The devices of a rig file, connected. A context manager: leaving it puts every device into its safe state.
+    """The connected devices of a rig file. The end of this context manager puts every device into its safe state.
 
-    `transports` (by device name) replace the connections of the rig file. `clock` is the clock of the loops; by default
-    that of the connection: real on a port, virtual on `sim://`. With a `trace_folder` the traffic on every connection
-    is traced to a file there (see TraceFile).
+    transports      connections, by device name, that replace those of the rig file
+    clock           clock of the loops; by default that of the connection: real time on a port, virtual time on `sim://`
+    trace_folder    folder for traces of the traffic, one file for each connection (see TraceFile); None traces nothing
 
-    ConfigError when the devices do not make up a rig, or the limits cannot be meant for its wire.
+    ConfigError when the devices do not form a rig, or a limit cannot be meant for its wire.
     """
 
     def __init__(
@@ -86,7 +86,7 @@ class Rig:
         self._trace_folder = trace_folder
 
     def __enter__(self) -> Self:
-        """Open the ports, check the identity of every device in use, enter the safe state."""
+        """Open the ports, check the identity of every device in use, and enter the safe state."""
         with ExitStack() as stack:
             listener = stack.enter_context(StopListener(self._where))
             opened = open_devices(self._plan, stack, self._clock, self._transports, self._trace_folder)
@@ -101,21 +101,21 @@ class Rig:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Enter the safe state, then close the ports. An error that ended the block stays the error that is raised."""
+        """Enter the safe state, then close the ports. An error of the block stays the error that is raised."""
         self._on_exit.__exit__(kind, error, trace)
 
     @property
     def identities(self) -> dict[str, DeviceType]:
-        """The type of each device, by its name, and whether the device has proved it."""
+        """The type of each device, by the device's name, with the proof of this type."""
         return {
             name: DeviceType(device.profile.profile.id, device.profile.profile.vendor, device.proof)
             for name, device in self.devices.items()
         }
 
     def identify(self) -> dict[str, DeviceType]:
-        """`identities`, after the devices that no run uses have been checked too.
+        """Check the identity of the devices that are not checked yet, and return `identities`.
 
-        IdentityError when another device answers, TransportError when none does.
+        IdentityError when another device answers, TransportError when none answers.
         """
         for device in self.devices.values():
             if device.proof is Proof.NOT_ASKED:
@@ -124,24 +124,24 @@ class Rig:
 
     @property
     def period_s(self) -> float:
-        """The period of the loop, in s."""
+        """The period of the loop in seconds."""
         return 1.0 / self.config.rate_hz
 
     def measure(self) -> Measurement:
-        """One measurement at zero current. Raises what the exchange with the devices raises."""
+        """Return one measurement at zero current; raises the errors of the devices."""
         return self.heater.exchange(0.0)
 
     def enter_safe_state(self) -> None:
-        """Switch the heater off, confirmed by read-back; raises when it is not confirmed."""
+        """Switch the heater off and confirm it by read-back; raises an error if that fails."""
         self.heater.enter_safe_state()
 
     def excitation(self, start_c: float) -> Excitation:
-        """The identification experiment of the rig file, for a wire found at `start_c`."""
+        """Return the identification experiment of the rig file. The wire is at `start_c` (°C) now."""
         plan = self.config.excitation
         return nested_reversals(plan.low_c, plan.high_c, plan.rate_c_per_s, min(start_c, plan.high_c))
 
     def excite(self, excitation: Excitation, record: Record) -> LoopMetrics:
-        """Run the identification experiment; every tick goes to `record`."""
+        """Run the identification experiment, and pass every tick to `record`. Return the metrics of the loop."""
         controller = excitation_controller(self.config, excitation, self.nominal_balance)
         return self._run(controller, self._supervisor(self.nominal_balance), record)
 
@@ -153,7 +153,7 @@ class Rig:
         inverse: DisplacementInverse,
         record: Record,
     ) -> LoopMetrics:
-        """Follow a displacement reference with the given inverse; every tick goes to `record`."""
+        """Track a displacement reference with the given inverse, and pass every tick to `record`."""
         controller = tracking_controller(self.config, reference, model, balance, inverse)
         return self.drive(controller, balance, record, model)
 
@@ -165,40 +165,41 @@ class Rig:
         model: HysteresisModel | None = None,
         stop_requested: StopRequested = never,
     ) -> LoopMetrics:
-        """Arm, run a controller on the wire of this heat balance to its end, disarm; every tick goes to `record`.
+        """Arm, run `controller` to its end, and disarm. Pass every tick to `record`.
 
-        With the wire's `model` a displacement outside its range at this temperature is a fault. `stop_requested` ends
-        the run before the next exchange. ConfigError as of `check_balance`.
+        balance           heat balance of the wire; ConfigError if it cannot be that of the rig's wire
+        model             if given, a displacement outside the model's range at the measured temperature is a fault
+        stop_requested    asked before every exchange; True ends the run
         """
         self.check_balance(balance)
         return self._run(controller, self._supervisor(balance, model), record, stop_requested)
 
     def check_balance(self, balance: HeatBalance) -> None:
-        """ConfigError when this heat balance cannot be that of the rig's wire; see check_same_wire."""
+        """Raise ConfigError if this heat balance cannot be that of the rig's wire; see check_same_wire."""
         check_same_wire(balance, self.nominal_balance, self.config.wire)
 
     def clear_faults(self) -> Measurement:
-        """Clear the latched faults of the devices and the trip latch; SafetyError names a fault that persists."""
+        """Clear the latched faults of the devices, then the trip latch; SafetyError if a fault persists."""
         measurement = self.heater.clear_faults()
         self.latch.clear()
         return measurement
 
     def cool_down(self, duration_s: float) -> None:
-        """Let the wire cool with the heater off."""
+        """Let the wire cool for `duration_s` with the heater off."""
         self.enter_safe_state()
         self.clock.sleep_until(self.clock.now_s() + duration_s)
 
     @property
     def _where(self) -> str:
-        """The rig as error messages name it."""
+        """The name of the rig in error messages."""
         return f"rig '{self.config.name}'"
 
     def _check_thermometer(self, balance: HeatBalance) -> None:
-        """ConfigError when the wire can overheat between two readings."""
+        """Raise ConfigError if the wire can overheat between two temperature readings."""
         period_s, most_s = self.heater.temperature_period_s, SAMPLED * balance.time_constant_s
         if period_s > most_s:
             raise ConfigError(
-                f"the wire, of time constant {balance.time_constant_s:.2g} s, can overheat between two temperatures",
+                f"the wire, of time constant {balance.time_constant_s:.2g} s, can overheat between two readings",
                 where=self._where,
                 value=f"read every {period_s:g} s",
                 limit=f"{most_s:.2g} s",
@@ -235,7 +236,7 @@ class Rig:
         return loop.run(self.config.limits.watchdog_s)
 
     def _check_rate(self) -> None:
-        """ConfigError when the devices cannot keep up with the rig's rate."""
+        """Raise ConfigError if the devices cannot keep up with the rig's rate."""
         begun_s = self.clock.now_s()
         for _ in range(RATE_EXCHANGES):
             self.measure()
@@ -244,7 +245,7 @@ class Rig:
             raise ConfigError(
                 "the devices are too slow for rate_hz",
                 where=self._where,
-                value=f"{needed_s:.3f} s a tick",
+                value=f"{needed_s:.3f} s per tick",
                 limit=f"{self.period_s:.3f} s",
                 cure=f"set rate_hz to {0.8 / needed_s:.2g}",
             )

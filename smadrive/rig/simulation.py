@@ -1,4 +1,4 @@
-"""Simulated devices in this process, in virtual time: the devices behind sim:// addresses and those of the fixtures."""
+"""Simulated devices in this process and in virtual time. They serve sim:// addresses and the test fixtures."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 class SimulatedConnections:
-    """Connections to the devices of one simulated bench, all on one virtual clock, which drives the bench."""
+    """Connections to the devices of one simulated bench. All use one virtual clock, which drives the bench."""
 
     def __init__(self, simulated_bench: SimulatedBench) -> None:
         self._simulated_bench = simulated_bench
@@ -22,13 +22,13 @@ class SimulatedConnections:
         self._clock.follow(simulated_bench.advance_to)
 
     def transport(self, device: DeviceConfig, profile: str = "") -> Transport:
-        """Attach the device to the bench and connect to it; `profile`: another type than the rig file names."""
+        """Attach the device to the bench and return a connection to it. `profile` replaces that of the rig file."""
         attached = self._simulated_bench.attach(load_profile(profile or device.profile), device.unit_id, device.name)
         return attached.transport(self._clock)
 
 
 def simulate(sim: str) -> SimulatedConnections:
-    """Connections to a new bench with the simulated wire `sim`. The simulator is imported here and nowhere else."""
+    """Return the connections to a new bench with the simulated wire `sim`. Only this function imports the simulator."""
     from firmware_sim.bench import SimulatedBench  # noqa: PLC0415
     from firmware_sim.config import load_sim  # noqa: PLC0415
 

@@ -1,10 +1,11 @@
-"""Switching off: every device of a rig enters its safe state, the one that heats first, whatever else is broken.
+"""Switching off: every device of a rig enters its safe state, beginning with the one that heats.
 
-A driver that uses the line of a device is asked to stop first: two programs on one line would take each other's replies
-for their own.
+A driver that uses the line of a device is asked to stop first, because two programs on one line would take each other's
+replies for their own.
 
-Switching off needs no wire, no limits, no sensor and no guardian. So only the addresses of the devices are read from
-the rig file, and a device that cannot be reached does not keep another one from its safe state.
+Switching off must work whatever else is broken. It needs no wire, no limits, no sensor and no guardian. So only the
+addresses of the devices are read from the rig file, and every other device still enters its safe state if one device
+cannot be reached.
 """
 
 from __future__ import annotations
@@ -36,11 +37,14 @@ ResultT = TypeVar("ResultT")
 
 @dataclass(frozen=True)
 class SwitchedOff:
-    """The outcome: the devices that confirmed their safe state, all that heat among them, and the latched faults.
+    """The outcome of switching off.
 
-    `failure`: the first error of another device. `warnings`: what failed after the heat sources were confirmed off.
-    `stopped`: the drivers that were stopped first. `displaced`: guardians that wait at a port of this rig for another
-    device, which may still heat elsewhere.
+    stopped      drivers that were stopped first
+    devices      devices that confirmed their safe state; all devices that heat are among them
+    latched      faults that stay latched
+    warnings     failures after the heat sources were confirmed off
+    displaced    guardians that wait at a port of this rig for another device, which may still heat elsewhere
+    failure      first error of a device that does not heat
     """
 
     rig: str
@@ -54,7 +58,7 @@ class SwitchedOff:
 
 @dataclass(frozen=True)
 class _SourceOff:
-    """A heat source that is confirmed off, its key (None: simulated), its trip latch, the faults that it reports."""
+    """A heat source that is confirmed off, with its key (None if simulated), its trip latch and its faults."""
 
     name: str
     source: HeatSource
@@ -64,10 +68,10 @@ class _SourceOff:
 
 
 def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
-    """Put every device of the rig file `name` into its safe state, confirmed; with `clear_faults` then clear latches.
+    """Put every device of the rig file `name` into its safe state, confirmed by read-back. Then clear faults if asked.
 
     An error before the heat sources are confirmed off carries an unconfirmed ShutdownOutcome. The first signals during
-    that time are not obeyed (see HeldSignals). SafetyError when a fault persists.
+    this time have no effect (see HeldSignals). SafetyError when a fault persists.
     """
     with ExitStack() as stack:
         with _unconfirmed_on_error(), HeldSignals():
@@ -96,7 +100,7 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
 
 @contextmanager
 def _unconfirmed_on_error() -> Iterator[None]:
-    """An error of the block carries an unconfirmed outcome."""
+    """Attach an unconfirmed outcome to an error of the block."""
     try:
         yield
     except BaseException as error:
@@ -105,19 +109,19 @@ def _unconfirmed_on_error() -> Iterator[None]:
 
 
 def _each(devices: Iterable[DeviceT], act: Callable[[DeviceT], ResultT]) -> tuple[list[ResultT], Exception | None]:
-    """The results of `act` for the devices, and the first error; an error does not end the series."""
+    """Call `act` for every device, even after an error. Return the results and the first error."""
     results: list[ResultT] = []
     failure: Exception | None = None
     for device in devices:
         try:
             results.append(act(device))
-        except Exception as error:  # noqa: BLE001  (whatever it is, the other devices are switched off)
+        except Exception as error:  # noqa: BLE001  (whatever the error is, the other devices must be switched off)
             failure = failure or error
     return results, failure
 
 
 def _planned(config: DeviceConfig) -> PlannedDevice:
-    """The device with its profile, without which it cannot be switched off (ConfigError)."""
+    """Return the device with its profile; ConfigError if the profile, which switching off needs, is wrong."""
     return PlannedDevice(config, load_profile(config.profile))
 
 
@@ -130,11 +134,15 @@ def _stop_drivers(devices: Iterable[PlannedDevice]) -> tuple[tuple[StoppedDriver
 
 
 def _check_complete(config: OffConfig, off: Iterable[_SourceOff], failure: Exception | None) -> None:
-    """Raise the error that left a heat source unconfirmed; ConfigError when the rig has no heat source."""
+    """Raise the error that left a heat source unconfirmed. Raise ConfigError if the rig has no heat source."""
     if failure is not None:
         raise failure
     if not off:
-        raise ConfigError("no device of the rig heats; nothing was switched off", where=f"rig '{config.name}'")
+        raise ConfigError(
+            "nothing was switched off, because no device of the rig heats",
+            where=f"rig '{config.name}'",
+            cure="add the heat source to [[devices]]",
+        )
 
 
 def _switch_source_off(device: PlannedDevice, connections: Connections, current_max_a: float) -> _SourceOff:
@@ -150,7 +158,10 @@ def _switch_source_off(device: PlannedDevice, connections: Connections, current_
 
 
 def _enter_safe_state(device: PlannedDevice, connections: Connections) -> str:
-    """The name of a device that does not heat the wire, after its safe state: a controller could heat by itself."""
+    """Write the safe state of a device that does not heat the wire, and return its name.
+
+    A temperature controller could heat by itself.
+    """
     opened = connections.device(device)
     opened.check_identity()
     opened.enter_safe_state()
@@ -158,7 +169,7 @@ def _enter_safe_state(device: PlannedDevice, connections: Connections) -> str:
 
 
 def _relieve_guardians(off: Iterable[_SourceOff]) -> Iterator[str]:
-    """End the guardians that wait for these devices; a warning for each device whose guardians cannot be found."""
+    """End the guardians that wait for these devices. Yield a warning for each device whose guardians are unknown."""
     for one in off:
         try:
             if one.key is not None:
@@ -168,8 +179,8 @@ def _relieve_guardians(off: Iterable[_SourceOff]) -> Iterator[str]:
 
 
 def _displaced(off: Iterable[_SourceOff]) -> Iterator[str]:
-    """The guardians that wait for a device which was at one of these ports, where another one has answered now."""
-    with suppress(SafetyError):  # without the state folder the guardians are unknown; `off` warns of that
+    """Yield the guardians whose device was at one of these ports, where another device has answered now."""
+    with suppress(SafetyError):  # without the state folder the guardians are unknown, and `off` warns of that
         duties = waiting_duties()
         for key in (one.key for one in off if one.key is not None):
             others = (duty for duty in duties if not duty.key.proves(key))
@@ -177,13 +188,18 @@ def _displaced(off: Iterable[_SourceOff]) -> Iterator[str]:
 
 
 def _latched(off: _SourceOff) -> list[str]:
-    """The faults that stay latched, on the device and in the trip latch."""
+    """Return the latched faults of the device and of the trip latch."""
     return [*off.faults, *filter(None, [off.latch.read()])]
 
 
 def _clear(off: _SourceOff) -> None:
-    """Clear the faults of the device and its trip latch. SafetyError when a fault persists."""
+    """Clear the faults of the device, then its trip latch; SafetyError if a fault persists."""
     off.source.clear_faults()
     if faults := off.source.exchange(0.0).faults:
-        raise SafetyError("not cleared: the cause persists", where=f"device '{off.name}'", value=", ".join(faults))
+        raise SafetyError(
+            "not cleared, because their cause persists",
+            where=f"device '{off.name}': faults",
+            value=", ".join(faults),
+            cure="remove the cause first",
+        )
     off.latch.clear()

@@ -1,4 +1,5 @@
-"""The guardian: a process that outlives the driver and switches the heat source off, and the driver's client of it.
+"""The guardian, a process that outlives the driver and switches the heat source off, and its client in the driver.
 
-May import devices, modbus and the ground. Never here: control, the rig file, anything that slows its start.
+This package may import `devices`, `modbus` and the modules below them. Control, rig files and everything that slows its
+start do not belong here.
 """

@@ -1,8 +1,8 @@
-"""The driver's end of the guardian: starts it, sends it heartbeats, frees the ports when it has taken over.
+"""The driver's end of the guardian: it starts the guardian, sends heartbeats, and ends a take-over.
 
 STANDING_BY    the guardian does not watch: nothing heats, or the source is confirmed off
 WATCHED        the guardian watches: the driver heats and sends heartbeats
-TAKEN_OVER     the driver was silent for too long: the guardian uses the ports
+TAKEN_OVER     the driver was silent for too long, so the guardian uses the ports
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ STARTS_WITHIN_S = 20.0
 ENDS_WITHIN_S = 5.0
 FREES_WITHIN_S = 5.0
 PATIENCE = 2.0
-"""The driver waits for an answer of the guardian so many times as long as the guardian waits for the driver."""
+"""The driver waits for an answer of the guardian this many times longer than the guardian waits for the driver."""
 MANY = 4096
 COMMAND = (sys.executable, "-P", "-m", "smadrive.devices.guardian.process")
-"""-P: no file of the present folder runs instead."""
+"""The command that starts a guardian. With -P, no file in the present folder can take the place of the module."""
 
 
 class WatchState(Enum):
-    """The state of the guardian as the driver knows it; see the head of this file."""
+    """The state of the guardian as far as the driver knows it; see the head of this file."""
 
     STANDING_BY = auto()
     WATCHED = auto()
@@ -46,9 +46,9 @@ class WatchState(Enum):
 
 
 class GuardianClient:
-    """A guardian process for `task`, a context manager: leaving it ends the guardian, unless heat may still flow.
+    """A guardian process for `task`. The end of this context manager ends the guardian, unless heat may still flow.
 
-    `give_way` closes all connections of the driver: some devices accept one only, and the guardian may need it.
+    `give_way` closes all connections of the driver: some devices accept only one, and the guardian may need it.
     """
 
     def __init__(self, task: Task, give_way: Callable[[], None]) -> None:
@@ -60,38 +60,38 @@ class GuardianClient:
         self._answered_s = 0.0
 
     def share(self, locks: Iterable[LineLock]) -> None:
-        """Let the guardian inherit the locks of the line, before it is started."""
+        """Let the guardian inherit the locks of the line. Call this before the guardian starts."""
         self._locks = [lock for lock in locks if lock.descriptor != NO_DESCRIPTOR]
 
     def __enter__(self) -> Self:
-        """Start the guardian, which comes up while the driver connects."""
+        """Start the guardian. It gets ready while the driver connects."""
         self._process = subprocess.Popen(
             COMMAND,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             bufsize=0,
-            start_new_session=True,  # Ctrl-C is for the driver
+            start_new_session=True,  # Ctrl-C must end the driver only
             pass_fds=[lock.descriptor for lock in self._locks],
         )
         self._to, self._from = _piped(self._process.stdin), _piped(self._process.stdout)
         return self
 
     def configure(self, identity: Identity) -> None:
-        """Send the guardian its task, with the identity of the device, which is confirmed off; wait until it is ready.
+        """Send the guardian its task and the identity of the device, which is confirmed off; wait until it is ready.
 
-        Guardians of earlier runs that wait for this very device end. SafetyError when the guardian does not come up.
+        Guardians of earlier runs that wait for this same device end. SafetyError when the guardian does not start.
         """
         device = replace(self._task.device, identity=dict(identity))
         profile = load_profile(device.profile)
         relieve(key_at(device.url, profile, device.unit_id).with_identity(profile, identity))
         shared = tuple(SharedLock(lock.line, lock.descriptor) for lock in self._locks)
-        with suppress(OSError):  # then READY does not come either
+        with suppress(OSError):  # after a failed write READY does not come, which is an error below
             self._to.write(replace(self._task, device=device, locks=shared).to_json())
         ready, _, _ = select.select((self._from,), (), (), STARTS_WITHIN_S)
         if not ready or self._from.read(1) != READY:
             self._process.kill()
             raise SafetyError(
-                "did not start, and without it a source without a watchdog must not heat",
+                "the guardian did not start, and a source without a watchdog must not heat without it",
                 where="guardian",
                 cure="install smadrive, or set PYTHONPATH to it",
             )
@@ -101,30 +101,33 @@ class GuardianClient:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the pipes: the guardian ends, at once when the source is confirmed off."""
+        """Close the pipes, so that the guardian ends. It ends at once when the source is confirmed off."""
         self._to.close()
         self._from.close()
         if self._state is not WatchState.STANDING_BY:
             return
         try:
             self._process.wait(ENDS_WITHIN_S)
-        except subprocess.TimeoutExpired:  # it stands still, and is not needed any more
+        except subprocess.TimeoutExpired:  # the guardian stands still, and is not needed any more
             self._end()
 
     def watch(self) -> None:
-        """Tell the guardian that heating begins; SafetyError when it is gone."""
+        """Tell the guardian that heating begins; SafetyError when the guardian is gone."""
         self._from.read(MANY)  # answers of the last watch
         self._answered_s = time.monotonic()
         if not self._send(WATCH):
             raise _gone()
-        if self._state is WatchState.STANDING_BY:  # a take-over ends by `take_back` alone
+        if self._state is WatchState.STANDING_BY:  # only `take_back` ends a take-over
             self._state = WatchState.WATCHED
 
     def heartbeat(self) -> None:
-        """Send a heartbeat, before and after every use of a port; TakenOverError when the guardian has the ports."""
+        """Send a heartbeat.
+
+        Call this before and after every use of a port; TakenOverError if the guardian uses the ports.
+        """
         if self._state is WatchState.STANDING_BY:
             return
-        answer = self._from.read(MANY)  # None: nothing new, empty: the guardian is gone
+        answer = self._from.read(MANY)  # None if there is no answer, empty if the guardian has ended
         self._gone = answer == b""
         if TAKEN in (answer or b""):
             self._state = WatchState.TAKEN_OVER
@@ -132,42 +135,51 @@ class GuardianClient:
             self._send(GIVES_WAY)
         if self._state is WatchState.TAKEN_OVER:
             raise TakenOverError(
-                "the guardian has taken over, because the driver stood still", limit=f"{self._task.timeout_s:g} s"
+                "the guardian has taken over, because the driver stood still",
+                limit=f"{self._task.timeout_s:g} s",
             )
         if answer:
             self._answered_s = time.monotonic()
         self._send(HEARTBEAT)
 
     def check(self) -> None:
-        """Send a heartbeat before a command; SafetyError when the guardian does not answer any more."""
+        """Send a heartbeat before a command; SafetyError when the guardian no longer answers."""
         self.heartbeat()
         silent_s = time.monotonic() - self._answered_s
         if self._state is WatchState.WATCHED and (self._gone or silent_s > PATIENCE * self._task.timeout_s):
             raise _gone()
 
     def take_back(self) -> None:
-        """After a take-over, let the guardian end its work, and have the ports again.
+        """After a take-over, wait until the guardian has finished, and get the ports back.
 
-        SafetyError when it does not come to an end; it goes on then.
+        SafetyError when the guardian does not finish in time. The guardian then continues its attempts.
         """
         if self._state is WatchState.TAKEN_OVER:
             if not self._is_freed():
-                raise SafetyError("the guardian has taken over, and could not confirm yet that the heater is off")
+                raise SafetyError(
+                    "the guardian has taken over and could not confirm yet that the heater is off",
+                    where="guardian",
+                    limit=f"{FREES_WITHIN_S:g} s",
+                    cure="cut the supply of the heater",
+                )
             self._state = WatchState.STANDING_BY
 
     def stand_down(self) -> None:
-        """End the watch after the driver has confirmed the source off; a guardian that takes over now is awaited."""
+        """End the watch after the driver has confirmed the source off. Wait for a guardian that takes over just now."""
         if self._state is not WatchState.STANDING_BY:
             self._state = WatchState.STANDING_BY
             if not self._is_freed():
-                self._end()  # it stands still: when it wakes it would use the ports beside another program
+                self._end()  # the guardian stands still: later it could use the ports beside another program
 
     def _end(self) -> None:
         self._process.kill()
         self._process.wait()
 
     def _is_freed(self) -> bool:
-        """Ask the guardian for the ports and wait for them; a guardian that is gone has left them."""
+        """Ask the guardian for the ports, and return True when they are free.
+
+        A guardian that is gone has freed them.
+        """
         give_up_s = time.monotonic() + FREES_WITHIN_S
         self._send(STAND_DOWN)
         while (left_s := give_up_s - time.monotonic()) > 0:
@@ -178,16 +190,20 @@ class GuardianClient:
         return False
 
     def _send(self, signal: bytes) -> bool:
-        """Whether the signal could be written; the guardian may be gone, or stand still."""
+        """Write a signal and return True if that succeeded. The guardian may be gone or stand still."""
         with suppress(OSError):
             return bool(self._to.write(signal))
         return False
 
 
 def _gone() -> SafetyError:
-    return SafetyError("is gone or stands still, and without it the source must not heat", where="guardian")
+    return SafetyError(
+        "the guardian is gone or stands still, and the source must not heat without it",
+        where="guardian",
+        cure="start again",
+    )
 
 
 def _piped(end: IO[bytes] | None) -> IO[bytes]:
-    assert end is not None  # both ends are pipes
+    assert end is not None  # Popen was called with pipes
     return end

@@ -1,8 +1,8 @@
-"""The duty of a guardian, as a file: the device that it guards, and whether it still waits for it.
+"""The duty of a guardian as a file: the guarded device, and the reason if the guardian waits for it.
 
-The guardian locks the file (flock) as long as it lives, so that a device has one guardian. `smadrive probe` and `off`
-show the guardians that wait. A new driver, or `off`, that has confirmed the same device off relieves the guardian by a
-second file; the guardian then ends without using a port.
+The guardian locks the file (flock) as long as it lives, so that a device has only one guardian. `smadrive probe` and
+`off` show the guardians that wait. When a new driver or `off` has confirmed the same device off, it writes a second
+file, which relieves the guardian: the guardian ends without using a port.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from smadrive.errors import DataError
 from smadrive.files.kinds import check_regular
 
 FREE_WITHIN_S = 5.0
-"""Longest time until a relieved guardian has ended."""
+"""Longest time in seconds until a relieved guardian has ended."""
 LOOK_AGAIN_S = 0.05
 
 
 class Duty(BaseModel):
-    """The content of the file. `waiting`: the reason why the guardian waits; None: its driver still lives."""
+    """The content of the file. `waiting` is the reason why the guardian waits, or None while its driver lives."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -47,13 +47,16 @@ class Duty(BaseModel):
 
     def __str__(self) -> str:
         return (
-            f"a guardian (process {self.pid}) still waits for {self.device}, which may heat: {self.waiting}. Connect "
+            f"a guardian (process {self.pid}) still waits for {self.device}, which may heat ({self.waiting}). Connect "
             f"the device again, or cut its supply and end the guardian (kill -9 {self.pid})"
         )
 
 
 class HeldDuty:
-    """The duty of this process; a context manager that ends it. Without a folder for state nothing is written."""
+    """The duty of this process. The end of this context manager ends the duty.
+
+    If there is no folder for state, nothing is written.
+    """
 
     def __init__(self, device: str, key: DeviceKey, descriptor: int | None) -> None:
         self._duty = Duty(
@@ -69,7 +72,7 @@ class HeldDuty:
 
     @classmethod
     def take(cls, device: str, key: DeviceKey) -> Self | None:
-        """The duty; None: another guardian still has it after `FREE_WITHIN_S`."""
+        """Return the duty; return None if another guardian still has it after `FREE_WITHIN_S`."""
         give_up_s = time.monotonic() + FREE_WITHIN_S
         while (descriptor := _locked(_file(key))) is None:
             if time.monotonic() >= give_up_s:
@@ -79,14 +82,14 @@ class HeldDuty:
 
     @property
     def relieved(self) -> bool:
-        """Whether a new driver or `off` has confirmed the device off since this guardian began to wait."""
+        """True if a new driver or `off` has confirmed the device off since this guardian began to wait."""
         try:
             return self._duty.waiting is not None and _relief(self._file).exists()
         except OSError:  # the state folder cannot be read
             return False
 
     def wait(self, problem: str) -> None:
-        """Note that the driver has ended and the guardian waits, with `problem` as the reason."""
+        """Note that the driver has ended and the guardian waits. `problem` is the reason."""
         if self._duty.waiting is None:
             with suppress(OSError):
                 _relief(self._file).unlink(missing_ok=True)
@@ -113,7 +116,7 @@ class HeldDuty:
 
 
 def waiting_duties() -> list[Duty]:
-    """The duties of all guardians that wait for their device. SafetyError when the state folder cannot be read."""
+    """Return the duties of the guardians that wait for a device; SafetyError if the state folder cannot be read."""
     return [duty for _, duty in _waiting()]
 
 
@@ -141,7 +144,7 @@ def _waiting() -> Iterator[tuple[Path, Duty]]:
 def _files() -> list[Path]:
     try:
         return sorted(file for file in (state_dir() / "guardians").iterdir() if file.suffix == ".json")
-    except (FileNotFoundError, NotADirectoryError):  # no guardian has a duty here
+    except (FileNotFoundError, NotADirectoryError):  # no guardian has ever had a duty here
         return []
     except OSError as error:
         raise unreadable(error) from None
@@ -179,7 +182,10 @@ def _is_held(file: Path) -> bool:
 
 
 def _locked(file: Path) -> int | None:
-    """The descriptor of the locked file; -1: none can be made; None: another process holds it."""
+    """Lock the file and return its descriptor.
+
+    Return -1 if the file cannot be made, and None if another process holds the lock.
+    """
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
         descriptor = os.open(file, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
@@ -191,7 +197,7 @@ def _locked(file: Path) -> int | None:
             return descriptor
     except BlockingIOError:
         pass
-    except FileNotFoundError:  # the guardian before has just ended, and taken its file along
+    except FileNotFoundError:  # the previous guardian has just ended and removed its file
         pass
     except OSError:
         os.close(descriptor)

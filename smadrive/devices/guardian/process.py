@@ -1,34 +1,37 @@
-"""The guardian: a process that outlives the driver and switches the heat source off when the driver no longer can.
+"""The guardian, a process that outlives the driver and switches the heat source off when the driver cannot.
 
 A bench supply without a watchdog keeps heating when its driver is killed, stands still or crashes. So the driver starts
-this process, and writes a byte to it at every use of a port, through a pipe:
+this process. At every use of a port, the driver writes a byte to the guardian through a pipe:
 
     w   watch: heating begins        b   heartbeat: the driver lives       r   stand down: no guardian is needed now
-    g   gives way: the driver has read that it is taken over, and has closed its connections
+    g   give way: the driver has learnt of the take-over and has closed its connections
 
-Every byte is echoed, so that the driver knows that the guardian lives too. While the guardian watches, a silence of
-`timeout_s` or the end of the pipe means that the driver is dead or stands still. Then the guardian opens the port
-itself and writes the safe state until the device has confirmed it (states.py has the table). Two clients on one line
-would take each other's replies for their own. A driver that only stood still finds `t` (taken over) in the other pipe
-when it wakes, before it uses a port. It closes its connections, sends `g`, then `r`, and waits. The guardian confirms
-once more, in case one last command went out. Every `r` is answered by `f` (free): the driver may use the ports, and the
-guardian is ready to watch again.
+The guardian echoes every byte, so that the driver knows that the guardian lives. While the guardian watches, a
+silence of `timeout_s` or the end of the pipe means that the driver is dead or stands still. Then the guardian opens
+the port itself and writes the safe state until the device has confirmed it (states.py has the table).
 
-A serial port can be opened beside a driver that stands still; the guardian shares that driver's lock of the line
-(lock.py). A device or gateway behind a socket may accept one client only, and that is the driver as long as it lives.
-If the guardian fails there, it waits `timeout_s` more. A driver that wakes gives way in that time, also where its
-guardian stood still with it (an interrupted wait goes on for the rest of its time). A silent driver is killed
-(SIGKILL), with everything else in its process, and the guardian takes the free socket. An unplugged device looks the
-same from here, and the driver is killed in vain; otherwise it would still hold the connection when the device is
-plugged in again. Only the parent process is killed, and only while it is the parent: after the end of the driver its
-process id may belong to another program.
+Two clients on one line would take each other's replies for their own. If the driver only stood still, it finds `t`
+(taken over) in the other pipe when it wakes, before it uses a port. It closes its connections, sends `g`, then `r`,
+and waits. The guardian confirms the safe state once more, because the driver may have sent one last command. It
+answers every `r` with `f` (free): the driver may use the ports, and the guardian is ready to watch again.
 
-When the driver has ended and the device cannot be reached, the guardian waits for it without limit, at the ports that
-search.py names. It prints what the user has to do, and leaves the line to every other program between attempts. It ends
-when the device has confirmed, when another driver or `smadrive off` has confirmed the same device off (duty.py), or
-when its pseudo-terminal has ended.
+The guardian can open a serial port while a driver that stands still has it open; the guardian shares that driver's lock
+of the line (lock.py). A device or gateway behind a socket may accept only one client, which is the driver as long as
+the driver lives. If the guardian cannot connect there, it waits `timeout_s` more. A driver that wakes gives way in that
+time, also if its guardian stood still together with it: an interrupted wait continues for the rest of its time. If the
+driver stays silent, the guardian kills it (SIGKILL), with everything else in its process, and takes the free socket. An
+unplugged device looks the same to the guardian; then the driver is killed in vain. Otherwise it would still hold the
+connection when the device is plugged in again. The guardian kills only its parent process, and only while that is the
+parent: after the end of the driver its process id may belong to another program.
 
-    python -m smadrive.devices.guardian.process        its task, a JSON object, is the first line of standard input
+When the driver has ended and the device cannot be reached, the guardian waits for the device without limit, at the
+ports that search.py lists. It prints the next step for the user, and does not occupy the line between attempts. It ends
+when the device has confirmed the safe state, when another driver or `smadrive off` has confirmed the same device off
+(duty.py), or when the pseudo-terminal of the device has ended.
+
+    python -m smadrive.devices.guardian.process
+
+The first line of standard input is the task, a JSON object.
 """
 
 from __future__ import annotations
@@ -60,13 +63,14 @@ ANSWERS = {Action.ECHO: ECHO, Action.FREE: FREE, Action.TAKE: TAKEN}
 
 TERMINAL_WITHIN_S = 0.2
 REMIND_S = 600.0
-"""A guardian that waits for its device prints its message again after this time."""
+"""A guardian that waits for its device repeats its message after this time in seconds."""
 
 
 class DriverProcess:
-    """The parent process: its signals through a pipe, and its end.
+    """The parent process, which is the driver: its signals through a pipe, and its end.
 
-    Make it before READY is sent: the driver waits for READY, so the parent is certainly the driver until then.
+    Create this object before READY is sent: the driver waits for READY, so until then the parent is certainly the
+    driver.
     """
 
     def __init__(self, descriptor: int) -> None:
@@ -75,14 +79,14 @@ class DriverProcess:
         self.ended = False
 
     def read_line(self) -> bytes:
-        """The first line, read byte by byte: the bytes behind it are signals."""
+        """Return the first line of the pipe. It is read byte by byte, because the bytes behind the line are signals."""
         line = b""
         while not line.endswith(b"\n") and (byte := os.read(self._descriptor, 1)):
             line += byte
         return line
 
     def listen(self, within_s: float) -> DriverSignal:
-        """The last signal of the driver within this time; after its end, SILENCE after this time."""
+        """Return the last signal of the driver within `within_s`. After its end, wait `within_s` and return SILENCE."""
         if self.ended:
             time.sleep(within_s)
             return DriverSignal.SILENCE
@@ -94,7 +98,7 @@ class DriverProcess:
         return SIGNALS.get(data[-1:], DriverSignal.HEARTBEAT) if data else DriverSignal.CLOSED
 
     def end(self) -> None:
-        """Kill the process, if it is still the parent."""
+        """Kill the driver if it is still the parent process."""
         if os.getppid() == self.pid:
             _print(f"the driver gives no sign of life and may hold the only connection: ending it (process {self.pid})")
             with contextlib.suppress(OSError):
@@ -102,7 +106,7 @@ class DriverProcess:
 
 
 class Guardian:
-    """Carries out the table of states: attempts, answers to the driver, messages to the terminal."""
+    """Carries out the actions of the table: attempts, answers to the driver, messages to the terminal."""
 
     def __init__(
         self, driver: DriverProcess, switch: OffSwitch, access: LineAccess, duty: HeldDuty, timeout_s: float
@@ -116,10 +120,10 @@ class Guardian:
         self._printed_s = 0.0
 
     def attempt(self, state: GuardianState) -> AttemptOutcome:
-        """Try to switch the device off; see run."""
+        """Try to switch the device off, and return the outcome; see `run`."""
         waits = state is GuardianState.WAITING_FOR_DEVICE
         if waits and self._duty.relieved:
-            _print("another driver, or `smadrive off`, has confirmed the heater off: this guardian ends")
+            _print("another driver, or `smadrive off`, has confirmed that the heater is off: this guardian ends")
             return AttemptOutcome.RELIEVED
         result = self._switch.off(alone=waits)
         if waits:
@@ -130,7 +134,7 @@ class Guardian:
         return result.outcome
 
     def act(self, action: Action) -> None:
-        """Answer the driver, or end it; see run."""
+        """Answer the driver, or end it; see `run`."""
         if action is Action.END_DRIVER:
             self._driver.end()
             return
@@ -142,7 +146,7 @@ class Guardian:
         _answer(ANSWERS[action])
 
     def _report(self, result: AttemptResult, *, waits: bool) -> None:
-        """Print what has changed since the last attempt; while it waits, again every `REMIND_S`."""
+        """Print a changed outcome. While the guardian waits for the device, repeat the message every `REMIND_S`."""
         if self._last is None:
             reason = "ended" if self._driver.ended else f"stood still for {self._timeout_s:g} s"
             _print(f"the driver {reason} while heating: taking over")
@@ -161,16 +165,16 @@ def _message(result: AttemptResult, *, waits: bool) -> str:
     message = f"the heater is NOT confirmed off yet ({result.text}): cut its supply"
     if not waits:
         return message
-    return f"{message}, or connect it again. This guardian waits for it; when it is cut for good, kill -9 {os.getpid()}"
+    return f"{message}, or connect the device again. This guardian waits for it; to end the wait: kill -9 {os.getpid()}"
 
 
 def _answer(what: bytes) -> None:
-    with contextlib.suppress(OSError):  # the driver is gone, or does not listen
+    with contextlib.suppress(OSError):  # the driver has ended, or does not read the pipe
         os.write(DRIVER_FD, what)
 
 
 def _print(text: str) -> None:
-    """Print to the terminal, and wait at most `TERMINAL_WITHIN_S`: it may be gone or stalled."""
+    """Print to the terminal, which may be gone or stalled: wait at most `TERMINAL_WITHIN_S`."""
     line = f"smadrive guardian: {text}\n".encode()
 
     def write() -> None:
@@ -183,12 +187,12 @@ def _print(text: str) -> None:
 
 
 def guard(task: Task, driver: DriverProcess) -> None:
-    """Report READY to the driver, and guard until the work is done."""
+    """Take the duty, report READY to the driver, and run the states until DONE."""
     device, profile = task.device, load_profile(task.device.profile)
     key = key_at(device.url, profile, device.unit_id).with_identity(profile, device.identity)
     duty = HeldDuty.take(f"{device.profile} at {device.url}", key)
     if duty is None:
-        _print(f"another guardian of {device.profile} at {device.url} does not end: end it first")
+        _print(f"another guardian of {device.profile} at {device.url} does not end: end that process first")
         return
     with duty:
         access = LineAccess(task.locks)
@@ -199,12 +203,12 @@ def guard(task: Task, driver: DriverProcess) -> None:
 
 
 def main() -> None:
-    """Read the task, then guard."""
+    """Read the task, then guard the device."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP, signal.SIGPIPE):
-        signal.signal(number, signal.SIG_IGN)  # it ends when the driver does
+        signal.signal(number, signal.SIG_IGN)  # the guardian ends by itself after the driver
     os.set_blocking(DRIVER_FD, False)
     driver = DriverProcess(0)
-    if line := driver.read_line():  # else the driver ended before it sent a task
+    if line := driver.read_line():  # the line is empty if the driver ended before it sent a task
         guard(Task.from_json(line), driver)
 
 

@@ -1,6 +1,7 @@
-"""The ports at which a guardian looks for its device: each permanent name of its port, never another adapter's port.
+"""The ports at which a guardian looks for its device: all permanent names of its port, but no port of another adapter.
 
-A port at which another device has answered several times is left alone for a while: another program may use it.
+If another device has answered several times at a port, the guardian does not use this port for a while, because another
+program may use it.
 """
 
 from __future__ import annotations
@@ -15,13 +16,13 @@ from smadrive.devices.state.key import TERMINALS, port_names
 from smadrive.modbus.transports.connect import port_of
 
 AGREEING = 3
-"""Identities in a row that prove another device: a single one can be a late reply of the line."""
+"""Number of wrong identities in a row that prove another device. A single one can be a late reply of the line."""
 ASK_AGAIN_S = 10.0
-"""A port with another device is tried again after this time."""
+"""A port with another device is tried again after this time in seconds."""
 
 
 class PortSearch:
-    """The ports at which a device may be now that was found at the port of `url`, with these names."""
+    """The ports at which a device may be now. The device was at the port of `url`, which has these `names`."""
 
     def __init__(self, url: str, names: frozenset[str], now_s: Callable[[], float]) -> None:
         self._url = url
@@ -31,7 +32,7 @@ class PortSearch:
         self._foreign: dict[str, tuple[int, float]] = {}
 
     def urls(self) -> list[str]:
-        """The URLs to try now, each port once."""
+        """Return the URLs to try now, with each port only once."""
         found: dict[str, str] = {}
         links = (name for name in sorted(self._names) if name.startswith("/"))
         for url in (self._url, *map(self._at, links)):
@@ -40,17 +41,17 @@ class PortSearch:
         return [url for place, url in found.items() if not self._is_left_alone(place)]
 
     def note_other_device(self, url: str) -> None:
-        """Note that another device answered there."""
+        """Note that another device answered at `url`."""
         count, _ = self._foreign.get(place := _place(url), (0, 0.0))
         self._foreign[place] = count + 1, self._now_s() + ASK_AGAIN_S
 
     def note_no_device(self, url: str) -> None:
-        """Note that no device proved its identity there."""
+        """Note that no device proved its identity at `url`."""
         self._foreign.pop(_place(url), None)
 
     @property
     def is_gone(self) -> bool:
-        """Whether the port was a pseudo-terminal that has ended and cannot come back under its name."""
+        """True if the port was a pseudo-terminal that has ended and whose name cannot come back."""
         terminals = {name for name in self._names if name.startswith(TERMINALS)}
         links = self._names - terminals
         if not terminals or any(Path(link).parent.is_dir() for link in links):
@@ -61,11 +62,14 @@ class PortSearch:
 
     @property
     def _terminal_exists(self) -> bool:
-        """Whether the pseudo-terminal has not ended; its times change with its owner and its permissions, too."""
+        """True if the pseudo-terminal has not ended.
+
+        The times of its file also change with its owner or permissions.
+        """
         return self._terminal is not None and os.fstat(self._terminal).st_nlink > 0
 
     def _at(self, name: str) -> str:
-        """The URL with the same settings at a path among the names."""
+        """Return the URL with the path `name` and the same settings."""
         query = urlsplit(self._url).query
         return f"serial://{name}?{query}" if query else f"serial://{name}"
 
@@ -92,7 +96,10 @@ class PortSearch:
 
 
 def _opened_terminal(url: str) -> int | None:
-    """A descriptor of the pseudo-terminal at `url`, whose link count is 0 once it has ended; None: no such port."""
+    """Open the pseudo-terminal at `url` and return its descriptor; return None if `url` is no pseudo-terminal.
+
+    The link count of the descriptor is 0 after the pseudo-terminal has ended.
+    """
     port = port_of(url)
     if not port.startswith(f"serial://{TERMINALS}"):
         return None
@@ -102,7 +109,7 @@ def _opened_terminal(url: str) -> int | None:
 
 
 def _place(url: str) -> str:
-    """The port that a URL leads to now, with the time of its creation: a port that was plugged in anew differs."""
+    """Return the port of a URL with its time of creation: a port that was plugged in again counts as another one."""
     port = port_of(url)
     if port.startswith("serial:"):
         with suppress(OSError):

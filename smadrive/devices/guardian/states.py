@@ -1,18 +1,18 @@
-"""The states of a guardian, as a table without processes, ports or time.
+"""The states of a guardian as a table. This file knows no processes, ports or clocks.
 
-    IDLE                 the driver lives, nothing heats
-    WATCHING             the driver heats; after too long a silence the guardian takes over
+    IDLE                 the driver lives and nothing heats
+    WATCHING             the driver heats; if it is silent for too long, the guardian takes over
     TAKING_OVER          the driver is silent; the heater is not confirmed off
-    BARRED               the same behind a network, where the driver may hold the only connection
-    ENDING_DRIVER        a driver that holds the only connection has been killed; the guardian waits for its end
-    WAITING_FOR_DRIVER   the heater is confirmed off repeatedly: the driver may wake and send one last command
+    BARRED               as TAKING_OVER, but behind a network, where the driver may have the only connection
+    ENDING_DRIVER        the guardian has killed a driver that has the only connection, and waits for its end
+    WAITING_FOR_DRIVER   the guardian confirms the heater off repeatedly: the driver may wake and send one last command
     GIVEN_WAY            the driver woke and closed its connections
     RELEASING            the driver waits for its ports; it gets them after one more confirmation
-    WAITING_FOR_DEVICE   the driver has ended; the heater is not confirmed off since then
+    WAITING_FOR_DEVICE   the driver has ended; the heater has not been confirmed off since then
     DONE                 the guardian ends
 
-In the states of `ATTEMPTS` the guardian tries to switch the heater off, then listens to the driver; in the others it
-only listens. Every event of the pipe and of an attempt has an entry in every state where it can occur.
+In the states of `ATTEMPTS` the guardian tries to switch the heater off, then listens to the driver; in the other
+states it only listens. Every event of the pipe and of an attempt has an entry in every state where it can occur.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from enum import Enum, auto
 from typing import NamedTuple
 
 LOOK_AGAIN_S = 0.5
-"""Pause between two attempts."""
+"""Pause between two attempts, in seconds."""
 
 
 class GuardianState(Enum):
@@ -41,7 +41,7 @@ class GuardianState(Enum):
 
 
 class DriverSignal(Enum):
-    """A signal of the driver through the pipe, or its silence, or the end of the pipe."""
+    """A signal of the driver through the pipe, the driver's silence, or the end of the pipe."""
 
     HEARTBEAT = auto()
     GIVES_WAY = auto()
@@ -56,14 +56,14 @@ class AttemptOutcome(Enum):
     CONFIRMED = auto()
     UNREACHABLE = auto()
     UNREACHABLE_REMOTE = auto()
-    """As UNREACHABLE, behind a network."""
+    """As UNREACHABLE, but the device is behind a network."""
     ANOTHER_DEVICE = auto()
     BUSY = auto()
-    """Another program has the line."""
+    """Another program uses the line."""
     RELIEVED = auto()
     """A new driver or `smadrive off` has confirmed the device off."""
     GONE = auto()
-    """A pseudo-terminal that has ended: it never comes back."""
+    """The port was a pseudo-terminal that has ended, so it never comes back."""
 
 
 Event = DriverSignal | AttemptOutcome
@@ -97,7 +97,7 @@ ATTEMPTS = frozenset(
     }
 )
 PATIENT = frozenset({GuardianState.IDLE, GuardianState.WATCHING, GuardianState.BARRED})
-"""States in which the driver may be silent for `timeout_s`; in the others the guardian waits `LOOK_AGAIN_S`."""
+"""States in which the driver may be silent for `timeout_s`. In other states the guardian waits `LOOK_AGAIN_S`."""
 
 _TAKING_OVER, _WAITING = Transition(GuardianState.TAKING_OVER), Transition(GuardianState.WAITING_FOR_DEVICE)
 _DONE, _BARRED = Transition(GuardianState.DONE), Transition(GuardianState.BARRED)
@@ -158,7 +158,7 @@ TABLE: dict[GuardianState, dict[Event, Transition]] = {
     GuardianState.WAITING_FOR_DEVICE: _stays(GuardianState.WAITING_FOR_DEVICE, *DriverSignal, *AttemptOutcome)
     | {AttemptOutcome.CONFIRMED: _DONE, AttemptOutcome.RELIEVED: _DONE, AttemptOutcome.GONE: _DONE},
 }
-"""By state and event: the next state and the action. The driver's pipe stays closed in WAITING_FOR_DEVICE."""
+"""The next state and the action, by state and event. In WAITING_FOR_DEVICE the pipe of the driver is closed."""
 
 
 def run(
@@ -169,9 +169,9 @@ def run(
 ) -> None:
     """Run the table of states until DONE.
 
-    `listen(within_s)` waits at most so long for the driver; once its pipe is closed it only waits. `attempt(state)`
-    tries to switch the heater off, `act` carries an action out. A driver that heats counts as dead after a
-    silence of `timeout_s`.
+    `listen(within_s)` waits for a signal of the driver, at most `within_s`; after the end of the pipe it waits the
+    whole time. `attempt(state)` tries to switch the heater off. `act` carries out an action. A driver that heats counts
+    as dead after a silence of `timeout_s`.
     """
     state = GuardianState.IDLE
 

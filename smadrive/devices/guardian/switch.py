@@ -1,4 +1,4 @@
-"""The guardian's attempt to switch its device off: access to the line, then the safe state, confirmed by read-back."""
+"""The guardian's attempt to switch its device off: it gets the line, then writes and reads back the safe state."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from smadrive.modbus.transports.transport import Transport
 
 
 class LineAccess:
-    """Access to the line: shared with the driver while that lives, afterwards locked for one attempt at a time."""
+    """Access to the line. The guardian shares it while the driver lives, then locks it for one attempt at a time."""
 
     def __init__(self, shared: Iterable[SharedLock]) -> None:
         self._shared = [LineLock(*lock) for lock in shared]
@@ -32,17 +32,17 @@ class LineAccess:
             lock.hold_as(role, pid)
 
     def release_shared(self) -> None:
-        """Release the shared locks: the driver has ended, and other programs may use the line between attempts."""
+        """Release the shared locks after the end of the driver: others may use the line between attempts."""
         for lock in self._shared:
             lock.release()
         self._shared = []
 
     @contextmanager
     def to(self, lines: Collection[str], *, alone: bool) -> Iterator[bool]:
-        """Use the line with these names; yields whether its port is for the guardian only.
+        """Use the line with these names. Yield True if the guardian has its port for itself.
 
-        One shared name is enough: a look-up may give other addresses than that of the driver. BusyError when another
-        program has the line.
+        One shared name is enough, because a look-up may give other addresses than that of the driver. BusyError when
+        another program has the line.
         """
         if not alone or any(lock.line in lines for lock in self._shared):
             yield False
@@ -61,7 +61,7 @@ class AttemptResult(NamedTuple):
 
 
 class OffSwitch:
-    """Switches the guarded device off, at the port where it is now."""
+    """Switches the guarded device off, at the port at which the device is now."""
 
     def __init__(self, device: GuardedDevice, profile: Profile, search: PortSearch, access: LineAccess) -> None:
         self._device = device
@@ -70,9 +70,9 @@ class OffSwitch:
         self._access = access
 
     def off(self, *, alone: bool) -> AttemptResult:
-        """Try every port at which the device may be; `alone`: no driver holds the line any more.
+        """Try every port at which the device may be, and return the result. `alone` is True once the driver has ended.
 
-        Every error becomes an outcome with a text: no error may end the guardian.
+        Every error becomes an outcome with a text, because no error may end the guardian.
         """
         try:
             return self._off_anywhere(alone=alone)
@@ -81,7 +81,7 @@ class OffSwitch:
 
     def _off_anywhere(self, *, alone: bool) -> AttemptResult:
         if alone and self._search.is_gone:
-            return AttemptResult(AttemptOutcome.GONE, "its pseudo-terminal has ended, and the device with it")
+            return AttemptResult(AttemptOutcome.GONE, "its pseudo-terminal has ended, and so has the device")
         result = AttemptResult(AttemptOutcome.UNREACHABLE, "none of its ports exists, or another device answers there")
         for url in self._search.urls():
             result = self._off_at(url, alone=alone)
@@ -90,7 +90,7 @@ class OffSwitch:
         return result
 
     def _off_at(self, url: str, *, alone: bool) -> AttemptResult:
-        """Enter the safe state at this port; the outcome."""
+        """Try to write the safe state at this port, and return the outcome."""
         try:
             with self._access.to(self._lines(url) if alone else (), alone=alone) as exclusive:
                 self._write_safe_state(url, exclusive=exclusive)

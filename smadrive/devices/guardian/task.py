@@ -1,4 +1,4 @@
-"""The messages between a driver and its guardian: the task, as the first line of a pipe, then single bytes."""
+"""The messages between a driver and its guardian: first the task, as one line of JSON, then single bytes."""
 
 from __future__ import annotations
 
@@ -14,17 +14,17 @@ READY, ECHO, TAKEN, FREE = b"y", b"e", b"t", b"f"
 
 @dataclass(frozen=True)
 class GuardedDevice:
-    """The device that the guardian switches off, by its entry in the rig file."""
+    """The device that the guardian switches off, with the values of its entry in the rig file."""
 
     profile: str
     url: str
     unit_id: int | None
     identity: Identity = field(default_factory=dict)
-    """The identity that the driver has proved: no other device can confirm the safe state."""
+    """The identity that the driver has proved. Only a device with this identity can confirm the safe state."""
 
 
 class SharedLock(NamedTuple):
-    """A lock of the driver's line, inherited as an open file."""
+    """A lock of the driver's line, which the guardian inherits as an open file."""
 
     line: str
     descriptor: int
@@ -32,19 +32,19 @@ class SharedLock(NamedTuple):
 
 @dataclass(frozen=True)
 class Task:
-    """The task that the driver sends at the start: device, longest silence of the driver, shared locks."""
+    """The task that the driver sends at the start: device, longest silence of the driver in seconds, shared locks."""
 
     device: GuardedDevice
     timeout_s: float
     locks: tuple[SharedLock, ...] = ()
 
     def to_json(self) -> bytes:
-        """The task as one line of JSON."""
+        """Return the task as one line of JSON."""
         return json.dumps(asdict(self)).encode() + b"\n"
 
     @classmethod
     def from_json(cls, line: bytes) -> Task:
-        """The task in a line that `to_json` wrote."""
+        """Return the task from a line that `to_json` wrote."""
         task = json.loads(line)
         locks = tuple(SharedLock(*lock) for lock in task["locks"])
         return cls(GuardedDevice(**task["device"]), task["timeout_s"], locks)

@@ -1,4 +1,5 @@
-"""Heat sources: heater board, bench supply, TCLab, and the proof that no current flows.
+"""Heat sources (heater board, bench supply, TCLab), and the proof that no current flows.
 
-May import devices and modbus. Never here: limits from a temperature or any decision to heat; `devices.heater` has them.
+This package may import `devices` and `modbus`. Limits that depend on a temperature, and every decision to heat, belong
+to `devices.heater`.
 """

@@ -1,10 +1,10 @@
-"""A heater board: command and all measurements in one transaction.
+"""A heater board, which takes a command and returns all measurements in one transaction.
 
-One exchange is one FC23: it writes the command (a new sequence number, current, enable) and reads all measurements
-with the echo of the sequence number. The echo proves that the measurements are younger than the command.
+One exchange is one FC23 request. It writes the command (a new sequence number, current, enable) and reads all
+measurements, with the echo of the sequence number. The echo proves that the measurements are younger than the command.
 
-The sequence starts at random and is never a small number. The registers next to the echo (state, faults, limits) hold
-small numbers: in a reply that is shifted by one register one of them could otherwise be taken for the echo.
+The sequence starts at a random number and never uses small numbers. The registers next to the echo (state, faults,
+limits) hold small numbers: in a reply that is shifted by one register, such a number could be taken for the echo.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from random import SystemRandom
 from smadrive.clock import Clock
 from smadrive.devices.device import Device
 from smadrive.devices.heating.heat_source import HeaterLimits, Sample, Supplied
-from smadrive.devices.identity import Identity
+from smadrive.devices.heating.register_source import RegisterSource
 from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ProtocolError, SafetyError
 
 STALE_S = 0.5
-"""The device converts at least every 0.1 s: when its counter stands still for so long, the sensor is dead."""
+"""The device converts at least every 0.1 s. If its counter stands still for this time, the sensor is dead."""
 
 SEQUENCES = range(0x0100, 0x10000)
-"""Numbers above those that the registers next to the echo may hold."""
+"""The sequence numbers. The registers next to the echo hold only smaller numbers."""
 
 _MEASURED = (
     "sequence_echo",
@@ -38,20 +38,19 @@ _MEASURED = (
 )
 
 
-class HeaterBoard:
-    """A Device whose profile binds the roles of command and measurement; see HeatSource.
+class HeaterBoard(RegisterSource):
+    """A heater board as heat source. Its profile binds the roles of command and measurement; see HeatSource.
 
-    Raises ConfigError when the profile lacks a role.
+    ConfigError when the profile lacks a role.
     """
 
     measures = frozenset(("temperature", "displacement"))
     has_watchdog = True
 
     def __init__(self, device: Device, clock: Clock) -> None:
-        """Nothing is sent yet."""
+        """Send nothing yet."""
+        super().__init__(device)
         profile = device.profile
-        self.device = device
-        self.settle_s = profile.timing.settle_ms / 1e3
         self._clock = clock
         self._names = {role: profile.role(role) for role in _MEASURED}
         self._reads = tuple(self._names.values())
@@ -59,28 +58,16 @@ class HeaterBoard:
         self._current_name = profile.role("heater_current")
         self._enable_name = profile.role("heater_enable")
         self._sequence = SystemRandom().choice(SEQUENCES)
-        self._armed = False
         self._counter = -1.0
         self._counter_since_s = clock.now_s()
 
-    @property
-    def identity(self) -> Identity:
-        """See HeatSource."""
-        return self.device.identity
-
-    @property
-    def armed(self) -> bool:
-        """Whether the board was armed at every exchange since `arm`."""
-        return self._armed
-
     def connect(self) -> None:
-        """Prove the board's identity and bring it to its safe state."""
-        self.device.check_identity()
-        self.enter_safe_state()
+        """See HeatSource."""
+        super().connect()
         self._counter_since_s = self._clock.now_s()
 
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:
-        """Prove the identity anew; set the board's watchdog and limits, confirmed by read-back."""
+        """Prove the identity again, then set watchdog and limits of the board, confirmed by read-back."""
         self.device.check_identity()
         profile = self.device.profile
         self.device.write(profile.role("watchdog_s"), watchdog_s)
@@ -92,14 +79,14 @@ class HeaterBoard:
         self._write_key("arm")
         status = self._names["status"]
         if "armed" not in (words := self.device.read((status,), proved=True)[status].words):
-            raise SafetyError("not armed, the device stays in its state", where=status, value=", ".join(words))
+            raise SafetyError("the device did not arm", where=status, value=", ".join(words), cure="clear its faults")
         self._armed = True
 
     def exchange(self, current_a: float, *, proved: bool = True) -> Supplied:  # noqa: ARG002  (the echo always proves it)
-        """Command `current_a` and measure, in one transaction, proved by the echo of its sequence number.
+        """Command `current_a` and measure, in one transaction; see HeatSource.
 
-        ProtocolError when the echoed sequence number is not the one just sent: the measurements are then not of this
-        exchange and are discarded.
+        The echo of the sequence number proves the reply. ProtocolError when the echo differs from the number just sent:
+        the measurements then belong to another exchange and are discarded.
         """
         self._sequence = self._sequence + 1 if self._sequence + 1 in SEQUENCES else SEQUENCES[0]
         command = {
@@ -112,20 +99,15 @@ class HeaterBoard:
         self._check_echo(readings[self._names["sequence_echo"]])
         return self._supplied(now_s, {role: readings[name] for role, name in self._names.items()})
 
-    def enter_safe_state(self) -> None:
-        """See HeatSource."""
-        self._armed = False
-        self.device.enter_safe_state()
-
     def clear_faults(self) -> None:
-        """Clear the faults whose cause is gone."""
+        """Clear the latched faults; the board keeps those whose cause persists."""
         self._write_key("fault_clear")
 
     def _check_echo(self, echo: RegisterReading) -> None:
         if echo.raw != self._sequence:
             self.device.client.distrust()
             raise ProtocolError(
-                "discarded, the reply is stale: it echoes another sequence number than was sent",
+                "discarded, because the reply echoes another sequence number",
                 where=f"unit {self.device.unit_id}",
                 value=f"{echo.raw}, sent {self._sequence}",
             )
@@ -146,7 +128,7 @@ class HeaterBoard:
         )
 
     def _temperature_fault(self, now_s: float, readings: dict[str, RegisterReading]) -> str | None:
-        """The reason why the temperature is invalid: a fault of the device, or no new conversion; None: it is valid."""
+        """Return the reason why the temperature is invalid (a fault of the device, or no new conversion), or None."""
         counter = readings["sample_counter"].value
         if isfinite(counter) and counter != self._counter:
             self._counter, self._counter_since_s = counter, now_s

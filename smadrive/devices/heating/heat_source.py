@@ -11,7 +11,7 @@ from smadrive.errors import ConfigError
 
 
 class Sample(NamedTuple):
-    """The value of a sensor at `time_s`; NaN, with the reason in `problem`, when it has no valid value."""
+    """The value of a sensor at `time_s`. An invalid value is NaN, and `problem` is the reason."""
 
     value: float
     time_s: float
@@ -20,14 +20,14 @@ class Sample(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class HeaterLimits:
-    """Limits that the host never exceeds, also where the device would allow more."""
+    """Limits that the host never exceeds, even if the device would allow more."""
 
     current_max_a: float
     temperature_max_c: float
     voltage_max_v: float = inf
 
     def __post_init__(self) -> None:
-        """ConfigError for limits that limit nothing."""
+        """Raise ConfigError if a limit has no effect (not positive, or not finite)."""
         if not (isfinite(self.current_max_a) and self.current_max_a > 0):
             raise _no_limit("current_max_a", self.current_max_a, "a positive number of amperes")
         if not isfinite(self.temperature_max_c):
@@ -37,14 +37,14 @@ class HeaterLimits:
 
 
 def _no_limit(name: str, value: float, needed: str) -> ConfigError:
-    return ConfigError("limits nothing", where=name, value=value, cure=f"set it to {needed}")
+    return ConfigError("this limit has no effect", where=name, value=value, cure=f"set it to {needed}")
 
 
 class Supplied(NamedTuple):
-    """The answer of a heat source to a command: current and voltage of the period that ends, and its present state.
+    """The answer of a heat source to a command: current and voltage of the period that just ended, and present state.
 
-    `armed` is the present state of the device, also when another program armed it. `temperature` and `displacement` are
-    None where the source does not measure them. An unknown current or voltage is NaN, with the reason in `problem`.
+    `armed` is the present state of the device; another program may have armed it. `temperature` and `displacement` are
+    None if the source does not measure them. An unknown current or voltage is NaN, and `problem` is the reason.
     """
 
     current_a: float = nan
@@ -64,40 +64,46 @@ class HeatSource(Protocol):
     """
 
     measures: frozenset[str]
-    """The quantities that it measures itself: temperature, displacement, both or none."""
+    """The quantities that the source itself measures: temperature, displacement, both or none."""
     has_watchdog: bool
-    """Whether it switches off by itself when no request arrives."""
+    """True if the source switches off by itself when no request arrives."""
     settle_s: float
-    """Time that its output takes to reach a new command."""
+    """Time in seconds that the output takes to reach a new command."""
 
     @property
     def identity(self) -> Identity:
-        """The registers that distinguish it from its twin, once it is connected; empty where no register does."""
+        """The registers that distinguish the device from its twin.
+
+        It is empty before `connect`, and for a device without any.
+        """
         ...
 
     @property
     def armed(self) -> bool:
-        """Whether it was armed at every exchange since `arm`. If not, it heats again only after another `arm`."""
+        """True if the source was armed at every exchange since `arm`. Otherwise it heats only after another `arm`."""
         ...
 
     def connect(self) -> None:
-        """Prove its identity and bring it to its safe state."""
+        """Prove the identity of the device and write its safe state."""
         ...
 
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:
-        """Set its limits and its watchdog, confirmed by read-back; ConfigError when it cannot take them."""
+        """Set limits and watchdog of the device, confirmed by read-back; ConfigError when it cannot keep them."""
         ...
 
     def arm(self) -> None:
-        """Arm it at zero current; SafetyError when it does not arm."""
+        """Arm the source at zero current; SafetyError when it does not arm."""
         ...
 
     def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
-        """Command `current_a` (zero while it is not armed) and measure; `proved`: the reply cannot be an older one."""
+        """Command `current_a` (zero while the source is not armed) and measure.
+
+        With `proved`, the reply cannot be an older one.
+        """
         ...
 
     def enter_safe_state(self) -> None:
-        """Zero current and output off, confirmed by read-back; tried several times, raises when unconfirmed."""
+        """Set zero current and switch the output off. Try several times; raise an error if it is not confirmed."""
         ...
 
     def clear_faults(self) -> None:

@@ -1,9 +1,9 @@
-"""A bench supply as heat source: current limit, voltage limit, output switch.
+"""A bench supply as heat source, with current limit, voltage limit and output switch.
 
-A supply has no watchdog, measures no temperature and answers slowly. Its current is a setting that can also be changed
-at its front panel. So every exchange first reads the setting back, together with the measurements that belong to it; a
-setting that differs from the command is an error. The rig gives its voltage limit, which is read back as well: when a
-wire comes off its clamps, the supply goes to that voltage.
+A supply has no watchdog, measures no temperature and answers slowly. A user can also change its current setting at the
+front panel. So every exchange first reads the setting back, together with the measurements that belong to it. A setting
+that differs from the command is an error. The rig file gives the voltage limit, which is read back, too: when a wire
+comes off its clamps, the voltage of the supply rises to this limit.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from math import inf, isfinite
 
 from smadrive.devices.device import Device
 from smadrive.devices.heating.heat_source import HeaterLimits, Supplied
-from smadrive.devices.identity import Identity
+from smadrive.devices.heating.register_source import RegisterSource
 from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ConfigError, ReadBackError, SafetyError
 
@@ -20,50 +20,36 @@ _NEEDED = ("heater_current", "heater_enable", "measured_current", "measured_volt
 _OPTIONAL = ("heater_voltage", "regulation", "faults")
 
 AT_LIMIT = 0.98
-"""Part of the voltage limit above which a supply without a CC/CV flag counts as holding the voltage."""
+"""Above this fraction of the voltage limit, a supply without a CC/CV flag counts as holding its voltage."""
 
 PROTECTION = 1.1
-"""Factor from the limits of the rig to the supply's own protections."""
+"""The supply's own protections are set to the limits of the rig times this factor."""
 
 
-class BenchSupply:
-    """A Device whose profile binds the roles of a supply; see HeatSource. ConfigError when it lacks one."""
+class BenchSupply(RegisterSource):
+    """A bench supply as heat source. Its profile binds the roles of a supply; see HeatSource.
+
+    ConfigError when the profile lacks a role.
+    """
 
     measures: frozenset[str] = frozenset()
     has_watchdog = False
 
     def __init__(self, device: Device) -> None:
-        """Nothing is sent yet."""
+        """Send nothing yet."""
+        super().__init__(device)
         profile = device.profile
-        self.device = device
-        self.settle_s = profile.timing.settle_ms / 1e3
         self._names = {role: profile.role(role) for role in _NEEDED}
         for role in _OPTIONAL:
             if (name := getattr(profile.roles, role)) is not None:
                 self._names[role] = name
         self._reads = tuple(self._names.values())
         self._measured = self._names["measured_current"], self._names["measured_voltage"]
-        self._armed = False
         self._voltage_max_v = inf
         self._voltage_set: RegisterReading | None = None
 
-    @property
-    def identity(self) -> Identity:
-        """See HeatSource."""
-        return self.device.identity
-
-    @property
-    def armed(self) -> bool:
-        """Whether the output was on at every exchange since `arm`."""
-        return self._armed
-
-    def connect(self) -> None:
-        """Prove the supply's identity and switch its output off."""
-        self.device.check_identity()
-        self.enter_safe_state()
-
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:  # noqa: ARG002  (a supply has no watchdog)
-        """Prove the identity anew; set protections, voltage limit and zero current, confirmed by read-back."""
+        """Prove the identity again, then set protections, voltage limit and zero current, confirmed by read-back."""
         self.device.check_identity()
         self._protect("ocp", limits.current_max_a)
         self._limit_voltage(limits.voltage_max_v)
@@ -74,13 +60,17 @@ class BenchSupply:
         self.device.write(self._names["heater_enable"], 1)
         if not self._on(self.device.read(self._reads, proved=True)):
             raise SafetyError(
-                "not armed, the output of the supply stays off",
-                cure="check whether it is locked or in a protection",
+                "not armed, because the output of the supply stays off",
+                where=f"unit {self.device.unit_id}",
+                cure="check that the supply is not locked and that no protection has tripped",
             )
         self._armed = True
 
     def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
-        """Measure under the limit in force, then set the next one; ReadBackError when the setting differs."""
+        """Measure while the previous current is in force, then set `current_a`.
+
+        ReadBackError when the setting differs from the previous command.
+        """
         readings = self.device.command(self._names["heater_current"], current_a, self._reads, proved=proved)
         self._check_voltage_limit(readings)
         on = self._on(readings)
@@ -97,30 +87,29 @@ class BenchSupply:
 
     def enter_safe_state(self) -> None:
         """See HeatSource."""
-        self._armed = False
         self._voltage_set = None
-        self.device.enter_safe_state()
+        super().enter_safe_state()
 
     def clear_faults(self) -> None:
-        """Reset the protection where it can be written; other supplies are reset at their panel."""
+        """Reset the protection if its register can be written. Other supplies are reset at their panel."""
         name = self._names.get("faults")
         if name is not None and self.device.profile.register(name).writable:
             self.device.write(name, 0)
 
     def _limit_voltage(self, limit_v: float) -> None:
-        """Set the voltage limit. ConfigError: the limit is missing, or the supply cannot take one."""
+        """Set the voltage limit. ConfigError when the limit is missing, or when the supply cannot have one."""
         profile, is_limited = self.device.profile, isfinite(limit_v)
         name = self._names.get("heater_voltage")
         if name is None and is_limited:
             raise ConfigError(
-                f"would limit nothing, '{profile.profile.id}' has no register for heater_voltage",
+                f"cannot be set, because '{profile.profile.id}' has no register for heater_voltage",
                 where="voltage_max_v",
                 value=f"{limit_v:g} V",
                 cure="add heater_voltage to [roles], or set the limit at the supply and leave voltage_max_v out",
             )
         if name is not None and not is_limited:
             raise ConfigError(
-                f"is missing, '{profile.profile.id}' needs a voltage limit",
+                f"is missing, but '{profile.profile.id}' needs a voltage limit",
                 where="voltage_max_v",
                 cure="set it in [limits], to about 1.25 times the voltage of the wire at current_max_a",
             )
@@ -131,20 +120,20 @@ class BenchSupply:
             self._voltage_set = self.device.read((name,))[name]
 
     def _check_voltage_limit(self, readings: dict[str, RegisterReading]) -> None:
-        """ReadBackError when the voltage limit has changed since it was set."""
+        """Raise ReadBackError if the voltage limit has changed since it was set."""
         if self._voltage_set is None:
             return
         name = self._names["heater_voltage"]
         if readings[name].raw != self._voltage_set.raw:
             raise ReadBackError(
-                "the voltage limit reads back another value than was set",
+                "the voltage limit reads back another value than the one that was set",
                 where=f"unit {self.device.unit_id}, register '{name}'",
                 value=f"{readings[name].value:g} V, set to {self._voltage_set.value:g} V",
-                cure="check whether its knob was turned",
+                cure="check that the knob of the supply was not turned",
             )
 
     def _protect(self, role: str, limit: float) -> None:
-        """Set the supply's own protection above the limit, where it has one."""
+        """Set the supply's own protection above the limit, if the supply has this protection."""
         name = getattr(self.device.profile.roles, role)
         if name is not None:
             highest = self.device.profile.register(name).max
@@ -154,13 +143,16 @@ class BenchSupply:
         return readings[self._names["heater_enable"]].raw == 1
 
     def _faults(self, readings: dict[str, RegisterReading]) -> tuple[str, ...]:
-        """The protection that has switched the output off; empty for raw 0."""
+        """Return the protections that have switched the output off; return an empty tuple for raw 0."""
         name = self._names.get("faults")
         if name is None or not readings[name].raw:
             return ()
         return readings[name].words or (f"protection {readings[name].raw}",)
 
     def _limits_voltage(self, readings: dict[str, RegisterReading], voltage_v: float) -> bool:
-        """Whether it holds the voltage instead of the current, by its CC/CV flag or by a voltage near the limit."""
+        """Return True if the supply holds its voltage instead of its current.
+
+        The CC/CV flag shows this. Without such a flag, a voltage near the limit shows it.
+        """
         name = self._names.get("regulation")
         return "cv" in readings[name].words if name is not None else voltage_v >= AT_LIMIT * self._voltage_max_v

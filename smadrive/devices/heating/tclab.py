@@ -1,15 +1,15 @@
-"""TCLab as heat source: a current is commanded as the duty of its pulses.
+"""TCLab as heat source: it heats with pulses, so a current is commanded as their duty.
 
-Heat goes with the duty, so a current means its root mean square:
+The heat is proportional to the duty. So "current" and "voltage" mean the root mean square:
 
     i = full_scale_a · sqrt(duty)      u = full_scale_v · sqrt(duty)
 
-The board measures neither. Current and voltage are computed from the duty that it reads back and from the two full
-scales of the rig file. The pulse width has `STEPS` steps; a command is rounded down to a step.
+The board measures neither. Both are computed from the duty that it reads back and from the two full scales in the rig
+file. The pulse width has `STEPS` steps, and a command is rounded down to a step.
 
-Replies have no checksum. So every exchange reads the duty in force back, takes a temperature only if the board gives
-it twice, and ends with the new duty said back to the last digit. If one of these fails, all are discarded. The board
-has no watchdog, although its documentation describes one.
+Replies have no checksum. So every exchange has three checks: it reads back the duty in force, accepts a temperature
+only if the board gives it twice, and ends when the board has repeated the new duty to the last digit. If a check fails,
+the whole exchange is discarded. The board has no watchdog, although its documentation describes one.
 """
 
 from __future__ import annotations
@@ -22,27 +22,28 @@ from smadrive.devices.identity import Identity
 from smadrive.errors import ConfigError, ReadBackError, SafetyError
 
 STEPS = 200
-"""Steps of the pulse width from off to full: the board's factory limit P1, of 255."""
+"""Number of steps of the pulse width from off to full. It is the factory setting of P1, whose maximum is 255."""
 WITHIN = 0.2
-"""Where in a step a duty is commanded, so that the board's rounding does not miss it."""
+"""A duty is commanded this fraction of a step above the step, so that the board's rounding does not miss it."""
 COARSE = 0.01
-"""A step that takes away more than this part of full scale is reported as a limit."""
+"""If rounding down takes away more than this fraction of full scale, it is reported as a limit."""
 
 SENSOR_RANGE_C = (-40.0, 150.0)
-"""Range of its TMP36; the converter's ends, -50 and 280 °C, are those of a sensor that is open or shorted."""
+"""Range of the board's TMP36 sensor. An open or shorted sensor reads as an end of the converter, -50 or 280 °C."""
 
 
 class TCLab:
     """A TCLabBoard as heat source; see HeatSource.
 
-    `full_scale_a`, `full_scale_v`: root mean square of current and voltage at the wire at 100 % duty (P1 at `STEPS`).
+    `full_scale_a` and `full_scale_v` are the root mean square of current and voltage at the wire at 100 % duty, with P1
+    at `STEPS`.
     """
 
     measures = frozenset(("temperature",))
     has_watchdog = False
 
     def __init__(self, board: TCLabBoard, full_scale_a: float, full_scale_v: float) -> None:
-        """Nothing is sent yet."""
+        """Send nothing yet."""
         self.settle_s = board.profile.timing.settle_ms / 1e3
         self._board = board
         self._full_scale_a = full_scale_a
@@ -57,11 +58,11 @@ class TCLab:
 
     @property
     def armed(self) -> bool:
-        """Whether it was armed at every exchange since `arm`."""
+        """True if the source was armed at every exchange since `arm`."""
         return self._armed
 
     def connect(self) -> None:
-        """Prove the board's identity and switch its heaters off."""
+        """Prove the identity of the board and switch its heaters off."""
         self._board.check_identity()
         self.enter_safe_state()
 
@@ -77,7 +78,7 @@ class TCLab:
             )
         if limits.voltage_max_v < self._full_scale_v:
             raise ConfigError(
-                "is less than full_scale_v, and the board cannot limit its voltage",
+                "is less than full_scale_v, but the board cannot limit its voltage",
                 where="voltage_max_v",
                 value=f"{limits.voltage_max_v:g} V",
                 limit=f"full_scale_v = {self._full_scale_v:g} V",
@@ -86,24 +87,24 @@ class TCLab:
         self._board.limit_pulses(STEPS)
 
     def arm(self) -> None:
-        """Arm after zero duty is confirmed; SafetyError when the heater is on. Nothing is switched."""
+        """Arm if the board confirms zero duty; SafetyError when its heater is on. Nothing is switched."""
         if duty := self._board.read("R1", proved=True):
             raise SafetyError(
-                "not armed, the board heats already",
+                "not armed, because the board already heats",
                 value=f"{duty:g} % duty",
-                cure="check that no other program talks to it",
+                cure="check that no other program uses the board",
             )
         self._armed = True
 
     def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
-        """Command `current_a` and measure; ReadBackError when the duty so far was not the commanded one."""
+        """Command `current_a` and measure; ReadBackError when the duty in force was not the commanded one."""
         in_force = self._board.read_back("R1", self._may_be, proved=proved)
         if in_force not in self._may_be:
             self._armed = False
             raise ReadBackError(
-                "the board heats at another duty than commanded",
+                "the board heats at another duty than the commanded one",
                 value=f"{in_force:g} %, commanded {self._may_be[-1]:g} %",
-                cure="check whether it restarted, and that no other program talks to it",
+                cure="check whether the board restarted, and that no other program uses it",
             )
         temperature_c = self._board.read_twice("T1")
         steps = floor(STEPS * (current_a / self._full_scale_a) ** 2 + 1e-9) if self._armed else 0
@@ -121,13 +122,13 @@ class TCLab:
         self._may_be = (0.0,)
 
     def clear_faults(self) -> None:
-        """Return at once: the board latches no fault."""
+        """Do nothing, because the board latches no fault."""
 
     def _supplied(self, in_force: float, temperature_c: float, lacking_a: float) -> Supplied:
         part = sqrt(floor(in_force / 100.0 * STEPS) / STEPS)
         low_c, high_c = SENSOR_RANGE_C
         valid = low_c < temperature_c < high_c
-        problem = None if valid else f"{temperature_c:.1f} °C, outside the range of the sensor: open or shorted"
+        problem = None if valid else f"{temperature_c:.1f} °C is outside the sensor's range: it is open or shorted"
         return Supplied(
             self._full_scale_a * part,
             self._full_scale_v * part,

@@ -1,4 +1,4 @@
-"""TCLab on its serial line: an Arduino that heats by pulses and reads a thermometer, commanded by lines of text.
+"""TCLab on its serial line: an Arduino that heats with pulses and reads a thermometer, controlled by lines of text.
 
     command   reply                               meaning
     VER       TCLab Firmware 2.0.1 Arduino Uno    firmware and board
@@ -6,10 +6,10 @@
     R1        12.600                              duty of heater 1, read back
     T1        21.875                              temperature, °C
     P1 200    200.00                              pulse width at 100 % duty, of 255
-    LED 0.07  0.07                                brightness of its lamp for 10 s: a token, see text_line.py
+    LED 0.07  0.07                                brightness of its lamp for 10 s, used as a token: see text_line.py
 
-Replies have no checksum. So the board must say a command's value back, and give a measured value twice. After any
-failure the line is out of step, and the board is greeted before the next command (text_line.py).
+Replies have no checksum. So the board must repeat the value of a command, and give a measured value twice. After any
+failure the line is out of step: the greeting (text_line.py) goes before the next command.
 """
 
 from __future__ import annotations
@@ -34,17 +34,17 @@ from smadrive.modbus.bus import Trace
 from smadrive.modbus.transports.transport import Transport
 
 GREETING = Exchange("VER", re.compile(r"TCLab Firmware (1\.4|2\.\d{1,2})\.\d{1,2} [A-Za-z][A-Za-z /]*"))
-"""Older firmware rounds the duty to whole percents, so it is refused."""
+"""The greeting `VER`, and the firmware that is accepted. Older firmware rounds the duty to whole percents."""
 NUMBER = re.compile(r"-?\d{1,3}\.\d{2,3}")
 AGREE_C = 1.0
-"""Largest difference between two readings of the temperature: three steps of the converter."""
+"""Largest difference in °C between two readings of the temperature. It is three steps of the converter."""
 
 
 class TCLabBoard:
-    """The board, alone on its line: commands, each confirmed. `profile` gives its line settings and timing."""
+    """The board, which has its line for itself. Every command is confirmed. `profile` has line settings and timing."""
 
     def __init__(self, profile: Profile, transport: Transport, trace: Trace | None = None) -> None:
-        """Nothing is sent yet."""
+        """Send nothing yet."""
         self.profile = profile
         self.identity = UNKNOWN
         self.clock = transport.clock
@@ -54,11 +54,11 @@ class TCLabBoard:
 
     @property
     def proof(self) -> Proof:
-        """How far the type of the device is proved."""
+        """The degree to which the type of the device is proved."""
         return Proof.PROVED if self._identified else Proof.NOT_ASKED
 
     def check_identity(self) -> None:
-        """Prove that the device is a TCLab. A board that starts gets `boot_ms`; IdentityError: another device."""
+        """Prove that the device is a TCLab; IdentityError for another device. A board has `boot_ms` to start."""
         give_up_s = self.clock.now_s() + self.profile.timing.boot_ms / 1e3
         while not self._identified:
             try:
@@ -69,18 +69,21 @@ class TCLabBoard:
                     raise _unidentified(self._name, error) from None
 
     def read(self, command: str, *, proved: bool = False) -> float:
-        """The number that answers `command`; `proved`: the board says a token back first, after every older reply."""
+        """Send `command` and return the number in the reply.
+
+        With `proved`, the board must first repeat a token, so that no older reply can be taken for this one.
+        """
         if proved:
             self._line.distrust()
         return float(self._line.ask(command, NUMBER))
 
     def read_twice(self, command: str) -> float:
-        """The second of two answers to `command`; ProtocolError when they differ by more than `AGREE_C`."""
+        """Send `command` twice and return the second number; ProtocolError when both differ by more than `AGREE_C`."""
         first, second = self.read(command), self.read(command)
         if abs(first - second) > AGREE_C:
             self._line.distrust()
             raise ProtocolError(
-                "two readings differ, both are discarded",
+                "two readings differ, so both are discarded",
                 where=f"{self._name}: '{command}'",
                 value=f"{first:g}, then {second:g}",
                 limit=f"{AGREE_C:g} °C apart",
@@ -88,7 +91,7 @@ class TCLabBoard:
         return second
 
     def read_back(self, command: str, expected: Sequence[float], *, proved: bool = False) -> float:
-        """The number that answers `command`; asked for once more if it is not among the `expected` ones."""
+        """Send `command` and return the number in the reply. Ask once more if it is not an `expected` one."""
         number = self.read(command, proved=proved)
         if number in expected:
             return number
@@ -96,18 +99,18 @@ class TCLabBoard:
         return self.read(command)
 
     def heat(self, heater: int, duty: float) -> None:
-        """Set the duty of heater 1 or 2, confirmed; ReadBackError when the board has another duty."""
+        """Set the duty of heater 1 or 2, in %, and confirm it; ReadBackError when the board has another duty."""
         if not self._says_back(f"Q{heater}", duty):
             self._line.distrust()
             if (found := self.read(f"R{heater}")) != duty:
                 raise ReadBackError(
-                    "another duty reads back than was set",
+                    "the duty reads back another value than the one that was set",
                     where=f"{self._name}: heater {heater}",
                     value=f"{found:g} %, set to {duty:g} %",
                 )
 
     def limit_pulses(self, steps: int) -> None:
-        """Set the pulse width at 100 % duty of heater 1, confirmed; ReadBackError when it did not arrive."""
+        """Set the pulse width of heater 1 at 100 % duty, confirmed; ReadBackError when the value did not arrive."""
         if not self._says_back("P1", steps):
             self._line.distrust()
             raise ReadBackError(
@@ -123,7 +126,10 @@ class TCLabBoard:
         retry_all([partial(self._switch_off, heater) for heater in (1, 2)], self.clock)
 
     def _switch_off(self, heater: int) -> None:
-        """Without an answer the command is sent once more: the line may carry it although no reply comes back."""
+        """Switch one heater off and confirm it.
+
+        Without an answer the command is sent once more: the line may still carry it although no reply comes back.
+        """
         try:
             self.heat(heater, 0.0)
             self._confirm_off(f"R{heater}")
@@ -133,7 +139,7 @@ class TCLabBoard:
             raise
 
     def _says_back(self, command: str, value: float) -> bool:
-        """Whether the board answers with the value that it was sent; nothing is sent to a device that is no TCLab."""
+        """Send a value and return True if the board repeats it. Nothing is sent to a device that is no TCLab."""
         self.check_identity()
         return self.read(f"{command} {value:.2f}") == value
 
@@ -141,14 +147,14 @@ class TCLabBoard:
         if (duty := self.read(command, proved=True)) != 0.0:
             self._line.distrust()
             raise ReadBackError(
-                "the heater still has a duty after it was set to 0",
+                "the heater is still on after its duty was set to 0",
                 where=f"{self._name}: '{command}'",
                 value=f"{duty:g} %",
             )
 
 
 def _token(number: int) -> Exchange:
-    """One of ten thousand brightnesses of the lamp."""
+    """Return the command for one of ten thousand brightnesses of the lamp."""
     text = f"{number % 10_000 / 100:.2f}"
     return Exchange(f"LED {text}", re.compile(rf"{re.escape(text)}0?"))
 
@@ -157,5 +163,8 @@ def _unidentified(name: str, error: SmadriveError) -> SmadriveError:
     if isinstance(error, DeadlineError):
         return error
     return IdentityError(
-        "no TCLab of firmware 1.4 or 2 answers", where=name, value=error.what, cure="check profile and port of the rig"
+        "no TCLab with firmware 1.4 or 2 answers",
+        where=name,
+        value=error.what,
+        cure="check the profile and the port in the rig file",
     )

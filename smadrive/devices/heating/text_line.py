@@ -1,16 +1,16 @@
-"""A line of text out, a line of text back: for boards without Modbus, whose replies have no checksum.
+"""A client that sends a line of text and receives one, for boards without Modbus whose replies have no checksum.
 
-Such a reply proves neither which command it answers nor that it is undamaged. So a line counts only if
+Such a reply proves neither that it answers this command nor that it is undamaged. So a line is accepted only if
 
 1. it has the form of the command's reply, arrived whole before the deadline, and nothing arrived with it;
-2. nothing was on its way before the command went out.
+2. no earlier reply was on its way when the command was sent.
 
-After any failure, and at the beginning, the line is out of step, and the board is greeted before anything else is sent.
-It must return its banner, the same as before, then say back a token that it has not received before. Lines in between
-are dropped. A board answers in order, so nothing older can follow the token. The banner alone does not prove that,
-because it may answer an earlier greeting. A greeting costs two lines, not a pause: a heater may have to be switched
-off. A damaged reply can still have the right form. The caller detects it: the board says a command's value back, or is
-asked twice.
+After any failure, and at the beginning, the line is out of step, and the greeting is sent before anything else. The
+board must return its banner, the same as before, then repeat a token that it has not received before. Lines in between
+are dropped. A board answers in order, so no older line can follow the token. The banner alone does not prove that,
+because it may answer an earlier greeting. A greeting costs two lines, but no pause: it may be urgent to switch a heater
+off. A damaged reply can still have the right form. The caller detects it: the board must repeat the value of a command,
+and gives a measured value twice.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from smadrive.modbus.bus import NEVER_SILENT_S, Direction, GuardedTrace, Trace
 from smadrive.modbus.transports.transport import Transport
 
 LONGEST = 64
-"""Most characters of a line, with its end."""
+"""Greatest number of characters in a line, including its end."""
 END = b"\r\n"
 GREETINGS = 3
-"""Number of greetings that are tried."""
+"""Greatest number of greetings before the request fails."""
 
 
 class Exchange(NamedTuple):
@@ -39,10 +39,10 @@ class Exchange(NamedTuple):
 
 
 class TextLine:
-    """The one client of a line.
+    """The only client of a text line.
 
-    `greeting` asks for the banner of the board. The reply to `token(n)` differs for every n; a token has no effect on
-    the heaters.
+    `greeting` asks for the banner of the board. The reply to `token(n)` is different for every n. A token has no effect
+    on the heaters.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class TextLine:
         token: Callable[[int], Exchange],
         trace: Trace | None = None,
     ) -> None:
-        """Nothing is sent yet. `trace(time_s, direction, bytes)` sees every line that passes."""
+        """Send nothing yet. `trace(time_s, direction, bytes)` is called for every line that passes."""
         self.clock = transport.clock
         self._transport = transport
         self._timeout_s = timeout_s + transport.latency_s
@@ -65,14 +65,14 @@ class TextLine:
         self._heard = b""
 
     def greet(self) -> str:
-        """The banner, asked for anew; raises the errors of `ask`."""
+        """Ask the board for its banner and return it; raises the errors of `ask`."""
         return self.ask(*self._greeting)
 
     def ask(self, command: str, form: Pattern[str]) -> str:
-        """The reply to `command`, a whole line of the `form`.
+        """Send `command` and return the reply, a whole line of the given `form`.
 
-        DeadlineError, ProtocolError when there is no such reply; TransportError when the connection is lost;
-        IdentityError when another board answers than before. Nothing is sent twice.
+        DeadlineError or ProtocolError when no such reply arrives; TransportError when the connection is lost;
+        IdentityError when another board answers now. Nothing is sent twice.
         """
         if self._transport.lost:
             self._in_step = False
@@ -81,13 +81,13 @@ class TextLine:
             self._drop(stray)
         if not self._in_step:
             self._get_in_step()
-        self._in_step = False  # until the reply proves right
+        self._in_step = False  # until the reply is accepted
         self._send(command)
         reply = self._line(self.clock.now_s() + self._timeout_s, command)
         if self._heard or not form.fullmatch(reply):
             answer = reply.encode("ascii", "replace") + self._heard
             raise ProtocolError(
-                "discarded, the reply has another form",
+                "discarded, because the reply has another form",
                 where=self._where(command),
                 value=repr(answer),
                 limit=form.pattern,
@@ -96,20 +96,20 @@ class TextLine:
         return reply
 
     def send_unconfirmed(self, command: str) -> None:
-        """Send a command that must go out although no reply comes; the board is greeted before the next one.
+        """Send a command without waiting for its reply. The greeting goes before the next command.
 
-        Nothing is sent through a connection that is lost.
+        Nothing is sent if the connection is lost.
         """
         self._in_step = False
         if not self._transport.lost:
             self._send(command)
 
     def distrust(self) -> None:
-        """Greet the board before the next command, because the content of the last reply was wrong."""
+        """Require the greeting before the next command, because the content of the last reply was wrong."""
         self._in_step = False
 
     def _get_in_step(self) -> None:
-        """Greet the board, up to `GREETINGS` times with a silence between; DeadlineError when it does not answer."""
+        """Send greeting and token, up to `GREETINGS` times with silences between; raise the last error if all fail."""
         for attempt in range(1, GREETINGS + 1):
             try:
                 self._check_banner(self._answer_at_last(self._greeting))
@@ -122,7 +122,7 @@ class TextLine:
                 return
 
     def _answer_at_last(self, exchange: Exchange) -> str:
-        """The first line of the right form; lines before it are dropped."""
+        """Send a command and return the first line of the right form. Lines before it are dropped."""
         self._send(exchange.command)
         deadline_s = self.clock.now_s() + self._timeout_s
         while not exchange.form.fullmatch(line := self._line(deadline_s, exchange.command)):
@@ -134,9 +134,10 @@ class TextLine:
         self._banner = self._banner or line
         if line != self._banner:
             raise IdentityError(
-                "another board answers than before",
+                "another board answers now",
                 where=self._transport.name,
                 value=f"'{line}', was '{self._banner}'",
+                cure="check the port in the rig file",
             )
 
     def _await_silence(self) -> None:
@@ -147,7 +148,7 @@ class TextLine:
                 raise TransportError(
                     "the line is never silent",
                     where=self._transport.name,
-                    cure="check that no other program talks to the board",
+                    cure="check that no other program uses the board",
                 )
 
     def _send(self, command: str) -> None:
@@ -156,23 +157,25 @@ class TextLine:
         self._trace_line("sent", data)
 
     def _line(self, deadline_s: float, command: str) -> str:
-        """The next line, without its end; bytes behind it stay in `_heard`."""
+        """Return the next line without its end. The bytes behind it stay in `_heard`."""
         while END not in self._heard:
             data = self._transport.read(deadline_s)
             if not data:
                 count = len(self._heard)
                 self._drop(self._heard)
                 raise DeadlineError(
-                    "the reply was not complete before the deadline" if count else "no reply before the deadline",
+                    "the reply was incomplete at the deadline" if count else "no reply before the deadline",
                     where=self._where(command),
                     value=f"{count} characters",
-                    cure="check that the board is powered and at this port, and that no other program talks to it",
+                    cure="check that the board is powered and at this port, and that no other program uses it",
                 )
             self._heard += data
             if len(self._heard) > LONGEST:
                 self._drop(self._heard)
                 raise ProtocolError(
-                    "discarded, the reply is too long", where=self._where(command), limit=f"{LONGEST} characters"
+                    "discarded, because the reply is too long",
+                    where=self._where(command),
+                    limit=f"{LONGEST} characters",
                 )
         line, _, self._heard = self._heard.partition(END)
         self._trace_line("received", line + END)

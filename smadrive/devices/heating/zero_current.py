@@ -1,4 +1,4 @@
-"""The proof that the heat has ended: the measured current is zero, whatever state the device reports."""
+"""The proof that heating has ended: the measured current is zero, whatever state the device reports."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from smadrive.devices.heating.heat_source import HeatSource, Supplied
 from smadrive.errors import DeviceError, ProtocolError, SafetyError, TransportError
 
 CURRENT_ZERO_A = 0.05
-"""A current below this is the noise of the current sense."""
+"""A smaller current, in amperes, is noise of the current measurement."""
 ZERO_SHARE = 0.1
-"""For thin wires the bound is this part of current_max_a."""
+"""For thin wires, the bound is this fraction of current_max_a. The smaller bound applies."""
 CURRENT_GONE_S = 0.2
-"""Time after switching off, on top of the settling time of the source, in which current may still be measured."""
+"""Current may still be measured for this time after switching off, added to the settling time of the source."""
 LOOK_AGAIN_S = 0.05
 
 
 def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock) -> Supplied:
-    """The answer of `source`, in its safe state, once no current flows.
+    """Wait until no current flows through `source`, which is in its safe state, and return its answer.
 
-    SafetyError when current still flows after the time allowed, or the source still reports that it is armed.
+    SafetyError when current still flows after the allowed time, or the source still reports that it is armed.
     """
     give_up_s = clock.now_s() + source.settle_s + CURRENT_GONE_S
     while True:
@@ -36,7 +36,7 @@ def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock
             return supplied
         if clock.now_s() >= give_up_s:
             raise SafetyError(
-                "the heater was switched off, but the heat has not ended",
+                "the heater was switched off, but heating has not ended",
                 value=_remaining(supplied, flows=flows),
                 cure="cut its supply",
             )
@@ -44,7 +44,7 @@ def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock
 
 
 def _remaining(supplied: Supplied, *, flows: bool) -> str:
-    """The reason why `supplied` does not prove that the heat has ended."""
+    """Return the reason why `supplied` does not prove that heating has ended."""
     if not flows:
         return "the device reports that it is armed"
     if isnan(supplied.current_a):

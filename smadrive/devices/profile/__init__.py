@@ -1,4 +1,4 @@
-"""Device profiles: one TOML file per type of device, validated at load, and the conversion of its registers.
+"""Device profiles (one TOML file per type of device, validated at load), and the conversion of register values.
 
-May import files and modbus. Never here: a connection, a request on its way, the state of a device.
+This package may import `files` and `modbus`. Connections, requests and the state of a device do not belong here.
 """

@@ -1,15 +1,18 @@
-"""Raw 16-bit words <-> a value in engineering units, by the entry of one register in the profile.
+"""The conversion between raw 16-bit words and a value in engineering units, by the register's entry in the profile.
 
-    value = raw · scale + offset        raw = round((value − offset) / scale), refused outside [min, max] and the type
+    value = raw · scale + offset        raw = round((value − offset) / scale)
 
-Sentinels ("sensor open") are compared on the raw pattern, before any arithmetic: a sentinel never becomes a number.
-Raw numbers are the register's own type: signed for int16, so −30000 and 0x8AD0 are the same pattern; both may be
-written in a profile.
+A value to write must lie in [min, max] and in the range of the type.
 
-Sign, scale, unit and validity that other registers give come in as a `Context` (dependent_registers.py).
+Sentinels ("sensor open") are compared as raw patterns, before any arithmetic, so a sentinel never becomes a number. A
+raw number has the register's own type: for int16, −30000 and 0x8AD0 are the same pattern, and a profile may contain
+either form.
 
-A codec is made once, of plain attributes: it converts every register of every exchange, and an attribute of a pydantic
-model costs six times as much.
+Other registers may determine sign, scale, unit and validity; this information comes as a `Context`
+(dependent_registers.py).
+
+A codec converts every register of every exchange, so it is created once and has plain attributes: reading an attribute
+of a pydantic model takes six times as long.
 """
 
 from __future__ import annotations
@@ -26,11 +29,11 @@ from smadrive.errors import ConfigError
 Limits = tuple[float | None, float | None]
 
 STATES = 64
-"""Number of cached patterns of a register of states or flags: naming a pattern takes longer than reading it."""
+"""Number of cached patterns of a register with states or flags: naming a pattern takes longer than reading it."""
 
 
 class Codec:
-    """The conversions above for one register; the parameters are named as in the profile (see Register)."""
+    """The conversions above for one register. The parameters are named as in the profile; see Register."""
 
     def __init__(
         self,
@@ -59,11 +62,11 @@ class Codec:
         ends = self._lowest * scale + offset, self._highest * scale + offset
         always_finite = kind not in register_types.NOT_A_NUMBER and all(map(isfinite, ends))
         self._is_plain = always_finite and not self._has_states and valid == (None, None)
-        """Every pattern but a sentinel is a number, and every number is a valid value."""
+        """True if every pattern except a sentinel is a number, and every number is a valid value."""
         self._state = lru_cache(STATES)(lambda words: self._decoded(words, ALONE))
 
     def decode(self, words: Sequence[int], context: Context = ALONE) -> RegisterReading:
-        """The reading of `words`, in the order of the bus."""
+        """Return the reading of `words`, which are in the order of the bus."""
         if context is ALONE:
             if self._is_plain and not (self._sentinels and tuple(words) in self._sentinels):
                 raw = self._unpack(words)
@@ -73,44 +76,50 @@ class Codec:
         return self._decoded(words, context)
 
     def encode(self, value: float, name: str, context: Context = ALONE) -> tuple[int, ...]:
-        """The words that carry `value`; ConfigError: not finite, outside [min, max] or not a state of the enum."""
+        """Return the words for `value`; ConfigError if it is not finite, outside [min, max] or no state of the enum."""
         where = f"register '{name}'"
         if not isfinite(value):
-            raise ConfigError("is not finite", where=where, value=value, cure="give a finite number")
+            raise ConfigError("the value is not finite", where=where, value=value, cure="give a finite number")
         if self._min is not None and self._max is not None and not self._min <= value <= self._max:
             limit = f"{self._min:g} to {self._max:g}"
-            raise ConfigError("is outside the limits", where=where, value=f"{value:g} {self._unit}", limit=limit)
+            text = f"{value:g} {self._unit}".rstrip()
+            raise ConfigError("the value is outside the limits", where=where, value=text, limit=limit)
         raw = self._raw_of(value, context)
         if not self._lowest <= raw <= self._highest:
-            raise ConfigError(self._overflow(value, raw), where=where)
+            limit = f"raw {self._lowest:g} to {self._highest:g}"
+            text = f"{value:g} {self._unit}".rstrip() + f", raw {raw:g}"
+            raise ConfigError(f"the value overflows {self._kind}", where=where, value=text, limit=limit)
         if self._enum and raw not in self._enum:
             states = ", ".join(f"{number} = {word}" for number, word in self._enum.items())
-            raise ConfigError("is not a state of the register", where=where, value=f"{value:g}", limit=states)
+            raise ConfigError("the value is not a state of the register", where=where, value=f"{value:g}", limit=states)
         return self.pack(raw)
 
     def saturated(self, value: float, context: Context = ALONE) -> tuple[int, ...]:
-        """The words by which a device shows `value`; a value outside the type's range is held at its end."""
+        """Return the words with which a device shows `value`.
+
+        A value outside the type's range becomes its nearest end.
+        """
         raw = self._raw_of(value, context)
         if not self._lowest <= raw <= self._highest:
             raw = min(max(raw, self._lowest), self._highest)
         return self.pack(raw)
 
     def pattern(self, bits: int) -> tuple[int, ...]:
-        """The words of a raw pattern."""
+        """Return the words of a raw pattern."""
         return register_types.pattern(self._kind, self._order, bits)
 
     def check_fits(self, value: float) -> None:
-        """ValueError when the type has no raw number for `value`."""
+        """Raise ValueError if the type has no raw number for `value`."""
         raw = self._raw_of(value, ALONE)
         if not self._lowest <= raw <= self._highest:
             raise ValueError(self._overflow(value, raw))
 
     def number(self, pattern: int) -> float:
-        """The value of a raw pattern read as a number, also of a sentinel."""
+        """Return the value of a raw pattern read as a number, even if the pattern is a sentinel."""
         return self._value_of(self._unpack(self.pattern(pattern)), ALONE)
 
     def _decoded(self, words: Sequence[int], context: Context) -> RegisterReading:
-        """The reading by all rules: text, sentinels, context, valid range, states and bits."""
+        """Return the reading, with all rules applied: text, sentinels, context, valid range, states and bits."""
         if self._kind == "string":
             return RegisterReading(0, nan, None, (register_types.text(words),))
         raw = self._unpack(words)
@@ -142,7 +151,7 @@ class Codec:
         )
 
     def _implausible(self, value: float) -> str | None:
-        """The reason why `value` is not valid; None when it is."""
+        """Return the reason why `value` is invalid; return None if it is valid."""
         if not isfinite(value):
             return "not a number"
         if self._valid_min is not None and value < self._valid_min:

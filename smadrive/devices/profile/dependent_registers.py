@@ -1,9 +1,9 @@
-"""Dependent registers: other registers give their sign, scale, unit or validity.
+"""Dependent registers: other registers determine their sign, scale, unit or validity. The keys of the profile:
 
-sign_register   0: positive, 1: negative (sign and magnitude in two registers)
-scale_from      a register whose enum names the factors: { 0 = "1", 1 = "0.1" }
-unit_from       a register whose enum names the units: °C passes, °F is converted, another unit makes it invalid
-valid_when      { quality = [0, 1] }: valid only while the register `quality` holds one of these raw numbers
+sign_register   a register that holds the sign: 0 is positive, 1 is negative (sign and magnitude in two registers)
+scale_from      a register whose enum lists the scale factors, for example { 0 = "1", 1 = "0.1" }
+unit_from       a register whose enum lists the units: °C is used, °F is converted, other units are invalid
+valid_when      raw numbers of a register, for example { quality = [0, 1] }: valid only while it holds one of them
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ CELSIUS, FAHRENHEIT = "degC", "degF"
 
 
 def context_of(register: Register, readings: Mapping[str, RegisterReading]) -> Context:
-    """The context of `register` from the registers on which it depends, all among `readings`."""
+    """Return the context of `register`. `readings` must include the registers on which it depends."""
     if not register.depends_on:
         return ALONE
     sign = _word(register.sign_register, readings)
@@ -29,9 +29,9 @@ def context_of(register: Register, readings: Mapping[str, RegisterReading]) -> C
         if name is not None and word is None:
             problem = f"'{name}' is {readings[name].raw:g}, an unknown state"
     if unit not in (None, CELSIUS, FAHRENHEIT):
-        problem = f"the device gives it in '{unit}'"
+        problem = f"the device gives the value in '{unit}'"
     if sign not in (None, "0", "1"):
-        problem = f"'{register.sign_register}' is {sign}; 0 is positive, 1 negative"
+        problem = f"'{register.sign_register}' is {sign}, but must be 0 (positive) or 1 (negative)"
     return Context(
         sign=-1 if sign == "1" else 1,
         scale=None if scale is None else float(scale),
@@ -41,7 +41,7 @@ def context_of(register: Register, readings: Mapping[str, RegisterReading]) -> C
 
 
 def check_dependencies(name: str, register: Register, registers: Mapping[str, Register]) -> None:
-    """ValueError when a register on which `register` depends does not exist or cannot give what is needed."""
+    """Raise ValueError if a register on which `register` depends does not exist, or cannot serve this purpose."""
     for dependency in register.depends_on:
         if dependency not in registers:
             hint = suggestion_or_list(dependency, registers)
@@ -55,7 +55,10 @@ def check_dependencies(name: str, register: Register, registers: Mapping[str, Re
     if register.unit_from is not None and (
         register.unit != CELSIUS or CELSIUS not in registers[register.unit_from].enum.values()
     ):
-        raise ValueError(f"registers.{name}: unit_from needs unit = '{CELSIUS}', and '{CELSIUS}' in the enum it names")
+        raise ValueError(
+            f"registers.{name}: unit_from needs unit = '{CELSIUS}', and the enum of the register that it names must "
+            f"contain '{CELSIUS}'"
+        )
 
 
 def _check_scales(name: str, enum: Mapping[int, str]) -> None:
@@ -64,11 +67,13 @@ def _check_scales(name: str, enum: Mapping[int, str]) -> None:
     except ValueError:
         usable = False
     if not usable:
-        raise ValueError(f"registers.{name}.scale_from needs a register whose enum names factors, as {{ 1 = '0.1' }}")
+        raise ValueError(
+            f"registers.{name}.scale_from needs a register whose enum lists factors, for example {{ 1 = '0.1' }}"
+        )
 
 
 def _word(name: str | None, readings: Mapping[str, RegisterReading]) -> str | None:
-    """The state of the register `name`: the word of its enum, else its number."""
+    """Return the state of the register `name`: the word of its enum, or its number if it has no enum."""
     if name is None:
         return None
     reading = readings[name]

@@ -1,6 +1,6 @@
-"""The function code that reads or writes each table: the first that the device knows.
+"""The function code that reads or writes each table, which is the first one that the device knows.
 
-Some devices (Delta DTB) read their coils by FC02, and some know either the single write or the multiple one.
+Some devices (Delta DTB) read their coils by FC02. Some know only the single write or only the multiple write.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ _BUILD_READ = {
 
 
 def read_function(table: str, codes: Collection[int]) -> int | None:
-    """The function that reads `table`; None when the device has none."""
+    """Return the function code that reads `table`; return None if the device has none."""
     return next((code for code in _READS[table] if code in codes), None)
 
 
 def write_function(table: str, count: int, codes: Collection[int]) -> int | None:
-    """The function that writes `count` addresses of `table`; None when the device has none."""
+    """Return the function code that writes `count` addresses of `table`; return None if the device has none."""
     usable = (5, 15) if table == "coil" else (6, 16)
     return next((code for code in usable[count > 1 :] if code in codes), None)
 
 
 def read_request(table: str, address: int, count: int, codes: Collection[int]) -> Request:
-    """The request that reads `count` addresses of `table`; ValueError when the device has no function for it."""
+    """Return the request that reads `count` addresses of `table`; ValueError when the device has no function for it."""
     function = read_function(table, codes)
     if function is None:
         raise ValueError(f"no function among {sorted(codes)} reads the table '{table}'")
@@ -41,7 +41,7 @@ def read_request(table: str, address: int, count: int, codes: Collection[int]) -
 
 
 def write_request(table: str, address: int, words: Sequence[int], codes: Collection[int]) -> Request:
-    """The request that writes `words` into `table`; ValueError when the device has no function for it."""
+    """Return the request that writes `words` into `table`; ValueError when the device has no function for it."""
     match write_function(table, len(words), codes):
         case 5:
             return requests.write_coil(address, bool(words[0]))
@@ -55,7 +55,7 @@ def write_request(table: str, address: int, words: Sequence[int], codes: Collect
 
 
 def words_of(table: str, payload: bytes, count: int) -> tuple[int, ...]:
-    """The words in the payload of a read; a coil or discrete input is one word, 0 or 1."""
+    """Return the words in the payload of a read. A coil or discrete input becomes one word, 0 or 1."""
     if table in ("coil", "discrete"):
         return tuple(int(bit) for bit in requests.bits_of(payload, count))
     return requests.registers_of(payload)

@@ -1,4 +1,4 @@
-"""Checks golden frames against the register map: a profile that contradicts its captured frames is not loaded."""
+"""Checks golden frames against the register map. A profile that contradicts its recorded frames is not loaded."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _TABLES = {1: "coil", 2: "discrete", 3: "holding", 4: "input", 5: "coil", 6: "ho
 
 
 class AddressRange(NamedTuple):
-    """The addresses of a request, and its function."""
+    """The function of a request, its first address, and the number of addresses."""
 
     function: int
     address: int
@@ -23,7 +23,7 @@ class AddressRange(NamedTuple):
 
 
 def check_golden_frame(golden: GoldenFrame, registers: Mapping[str, Register]) -> None:
-    """ValueError: a wrong CRC, a response to another request, or values that differ from `means`."""
+    """Raise ValueError for a wrong CRC, a response to another request, or values that differ from `means`."""
     request = _frame(golden.request)
     addressed = _addressed(request)
     words: Sequence[int] = _written(addressed, request)
@@ -32,7 +32,7 @@ def check_golden_frame(golden: GoldenFrame, registers: Mapping[str, Register]) -
         words = words or words_of(_TABLES[addressed.function], payload, addressed.size)
     for name, value in golden.means.items():
         if name not in registers:
-            raise ValueError(f"vectors: '{golden.request}' means the unknown register '{name}'")
+            raise ValueError(f"vectors: means of '{golden.request}' names the unknown register '{name}'")
         carried = _carried(registers[name], addressed, words)
         if carried is None or abs(carried - value) > 1e-6 * abs(registers[name].scale):
             raise ValueError(f"vectors: '{golden.request}': {name} is {carried} in these frames, not {value:g}")
@@ -42,7 +42,7 @@ def _frame(text: str) -> bytes:
     try:
         frame = bytes.fromhex(text)
     except ValueError:
-        raise ValueError(f"vectors: '{text}' is no hexadecimal frame") from None
+        raise ValueError(f"vectors: '{text}' is no frame in hexadecimal digits") from None
     if not rtu.crc_holds(frame):
         right = rtu.crc(frame[:-2]).hex(" ").upper()
         raise ValueError(f"vectors: '{text}' ends with a wrong CRC; the right one is {right}")
@@ -58,7 +58,7 @@ def _addressed(request: bytes) -> AddressRange:
 
 
 def _written(addressed: AddressRange, request: bytes) -> tuple[int, ...]:
-    """The words in the request; empty for a read."""
+    """Return the words that the request writes; return none for a read."""
     match addressed.function:
         case 5:
             return (1 if request[4:6] == b"\xff\x00" else 0,)
@@ -70,7 +70,7 @@ def _written(addressed: AddressRange, request: bytes) -> tuple[int, ...]:
 
 
 def _payload(request: bytes, addressed: AddressRange, response: bytes) -> bytes:
-    """The payload of the response; ValueError when it does not answer the request."""
+    """Return the payload of the response; ValueError when the response does not answer the request."""
     if addressed.function > 4:
         head, size = request[:6], 0
     else:

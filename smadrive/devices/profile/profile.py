@@ -1,7 +1,7 @@
-"""A device profile: everything that a driver needs to know about one type of device, in one TOML file.
+"""A device profile: one TOML file with everything that a driver must know about one type of device.
 
-The same file drives the real device and the simulated one. Everything that could lead to a wrong value or a harmful
-write is refused when the file is loaded, for every variant of the device.
+The driver and the simulator use the same file. Everything that could lead to a wrong value or a harmful write is an
+error when the file is loaded, for every variant of the device.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ QUANTITIES = ("temperature", "displacement", "measured_current", "measured_volta
 
 
 class Profile(Section):
-    """One device type."""
+    """The profile of one type of device. Its fields are the tables of the file; see docs/device-profiles.md."""
 
     schema_: Literal[1] = Field(alias="schema")
     profile: Head
@@ -82,7 +82,7 @@ class Profile(Section):
 
     @property
     def has_registers(self) -> bool:
-        """Whether the device has Modbus registers; a device without them has a class of its own."""
+        """True if the device has Modbus registers. A device without them needs a driver class of its own."""
         return self.profile.protocol.startswith("modbus")
 
     def _check_map(self) -> None:
@@ -95,12 +95,12 @@ class Profile(Section):
 
     @property
     def proves_type(self) -> bool:
-        """Whether the type of the device can be proved."""
+        """True if the device can prove its type."""
         return not self.has_registers or any(proof.ranges for proof in self.identify)
 
     @property
     def measured(self) -> tuple[str, ...]:
-        """The registers of the quantities that it measures."""
+        """The names of the registers with the quantities that the device measures."""
         bound = (getattr(self.roles, role) for role in QUANTITIES)
         return tuple(name for name in bound if name is not None)
 
@@ -112,23 +112,23 @@ class Profile(Section):
         return line.unit_id
 
     def register(self, name: str) -> Register:
-        """The register `name`; ConfigError names the nearest one."""
+        """Return the register `name`; ConfigError, with the nearest name, if there is none."""
         try:
             return self.registers[name]
         except KeyError:
             raise ConfigError(
-                f"no register '{name}'; {suggestion_or_list(name, self.registers)}", where=self._where
+                f"no register '{name}'", where=self._where, cure=suggestion_or_list(name, self.registers)
             ) from None
 
     def role(self, role: str) -> str:
-        """The name of the register that is bound to `role`; ConfigError when none is."""
+        """Return the name of the register that has this role; ConfigError if no register has it."""
         name: str | None = getattr(self.roles, role)
         if name is None:
             raise ConfigError(f"no register for the role '{role}'", where=self._where, cure="add it to [roles]")
         return name
 
     def as_variant(self, variant: Variant) -> Profile:
-        """The profile of this variant alone: its registers, and its `match` as part of the identity."""
+        """Return a profile of this variant only, with its registers, and its `match` as part of the identity."""
         proofs = tuple(IdentityRegister(register=name, ranges=[span]) for name, span in variant.match.items())
         others = tuple(proof for proof in self.identify if proof.register_ not in variant.match)
         return self.model_copy(
@@ -136,18 +136,21 @@ class Profile(Section):
         )
 
     def chosen(self, choice: str) -> Profile:
-        """The variant of this `choice`, or the model with these raw values (`model_id=60120`); ConfigError if none."""
+        """Return the profile of the variant `choice`, or of the model with given raw values (`model_id=60120`).
+
+        ConfigError if there is no such variant or model.
+        """
         if "=" in choice:
             return self._pinned(choice)
         choices = {variant.choice: variant for variant in self.variants if variant.choice}
         if choice not in choices:
             raise ConfigError(
-                f"no choice '{choice}'; {suggestion_or_list(choice, map(str, choices))}", where=self._where
+                f"no choice '{choice}'", where=self._where, cure=suggestion_or_list(choice, map(str, choices))
             )
         return self.as_variant(choices[choice])
 
     def bus_timing(self) -> BusTiming:
-        """The timing for a client, in seconds."""
+        """Return the timing for a client, in seconds."""
         timing = self.timing
         return BusTiming(
             response_timeout_s=timing.response_timeout_ms / 1e3,
@@ -159,12 +162,12 @@ class Profile(Section):
         )
 
     def serial_settings(self) -> SerialSettings | None:
-        """The serial settings for a transport; None for a device without a serial line."""
+        """Return the serial settings for a transport; None for a device without a serial line."""
         line = self.serial
         return None if line is None else SerialSettings(line.baudrate, line.parity, line.stopbits)
 
     def _pinned(self, choice: str) -> Profile:
-        """The profile of the model whose registers hold `NAME=RAW,...`; the device must prove these values."""
+        """Return the profile of the model with these raw values, written `NAME=RAW,...`. The device must prove them."""
         raws = dict(_raw_of(pair, choice) for pair in choice.split(","))
         for name, raw in raws.items():
             self.register(name)
@@ -190,7 +193,7 @@ class Profile(Section):
             validation.find_register(proof.register_, self.registers, "identify.register")
             if not proof.ranges and self.registers[proof.register_].writable:
                 raise ValueError(
-                    f"identify: {proof.register_} can be written, so that its value proves nothing: give it ranges"
+                    f"identify: {proof.register_} can be written, so its value proves nothing; give it ranges"
                 )
         for variant in self.variants:
             for name in variant.match:
@@ -198,7 +201,7 @@ class Profile(Section):
         for role, bound in self.roles.model_dump(exclude_none=True).items():
             validation.find_register(bound, self.registers, f"roles.{role}")
         if self.profile.role in ("heater", "supply") and not self.safe_state:
-            raise ValueError(f"a {self.profile.role} needs [[safe_state]]: the writes that end all heating")
+            raise ValueError(f"a {self.profile.role} needs [[safe_state]], the writes that end all heating")
 
     def _check_registers(self, registers: dict[str, Register]) -> None:
         validation.refuse_overlaps(registers)
@@ -212,10 +215,11 @@ class Profile(Section):
 
 
 def load_profile(name_or_path: str | Path) -> Profile:
-    """The profile at a path (`*.toml`), or the shipped one of that name; ConfigError names file, key and cure.
+    """Load the profile at a path (`*.toml`), or the shipped profile of that name.
 
-    `NAME:CHOICE` is a variant that no register shows, such as the thermocouple type of `adam-6018:J`;
-    `NAME:REGISTER=RAW` is the model of a family that holds these raw values, as in `riden-rd60xx:model_id=60120`.
+    `NAME:CHOICE` is a variant that no register shows, for example a thermocouple type, `adam-6018:J`.
+    `NAME:REGISTER=RAW` is the model with these raw values, for example `riden-rd60xx:model_id=60120`.
+    ConfigError, with file, key and cure, if the file or the choice is wrong.
     """
     name, _, choice = str(name_or_path).partition(":")
     profile = load_config(config_file(name, PROFILE), Profile)
@@ -231,5 +235,5 @@ def _raw_of(pair: str, choice: str) -> tuple[str, int]:
             "cannot be read",
             where=f"'{choice}'",
             value=pair,
-            cure="write REGISTER=RAW, several with commas, raw values as whole numbers",
+            cure="write REGISTER=RAW with a whole number, and commas between several of these",
         ) from None

@@ -1,4 +1,4 @@
-"""The reading of a register, and the context that other registers give it."""
+"""The reading of a register, and the context that other registers determine."""
 
 from __future__ import annotations
 
@@ -7,10 +7,12 @@ from typing import NamedTuple
 
 
 class RegisterReading(NamedTuple):
-    """The reading of a register. Without a valid value, `value` is NaN and `invalid` is the reason.
+    """The reading of a register.
 
-    Where `invalid` is None, `value` is finite, except for a text.
-    `words` are the names of an enum's state or of the bits that are set, or the text of a string (whose value is NaN).
+    raw        the raw number
+    value      the value in engineering units; NaN if it is invalid, and for a text
+    invalid    the reason why the value is invalid, else None
+    words      the names of the enum's state or of the set bits, or the text of a string
     """
 
     raw: int | float
@@ -20,7 +22,13 @@ class RegisterReading(NamedTuple):
 
 
 class Context(NamedTuple):
-    """Given by other registers: sign of the magnitude, scale, whether it is in °F, reason why it is invalid."""
+    """The information that other registers give about a register.
+
+    sign          sign of the magnitude, 1 or -1
+    scale         scale factor, or None for that of the profile
+    fahrenheit    True if the value is in °F
+    problem       reason why the value is invalid, else None
+    """
 
     sign: int = 1
     scale: float | None = None
@@ -32,6 +40,6 @@ ALONE = Context()
 
 
 def problem_of(readings: Mapping[str, RegisterReading], names: Iterable[str]) -> str | None:
-    """The reasons why registers of these names have no value, each by its name; None when all have one."""
+    """Return the reasons why these registers have no valid value, each with its name; return None if all are valid."""
     invalid = [f"{name}: {readings[name].invalid}" for name in names if readings[name].invalid is not None]
     return "; ".join(invalid) or None

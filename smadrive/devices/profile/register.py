@@ -1,6 +1,6 @@
-"""One register of a device by its profile: table and address, conversion, limits of writing.
+"""The description of one register in a profile: table and address, conversion, limits of writing.
 
-A wrong description is refused when the profile is loaded. `codec.py` converts by it.
+A wrong description is an error when the profile is loaded. `codec.py` does the conversion.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ Evidence = Literal["own", "two", "one", "uncertain", ""]
 
 
 class Register(Section):
-    """One entry of a profile's `[registers.NAME]`; `min`, `max`, `valid_min`, `valid_max` are in engineering units."""
+    """One entry `[registers.NAME]` of a profile. `min`, `max`, `valid_min` and `valid_max` are in engineering units."""
 
     table: Table
     address: int = Field(ge=0, le=0xFFFF)
@@ -53,7 +53,7 @@ class Register(Section):
     @field_validator("enum", "bits", "invalid", mode="before")
     @classmethod
     def _numbered(cls, table: dict[Any, str]) -> dict[int, str]:
-        """TOML keys are text: accept 32768, 0x8000 and -32768."""
+        """Convert the keys to numbers. TOML keys are text, for example 32768, 0x8000 or -32768."""
         return {parse_whole(key) if isinstance(key, str) else key: word for key, word in table.items()}
 
     @field_validator("scale")
@@ -68,11 +68,11 @@ class Register(Section):
         if (self.table in ("coil", "discrete")) != (self.type == "bool"):
             raise ValueError(f"type '{self.type}' in table '{self.table}': coils and discrete inputs are 'bool'")
         if (self.type == "string") != (self.length > 0):
-            raise ValueError("a string, and nothing else, has a length: the number of its registers")
+            raise ValueError("only a string has a length, which is the number of its registers; a string must have one")
         if self.writable:
             self._check_writable()
         if self.nonvolatile and self.access != "rw":
-            raise ValueError("a nonvolatile register is compared before it is written: access must be 'rw'")
+            raise ValueError("a nonvolatile register is read before it is written, so access must be 'rw'")
         for limit in (self.min, self.max):
             if limit is not None and self.scale_from is None:
                 self.codec.check_fits(limit)
@@ -82,33 +82,33 @@ class Register(Section):
 
     @property
     def writable(self) -> bool:
-        """Whether the device lets it be written."""
+        """True if the register can be written."""
         return self.access != "r"
 
     @cached_property
     def depends_on(self) -> tuple[str, ...]:
-        """The registers that give its scale, sign, unit or validity."""
+        """The names of the registers that determine the scale, sign, unit or validity of this register."""
         named = (self.scale_from, self.sign_register, self.unit_from, *self.valid_when)
         return tuple(name for name in named if name is not None)
 
     @cached_property
     def exchangeable(self) -> bool:
-        """Whether it may be written at every exchange, together with others, without reading another register."""
+        """True if the register may be written at every exchange, with others and without reading another register."""
         return not (self.nonvolatile or self.depends_on or self.block)
 
     @cached_property
     def size(self) -> int:
-        """The number of its addresses."""
+        """The number of addresses that the register occupies."""
         return self.length or (2 if register_types.is_wide(self.type) else 1)
 
     @cached_property
     def addresses(self) -> range:
-        """Its addresses."""
+        """The addresses that the register occupies."""
         return range(self.address, self.address + self.size)
 
     @cached_property
     def codec(self) -> Codec:
-        """The conversion of its words."""
+        """The conversion between the words and the value of the register."""
         return Codec(
             self.type,
             self.word_order,
@@ -123,23 +123,23 @@ class Register(Section):
         )
 
     def _check_writable(self) -> None:
-        """ValueError when a write could be harmful, or could never be correct."""
+        """Raise ValueError if a write could be harmful, or could never be correct."""
         limits = self.min is not None and self.max is not None
         if not (limits or self.enum or self.bits or self.type == "bool"):
-            raise ValueError("a writable register needs min and max, so that nothing harmful can be written")
+            raise ValueError("a writable register needs min and max, so that no harmful value can be written")
         if self.table in ("input", "discrete"):
             raise ValueError(f"table '{self.table}' cannot be written; access must be 'r'")
         if self.type == "string" or self.sign_register is not None:
-            raise ValueError("a string or a sign-magnitude pair is not written; access must be 'r'")
+            raise ValueError("a string or a sign-magnitude pair cannot be written; access must be 'r'")
         if self.evidence == "uncertain":
             raise ValueError(
-                "an uncertain register is not written; access must be 'r' until evidence is 'one' or 'two'"
+                "an uncertain register must not be written; access must be 'r' until evidence is 'one' or 'two'"
             )
         if self.min is not None and self.max is not None and self.min > self.max:
             raise ValueError(f"min {self.min:g} exceeds max {self.max:g}")
 
     def _check_sentinel(self, bits: int, reason: str) -> None:
-        """ValueError when a sentinel is also a valid value: a true reading would become invalid."""
+        """Raise ValueError if a sentinel is also a valid value, because a true reading would become invalid."""
         value = self.codec.number(bits)
         for low, high in ((self.valid_min, self.valid_max), (self.min, self.max)):
             stated = low is not None or high is not None

@@ -1,4 +1,4 @@
-"""16-bit words of the bus <-> raw numbers: types, word order, raw patterns.
+"""The conversion between 16-bit words of the bus and raw numbers: types, word order, raw patterns.
 
 A 32-bit number takes two registers; `word_order` "big" means that its high word comes first. A coil or discrete input
 is one word, 0 or 1.
@@ -28,16 +28,16 @@ RANGES: dict[Kind, tuple[float, float]] = {
 }
 
 NOT_A_NUMBER: tuple[Kind, ...] = ("float32", "string")
-"""Types with patterns that are not numbers."""
+"""Types that have patterns which are not numbers."""
 
 
 def is_wide(kind: Kind) -> bool:
-    """Whether a number of this type takes two registers."""
+    """Return True if a number of this type occupies two registers."""
     return kind in _WIDE
 
 
 def unpacker(kind: Kind, order: Order) -> Callable[[Sequence[int]], int | float]:
-    """The function that returns the raw number of words in the order of the bus."""
+    """Return a function that converts words, in the order of the bus, to a raw number."""
     if kind in _WIDE:
         join, number, step = _PAIR.pack, _WIDE[kind].unpack, 1 if order == "big" else -1
         return lambda words: number(join(*words[::step]))[0]
@@ -47,7 +47,7 @@ def unpacker(kind: Kind, order: Order) -> Callable[[Sequence[int]], int | float]
 
 
 def packer(kind: Kind, order: Order) -> Callable[[float], tuple[int, ...]]:
-    """The function that returns the words of a raw number within the type's range."""
+    """Return a function that converts a raw number within the type's range to words."""
     if kind in _WIDE:
         part, number, step = _PAIR.unpack, _WIDE[kind].pack, 1 if order == "big" else -1
         return lambda raw: part(number(raw))[::step]
@@ -55,7 +55,10 @@ def packer(kind: Kind, order: Order) -> Callable[[float], tuple[int, ...]]:
 
 
 def pattern(kind: Kind, order: Order, bits: int) -> tuple[int, ...]:
-    """The words of a raw pattern, written as a number of the type or as its unsigned bits; ValueError: too wide."""
+    """Return the words of a raw pattern; ValueError when it has too many bits for the type.
+
+    `bits` is a number of the type, or the same pattern as an unsigned number.
+    """
     width = 32 if is_wide(kind) else 16
     if not -(1 << width - 1) <= bits < 1 << width:
         raise ValueError(f"the pattern {bits:#x} does not fit {kind}")
@@ -64,5 +67,5 @@ def pattern(kind: Kind, order: Order, bits: int) -> tuple[int, ...]:
 
 
 def text(words: Sequence[int]) -> str:
-    """The ASCII text of a string register: two characters a word, padding stripped."""
+    """Return the ASCII text of a string register, without padding. Each word holds two characters."""
     return struct.pack(f">{len(words)}H", *words).decode("ascii", "replace").strip("\0 ")

@@ -1,4 +1,4 @@
-"""The tables of a profile besides its registers. docs/device-profiles.md explains every key, with an example."""
+"""The tables of a profile, except the registers. docs/device-profiles.md explains every key with an example."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from smadrive.modbus.transports.transport import Parity
 
 
 class Head(Section):
-    """Name, role, protocol and vendor; `evidence`: the sources of the map (own, two, one)."""
+    """Name, role, protocol and vendor of the device. `evidence` tells the sources of the map (own, two, one)."""
 
     id: str
     role: Literal["heater", "supply", "temperature", "displacement"]
@@ -24,7 +24,7 @@ class Head(Section):
 
 
 class Serial(Section):
-    """Factory settings of the serial line; a connection URL may override all but `bytesize`."""
+    """Factory settings of the serial line. A connection URL may override all except `bytesize`."""
 
     baudrate: int = Field(ge=50, le=12_000_000)
     bytesize: Literal[8] = 8
@@ -34,13 +34,13 @@ class Serial(Section):
 
 
 class Tcp(Section):
-    """Address of a device with a network port of its own; the port is in the connection URL."""
+    """The unit id of a device that has its own network port. The connection URL contains host and port."""
 
     unit_id: int = Field(default=255, ge=0, le=255)
 
 
 class DeviceTiming(Section):
-    """Timing that the device needs from a client, in milliseconds; the simulated device enforces it."""
+    """The timing that a client must keep, in milliseconds. The simulated device enforces it."""
 
     response_timeout_ms: float = Field(gt=0, le=60_000)
     min_gap_ms: float = Field(default=0.0, ge=0, le=60_000)
@@ -60,20 +60,23 @@ class DeviceTiming(Section):
     def _check_codes(cls, codes: tuple[int, ...]) -> tuple[int, ...]:
         if strange := set(codes) - set(ALL_FUNCTIONS):
             raise ValueError(
-                f"function {min(strange)} is not used here; known are {', '.join(map(str, ALL_FUNCTIONS))}"
+                f"function {min(strange)} is unknown; the known functions are {', '.join(map(str, ALL_FUNCTIONS))}"
             )
         return codes
 
 
 class IdentityRegister(Section):
-    """A register that proves the identity: its raw value lies in `ranges`; without them any value, a serial number."""
+    """A register that proves the identity, because its raw value lies in `ranges`.
+
+    Without ranges it is a serial number.
+    """
 
     register_: str = Field(alias="register")
     ranges: list[tuple[int, int]] = Field(default_factory=list)
 
 
 class Roles(Section):
-    """The register of each quantity and command of the driver."""
+    """The name of the register for each quantity and command that the driver uses."""
 
     temperature: str | None = None
     cold_junction: str | None = None
@@ -113,7 +116,7 @@ class Override(Section):
 
 
 class Variant(Section):
-    """A model of the family: recognised by raw values of registers (`match`), or chosen by the user (`choice`)."""
+    """A model of the family. Raw values of registers identify it (`match`), or the user chooses it (`choice`)."""
 
     match: dict[str, tuple[int, int]] = Field(default_factory=dict)
     choice: str | None = None
@@ -127,12 +130,12 @@ class Variant(Section):
         return self
 
     def holds(self, name: str, raw: float) -> bool:
-        """Whether the register `name` decides about the model, and holds `raw` in this one."""
+        """Return True if the register `name` identifies this model and `raw` is one of its values."""
         return name in self.match and self.match[name][0] <= raw <= self.match[name][1]
 
 
 class Forbidden(Section):
-    """Addresses that are never written, and the reason."""
+    """Addresses that must never be written, and the reason."""
 
     table: Table
     first: int = Field(ge=0, le=0xFFFF)
@@ -141,7 +144,12 @@ class Forbidden(Section):
 
 
 class WriteOrder(Section):
-    """Before `before` ("*": anything) is written, `write` must hold `value`; without a value: have been written."""
+    """A rule about the order of writes.
+
+    before    the register before which the rule applies; "*" stands for every register
+    write     the register that must be written first
+    value     the value that `write` must hold; without a value, it must have been written
+    """
 
     before: str
     write: str
@@ -156,7 +164,10 @@ class SafeWrite(Section):
 
 
 class GoldenFrame(Section):
-    """A golden frame in hexadecimal with its CRC; `means`: the values that it writes, or that its reply carries."""
+    """A golden frame in hexadecimal digits, with its CRC.
+
+    `means` lists the values that it writes or that its reply has.
+    """
 
     request: str
     response: str | None = None

@@ -1,4 +1,4 @@
-"""Checks of a profile at load: everything that could lead to a wrong value or a harmful write is refused."""
+"""Checks of a profile when it is loaded. Everything that could lead to a wrong value or a harmful write is an error."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Registers = Mapping[str, Register]
 
 
 def refuse_overlaps(registers: Registers) -> None:
-    """ValueError: two registers at one address, or one beyond the last address."""
+    """Raise ValueError if two registers overlap, or one lies beyond the last address."""
     for table in ("holding", "input", "coil", "discrete"):
         ordered = sorted((register.address, name) for name, register in registers.items() if register.table == table)
         for (_, before), (address, after) in pairwise(ordered):
@@ -26,11 +26,11 @@ def refuse_overlaps(registers: Registers) -> None:
                     "correct an address or a type"
                 )
         if ordered and (last := registers[ordered[-1][1]].addresses[-1]) > 0xFFFF:
-            raise ValueError(f"registers.{ordered[-1][1]} ends at {last}, beyond 65535: correct address or type")
+            raise ValueError(f"registers.{ordered[-1][1]} ends at {last}, beyond 65535: correct its address or type")
 
 
 def refuse_forbidden(registers: Registers, forbidden: tuple[Forbidden, ...]) -> None:
-    """ValueError: a writable register in a forbidden range."""
+    """Raise ValueError if a writable register lies in a forbidden range."""
     for zone in forbidden:
         for name, register in registers.items():
             inside = register.address <= zone.last and register.addresses[-1] >= zone.first
@@ -42,7 +42,7 @@ def refuse_forbidden(registers: Registers, forbidden: tuple[Forbidden, ...]) -> 
 
 
 def refuse_unreachable(registers: Registers, timing: DeviceTiming) -> None:
-    """ValueError: a register that no function of the device reads or writes, or that is longer than a request."""
+    """Raise ValueError if no function of the device reads or writes a register, or a register exceeds a request."""
     codes = timing.function_codes
     for name, register in registers.items():
         if register.access != "w" and read_function(register.table, codes) is None:
@@ -63,33 +63,33 @@ def refuse_unreachable(registers: Registers, timing: DeviceTiming) -> None:
 
 
 def refuse_torn_blocks(registers: Registers, timing: DeviceTiming) -> None:
-    """ValueError: a block that one request cannot read: in two tables, with a gap, or too long."""
+    """Raise ValueError if one request cannot read a block, because it spans two tables, has a gap, or is too long."""
     for block in sorted({register.block for register in registers.values() if register.block}):
         members = sorted((one for one in registers.values() if one.block == block), key=lambda one: one.address)
         gaps = any(before.addresses.stop != after.address for before, after in pairwise(members))
         size = members[-1].addresses.stop - members[0].address
         if gaps or len({member.table for member in members}) > 1 or size > timing.max_read_registers:
             raise ValueError(
-                f"block '{block}' cannot be read in one request: its registers must be adjacent, of one table, and at "
-                f"most {timing.max_read_registers} long"
+                f"block '{block}' cannot be read in one request: its registers must be adjacent, in one table, and "
+                f"occupy at most {timing.max_read_registers} addresses"
             )
 
 
 def find_register(name: str, registers: Registers, key: str) -> Register:
-    """The register that `key` names; ValueError when there is none."""
+    """Return the register that `key` names; ValueError if there is none."""
     if name not in registers:
         raise ValueError(f"{key} names the unknown register '{name}'; {suggestion_or_list(name, registers)}")
     return registers[name]
 
 
 def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
-    """ValueError: a rule about a register that cannot be written, read back, or hold the value."""
+    """Raise ValueError for a rule about a register that cannot be written, read back, or hold the value."""
     for rule in rules:
         if rule.before != "*":
             find_register(rule.before, registers, "write_order.before")
         register = find_register(rule.write, registers, "write_order.write")
         if register.access != "rw":
-            raise ValueError(f"write_order.write '{rule.write}' has access '{register.access}': it needs 'rw'")
+            raise ValueError(f"write_order.write '{rule.write}' has access '{register.access}', but needs 'rw'")
         if rule.value is not None:
             _check_value(register, rule.write, rule.value, "write_order")
         elif rule.before in ("*", rule.write):
@@ -97,16 +97,19 @@ def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
 
 
 def check_safe_state(steps: tuple[SafeWrite, ...], rules: tuple[WriteOrder, ...], registers: Registers) -> None:
-    """ValueError: a step that cannot be confirmed, cannot hold the value, or must wait for another write."""
+    """Raise ValueError for a step that cannot be confirmed, cannot hold its value, or must wait for another write."""
     for step in steps:
         register = find_register(step.register_, registers, "safe_state.register")
         if register.access != "rw":
             raise ValueError(
-                f"safe_state.register '{step.register_}' has access '{register.access}': a safe state must be "
-                "confirmed by read-back, so it needs 'rw'"
+                f"safe_state.register '{step.register_}' has access '{register.access}', but needs 'rw': a safe state "
+                "must be confirmed by read-back"
             )
         if any(rule.before == step.register_ and rule.value is None for rule in rules):
-            raise ValueError(f"safe_state.register '{step.register_}' must wait for another write: it is not safe")
+            raise ValueError(
+                f"safe_state.register '{step.register_}' cannot be written at once, because write_order demands "
+                "another write before it"
+            )
         _check_value(register, step.register_, step.value, "safe_state")
 
 

@@ -1,4 +1,4 @@
-"""Models of one family whose registers differ: other scales, limits, addresses.
+"""Models of one family whose registers differ in scale, limits or address.
 
 A channel array `tc` of count 8 is eight registers `tc_0` to `tc_7`; an override of `tc` applies to all of them.
 """
@@ -16,7 +16,7 @@ from smadrive.files.spelling import suggestion_or_list
 
 
 def expanded(registers: Mapping[str, Register]) -> dict[str, Register]:
-    """The registers with every channel of every array as a register of its own, numbered from 0."""
+    """Return the registers, with each channel of an array as a register of its own, numbered from 0."""
     channels = {}
     for name, register in registers.items():
         step = register.stride or register.size
@@ -27,7 +27,7 @@ def expanded(registers: Mapping[str, Register]) -> dict[str, Register]:
 
 
 def applied(registers: Mapping[str, Register], variant: Variant) -> dict[str, Register]:
-    """The registers of this variant; ValueError when it overrides an unknown register, or makes one invalid."""
+    """Return the registers of this variant; ValueError if it changes an unknown register or makes one invalid."""
     changed = dict(registers)
     for target, override in variant.registers.items():
         names = [name for name, register in registers.items() if target in (name, _array_of(name, register))]
@@ -44,7 +44,7 @@ def applied(registers: Mapping[str, Register], variant: Variant) -> dict[str, Re
 
 
 def matching(variants: Sequence[Variant], raws: Mapping[str, float]) -> Variant | None:
-    """The variant whose registers hold these raw values; None: the profile as it stands."""
+    """Return the variant whose registers hold these raw values; return None if the profile applies unchanged."""
     for variant in variants:
         if variant.match and all(first <= raws[name] <= last for name, (first, last) in variant.match.items()):
             return variant
@@ -52,7 +52,7 @@ def matching(variants: Sequence[Variant], raws: Mapping[str, float]) -> Variant 
 
 
 def has_switch(variants: Sequence[Variant], registers: Mapping[str, Register], raws: Mapping[str, float]) -> bool:
-    """Whether the device with these raw values can become another variant by a setting (a range switch)."""
+    """Return True if a setting (a range switch) can change the device with these raw values to another variant."""
 
     def may_hold(name: str, span: tuple[int, int]) -> bool:
         return registers[name].writable or span[0] <= raws[name] <= span[1]
@@ -65,7 +65,7 @@ def has_switch(variants: Sequence[Variant], registers: Mapping[str, Register], r
 
 
 def refuse_ambiguity(variants: Sequence[Variant]) -> None:
-    """ValueError when one device could be two variants."""
+    """Raise ValueError if one device could match two variants."""
     for one, other in combinations((variant for variant in variants if variant.match), 2):
         shared = one.match.keys() & other.match.keys()
         if all(_overlap(one.match[name], other.match[name]) for name in shared):

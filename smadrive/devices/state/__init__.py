@@ -1,4 +1,4 @@
 """State that outlives a process: the trip latch, the locks of lines, and the key of a device.
 
-May import profiles, transports' URLs and files. Never here: a request to a device.
+This package may import `profile`, `files` and the URLs of `modbus.transports`. Requests to a device do not belong here.
 """

@@ -1,4 +1,4 @@
-"""The folder of driver, guardian and `off` for state that outlives a process: trips, locks, duties."""
+"""The folder in which driver, guardian and `off` keep state that outlives a process: trips, locks, duties."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ WITHOUT_HOME = Path("/var/lib/smadrive")
 
 
 def state_dir() -> Path:
-    """`$XDG_STATE_HOME/smadrive`, in `~/.local/state` without that variable; it need not exist."""
+    """Return `$XDG_STATE_HOME/smadrive`, or `~/.local/state/smadrive` without that variable. It may not exist yet."""
     if folder := os.environ.get("XDG_STATE_HOME"):
         return Path(folder) / "smadrive"
     try:
         return Path.home() / ".local" / "state" / "smadrive"
-    except RuntimeError:  # a user without a home must be able to switch a heater off
+    except RuntimeError:  # the user has no home folder, but must be able to switch a heater off
         return WITHOUT_HOME
 
 
 def unreadable(error: OSError) -> SafetyError:
-    """The error of a program that needs the content of the folder and cannot list it."""
+    """Return the error for a program that needs the content of the folder but cannot list it."""
     return SafetyError(
         "the state folder cannot be read",
         where=error.filename or state_dir(),

@@ -1,16 +1,16 @@
-"""The key of a device: it decides whether a device is the same as in an earlier run, or another one.
+"""The key of a device, which decides if a device is the same as in an earlier run.
 
-The kernel numbers ports in the order in which they appear: `ttyUSB0` and `pts/7` name another device after a replug.
-So a key holds the permanent names of the port, and the serial number of the device, known once it has answered:
+The kernel numbers ports in the order in which they appear: after a replug, `ttyUSB0` or `pts/7` may name another
+device. So a key holds the permanent names of the port. After the device has answered, it holds the serial number, too:
 
     USB adapter              its links in /dev/serial/by-id and by-path, and its place on the USB bus
     link of the user's own   the path of the link (a udev rule, `firmware-sim --pty PATH`, `socat link=PATH`)
     on-board serial port     its path
     network                  host and port, as written and by each address of the host; see host_names.py
-    pseudo-terminal          no permanent name. While it exists, its number and its time of creation count; when it
-                             is gone it never comes back, and only the serial number of the device counts
+    pseudo-terminal          no permanent name; while it exists, its number with its time of creation. After its end it
+                             never comes back, and only the serial number of the device counts
 
-Devices that share a line have different unit ids. `APPLIES` states when a trip of one key holds for another.
+    Devices that share a line have different unit ids. `APPLIES` tells when a trip of one key holds for another key.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ BY_ID = Path("/dev/serial/by-id")
 BY_PATH = Path("/dev/serial/by-path")
 TERMINALS = "/dev/pts/"
 NUMBERED = re.compile(r"tty(USB|ACM)\d+|rfcomm\d+")
-"""Names of ports that the kernel numbers in the order in which they appear."""
+"""Names of ports that the kernel numbers in the order in which the ports appear."""
 UNPROGRAMMED = (0, 0xFFFF, 0xFFFF_FFFF)
-"""Raw serial numbers of devices that were never given one."""
+"""Raw numbers that devices without a serial number show."""
 
 
 class Match(Enum):
-    """The comparison of one part of two keys."""
+    """The result of comparing one part of two keys."""
 
     SAME = "same"
     DIFFERENT = "different"
@@ -60,14 +60,17 @@ APPLIES = {
     (Match.UNKNOWN, Match.DIFFERENT): False,
     (Match.UNKNOWN, Match.UNKNOWN): True,  # nothing proves another device
 }
-"""Whether a trip of one device applies to the device that is there now."""
+"""True if a trip of one device applies to the present device, by the match of port and serial number."""
 
 
 @dataclass(frozen=True)
 class DeviceKey:
-    """Permanent `names` of the port (empty: unknown), unit id (None: a device without one), serial number.
+    """The key of a device.
 
-    `port` is the present name of the port, as a URL; it does not distinguish devices.
+    names            permanent names of the port; empty if they are unknown
+    unit_id          unit id on the line; None for a device without one
+    serial_number    serial number; None if it is unknown
+    port             present name of the port as a URL; it is not compared
     """
 
     names: frozenset[str]
@@ -76,7 +79,7 @@ class DeviceKey:
     port: str = field(default="", compare=False)
 
     def port_match(self, other: DeviceKey) -> Match:
-        """Whether both are at the same port and unit: one common name is enough."""
+        """Compare port and unit of both keys. One common name proves the same port."""
         if None not in (self.unit_id, other.unit_id) and self.unit_id != other.unit_id:
             return Match.DIFFERENT
         if self.names & other.names:
@@ -86,44 +89,44 @@ class DeviceKey:
         return Match.DIFFERENT
 
     def serial_match(self, other: DeviceKey) -> Match:
-        """Whether both have the same serial number."""
+        """Compare the serial numbers of both keys."""
         if self.serial_number is None or other.serial_number is None:
             return Match.UNKNOWN
         return Match.SAME if self.serial_number == other.serial_number else Match.DIFFERENT
 
     def applies_to(self, other: DeviceKey) -> bool:
-        """Whether a trip of this device applies to `other`; see APPLIES."""
+        """Return True if a trip of this device applies to `other`; see APPLIES."""
         return APPLIES[self.port_match(other), self.serial_match(other)]
 
     def proves(self, other: DeviceKey) -> bool:
-        """Whether `other` is certainly this device: a guardian that waits for this one may then end.
+        """Return True if `other` is certainly this device. A guardian that waits for this device may then end.
 
-        A device with a serial number must show it; one without is known by its port.
+        A device with a serial number must show it. A device without one is recognised by its port.
         """
         if self.serial_number is not None or other.serial_number is not None:
             return self.serial_match(other) is Match.SAME
         return self.port_match(other) is Match.SAME
 
     def with_identity(self, profile: Profile, identity: Identity) -> DeviceKey:
-        """The key with the serial number of a device that has proved its identity."""
+        """Return this key with the serial number of the device, which has proved its identity."""
         return replace(self, serial_number=serial_number(profile, identity))
 
 
 def key_at(url: str, profile: Profile, unit_id: int | None) -> DeviceKey:
-    """The key of a device before it has answered. ConfigError when the URL names no port."""
+    """Return the key of a device that has not answered yet. ConfigError when the URL names no port."""
     unit = (profile.unit_id if unit_id is None else unit_id) if profile.has_registers else None
     return DeviceKey(port_names(url), unit, port=port_of(url))
 
 
 def serial_number(profile: Profile, identity: Identity) -> str | None:
-    """The values of the `[[identify]]` registers without `ranges`; None: the device has no serial number."""
+    """Return the values of the `[[identify]]` registers that have no `ranges`; None if there is no serial number."""
     names = sorted(proof.register_ for proof in profile.identify if not proof.ranges)
     values = [identity[name] for name in names if identity.get(name, UNPROGRAMMED[0]) not in UNPROGRAMMED]
     return " ".join(str(value) for value in values) or None
 
 
 def port_names(url: str) -> frozenset[str]:
-    """The names of the port that stay after a replug; empty: it has none."""
+    """Return the names that the port keeps after a replug; return an empty set if it has none."""
     port = port_of(url)
     if urlsplit(url).scheme != "serial":
         return names_of(port)
@@ -131,7 +134,7 @@ def port_names(url: str) -> frozenset[str]:
 
 
 def _is_link(path: Path) -> bool:
-    """Whether the path is a link; False for a path in a folder that this user may not enter."""
+    """Return True if the path is a link. Return False if this user may not enter its folder."""
     try:
         return path.is_symlink()
     except OSError:
@@ -139,7 +142,7 @@ def _is_link(path: Path) -> bool:
 
 
 def _serial_names(written: Path, port: Path) -> Iterator[str]:
-    """The permanent names of a serial port: `written` is the path in the rig file, `port` its target."""
+    """Yield the permanent names of a serial port. `written` is the path in the rig file, `port` its target."""
     if _is_link(written) or written.parent in (BY_ID, BY_PATH):
         yield f"{os.path.realpath(written.parent)}/{written.name}"
     for folder in (BY_ID, BY_PATH):

@@ -1,11 +1,11 @@
-"""The trip latch: a trip stays latched until the user clears it, also over a new start of the driver.
+"""The trip latch: a trip stays latched until the user clears it, also after a new start of the driver.
 
 A board latches its own faults. A fault that only the driver sees, and every fault of a supply, would be lost with the
-process. So it is written to a file in the user's state folder, with the key of the heat source (key.py). A record that
-cannot be read counts as a trip of every device. `--clear-faults` removes the records that apply.
+process. So the driver writes the trip to a file in the user's state folder, with the key of the heat source (key.py). A
+record that cannot be read counts as a trip of every device. `--clear-faults` removes the records that apply.
 
-smadrive 0.1 named its records by the address in the rig file, `ADDRESS.tripped`. Such a record gets the key of the
-first device that is found at this address.
+smadrive 0.1 named its records by the address in the rig file, `ADDRESS.tripped`. The first device that is found at this
+address gets such a record under its key.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ LONGEST_OLD_NAME = 230
 
 
 class _Record(BaseModel):
-    """The content of a file: a trip, and the key of its device."""
+    """The content of a record: a trip, and the key of its device."""
 
     model_config = ConfigDict(extra="ignore", frozen=True)
 
@@ -45,53 +45,53 @@ class _Record(BaseModel):
 
 
 class _FoundRecord(NamedTuple):
-    """A record that applies: its file and its trip."""
+    """The file and the trip of a record that applies to a device."""
 
     file: Path
     trip: str
 
 
 class TripLatch:
-    """The trip of the heat source with this key; without a `key` (simulated source) it ends with the process."""
+    """The trip of the heat source with this key. If `key` is None (simulated source), it ends with the process."""
 
     def __init__(self, key: DeviceKey | None) -> None:
         self._key = key
         self._trip: str | None = None
 
     def read(self) -> str | None:
-        """The latched trip, with cause and remedy; None when nothing is latched."""
+        """Return the latched trip, with cause and remedy; return None if no trip is latched."""
         if self._trip is None and self._key is not None:
             _take_over_old(self._key)
             self._trip = next((found.trip for found in _applying(self._key)), None)
         return self._trip
 
     def latch(self, trip: TripError) -> None:
-        """Latch the trip; where it cannot be written, it gets a note and ends with the process."""
+        """Latch the trip. If its record cannot be written, add a note to the trip, which then ends with the process."""
         self._trip = str(trip)
         if self._key is None:
             return
         try:
             _write(self._key, str(trip))
         except (OSError, DataError) as error:
-            trip.add_note(f"the trip is not remembered by the next start: {error}")
+            trip.add_note(f"the next start of the driver will not know this trip: {error}")
 
     def clear(self) -> None:
-        """Remove every record that applies; SafetyError when one cannot be removed."""
+        """Remove every record that applies; SafetyError if one cannot be removed."""
         for found in _applying(self._key) if self._key is not None else ():
             try:
                 found.file.unlink(missing_ok=True)
             except OSError as error:
                 raise SafetyError(
-                    "not cleared, the record cannot be removed",
+                    "the trip is not cleared, because its record cannot be removed",
                     where=found.file,
                     value=error.strerror,
-                    cure="remove it by hand",
+                    cure="remove the file by hand",
                 ) from None
         self._trip = None
 
 
 def _applying(key: DeviceKey) -> Iterator[_FoundRecord]:
-    """The records that apply to the device with this key."""
+    """Yield the records that apply to the device with this key."""
     try:
         files = sorted(file for file in state_dir().iterdir() if file.match(RECORDS))
     except FileNotFoundError:
@@ -105,7 +105,7 @@ def _applying(key: DeviceKey) -> Iterator[_FoundRecord]:
 
 
 def _applying_in(file: Path, key: DeviceKey) -> Iterator[_FoundRecord]:
-    """The record in the file, if it applies or cannot be read."""
+    """Yield the record in the file if it applies or cannot be read."""
     try:
         record = _Record.model_validate_json(_text(file))
     except FileNotFoundError:
@@ -127,7 +127,7 @@ def _write(key: DeviceKey, trip: str) -> None:
 
 
 def _take_over_old(key: DeviceKey) -> None:
-    """Give the records of 0.1 at this port the key of the device that is there now; on an error they stay."""
+    """Move the records of 0.1 at this port to the key of the device that is there now. After an error they stay."""
     for file, trip in _old_records(key):
         with suppress(OSError, DataError):
             if file.is_file():
@@ -148,7 +148,7 @@ def _old_records(key: DeviceKey) -> Iterator[_FoundRecord]:
 
 
 def _old_addresses(key: DeviceKey) -> Iterator[str]:
-    """The names by which 0.1 knew a device at this port; a unit id was part of it only if the rig file gave one."""
+    """Yield the names that 0.1 gave to a device at this port, with the unit id if the rig file had one."""
     by_id = sorted(f"serial://{name}" for name in key.names if name.startswith(str(BY_ID)))
     for port in (*by_id, key.port):
         yield port
@@ -157,7 +157,7 @@ def _old_addresses(key: DeviceKey) -> Iterator[str]:
 
 
 def _is_of_older_terminal(file: Path, address: str) -> bool:
-    """Whether the record is older than the pseudo-terminal that has this number now."""
+    """Return True if the record is older than the present pseudo-terminal with this number."""
     path = Path(address.removeprefix("serial://").partition(" ")[0])
     return str(path).startswith(TERMINALS) and file.stat().st_mtime_ns < path.stat().st_ctime_ns
 

@@ -1,13 +1,14 @@
 """Exclusive access to a line: two clients on one line would take each other's replies for their own.
 
-A line is a serial port under its present name, or one unit behind a network address; a line behind a host with several
-names is locked under each. Its lock is an flock on a file in the user's state folder; the kernel releases it when the
-process ends, also after a kill. The file names the holder. A driver shares its lock with its guardian, which inherits
-the open file: they hold the line until both have released it. A guardian whose driver has ended holds the lock only
-during an attempt to switch off, so that a new driver or `smadrive off` can use the line between two attempts.
-`smadrive off` locks the line too: a second one waits for it.
+A line is a serial port under its present name, or one unit behind a network address. If its host has several names, the
+line is locked under each name. The lock is an flock on a file in the user's state folder. The kernel releases it when
+the process ends, also after a kill. The file names the holder.
 
-Where the folder cannot be written there are no locks: it must still be possible to switch a heater off.
+A driver shares its lock with its guardian, which inherits the open file: the line stays locked until both have released
+it. After the end of its driver, a guardian holds the lock only during an attempt to switch off, so that a new driver or
+`smadrive off` can use the line between two attempts.
+
+If the folder cannot be written, there are no locks, because it must still be possible to switch a heater off.
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ from smadrive.errors import BusyError, DataError
 from smadrive.files.kinds import check_regular
 
 GUARDIAN_WITHIN_S = 10.0
-"""Longest time for which a guardian, or `smadrive off`, holds the line during an attempt to switch off."""
+"""Longest time in seconds for which a guardian, or `smadrive off`, holds the line while it switches off."""
 LOOK_AGAIN_S = 0.05
 NO_DESCRIPTOR = -1
 
 
 class Role(StrEnum):
-    """The holder of a line: a driver, a guardian, or `smadrive off`."""
+    """The kind of process that holds a line."""
 
     DRIVER = "driver"
     GUARDIAN = "guardian"
@@ -41,28 +42,28 @@ class Role(StrEnum):
 
 
 class Holder(NamedTuple):
-    """The process that a lock's file names; it may have ended since."""
+    """The process that the file of a lock names. This process may have ended."""
 
     role: Role
     pid: int
 
 
 class LineLock:
-    """The lock of one line, held until `release`; a context manager. `descriptor` is that of its file."""
+    """The lock of one line, held until `release`. A context manager. `descriptor` belongs to the open file."""
 
     def __init__(self, line: str, descriptor: int) -> None:
         self.line = line
         self.descriptor = descriptor
 
     def hold_as(self, role: Role, pid: int) -> None:
-        """Name the holder in the file."""
+        """Write the holder into the file."""
         if self.descriptor != NO_DESCRIPTOR:
             with suppress(OSError):
                 os.ftruncate(self.descriptor, 0)
                 os.pwrite(self.descriptor, f"{role} {pid}\n".encode(), 0)
 
     def release(self) -> None:
-        """Release the line; a guardian that shares the lock keeps it. Releasing twice does no harm."""
+        """Release the line. A guardian that shares the lock keeps it. A second call does nothing."""
         if self.descriptor != NO_DESCRIPTOR:
             os.close(self.descriptor)
             self.descriptor = NO_DESCRIPTOR
@@ -75,7 +76,7 @@ class LineLock:
 
 
 def lines_of(key: DeviceKey) -> tuple[str, ...]:
-    """The line of a device: a serial port under its present name, or one unit of a network port under each name."""
+    """Return the names of a device's line: a serial port has its present name, a network port may have several."""
     if key.port.startswith("serial:"):
         return (key.port,)
     unit = "" if key.unit_id is None else f" unit {key.unit_id}"
@@ -83,9 +84,9 @@ def lines_of(key: DeviceKey) -> tuple[str, ...]:
 
 
 def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> LineLock:
-    """Return the lock of `line`; wait up to `within_s` for a guardian or `smadrive off` at work there.
+    """Lock `line` and return the lock; BusyError, with the holder, if another process has it.
 
-    BusyError names the holder.
+    If the holder is a guardian or another `smadrive off`, wait up to `within_s` first.
     """
     give_up_s = time.monotonic() + within_s
     while (lock := _try_lock(line)) is None:
@@ -98,7 +99,7 @@ def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> Lin
 
 
 def holder_of(line: str) -> Holder | None:
-    """The holder that the file of the lock names; None: it names none."""
+    """Return the holder that the file of the lock names; return None if it names none."""
     try:
         check_regular(_file(line), DataError)
         role, pid = _file(line).read_text(encoding="ascii").split()
@@ -112,7 +113,10 @@ def _file(line: str) -> Path:
 
 
 def _try_lock(line: str) -> LineLock | None:
-    """The lock; one without a file where none can be made; None: another process holds it."""
+    """Lock the line and return the lock; return None if another process has it.
+
+    If no file can be made or locked, the lock has no file and no effect.
+    """
     file = _file(line)
     try:
         file.parent.mkdir(parents=True, exist_ok=True)
@@ -124,14 +128,14 @@ def _try_lock(line: str) -> LineLock | None:
     except BlockingIOError:
         os.close(descriptor)
         return None
-    except OSError:  # a file system without locks
+    except OSError:  # the file system has no locks
         os.close(descriptor)
         return LineLock(line, NO_DESCRIPTOR)
     return LineLock(line, descriptor)
 
 
 def _is_driving(holder: Holder | None) -> bool:
-    """Whether a living driver holds the line; waiting is useless, it may last for hours."""
+    """Return True if a living driver holds the line. Then waiting is useless, because a run may last for hours."""
     if holder is None or holder.role is not Role.DRIVER:
         return False
     try:
@@ -146,16 +150,16 @@ def _is_driving(holder: Holder | None) -> bool:
 def _busy(line: str, holder: Holder | None) -> BusyError:
     if holder is not None and holder.role is Role.GUARDIAN:
         return BusyError(
-            f"busy, a guardian (process {holder.pid}) has taken over from its driver and switches off a device there",
+            f"busy, because a guardian (process {holder.pid}) has taken over from its driver and switches a device off",
             where=line,
-            cure="end that driver if it still lives, and try again",
+            cure="end that driver if it still runs, and try again",
         )
     name, kill = "another smadrive", "`kill` of it"
     if holder is not None:
         name, kill = f"process {holder.pid}", f"`kill {holder.pid}`"
     return BusyError(
-        f"busy, {name} holds the port",
+        f"busy, because {name} uses the port",
         where=line,
-        cure="close it. A smadrive that runs or tunes there switches the heater off at `smadrive off RIG`, at Ctrl-C "
+        cure="end it. A smadrive that runs or tunes there switches the heater off at `smadrive off RIG`, at Ctrl-C "
         f"in its terminal, at {kill}, or at OFF (POST /off) of its page",
     )

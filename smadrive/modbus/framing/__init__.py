@@ -1,4 +1,5 @@
 """Frames around a PDU: Modbus RTU with its CRC, Modbus TCP with its header.
 
-May import errors; the one place that imports pymodbus. Never here: ports, clocks, the meaning of a PDU.
+This package may import `errors`, and is the only one that imports pymodbus. Ports, clocks and the meaning of a PDU do
+not belong here.
 """

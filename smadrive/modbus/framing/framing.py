@@ -1,8 +1,8 @@
 """Two ways to carry a PDU: RTU frames and Modbus TCP frames.
 
-RTU frames have neither number nor length. The client knows the length of the right reply, and must keep a late reply
-from taking its place. Modbus TCP frames have both. A reply with another number than that of the last request is dropped
-here.
+RTU frames have neither number nor length. The client knows the length of the right reply, and must make sure that it
+does not accept a late reply in its place. Modbus TCP frames have number and length; this file drops each reply whose
+number is not that of the last request.
 """
 
 from __future__ import annotations
@@ -18,14 +18,15 @@ from smadrive.modbus.framing import mbap, rtu
 REMEMBERED = 1024
 """Number of unanswered transaction numbers that are not used again."""
 NEAR = 16
-"""A server that counts by itself may be ahead or behind by so many transactions."""
+"""A server that counts transactions itself may be ahead or behind by this many."""
 
 
 class Framing(Protocol):
-    """The frames of one connection. `tail_size`: bytes that follow the PDU of a reply.
+    """The frames of one connection.
 
-    `numbered`: replies carry the number of their request and their length. So a late reply cannot be mistaken, and
-    `reply` returns whole frames only.
+    tail_size    number of bytes after the PDU of a reply
+    numbered     True if a reply carries its length and the number of its request: then a late reply cannot be taken for
+                 another one, and `reply` returns whole frames only
     """
 
     numbered: bool
@@ -33,32 +34,32 @@ class Framing(Protocol):
 
     @property
     def out_of_step(self) -> bool:
-        """Whether the beginning of the next frame is unknown: only a new connection helps."""
+        """True if the position of the next frame is unknown, so that only a new connection helps."""
         ...
 
     def restart(self) -> None:
-        """Forget the bytes of the old connection: a new one is open."""
+        """Forget the bytes of the old connection, because a new one is open."""
         ...
 
     def request(self, unit_id: int, pdu: bytes) -> bytes:
-        """The frame to send; bytes that arrive from now on may be its reply."""
+        """Return the frame to send. Bytes that arrive from now on may be its reply."""
         ...
 
     def reply(self, data: bytes) -> bytes:
-        """Unit id, PDU and tail of the reply, as far as they have arrived with `data`."""
+        """Return unit id, PDU and tail of the reply, as far as they have arrived with `data`."""
         ...
 
     def skip(self, data: bytes) -> None:
-        """Skip `data` that arrived before a request: it answers nothing, but a stream goes on behind it."""
+        """Skip `data` that arrived before a request and answers nothing. In a stream, the next frame follows `data`."""
         ...
 
     def intact(self, reply: bytes) -> bool:
-        """Whether the tail proves the reply undamaged."""
+        """Return True if the tail proves that the reply is undamaged."""
         ...
 
 
 class RtuFraming:
-    """Unit id, PDU, CRC. Silence separates the frames, so it never gets out of step."""
+    """Frames of unit id, PDU and CRC. Silence separates the frames, so their beginning is always known."""
 
     numbered = False
     tail_size = 2
@@ -68,31 +69,31 @@ class RtuFraming:
         self._reply = b""
 
     def restart(self) -> None:
-        """Do nothing: every request begins anew."""
+        """Do nothing, because every request begins with an empty buffer."""
 
     def request(self, unit_id: int, pdu: bytes) -> bytes:
-        """The frame to send."""
+        """Return the frame to send."""
         self._reply = b""
         return rtu.seal(unit_id, pdu)
 
     def reply(self, data: bytes) -> bytes:
-        """All that has arrived."""
+        """Return all bytes that have arrived since the request."""
         self._reply += data
         return self._reply
 
     def skip(self, data: bytes) -> None:
-        """Do nothing: the silence that follows separates the frames."""
+        """Do nothing, because the silence that follows separates the frames."""
 
     def intact(self, reply: bytes) -> bool:
-        """Whether the CRC holds."""
+        """Return True if the CRC holds."""
         return rtu.crc_holds(reply)
 
 
 class TcpFraming:
-    """Transaction number, length, unit id, PDU. TCP itself guards against damage.
+    """Frames of transaction number, length, unit id and PDU. TCP itself detects damage.
 
-    Transaction numbers are random, so that no delayed or forged frame from before the request carries the right one. A
-    number is neither near the previous one nor that of a request that is still unanswered.
+    Transaction numbers are random, so that no delayed or forged frame from before the request carries the right number.
+    A new number is neither near the previous one nor that of an unanswered request.
     """
 
     numbered = True
@@ -107,16 +108,16 @@ class TcpFraming:
 
     @property
     def out_of_step(self) -> bool:
-        """Whether a frame was left unfinished: a stream has no mark at the beginning of the next one."""
+        """True if the last frame is incomplete: a stream has no mark at the beginning of the next frame."""
         return bool(self._pending)
 
     def restart(self) -> None:
-        """Forget the unfinished frame and the unanswered requests: their bytes cannot come through a new connection."""
+        """Forget the incomplete frame and the unanswered requests: their bytes cannot come through a new connection."""
         self._pending = b""
         self._unanswered.clear()
 
     def request(self, unit_id: int, pdu: bytes) -> bytes:
-        """The frame to send, with a new transaction number; it counts as unanswered until its reply has arrived."""
+        """Return the frame to send. Its new transaction number counts as unanswered until the reply has arrived."""
         while self._is_taken(number := self._random.getrandbits(16)):
             pass
         self._transaction = number
@@ -124,7 +125,7 @@ class TcpFraming:
         return mbap.seal(number, unit_id, pdu)
 
     def reply(self, data: bytes) -> bytes:
-        """Unit id and PDU of the whole reply; empty until it has arrived. Replies to earlier requests are dropped.
+        """Return unit id and PDU of the whole reply; return no bytes before that. Drop replies to earlier requests.
 
         ProtocolError when the bytes are not Modbus TCP.
         """
@@ -137,18 +138,18 @@ class TcpFraming:
         return b""
 
     def skip(self, data: bytes) -> None:
-        """Drop the whole frames; the bytes behind them begin another frame. Other bytes stay pending."""
+        """Drop the whole frames in `data`. The bytes behind them begin another frame and stay pending."""
         self._pending += data
         with suppress(ProtocolError):
             while self._frame() is not None:
                 self.dropped += 1
 
     def intact(self, _reply: bytes) -> bool:
-        """True: TCP guards against damage."""
+        """Return True, because TCP itself detects damage."""
         return True
 
     def _frame(self) -> bytes | None:
-        """The next whole frame that has arrived, None before that; ProtocolError when the bytes are not Modbus TCP."""
+        """Remove and return the next whole frame; return None before that. ProtocolError when it is not Modbus TCP."""
         size = mbap.frame_size(self._pending)
         if size is None:
             return None

@@ -28,17 +28,20 @@ class Header(NamedTuple):
 
     @classmethod
     def of(cls, frame: bytes) -> Self:
-        """The header of a frame of at least HEADER_SIZE bytes."""
+        """Return the header of a frame of at least HEADER_SIZE bytes."""
         return cls(*_HEADER.unpack_from(frame))
 
 
 def seal(transaction: int, unit_id: int, pdu: bytes) -> bytes:
-    """The frame that carries `pdu` to or from `unit_id`."""
+    """Return the frame that carries `pdu` to or from `unit_id`."""
     return _HEADER.pack(transaction, PROTOCOL, len(pdu) + 1, unit_id) + pdu
 
 
 def frame_size(head: bytes) -> int | None:
-    """Bytes of the frame that begins with `head`: None while it is too short, NO_FRAME for an impossible length."""
+    """Return the bytes of the frame that begins with `head`.
+
+    Return None while `head` is too short, and NO_FRAME for an impossible length.
+    """
     if len(head) < HEADER_SIZE:
         return None
     length = Header.of(head).length

@@ -1,4 +1,4 @@
-"""Modbus RTU frames: unit id, PDU, CRC; the one file that touches pymodbus.
+"""Modbus RTU frames: unit id, PDU, CRC. Only this file imports pymodbus.
 
     frame = unit id (1 byte) | PDU: function (1), data (0..252) | CRC-16 (2, low byte first)      4..256 bytes
 
@@ -23,30 +23,36 @@ BROADCAST = 0
 
 @cache
 def _requests() -> DecodePDU:
-    """The sizes of requests. pymodbus is imported on first use: a driver reads no requests and starts sooner."""
+    """Return pymodbus's decoder, which knows the size of a request.
+
+    pymodbus is imported on first use: a driver reads no requests, so it starts sooner.
+    """
     from pymodbus.pdu import DecodePDU  # noqa: PLC0415
 
     return DecodePDU(is_server=True)
 
 
 def crc(data: bytes) -> bytes:
-    """The two CRC bytes that follow `data`."""
+    """Return the two CRC bytes that follow `data`."""
     return crc16.modbus(data).to_bytes(2, "little")
 
 
 def seal(unit_id: int, pdu: bytes) -> bytes:
-    """The frame that carries `pdu` to or from `unit_id`."""
+    """Return the frame that carries `pdu` to or from `unit_id`."""
     body = bytes((unit_id,)) + pdu
     return body + crc(body)
 
 
 def crc_holds(frame: bytes) -> bool:
-    """Whether the last two bytes are the CRC of all bytes before them."""
+    """Return True if the last two bytes are the CRC of all bytes before them."""
     return len(frame) >= MIN_FRAME and crc(frame[:-2]) == frame[-2:]
 
 
 def request_size(head: bytes) -> int | None:
-    """Bytes of the request frame that begins with `head`: None for an unknown function, 0 while it is too short."""
+    """Return the bytes of the request frame that begins with `head`.
+
+    Return 0 while `head` is too short, and None for an unknown function.
+    """
     if len(head) < 2:
         return 0
     if head[1] & 0x80:

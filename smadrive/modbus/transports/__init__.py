@@ -1,4 +1,4 @@
 """Transports: connections that carry bytes with an absolute deadline (serial port, TCP socket, in process).
 
-May import framing, clock, errors and pyserial. Never here: requests, replies, devices.
+This package may import `framing`, `clock`, `errors` and pyserial. Requests, replies and devices do not belong here.
 """

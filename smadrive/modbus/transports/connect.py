@@ -1,10 +1,11 @@
-"""From a connection URL to an open transport: the one place that knows which transports there are.
+"""From a connection URL to an open transport. Only this file lists the kinds of transport.
 
 serial:///dev/ttyUSB0?baudrate=115200&parity=N&stopbits=1
-tcp://host:502                  Modbus TCP; without a port, 502
-rtu+tcp://host:port             RTU frames through a gateway; ?baudrate= is that of the line behind it
+tcp://host:502                  Modbus TCP; the port is 502 if it is left out
+rtu+tcp://host:port             RTU frames through a gateway; ?baudrate= is that of the serial line behind the gateway
 
-&latency_ms=200 at any of them: the longest delay of a reply by the connection, on top of the time of the device.
+Each URL may set latency_ms, for example &latency_ms=200: the longest delay of a reply by the connection, which adds to
+the response timeout of the device.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ from smadrive.modbus.transports.transport import Parity, PortAccess, SerialSetti
 
 MODBUS_TCP_PORT = 502
 MOST_CHARACTERS = 1000
-"""Longest URL that is read: longer than any path or name."""
+"""Longest URL that is read. Every path and every host name is shorter."""
 
 _FORMS = "serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port"
 _PARITIES: dict[str, Parity] = {"N": "N", "E": "E", "O": "O"}
@@ -35,24 +36,26 @@ _ALLOWED = {
     "latency_ms": "latency_ms=<0 to 5000>",
 }
 BAUDRATES = (50, 12_000_000)
-"""Lowest rate that Linux knows, and highest rate of an adapter on sale."""
+"""The lowest rate that Linux knows, and the highest rate of an adapter on the market, in bits per second."""
 
 _NO_PATH = (errno.ELOOP, errno.ENAMETOOLONG)
-"""Errors of a path that can never be a port; a missing or a forbidden port may be there later."""
+"""Error numbers of a path that can never be a port. A missing or forbidden port may become usable later."""
 
 MOST_LATENCY_MS = 5000
-"""Longest latency that can be set: outstanding replies are forgotten after 10 s."""
+"""Longest latency that can be set. Outstanding replies are forgotten after 10 s, which must be longer."""
 
 
 def open_transport(
     url: str, defaults: SerialSettings | None = None, *, exclusive: bool = True, port_access: PortAccess | None = None
 ) -> Transport:
-    """The connection of a URL, open.
+    """Open the connection that a URL names, and return it.
 
-    `defaults` (of a profile) apply where the URL sets nothing. `exclusive`: a serial port is for this process alone,
-    and refused when another process has it so. `port_access` is called at every use of the connection.
-    ConfigError: the URL cannot be used; TransportError: the port is missing, busy or forbidden, or the host is unknown,
-    silent or refuses.
+    defaults: serial settings (from a profile) where the URL sets nothing.
+    exclusive: if True, the call fails when another process has opened the serial port exclusively.
+    port_access: called before and after every use of the connection.
+
+    Raises ConfigError when the URL cannot be used. Raises TransportError when the port is missing, busy or forbidden,
+    or when the host is unknown, silent or refuses the connection.
     """
     transport = _opened(url, defaults or SerialSettings(), exclusive=exclusive)
     transport.port_access = port_access
@@ -60,8 +63,10 @@ def open_transport(
 
 
 def port_of(url: str) -> str:
-    """The port that a URL leads to now, in one spelling: without query, links resolved, host in lower case without a
-    final dot. A network port has further names (see host_names.py).
+    """Return the port to which a URL leads now, in one spelling.
+
+    The result has no query and no links. Its host is in lower case without a final dot. host_names.py finds the other
+    names of a network port.
 
     ConfigError when the URL names no port.
     """
@@ -73,12 +78,15 @@ def port_of(url: str) -> str:
 
 
 def latency_s_of(url: str) -> float:
-    """The `latency_ms` of a URL, in seconds. ConfigError when the URL has options that no connection knows."""
+    """Return the `latency_ms` of a URL, in seconds. ConfigError when the URL has an unknown option."""
     return _options(url, _split(url).query, SerialSettings(), tuple(_ALLOWED))[1]
 
 
 def is_remote(url: str) -> bool:
-    """Whether the URL leads over a network, where a device may accept one client only; a local port can open twice."""
+    """Return True if the URL leads over a network.
+
+    There a device may accept only one client, while a local port can be opened twice.
+    """
     return _split(url).scheme in ("tcp", "rtu+tcp")
 
 
@@ -100,7 +108,10 @@ def _opened(url: str, line: SerialSettings, *, exclusive: bool) -> DescriptorTra
 
 
 def _split(url: str) -> SplitResult:
-    """The parts of a URL. ConfigError: a control character, too many characters, or brackets without an address."""
+    """Split a URL into its parts.
+
+    ConfigError when the URL has a control character, is too long, or has brackets without an address.
+    """
     wrong = "" if url.isprintable() else "it has a control character"
     if len(url) > MOST_CHARACTERS:
         wrong = f"it has {len(url)} characters, limit {MOST_CHARACTERS}"
@@ -117,7 +128,7 @@ def _port_path(url: str, parts: SplitResult) -> str:
     if parts.netloc or not parts.path.strip("/"):
         raise ConfigError("names no port", where=_named(url), cure="write three slashes, as in serial:///dev/ttyUSB0")
     try:
-        os.stat(parts.path)  # noqa: PTH116  (called for its errors)
+        os.stat(parts.path)  # noqa: PTH116  (only its errors matter)
     except OSError as error:
         if error.errno in _NO_PATH:
             raise ConfigError(
@@ -132,8 +143,8 @@ def _port_path(url: str, parts: SplitResult) -> str:
 def _address(url: str, parts: SplitResult, default_port: int | None) -> tuple[str, int]:
     try:
         host, port = parts.hostname, parts.port or default_port
-        (host or "").encode("idna")  # as the look-up of names does
-    except ValueError:  # a port that is not a number or too large; a name with an empty or too long part
+        (host or "").encode("idna")  # the look-up of names does the same, and fails for the same names
+    except ValueError:  # the port is no number or too large, or a part of the name is empty or too long
         host, port = None, None
     if not host or port is None or parts.path.strip("/"):
         raise ConfigError("names no host and port", where=_named(url), cure=f"write {parts.scheme}://192.168.1.10:502")
@@ -153,7 +164,7 @@ def _options(url: str, query: str, defaults: SerialSettings, allowed: tuple[str,
             latency_s = int(text) / 1e3
         else:
             cure = "allowed are " + ", ".join(_ALLOWED[name] for name in allowed)
-            raise ConfigError("cannot be used", where=_named(url), value=shortened(f"{key}={text}"), cure=cure)
+            raise ConfigError("unknown option or value", where=_named(url), value=shortened(f"{key}={text}"), cure=cure)
     return settings, latency_s
 
 

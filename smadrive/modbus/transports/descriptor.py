@@ -1,8 +1,8 @@
-"""The common part of a serial port and a socket: a descriptor, through which bytes move by plain system calls.
+"""The common part of a serial port and a socket: plain system calls on a file descriptor.
 
-A library's read meets an absolute deadline at a higher cost: pyserial takes its timeout from an attribute whose change
-reprograms the port. A connection that is lost is closed at once, because a USB adapter gets its old name back only
-then. It can be opened again.
+The reads of a library meet an absolute deadline only at a higher cost: pyserial takes its timeout from an attribute,
+and setting this attribute reprograms the port. A lost connection is closed at once, because only then does a USB
+adapter get its old name back. `reopen` opens the connection again.
 """
 
 from __future__ import annotations
@@ -26,18 +26,20 @@ class OpenPort(Protocol):
     """A port or socket that the operating system has opened, in non-blocking mode."""
 
     def fileno(self) -> int:
-        """The descriptor."""
+        """Return the file descriptor."""
         ...
 
     def close(self) -> None:
-        """Close it."""
+        """Close the port or socket."""
         ...
 
 
 class DescriptorTransport(ABC):
-    """A transport over a descriptor; a subclass opens it, and names the end of it (`end`) and the cure of a loss.
+    """A transport over a file descriptor. A subclass opens the descriptor.
 
-    `port_access` is called before every use. When it raises, nothing is sent, and no byte that has arrived is returned.
+    end             reason in the error when the connection has ended
+    cure            cure in the error when the connection is lost
+    port_access     called before every use; if it raises, nothing is sent and no byte that has arrived is returned
     """
 
     end: ClassVar[str]
@@ -60,15 +62,15 @@ class DescriptorTransport(ABC):
 
     @abstractmethod
     def _open_port(self, timeout_s: float) -> OpenPort:
-        """Open it within `timeout_s`; TransportError with the reason and the cure when it cannot be opened."""
+        """Open the port within `timeout_s` and return it; TransportError when it cannot be opened."""
 
     @property
     def lost(self) -> bool:
-        """Whether nothing can pass before `reopen`."""
+        """True if the connection is closed, so that no byte can pass before `reopen`."""
         return self._descriptor == _GONE
 
     def reopen(self, deadline_s: float) -> None:
-        """Open a lost connection again; TransportError when it is still gone, or was closed on purpose."""
+        """Open a lost connection again; TransportError when that fails, or after `close`."""
         if self._closed:
             raise TransportError("the connection is closed", where=self.name, cure="open a new one")
         self._check_access()
@@ -76,7 +78,7 @@ class DescriptorTransport(ABC):
         self._open(max(deadline_s - self.clock.now_s(), 0.0))
 
     def write(self, data: bytes) -> None:
-        """Send all of `data`; TransportError when the connection is gone or takes no more."""
+        """Send all of `data`; TransportError when the connection is lost or accepts only a part of the bytes."""
         self._check_access()
         try:
             sent = os.write(self._descriptor, data)
@@ -85,14 +87,14 @@ class DescriptorTransport(ABC):
         if sent < len(data):
             self.disconnect()
             raise TransportError(
-                "took a part of the bytes only",
+                "accepted only a part of the bytes",
                 where=self.name,
                 value=f"{sent} of {len(data)} bytes",
                 cure="check whether the device or the adapter is stuck",
             )
 
     def read(self, deadline_s: float) -> bytes:
-        """Whatever has arrived, at least one byte; empty when nothing came before `deadline_s`."""
+        """Return the bytes that have arrived, at least one; return no bytes if none arrived before `deadline_s`."""
         self._check_access()
         if self.lost:
             self._fail(OSError("closed"))
@@ -100,7 +102,7 @@ class DescriptorTransport(ABC):
         try:
             while self._is_readable(deadline_s):
                 self._check_access()
-                with suppress(BlockingIOError):  # flushed between the two calls
+                with suppress(BlockingIOError):  # the bytes were flushed between poll and read
                     if data := os.read(self._descriptor, _CHUNK):
                         return data
                     empty_reads += 1
@@ -111,7 +113,7 @@ class DescriptorTransport(ABC):
         return b""
 
     def _is_readable(self, deadline_s: float) -> bool:
-        """Whether something has arrived, or the connection has ended, before `deadline_s`."""
+        """Return True if a byte arrives or the connection ends before `deadline_s`."""
         remaining_s = max(deadline_s - self.clock.now_s(), 0.0)
         return bool(self._poll.poll(remaining_s * 1e3))
 
@@ -123,14 +125,14 @@ class DescriptorTransport(ABC):
         return discarded
 
     def disconnect(self) -> None:
-        """Close the connection; bytes on their way are gone."""
+        """Close the connection. Bytes on their way are dropped."""
         if self._descriptor != _GONE:
             self._poll.unregister(self._descriptor)
             self._descriptor = _GONE
             self._port.close()
 
     def close(self) -> None:
-        """Close for good; closing twice does no harm."""
+        """Close the connection for good. A second call does nothing."""
         self._closed = True
         self.disconnect()
 
@@ -147,7 +149,7 @@ class DescriptorTransport(ABC):
     def _open(self, timeout_s: float) -> None:
         self._port = self._open_port(timeout_s)
         self._descriptor = self._port.fileno()
-        self._poll = select.poll()  # select knows no descriptor above 1023
+        self._poll = select.poll()  # select() cannot handle a descriptor above 1023
         self._poll.register(self._descriptor, select.POLLIN)
 
     def _fail(self, error: Exception) -> NoReturn:

@@ -1,7 +1,9 @@
-"""The names of a network port: one device answers at `localhost`, `127.0.0.1`, `127.1` and `[::ffff:127.0.0.1]`.
+"""The names of a network port.
 
-A port has the name that the user wrote, and one name for each address that the look-up of the host returns. Two ports
-with a common name are one. After a failed look-up the names cannot prove that two ports differ.
+One device answers at `localhost`, `127.0.0.1`, `127.1` and `[::ffff:127.0.0.1]`.
+
+A port has the name that the user wrote, and one more name for each address that the look-up of the host returns. Two
+ports with a common name are the same port. After a failed look-up the names cannot prove that two ports differ.
 """
 
 from __future__ import annotations
@@ -12,24 +14,27 @@ from contextlib import suppress
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
 LOOK_UP_WITHIN_S = 0.5
-"""A name server that takes longer counts as absent."""
+"""A look-up that takes longer counts as failed."""
 NETWORK = "tcp://"
 
 
 def names_of(port: str) -> frozenset[str]:
-    """The names of a network port, `tcp://HOST:NUMBER` as `port_of` returns it: as written, and by each address."""
+    """Return the names of a network port: as written, and with each address of its host.
+
+    `port` has the form `tcp://HOST:NUMBER`, which `port_of` returns.
+    """
     host, number = _parts(port)
     return frozenset({port, *(f"{NETWORK}{address}:{number}" for address in _addresses(host))})
 
 
 def may_be_one(names: frozenset[str], others: frozenset[str]) -> bool:
-    """Whether two network ports without a common name may be one, because a look-up failed for one of them."""
+    """Return True if two ports without a common name may be the same, because a look-up failed for one of them."""
     numbers, other_numbers = _numbers(names), _numbers(others)
     return bool(numbers & other_numbers) and not (_is_looked_up(names) and _is_looked_up(others))
 
 
 def _addresses(host: str) -> set[str]:
-    """The addresses of a host, each in its canonical form; empty when they cannot be found in time."""
+    """Return the addresses of a host in canonical form; return an empty set if the look-up fails or takes too long."""
     found: set[str] = set()
 
     def look_up() -> None:
@@ -37,14 +42,17 @@ def _addresses(host: str) -> set[str]:
             answers = socket.getaddrinfo(host, None, type=socket.SOCK_STREAM)
             found.update({_canonical(str(answer[4][0])) for answer in answers})
 
-    thread = threading.Thread(target=look_up, daemon=True)  # a look-up cannot be ended
+    thread = threading.Thread(target=look_up, daemon=True)  # a look-up cannot be interrupted, so it has its own thread
     thread.start()
     thread.join(LOOK_UP_WITHIN_S)
     return set() if thread.is_alive() else found
 
 
 def _canonical(text: str) -> str:
-    """One form for each address; an unspecified address means the loopback of its family, as for the kernel."""
+    """Return the canonical form of an address.
+
+    An unspecified address becomes the loopback address, as in the kernel.
+    """
     address = ip_address(text)
     if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
         address = address.ipv4_mapped
@@ -59,12 +67,12 @@ def _parts(port: str) -> tuple[str, str]:
 
 
 def _numbers(names: frozenset[str]) -> set[str]:
-    """The port numbers of the network names."""
+    """Return the port numbers in the names of a network port."""
     return {_parts(name)[1] for name in names if name.startswith(NETWORK)}
 
 
 def _is_looked_up(names: frozenset[str]) -> bool:
-    """Whether an address is among the names."""
+    """Return True if an address is among the names."""
     return any(_is_address(_parts(name)[0]) for name in names)
 
 

@@ -1,7 +1,7 @@
-"""A transport without a wire: real frames to a responder in the same process, on the clock of the test or demo.
+"""A transport without a wire: it passes real frames to a simulated device in the same process.
 
-A virtual clock advances when the client waits for a reply. So timeouts, late replies and watchdogs happen exactly and
-at once.
+Its clock is that of the test or the demo. A virtual clock advances when the client waits for a reply. So timeouts, late
+replies and watchdogs happen at exact times, without waiting in real time.
 """
 
 from __future__ import annotations
@@ -15,18 +15,18 @@ from smadrive.modbus.framing.framing import Framing, RtuFraming, TcpFraming
 
 
 class Peer(Protocol):
-    """The responder at the other end."""
+    """The simulated device at the other end."""
 
     def receive(self, data: bytes, time_s: float) -> list[tuple[float, bytes]]:
-        """Take the bytes that arrive at `time_s`; returns the answers, each with the time of its arrival."""
+        """Take the bytes that arrive at `time_s`, and return the answers, each with the time of its arrival."""
         ...
 
 
 class InProcessTransport:
-    """Talks to `peer` as if through a serial line, or, where `baudrate` is None, through a TCP connection."""
+    """A connection to `peer`. It imitates a serial line, or a TCP connection if `baudrate` is None."""
 
     def __init__(self, peer: Peer, clock: Clock, baudrate: int | None = 115200, latency_s: float = 0.0) -> None:
-        """`baudrate` only sets the pauses that the standard derives from it: bytes take no time here."""
+        """Connect to `peer`. Bytes take no time here: `baudrate` only sets the pauses of the standard."""
         self.clock = clock
         self.name = "in process"
         self.reconnects = False
@@ -41,19 +41,19 @@ class InProcessTransport:
         self._return_s = 0.0
 
     def deliver(self, due_s: float, data: bytes) -> None:
-        """Let `data` arrive at `due_s`; on a lost connection it is dropped."""
+        """Let `data` arrive at the time `due_s`. Drop `data` if the connection is lost."""
         if not self._lost:
             self._order += 1
             heapq.heappush(self._arriving, (due_s, self._order, data))
 
     def write(self, data: bytes) -> None:
-        """Hand `data` to the peer; TransportError when closed."""
+        """Pass `data` to the peer; TransportError when the connection is lost or closed."""
         self._check_open()
         for due_s, answer in self._peer.receive(data, self.clock.now_s()):
             self.deliver(due_s, answer)
 
     def read(self, deadline_s: float) -> bytes:
-        """Whatever has arrived, at least one byte; empty when nothing came before `deadline_s`."""
+        """Return the bytes that have arrived, at least one; return no bytes if none arrived before `deadline_s`."""
         self._check_open()
         arriving = self._arriving
         if not arriving or arriving[0][0] > deadline_s:
@@ -74,25 +74,25 @@ class InProcessTransport:
 
     @property
     def lost(self) -> bool:
-        """Whether nothing can pass before `reopen`."""
+        """True if the connection is closed, so that no byte can pass before `reopen`."""
         return self._lost
 
     def disconnect(self, return_s: float = 0.0) -> None:
-        """Close the connection and drop the bytes on their way; it cannot be opened again before `return_s`."""
+        """Close the connection and drop the bytes on their way. The connection cannot be reopened before `return_s`."""
         self._lost = True
         self._return_s = return_s
         self._arriving.clear()
 
     def reopen(self, _deadline_s: float) -> None:
-        """Open a lost connection again; TransportError when it is still gone, or was closed on purpose."""
+        """Open a lost connection again; TransportError when the peer is still gone, or after `close`."""
         if self._closed:
             raise TransportError("the connection is closed", where=self.name, cure="open a new one")
         if self.clock.now_s() < self._return_s:
-            raise TransportError("the connection is gone", where=self.name, limit=f"{self._return_s:g} s of its clock")
+            raise TransportError("the peer is still gone", where=self.name, limit=f"back at {self._return_s:g} s")
         self._lost = False
 
     def close(self) -> None:
-        """Close for good; closing twice does no harm."""
+        """Close the connection for good. A second call does nothing."""
         self.disconnect()
         self._closed = True
 

@@ -1,4 +1,4 @@
-"""A serial port as a transport: pyserial opens and sets the port."""
+"""A transport over a serial port, which pyserial opens and sets."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from smadrive.modbus.transports.transport import SerialSettings
 
 
 class SerialTransport(DescriptorTransport):
-    """An open serial port; `exclusive`: for this process alone (a second smadrive is refused)."""
+    """An open serial port. If `exclusive` is True, a second process cannot open the port exclusively."""
 
-    end = "the port is readable and has no data"
+    end = "the port is readable but has no data"
     cure = "check that the adapter is plugged in and the device powered"
     reconnects = False  # opening a port resets many boards
-    empty_reads_at_end = 3  # another process that opens the port flushes what was about to be read
+    empty_reads_at_end = 3  # another process that opens the port flushes the bytes that this one is about to read
 
     def __init__(self, port: str, settings: SerialSettings, *, exclusive: bool = True, latency_s: float = 0.0) -> None:
         """Open `port`; TransportError when it is missing, busy or forbidden."""
@@ -34,14 +34,14 @@ class SerialTransport(DescriptorTransport):
         super().__init__(port, RtuFraming(), settings.baudrate, timeout_s=0.0, latency_s=latency_s)
 
     def disconnect(self) -> None:
-        """Close the port and release its lock, which a forked child would keep."""
+        """Close the port and release its lock. Without the release, a forked child would keep the lock."""
         if not self.lost:
             with suppress(OSError):
                 fcntl.flock(self._descriptor, fcntl.LOCK_UN)
         super().disconnect()
 
     def _open_port(self, _timeout_s: float) -> serial.Serial:
-        """The open port; it opens at once or not at all."""
+        """Open and return the port. A serial port opens at once or not at all, so the time limit is not used."""
         try:
             port = serial.Serial(
                 self.name,
@@ -58,18 +58,21 @@ class SerialTransport(DescriptorTransport):
             ValueError,
         ) as error:  # a port that vanishes while it opens
             raise _failure(self.name, error) from None
-        with suppress(ValueError, OSError, AttributeError):  # USB adapters then deliver after 1 ms, not after 16
+        with suppress(ValueError, OSError, AttributeError):  # USB adapters then deliver after 1 ms instead of 16 ms
             port.set_low_latency_mode(True)
         return port
 
 
 def _is_pseudo_terminal(port: str) -> bool:
-    """Whether it is a pseudo-terminal. It has no line and no parity: Linux refuses a parity that is set again."""
+    """Return True if `port` is a pseudo-terminal.
+
+    A pseudo-terminal has no parity, and Linux rejects a parity that is set a second time.
+    """
     return os.path.realpath(port).startswith("/dev/pts/")
 
 
 def _failure(port: str, error: Exception) -> TransportError:
-    """The error of a port that does not open."""
+    """Return the error for a port that cannot be opened."""
     code = getattr(error, "errno", None)
     if code == errno.ENOENT:
         present = ", ".join(sorted(found.device for found in list_ports.comports())) or "none"
@@ -90,16 +93,16 @@ def _failure(port: str, error: Exception) -> TransportError:
         pid = _locked_by(port)
         holder, kill = ("another program", "`kill` of it") if pid is None else (f"process {pid}", f"`kill {pid}`")
         return TransportError(
-            f"busy, {holder} holds the port",
+            f"busy, because {holder} uses the port",
             where=port,
-            cure="close it. A smadrive that runs or tunes there switches the heater off at Ctrl-C in its terminal, at "
+            cure="end it. A smadrive that runs or tunes there switches the heater off at Ctrl-C in its terminal, at "
             f"{kill}, or at OFF (POST /off) of its page",
         )
     return TransportError("cannot be opened as a serial port", where=port, value=error)
 
 
 def _locked_by(port: str) -> int | None:
-    """The process that has the lock of `port`; None when /proc/locks does not list one."""
+    """Return the id of the process that has the lock of `port`; return None when /proc/locks does not list it."""
     try:
         found = Path(port).stat()
         place = f"{os.major(found.st_dev):02x}:{os.minor(found.st_dev):02x}:{found.st_ino}"

@@ -1,11 +1,12 @@
-"""A TCP connection as a transport: Modbus TCP, or RTU frames through a serial-to-network gateway.
+"""A transport over a TCP connection: Modbus TCP, or RTU frames through a serial-to-network gateway.
 
-A TCP connection can be dead without a sign: the gateway restarted, a router dropped it from its table. Three measures:
+A TCP connection can be dead without a sign: the gateway restarted, or a router dropped it from its table. Three
+measures help:
 
-- the client closes a socket that missed a deadline and opens another (`reconnects`);
-- with keep-alive and user timeout the kernel detects a dead idle connection within `DEAD_AFTER_S`;
-- such a socket is reset. After a plain close the kernel would send undelivered bytes again: a command to heat could
-  arrive after the new connection has switched off.
+- the client closes a socket that missed a deadline and opens another one (`reconnects`);
+- with keep-alive and user timeout, the kernel detects a dead idle connection within `DEAD_AFTER_S`;
+- a connection that is abandoned is reset. After a plain close the kernel would send undelivered bytes again: a command
+  to heat could arrive after the new connection has switched the heater off.
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ from smadrive.modbus.framing.framing import Framing
 from smadrive.modbus.transports.descriptor import DescriptorTransport
 
 CONNECT_TIMEOUT_S = 3.0
-"""Time limit of the first connection."""
+"""Time limit for opening the first connection."""
 ATTEMPT_S = 0.5
 """Time limit of one attempt to connect."""
 DEAD_AFTER_S = 2
 """Time without an acknowledgement after which the kernel ends a connection."""
-_SHORTEST_TIMEOUT_S = 1e-3  # 0 would not wait at all
+_SHORTEST_TIMEOUT_S = 1e-3  # a timeout of 0 would not wait at all
 _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 _OPTIONS = (
-    (socket.IPPROTO_TCP, "TCP_NODELAY", 1),  # a request is a packet, at once
+    (socket.IPPROTO_TCP, "TCP_NODELAY", 1),  # send each request at once, in a packet of its own
     (socket.SOL_SOCKET, "SO_KEEPALIVE", 1),
     (socket.IPPROTO_TCP, "TCP_KEEPIDLE", 1),
     (socket.IPPROTO_TCP, "TCP_KEEPINTVL", 1),
@@ -45,16 +46,16 @@ class SocketTransport(DescriptorTransport):
     reconnects = True
 
     def __init__(self, host: str, port: int, framing: Framing, baudrate: int | None, latency_s: float = 0.0) -> None:
-        """Connect; `baudrate` is that of a serial line behind a gateway, None where there is none.
+        """Connect. `baudrate` is that of the serial line behind a gateway; it is None for Modbus TCP.
 
-        TransportError when the host is unknown, refuses or is silent.
+        TransportError when the host is unknown, refuses the connection or does not answer.
         """
         self._host = host
         self._address = (host, port)
         super().__init__(f"{host}:{port}", framing, baudrate, CONNECT_TIMEOUT_S, latency_s)
 
     def disconnect(self) -> None:
-        """Close the connection; unless it is closed on purpose, undelivered bytes are not sent again."""
+        """Close the connection. Undelivered bytes are not sent again, except after `close`."""
         if not (self.lost or self._closed):
             with suppress(OSError):
                 self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)
@@ -71,7 +72,7 @@ class SocketTransport(DescriptorTransport):
                     raise _failure(self.name, self._host, timeout_s, error) from None
             else:
                 break
-        self._address = self._connection.getpeername()[:2]  # the name server may be gone when it is opened anew
+        self._address = self._connection.getpeername()[:2]  # reopening must not need a name server
         for level, option, value in _OPTIONS:
             if hasattr(socket, option):
                 self._connection.setsockopt(level, getattr(socket, option), value)
@@ -80,17 +81,19 @@ class SocketTransport(DescriptorTransport):
 
 
 def _failure(name: str, host: str, timeout_s: float, error: OSError) -> TransportError:
-    """The error of a connection that does not open."""
+    """Return the error for a connection that cannot be opened."""
     if isinstance(error, socket.gaierror):
         return TransportError(
-            "no host of this name is known",
+            "the name of the host is unknown",
             where=name,
             value=host,
             cure="write its address, as in tcp://192.168.1.10:502",
         )
     if isinstance(error, ConnectionRefusedError):
         return TransportError(
-            "refused, nothing listens there", where=name, cure="check the port, and that Modbus TCP is switched on"
+            "the host refuses the connection, because no program listens on this port",
+            where=name,
+            cure="check the port, and that Modbus TCP is switched on",
         )
     if isinstance(error, TimeoutError):
         return TransportError(
@@ -99,4 +102,4 @@ def _failure(name: str, host: str, timeout_s: float, error: OSError) -> Transpor
             limit=f"{timeout_s:g} s",
             cure="check that the device is powered and on this network",
         )
-    return TransportError("cannot be reached", where=name, value=error, cure="check address and network")
+    return TransportError("cannot be reached", where=name, value=error, cure="check the address and the network")

@@ -1,7 +1,7 @@
-"""The interface of a transport: bytes to a bus and back.
+"""The interface of a transport, which carries bytes to a bus and back.
 
-A transport has a clock, so that a deadline means the same to the transport that waits and to the client that set it:
-real time on a serial port, virtual time in process.
+A transport has a clock. The client sets deadlines by this clock, and the transport waits by it: real time on a serial
+port, virtual time in process.
 """
 
 from __future__ import annotations
@@ -15,40 +15,40 @@ from smadrive.modbus.framing.framing import Framing
 
 Parity = Literal["N", "E", "O"]
 PortAccess = Callable[[], None]
-"""Called before and after every use of a connection; raises when another process uses the port now."""
+"""Called before and after every use of a connection. It raises an error when another process uses the port now."""
 
 
 class Transport(Protocol):
-    """A connection as a client needs it. Every method raises TransportError when the connection is lost."""
+    """A connection to a bus. Every method raises TransportError when the connection is lost."""
 
     @property
     def clock(self) -> Clock:
-        """The clock of its deadlines."""
+        """The clock of the deadlines."""
         ...
 
     @property
     def name(self) -> str:
-        """Its name in error messages."""
+        """The name of the connection in error messages."""
         ...
 
     @property
     def baudrate(self) -> int | None:
-        """Bits per second, from which a client derives the standard's pauses; None where bytes take no time."""
+        """Bits per second, from which the client derives the pauses of the standard; None where bytes take no time."""
         ...
 
     @property
     def latency_s(self) -> float:
-        """Longest delay of a reply by the connection, on top of the device's response timeout."""
+        """The longest delay of a reply by the connection, in seconds. It adds to the device's response timeout."""
         ...
 
     @property
     def reconnects(self) -> bool:
-        """Whether silence may mean a dead connection that must be opened anew: true for a socket."""
+        """True for a socket: it may be dead without a sign, so it must be opened anew after a silence."""
         ...
 
     @property
     def framing(self) -> Framing:
-        """The frames of requests and replies."""
+        """The framing of requests and replies."""
         ...
 
     def write(self, data: bytes) -> None:
@@ -56,7 +56,7 @@ class Transport(Protocol):
         ...
 
     def read(self, deadline_s: float) -> bytes:
-        """Whatever has arrived, at least one byte; empty when nothing came before `deadline_s` of the clock."""
+        """Return the bytes that have arrived, at least one; return no bytes if none arrived before `deadline_s`."""
         ...
 
     def discard(self) -> bytes:
@@ -65,11 +65,11 @@ class Transport(Protocol):
 
     @property
     def lost(self) -> bool:
-        """Whether nothing can pass before `reopen`."""
+        """True if the connection is closed, so that no byte can pass before `reopen`."""
         ...
 
     def disconnect(self) -> None:
-        """Close the connection; bytes on their way are gone."""
+        """Close the connection. Bytes on their way are dropped."""
         ...
 
     def reopen(self, deadline_s: float) -> None:
@@ -77,7 +77,7 @@ class Transport(Protocol):
         ...
 
     def close(self) -> None:
-        """Close for good; closing twice does no harm."""
+        """Close the connection for good. A second call does nothing."""
         ...
 
     def __enter__(self) -> Self: ...

@@ -1,4 +1,4 @@
-"""How strictly readings are checked depends on where the heat balance comes from, not on which object holds it."""
+"""The source of a heat balance decides how strictly readings are checked, also for a copy of the balance."""
 
 import json
 from contextlib import suppress
@@ -36,7 +36,7 @@ class Constant:
 
 
 def trip_of(copy, source, loss_factor):
-    """The fault of a run that believes in a loss of so many times the nominal one; None when nothing tripped."""
+    """Return the fault of a run whose heat balance has a multiple of the nominal loss; None without a trip."""
     with suppress(TripError), Rig(load_rig("in-process")) as rig:
         nominal = rig.nominal_balance
         wrong = replace(nominal, loss_w_per_k=loss_factor * nominal.loss_w_per_k, source=source)
@@ -48,7 +48,7 @@ def trip_of(copy, source, loss_factor):
 
 
 @pytest.mark.parametrize("copy", COPIES.values(), ids=COPIES)
-def test_a_copy_of_a_balance_is_believed_as_much_as_the_original(copy):
+def test_copy_of_a_balance_is_checked_as_strictly_as_the_original(copy):
     assert trip_of(copy, BalanceSource.DATA_SHEET, 2.0) is None
     assert trip_of(copy, BalanceSource.IDENTIFIED, 2.0) == Fault.READS_TOO_HOT.number
 

@@ -1,4 +1,4 @@
-"""The fixtures as another project uses them: the example of the guide, run by pytest in a folder of its own."""
+"""The fixtures work in another project: pytest runs the example of the guide in a folder of its own."""
 
 import re
 from pathlib import Path
@@ -34,7 +34,7 @@ def test_the_example_of_the_guide_passes(pytester):
     pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(passed=3)
 
 
-def test_a_rig_file_of_ones_own_is_simulated_whatever_it_names(pytester):
+def test_own_rig_file_is_simulated_whatever_devices_it_names(pytester):
     rig = (Path(__file__).parents[3] / "configs" / "rigs" / "simulated.toml").read_text()
     own = pytester.path / "mine.toml"
     own.write_text(rig.replace('"simulated bench"', '"mine"').replace("/tmp/smadrive-sim", "/dev/ttyUSB9"))  # noqa: S108
@@ -50,7 +50,7 @@ def test_a_rig_file_of_ones_own_is_simulated_whatever_it_names(pytester):
         ('"in-process"', "*'in-process' has no name. Write rig=, sim= or seed= before it*"),
     ],
 )
-def test_a_mistaken_marker_gives_no_rig_at_all(pytester, said, told):
+def test_wrong_marker_gives_no_rig(pytester, said, told):
     pytester.makeconftest(CONFTEST)
     pytester.makepyfile(MISTAKEN.format(said=said))
     result = pytester.runpytest_subprocess("-p", "no:cacheprovider")

@@ -1,4 +1,4 @@
-"""A rig of three devices on one simulated wire: a bench supply, a thermometer and a laser, in virtual time."""
+"""A rig with a bench supply, a thermometer and a laser on one simulated wire, in virtual time."""
 
 import pytest
 
@@ -25,7 +25,7 @@ PROFILES = {"supply": "riden-rd60xx", "reader": "autonics-tk", "laser": "baumer-
 
 
 def rig_of(devices, rate_hz=4.0, **limits):
-    """The shipped in-process rig with other devices."""
+    """Return the shipped in-process rig with other devices."""
     base = load_rig("in-process").model_dump(exclude_none=True, exclude={"feedback"})
     base["devices"] = devices
     base["rate_hz"] = rate_hz
@@ -41,7 +41,7 @@ def devices(**changes):
 
 
 class Plug:
-    """The far end of a port: leads to whatever device it is put into."""
+    """The far end of a port, which can be connected to another device."""
 
     def __init__(self, device):
         self.device = device
@@ -51,7 +51,7 @@ class Plug:
 
 
 class Bench:
-    """The rig, with its simulated bench within reach."""
+    """The rig, with access to its simulated bench."""
 
     def __init__(self, config):
         self.bench = SimulatedBench(load_sim("flexinol-lt-0.15mm"), seed=3)
@@ -94,7 +94,7 @@ def test_every_device_is_known_and_measures_its_part(bench):
     assert bench.devices["supply"].firmware.current_a == 0.0
 
 
-def test_a_device_that_was_not_asked_is_not_said_to_answer(bench):
+def test_unasked_device_is_not_reported_as_answering(bench):
     bench = Bench(rig_of(devices(laser={"measures": []})))
     with bench.rig as rig:
         assert rig.identities["laser"].proof is Proof.NOT_ASKED
@@ -144,7 +144,7 @@ def test_measurement_belongs_to_the_previous_command(bench):
         assert (after.in_force_a, after.current_a) == pytest.approx((0.1, 0.1), abs=0.002)
 
 
-def test_its_wire_is_identified_and_tracked_from_cold(tmp_path):
+def test_wire_on_a_supply_is_identified_and_tracked_from_cold(tmp_path):
     path, run = tmp_path / "excitation.h5", tmp_path / "run.h5"
     bench_supply = load_rig("bench-supply").at("sim://flexinol-lt-0.15mm")
     with Rig(bench_supply) as rig:
@@ -181,7 +181,7 @@ def test_turned_knob_trips(bench, name, turned):
     assert bench.devices["supply"].firmware.current_a == 0.0
 
 
-def test_a_dead_thermometer_stops_the_heat_although_the_supply_lives(bench):
+def test_dead_thermometer_stops_the_heat_although_the_supply_works(bench):
     def record(tick):
         if tick.time_s > 5.0:
             bench.devices["reader"].faults.drop(for_s=1000.0)
@@ -204,7 +204,7 @@ def test_a_supply_that_lost_its_output_is_noticed(bench):
 
 
 def test_an_output_that_blinks_between_two_exchanges_is_noticed(bench):
-    """Armed no more, the driver would send no current for the rest of the run, and call that a run."""
+    """Otherwise the driver, which is no longer armed, would continue the run without current."""
     supply = bench.devices["supply"].firmware
     blinked = []
 
@@ -222,7 +222,7 @@ def test_an_output_that_blinks_between_two_exchanges_is_noticed(bench):
     assert not supply.on
 
 
-def test_a_rate_that_the_devices_cannot_keep_is_refused_with_the_one_they_can():
+def test_rate_above_that_of_the_devices_is_rejected_with_a_possible_rate():
     bench = Bench(rig_of(devices(), rate_hz=20.0))
     with pytest.raises(ConfigError, match="rate_hz") as caught, bench.rig as rig:
         rig.excite(rig.excitation(22.0), lambda tick: None)

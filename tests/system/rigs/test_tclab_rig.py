@@ -36,11 +36,11 @@ LASER = {"name": "laser", "profile": "baumer-om20", "url": SIM}
 
 
 def rig_of(*devices):
-    """The shipped rig with other devices."""
+    """Return the shipped rig with other devices."""
     return RigConfig.model_validate(load_rig("tclab").model_dump(exclude_none=True) | {"devices": devices})
 
 
-def test_it_is_excited_identified_and_tracks(tmp_path):
+def test_wire_on_a_tclab_is_excited_identified_and_tracked(tmp_path):
     excited, tracked = tmp_path / "excited.h5", tmp_path / "tracked.h5"
     with Rig(rig_of(BOARD, LASER)) as rig:
         assert rig.identities["board"].proof is Proof.PROVED
@@ -62,7 +62,7 @@ def test_it_is_excited_identified_and_tracks(tmp_path):
     assert figures.rms_percent <= 3.0
 
 
-def test_without_a_displacement_sensor_it_runs_and_its_error_is_unknown(tmp_path):
+def test_tclab_runs_without_displacement_sensor_and_with_unknown_error(tmp_path):
     rig = tmp_path / "rig.toml"
     rig.write_text(_toml(load_rig("tclab"), SIM))
     wire = DuhemModel.gaussian(
@@ -81,7 +81,7 @@ def test_without_a_displacement_sensor_it_runs_and_its_error_is_unknown(tmp_path
     assert "no working displacement sensor" in printed
 
 
-def test_its_lines_are_traced_for_people_and_not_served_again(tmp_path):
+def test_trace_of_text_lines_is_readable_but_cannot_be_served_again(tmp_path):
     with Rig(rig_of(BOARD, LASER), trace_folder=tmp_path):
         pass
     lines = (tmp_path / "board.trace").read_text().splitlines()
@@ -95,7 +95,7 @@ def test_its_lines_are_traced_for_people_and_not_served_again(tmp_path):
 
 @pytest.fixture
 def bench():
-    """A simulated bench with the board on it, and the rig that is connected to it."""
+    """Return a simulated bench with the board, and the rig that is connected to the board."""
     bench = SimulatedBench(load_sim("flexinol-lt-0.15mm"), seed=3)
     clock = VirtualClock()
     clock.follow(bench.advance_to)
@@ -137,7 +137,7 @@ def test_board_that_gives_less_than_the_current_limit_is_refused():
 
 @contextlib.contextmanager
 def served(tmp_path, *arguments):
-    """The board on a port of its own, and a rig file that names it."""
+    """Yield the board on a port of its own, and a rig file with this port."""
     command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--profile", "tclab", *arguments]
     with programs.Program(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
         try:
@@ -167,7 +167,7 @@ def smadrive(*arguments):
 
 
 @pytest.mark.parametrize("arguments", [(), ("--rtu-tcp", "0")], ids=["pty", "tcp"])
-def test_it_is_found_probed_and_switched_off_on_a_port(tmp_path, arguments):
+def test_tclab_on_a_port_is_found_probed_and_switched_off(tmp_path, arguments):
     with served(tmp_path, *arguments) as (_, url, rig):
         address = url + PATIENT + ("&baudrate=115200" if url.startswith("serial") else "")
         (found,) = json.loads(smadrive("scan", address, "--units", "1", "--json").stdout)["devices"]
@@ -190,7 +190,7 @@ with Rig(load_rig(sys.argv[1])) as rig:
 """
 
 
-def test_the_guardian_ends_the_heat_behind_a_driver_that_was_killed(tmp_path):
+def test_guardian_switches_a_tclab_off_after_its_driver_was_killed(tmp_path):
     with (
         served(tmp_path) as (board, _, rig),
         programs.Program([sys.executable, "-c", DRIVER, rig], stderr=subprocess.PIPE, text=True) as driver,
@@ -203,7 +203,7 @@ def test_the_guardian_ends_the_heat_behind_a_driver_that_was_killed(tmp_path):
 
 
 @pytest.mark.parametrize("arguments", [("--tcp", "0")])
-def test_it_is_not_served_where_it_cannot_be(tmp_path, arguments):
+def test_tclab_cannot_be_served_on_modbus_tcp(tmp_path, arguments):
     command = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm", "--profile", "tclab", *arguments]
     done = programs.run(command, check=False, capture_output=True, text=True, cwd=tmp_path)
     assert done.returncode == 2

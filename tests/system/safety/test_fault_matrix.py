@@ -1,7 +1,8 @@
-"""Every fault, while heating, holding and cooling, on a board and on a supply with a reader, in virtual time.
+"""Each fault of the simulator during heating, holding and cooling, on a board and on a supply with a reader.
 
-Whatever happens, the wire is without current within the fault's deadline and stays so, the run ends with the number of
-the fault, and the rig refuses to heat again until the faults are cleared. A fault that only disturbs must not trip.
+After each fault, the wire has no current within the deadline of the fault and from then on. The run ends with the
+number of the fault, and the rig does not heat again before the faults are cleared. A mere disturbance must not trip.
+The tests run in virtual time.
 """
 
 from __future__ import annotations
@@ -15,18 +16,18 @@ from marks import exhaustive
 from firmware_sim.bench import SimulatedBench
 from firmware_sim.config import load_sim
 from smadrive.clock import VirtualClock
-from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import SafetyError, SmadriveError, TripError
 from smadrive.identification.excitation import Excitation
 from smadrive.rig.config import RigConfig, load_rig
-from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_excitation
-from smadrive.safety.faults import Fault
+from smadrive.safety.faults import CLEAR, Fault
+from smadrive.safety.shutdown import shutdown_of
+from tests.on_bench import rig_on
 
 SIM = "flexinol-lt-0.15mm"
 TOO_HOT_C = 160.0
-"""The vendor's limit for a wire of this alloy in air, and that of the simulated board."""
+"""Limit of the vendor for a wire of this alloy in air, in °C. The simulated board has the same limit."""
 FAULT_AT_S = 12.0
 PATHS_C = {
     "heating": (22.0, 40.0, 40.1, 40.0, 40.1, 110.0, 40.0, 22.0),
@@ -38,11 +39,14 @@ FOREVER = {"for_s": 1e4}
 
 @dataclass(frozen=True)
 class Case:
-    """A fault: its name at the bench, the numbers it may end with (none: it must not trip), and its deadline.
+    """A fault of the simulated bench, and its permitted consequences.
 
-    `hottest_c` bounds the wire; only a reading that drifts down on a wire that is not known yet, and so looks like a
-    draught, may get it farther than the limit. `harmless`: it need not be noticed as long as the wire does not get too
-    hot. `unstoppable`: nobody but the user can end it, and must be told so.
+    numbers        fault numbers with which the run may end; without any, the run must not trip
+    within_s       deadline for zero current
+    hottest_c      highest permitted temperature of the wire. Only a reading that drifts down, before the wire is
+                   identified, may let the wire exceed the limit: it looks like a draught
+    harmless       the run need not notice the fault unless the wire gets too hot
+    unstoppable    only the user can end the current, and the driver must report that
     """
 
     name: str
@@ -55,7 +59,10 @@ class Case:
 
 
 def boards():
-    """The reference board: silence is ended by its watchdog of 0.5 s, most others by its own firmware."""
+    """Return the cases of the reference board.
+
+    Its watchdog (0.5 s) ends a silence; its firmware ends most other faults.
+    """
     lost = (Fault.STALE_DATA,)
     latched = (Fault.DEVICE_FAULT,)
     return [
@@ -100,7 +107,7 @@ def boards():
 
 
 def unsteady():
-    """What a thermocouple, a contact or the wire may do that no bit tells."""
+    """Return the faults of thermocouple, contact or wire that no status bit shows."""
     lies = (Fault.READS_TOO_COLD, Fault.READS_TOO_HOT, Fault.OVER_TEMPERATURE, Fault.UNDER_TEMPERATURE)
     latched = (Fault.DEVICE_FAULT,)
     return [
@@ -118,7 +125,7 @@ def unsteady():
 
 
 def supplies():
-    """A supply and a reader, four ticks a second: nothing but the driver ends the heat."""
+    """Return the cases of a supply and a reader at four ticks per second. Only the driver can end the heat."""
     lost = (Fault.STALE_DATA,)
     return [
         Case("open_thermocouple", (Fault.SENSOR_INVALID,), 2.0),
@@ -163,7 +170,7 @@ def supply_rig():
 
 
 class Scene:
-    """A rig on its simulated bench, and the current that really flowed, after every jump of the clock."""
+    """A rig on its simulated bench. It records the real current after every step of the clock."""
 
     def __init__(self, config):
         self.bench = SimulatedBench(load_sim(SIM), seed=5)
@@ -171,11 +178,7 @@ class Scene:
         self.hottest_c = 0.0
         clock = VirtualClock()
         clock.follow(self._advance_to)
-        transports = {
-            device.name: self.bench.attach(load_profile(device.profile), name=device.name).transport(clock)
-            for device in config.devices
-        }
-        self.rig = Rig(config, transports=transports)
+        self.rig = rig_on(self.bench, config, clock)
         self.broken_s = None
 
     def _advance_to(self, time_s):
@@ -184,7 +187,7 @@ class Scene:
         self.hottest_c = max(self.hottest_c, self.bench.plant.temperature_c)
 
     def last_heated_s(self):
-        """How long after the fault current flowed for the last time."""
+        """The time from the fault to the last moment with current, in seconds."""
         return max((time_s for time_s, current_a in self.current_a if current_a > 0.0), default=0.0) - self.broken_s
 
 
@@ -215,14 +218,17 @@ def test_fault_ends_without_current_in_time_and_with_its_number(tmp_path, config
         except TripError as trip:
             trips.append(trip)
             rig.clock.sleep_until(rig.clock.now_s() + 5.0)
-            with pytest.raises(SafetyError, match="refused to arm"):
+            with pytest.raises(SafetyError) as refused:
                 rig.excite(excitation, record)
+            assert refused.value.cure == CLEAR
 
     with suppress(SmadriveError), scene.rig as rig, record_excitation(log, rig, excitation) as recorder:
-        run(rig, recorder)  # leaving the rig raises what a dead bus makes of it
+        run(rig, recorder)  # with a dead bus, the exit of the rig raises an error
     assert scene.hottest_c <= case.hottest_c
     if case.unstoppable:
-        assert any("switched off, but the heat has not ended" in note for note in trips[0].__notes__)
+        outcome = shutdown_of(trips[0])
+        assert outcome is not None
+        assert isinstance(outcome.failure, SafetyError)
     else:
         assert scene.bench.plant.current_a == 0.0
     if not case.numbers or (case.harmless and not trips):

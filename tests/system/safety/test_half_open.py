@@ -1,4 +1,4 @@
-"""A TCP connection that is dead without a sign: the client opens another instead of waiting for the old one."""
+"""When a TCP connection is dead without a sign, the client opens another one instead of waiting."""
 
 import select
 
@@ -38,7 +38,7 @@ def port_of(url):
 
 @pytest.fixture(params=["tcp", "rtu+tcp"])
 def board(request):
-    """A board behind a gateway: the gateway and the URL that leads through it."""
+    """Yield a gateway with a board behind it, and the URL of the board through the gateway."""
     with served(f"--{request.param.replace('+', '-')}", "0") as (_, url), Gateway(port_of(url)) as gateway:
         yield gateway, f"{request.param}://127.0.0.1:{gateway.port}"
 
@@ -68,7 +68,7 @@ def test_a_connection_that_the_gateway_closed_while_idle_is_opened_before_the_ne
 
 
 class Steady:
-    """Holds a current; calls `act` once, after some ticks."""
+    """A controller that holds a current and calls `act` once after some ticks."""
 
     duration_s = 5.0
 
@@ -86,7 +86,7 @@ class Steady:
 
 @pytest.fixture(params=["tcp", "rtu+tcp"])
 def supply_rig(request, tmp_path):
-    """The shipped rig of a supply behind a gateway: the gateway, the rig, and the supply's URL without the gateway."""
+    """Yield a gateway, the shipped supply rig behind this gateway, and the direct URL of the supply."""
     sim = tmp_path / "sim.toml"
     way_in = request.param.replace("+", "_")
     sim.write_text(
@@ -109,7 +109,7 @@ def output_of(url):
         return supply.read((name,))[name].raw
 
 
-def test_a_run_goes_on_through_a_new_connection_within_stale_after(supply_rig):
+def test_run_continues_on_a_new_connection_within_stale_after_s(supply_rig):
     gateway, rig, url = supply_rig
     controller = Steady(gateway.strand, at_tick=8)
     with rig:

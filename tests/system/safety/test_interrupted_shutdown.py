@@ -1,4 +1,4 @@
-"""Signals that arrive while the driver switches a silent device off: on a pseudo-terminal and on TCP, in real time."""
+"""Signals during the attempts to switch a silent device off, on a pseudo-terminal and on TCP, in real time."""
 
 import signal
 import subprocess
@@ -20,21 +20,21 @@ from smadrive.safety.shutdown import CONFIRMED
 
 TRIPPED = f"fault {Fault.STALE_DATA.number}:"
 PATIENT = "?latency_ms=100"
-"""Of an address: a reply may be late on a busy machine."""
+"""Option of an address: a reply may be late on a busy machine."""
 
 STALE_S = 0.6
 LIMITS = f"watchdog_s = 5.0\nstale_after_s = {STALE_S}"
-"""Limits that a busy machine keeps as well; the shipped ones are shorter."""
+"""Limits that even a busy machine keeps. The shipped limits are shorter."""
 
 FRAMES_OF_A_TICK = 4
-"""A tick sends no more: more frames, sent later than the limit allows, belong to the switching off."""
+"""Greatest number of frames in a tick. More frames, sent after the limit, belong to switching off."""
 
 MANY_FRAMES = 30
-"""So many frames after arming the loop ticks."""
+"""After this many frames since arming, the loop certainly runs."""
 
 
 class Driver:
-    """`smadrive excite` on a simulated board, with what it sent and received."""
+    """`smadrive excite` on a simulated board, with the frames that it sent and received."""
 
     def __init__(self, process, trace, simulator):
         self.simulator = simulator
@@ -62,7 +62,7 @@ class Driver:
             self._process.send_signal(number)
 
     def end(self):
-        """Exit code and what it said."""
+        """Wait for the end of the driver, and return its exit code and its output."""
         _, said = self._process.communicate(timeout=300)
         return self._process.returncode, said
 
@@ -101,7 +101,7 @@ def driver(request, tmp_path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_does_not_end_the_tries_and_does_not_hide_the_trip(driver, number):
+def test_signal_neither_ends_the_attempts_nor_hides_the_trip(driver, number):
     driver.silence_and_wait_for_the_shutdown()
     driver.send(number)
     driver.wait_for_another_try()
@@ -113,7 +113,7 @@ def test_a_signal_does_not_end_the_tries_and_does_not_hide_the_trip(driver, numb
     assert UNCONFIRMED not in said
 
 
-def test_a_device_that_stays_silent_is_told_as_unconfirmed_although_two_signals_came(driver):
+def test_silent_device_is_reported_as_unconfirmed_despite_two_signals(driver):
     driver.silence_and_wait_for_the_shutdown()
     driver.send(signal.SIGINT, signal.SIGTERM)
     code, said = driver.end()
@@ -123,7 +123,7 @@ def test_a_device_that_stays_silent_is_told_as_unconfirmed_although_two_signals_
     assert CONFIRMED not in said
 
 
-def test_the_third_signal_ends_the_tries_but_hides_neither_trip_nor_outcome(driver):
+def test_third_signal_ends_the_attempts_but_hides_neither_trip_nor_outcome(driver):
     driver.silence_and_wait_for_the_shutdown()
     driver.send(signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
     before = len(driver.frames())
@@ -134,7 +134,7 @@ def test_the_third_signal_ends_the_tries_but_hides_neither_trip_nor_outcome(driv
     assert len(driver.frames()) <= before + 2
 
 
-def test_an_interruption_of_a_silent_run_is_told_with_its_outcome(driver):
+def test_interrupted_run_with_a_silent_device_reports_its_outcome(driver):
     driver.send(signal.SIGINT)
     driver.simulator.send_signal(signal.SIGSTOP)
     code, said = driver.end()

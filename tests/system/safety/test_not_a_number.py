@@ -1,4 +1,4 @@
-"""A supply with float registers that measures NaN: no check is skipped, and no run ends in a ValueError."""
+"""A supply with float registers may measure NaN: no check is skipped, and no run ends with a ValueError."""
 
 import pytest
 
@@ -8,13 +8,12 @@ from smadrive.clock import VirtualClock
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.control.references.shapes import sine
-from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import SafetyError, TripError
 from smadrive.hysteresis import DuhemModel
 from smadrive.rig.config import RigConfig, load_rig
-from smadrive.rig.rig import Rig
 from smadrive.safety.faults import Fault
 from smadrive.safety.shutdown import shutdown_of
+from tests.on_bench import rig_on
 
 SIM = "flexinol-lt-0.15mm"
 PERIOD_S = 0.25
@@ -94,7 +93,7 @@ class Constant:
 
 
 class Scene:
-    """The rig and its bench; `record` breaks something at `FAULT_AT_S`."""
+    """The rig and its simulated bench. `record` returns a recorder that causes a fault at `FAULT_AT_S`."""
 
     def __init__(self, tmp_path):
         (tmp_path / "float-supply.toml").write_text(PROFILE, encoding="utf-8")
@@ -109,11 +108,7 @@ class Scene:
         self.bench = SimulatedBench(load_sim(SIM), seed=5)
         clock = VirtualClock()
         clock.follow(self.bench.advance_to)
-        transports = {
-            device.name: self.bench.attach(load_profile(device.profile), name=device.name).transport(clock)
-            for device in config.devices
-        }
-        self.rig = Rig(config, transports=transports)
+        self.rig = rig_on(self.bench, config, clock)
         self.ticks = []
 
     def record(self, name, for_s=None):
@@ -156,7 +151,7 @@ def test_a_single_sample_without_power_ends_no_tracking_run(scene, fault):
     assert scene.ticks[-1].time_s > FAULT_AT_S + 10.0
 
 
-def test_without_a_valid_current_nothing_is_armed_and_off_is_not_confirmed(scene):
+def test_invalid_current_prevents_arming_and_the_confirmation_of_off(scene):
     def arm(rig):
         scene.bench.known_faults()["lose_current"]()
         rig.clock.sleep_until(rig.clock.now_s() + 1.0)

@@ -1,4 +1,4 @@
-"""Switching off with a broken rig file, without sensors, without the port; a failure is reported as such."""
+"""Switching off with a wrong rig file, without sensors and without the port. A failure is reported as a failure."""
 
 import json
 import os
@@ -26,14 +26,14 @@ SUPPLY_URL = "serial:///dev/no-such-port-0"
 
 
 def off(rig, *options):
-    """`smadrive off`, as it ends."""
+    """Run `smadrive off` and return the finished process."""
     command = [sys.executable, "-m", "smadrive", "off", str(rig), *options]
     return programs.run(command, capture_output=True, text=True, check=False)
 
 
 @pytest.fixture
 def hot(tmp_path):
-    """A supply left heating that nobody watches: its process, the file of a rig without its sensors, its port."""
+    """Yield a heating supply without driver and guardian: its process, a rig file without sensors, its port."""
     with served("--profile", "riden-rd60xx") as (process, url):
         profile = load_profile("riden-rd60xx")
         with open_transport(url + PATIENT, profile.serial_settings()) as port:
@@ -47,7 +47,7 @@ def hot(tmp_path):
 
 
 def is_off(process):
-    """Whether the supply itself says so next."""
+    """Return True if the next line of the supply says that its output is off."""
     return "output off" in process.stderr.readline()
 
 
@@ -83,7 +83,7 @@ def test_off_ignores_other_errors_of_the_rig_file(hot, right, wrong):
 @pytest.mark.parametrize(
     "url", ["tcp://192.168.1..10:502", "tcp://[::1", r"serial:///dev/tty\u0000", "sim://a\\u0000b.toml"]
 )
-def test_bad_address_of_one_device_keeps_no_other_from_being_switched_off(hot, url):
+def test_bad_address_of_one_device_does_not_keep_the_others_on(hot, url):
     process, rig, _ = hot
     other = f'[[devices]]\nname = "other"\nprofile = "riden-rd60xx"\nurl = "{url}"\n'
     rig.write_text(rig.read_text().replace("\n[[devices]]", f"\n{other}\n[[devices]]", 1))
@@ -118,7 +118,7 @@ def test_failed_off_does_not_report_the_heater_off(tmp_path, text, code):
     assert not done.stdout
 
 
-def test_a_controller_that_could_heat_too_is_made_safe_although_the_supply_is_gone(tmp_path):
+def test_controller_that_could_heat_enters_its_safe_state_without_the_supply(tmp_path):
     profile = load_profile("delta-dtb")
     with served("--profile", "delta-dtb") as (_, url), open_transport(url + PATIENT, profile.serial_settings()) as port:
         controller, step = Device(profile, ModbusClient(port)), profile.safe_state[0]
@@ -148,7 +148,7 @@ def test_unreadable_state_folder_does_not_undo_a_confirmed_off(hot, tmp_path, mo
 
 
 def supply_alone(text):
-    """The rig file with its first device, which heats, alone."""
+    """Return the rig file with only its first device, which heats."""
     devices, limits, rest = text.partition("[limits]")
     head, first, *_ = devices.split("\n[[devices]]\n")
     return f"{head}\n[[devices]]\n{first}{limits}{rest}"
@@ -161,13 +161,13 @@ def test_pipe_in_the_state_folder_does_not_keep_off_waiting(hot, state_home, fol
     names = {"guardians": "aa.json", "locks": quote(f"serial://{port.resolve()}", safe="")}
     os.mkfifo(state_home / "smadrive" / folder / names[folder])
     done = off(rig)
-    assert done.returncode == 3, done.stderr  # the sensors of the rig are missing
+    assert done.returncode == 3, done.stderr  # because the sensors of the rig are missing
     assert is_off(process)
 
 
 @contextmanager
 def switching_off_in_silence(hot):
-    """`smadrive off` that has opened the port of a supply which does not answer."""
+    """Start `smadrive off` on a silent supply; yield the process after it has opened the port."""
     process, rig, port = hot
     process.send_signal(signal.SIGSTOP)
     with programs.Program(
@@ -200,5 +200,5 @@ def test_a_signal_does_not_keep_it_from_switching_off_a_supply_that_answers_agai
         process.send_signal(signal.SIGCONT)
         _, told = switching.communicate()
     assert is_off(process)
-    assert switching.returncode == 3  # the sensors of the rig are missing
+    assert switching.returncode == 3  # because the sensors of the rig are missing
     assert UNCONFIRMED not in told

@@ -1,4 +1,4 @@
-"""A rig that tripped heats again only after the fault was cleared, also after new starts of driver and device."""
+"""A tripped rig heats again only after the fault was cleared, also after a new start of driver or device."""
 
 import json
 import re
@@ -48,7 +48,7 @@ def smadrive(*arguments):
 
 
 def off(rig_file, *options):
-    """What `smadrive off` tells as JSON."""
+    """Return the JSON output of `smadrive off`."""
     return json.loads(smadrive("off", rig_file, "--json", *options))
 
 
@@ -70,7 +70,7 @@ def test_probe_and_off_show_the_latched_trip_and_off_clears_it(tmp_path):
 
 
 def numbered_sim(folder, serial_number):
-    """A sim file that fixes the serial number of its board."""
+    """Write a sim file with this serial number of the board, and return its path."""
     path = folder / f"{serial_number}.toml"
     text = (configs_dir() / "sims" / "flexinol-lt-0.15mm.toml").read_text()
     path.write_text(text.replace("[board]", f"[board]\nserial_number = {serial_number}"))
@@ -78,7 +78,7 @@ def numbered_sim(folder, serial_number):
 
 
 def trip_at(url, clock):
-    """Let the rig at this address trip, by a limit that its wire must pass."""
+    """Let the rig at this address trip, by a limit that its wire must exceed."""
     config = load_rig("simulated").at(url)
     short = config.model_copy(update={"limits": config.limits.model_copy(update={"displacement_max_mm": 0.5})})
     with Rig(short, clock) as rig, pytest.raises(TripError):
@@ -115,7 +115,7 @@ def test_a_simulator_that_gets_the_terminal_of_a_tripped_one_may_heat():
 
 
 def test_trip_is_latched_before_the_heater_is_switched_off():
-    """The driver may be killed while it switches a silent device off."""
+    """Otherwise the trip would be lost if the driver is killed while it switches a silent device off."""
     with ServedSimulator("flexinol-lt-0.15mm") as simulator:
         config = load_rig("simulated").at(simulator.url)
         short = config.model_copy(update={"limits": config.limits.model_copy(update={"displacement_max_mm": 0.5})})

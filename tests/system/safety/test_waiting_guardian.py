@@ -1,4 +1,4 @@
-"""A guardian whose driver has ended and whose device is absent: it waits, is shown, and blocks no other program."""
+"""A guardian without driver and device waits, is shown to the user, and blocks no other program."""
 
 import contextlib
 import json
@@ -41,11 +41,11 @@ with Rig(load_rig(sys.argv[1])) as rig:
 
 
 PATIENT = "?latency_ms=2000"
-"""Of an address: a reply may be late on a busy machine."""
+"""Option of an address: a reply may be late on a busy machine."""
 
 
 def patient(rig):
-    """The rig file with limits that only a driver which has ended exceeds, however busy the machine is."""
+    """Return the rig file with limits so long that only an ended driver exceeds them, even on a busy machine."""
     return rig.replace("watchdog_s = 1.0", "watchdog_s = 10.0").replace("stale_after_s = 1.0", "stale_after_s = 10.0")
 
 
@@ -56,7 +56,7 @@ def stage(tmp_path):
 
 
 class Stage:
-    """A supply behind a port, a rig file for it, a driver that heats."""
+    """A supply behind a port, its rig file, and a driver that heats."""
 
     def __init__(self, folder, stack):
         self.folder = folder
@@ -65,7 +65,7 @@ class Stage:
         self.reader = self.serve("delta-dtb", None)[1]
 
     def serve(self, profile, serial_number, *options):
-        """A simulated device of this serial number; its process and its address."""
+        """Serve a simulated device with this serial number; return its process and its address."""
         sim = self.folder / f"{serial_number}.toml"
         text = (configs_dir() / "sims" / "flexinol-lt-0.15mm.toml").read_text()
         fixed = "[board]" if serial_number is None else f"[board]\nserial_number = {serial_number}"
@@ -81,10 +81,10 @@ class Stage:
         return process, process.stdout.readline().strip()
 
     def heat(self, url):
-        """A driver that heats through the supply there; its process."""
+        """Start a driver that heats through the supply at this address; return its process."""
         self.rig.write_text(patient(RIG.format(supply=f"{url}{PATIENT}", reader=f"{self.reader}{PATIENT}")))
         guardians = []
-        self.stack.callback(until, lambda: not any(map(lives, guardians)))  # they need the supply for that
+        self.stack.callback(until, lambda: not any(map(lives, guardians)))  # the guardians need the supply to end
         driver = programs.Program(
             [sys.executable, "-c", DRIVER, str(self.rig)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
@@ -95,7 +95,7 @@ class Stage:
         return driver
 
     def disconnect(self, driver, supply):
-        """Driver and supply end in the same moment; the guardian that waits, which does not outlive the test."""
+        """End driver and supply at the same moment; return the waiting guardian, which ends with the test."""
         supply.terminate()
         supply.wait()
         driver.kill()
@@ -106,7 +106,7 @@ class Stage:
         return duty.pid
 
     def smadrive(self, command, *options):
-        """The command on the rig, as it ends."""
+        """Run a command on the rig and return the finished process."""
         arguments = [sys.executable, "-m", "smadrive", command, str(self.rig), *options]
         return programs.run(arguments, capture_output=True, text=True, check=False)
 
@@ -135,7 +135,7 @@ def lives(pid):
 
 
 def events(process):
-    """Every event of a simulator, which ends."""
+    """End a simulator and return all its events."""
     process.terminate()
     return process.communicate()[1]
 
@@ -185,11 +185,11 @@ def test_absent_device_is_reported_with_its_waiting_guardian(stage, command):
 
 
 @pytest.mark.parametrize("command", ["probe", "off"])
-def test_a_program_that_confirms_the_same_supply_off_relieves_the_guardian(stage, command):
+def test_program_that_confirms_the_same_supply_off_relieves_the_guardian(stage, command):
     port = str(stage.folder / "port")
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", port)
     guardian = stage.disconnect(stage.heat(url), supply)
-    os.kill(guardian, signal.SIGSTOP)  # else it would be the first to find the supply
+    os.kill(guardian, signal.SIGSTOP)  # otherwise the guardian would find the supply first
     again, _ = stage.serve("riden-rd60xx", 77, "--pty", port)
     ended = stage.smadrive(command, "--json")
     os.kill(guardian, signal.SIGCONT)
@@ -211,7 +211,7 @@ def test_a_guardian_of_a_pseudo_terminal_that_is_gone_ends(stage):
     assert waiting_duties() == []
 
 
-def test_second_driver_of_a_heater_on_a_network_is_refused_and_off_stops_the_first(stage):
+def test_second_driver_on_a_network_is_rejected_and_off_stops_the_first(stage):
     supply, url = stage.serve("riden-rd60xx", 77, "--tcp", "0")
     driver = stage.heat(url)
     assert "output on" in supply.stderr.readline()
@@ -238,7 +238,7 @@ def test_second_driver_is_refused_under_another_name_of_the_host(stage, spelled)
 
 
 def switch_for(url, identity, search=None):
-    """The switch of a guardian for the supply with this identity."""
+    """Return the switch of a guardian for the supply with this identity."""
     profile = load_profile("riden-rd60xx")
     device = GuardedDevice("riden-rd60xx", url, None, identity)
     return OffSwitch(device, profile, search or PortSearch(url, port_names(url), time.monotonic), LineAccess(()))
@@ -251,7 +251,7 @@ def test_attempt_does_not_use_a_line_that_another_program_holds(stage, way_in):
     line = lines_of(key_at(url, load_profile("riden-rd60xx"), None))[0]
     with lock_line(line, Role.DRIVER):
         assert switch.off(alone=True).outcome is AttemptOutcome.BUSY
-        assert switch.off(alone=False).outcome is AttemptOutcome.CONFIRMED  # its own driver still has the line
+        assert switch.off(alone=False).outcome is AttemptOutcome.CONFIRMED  # the driver shares its line
     assert switch.off(alone=True).outcome is AttemptOutcome.CONFIRMED
 
 

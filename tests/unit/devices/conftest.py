@@ -1,4 +1,4 @@
-"""The real driver against the simulated rig, in process and in virtual time: real frames, no mocks."""
+"""The real driver and a simulated rig, in process and in virtual time, with real frames and without mocks."""
 
 import pytest
 
@@ -39,7 +39,7 @@ def heater(device, clock):
 
 @pytest.fixture
 def run(heater, clock):
-    """Exchange every 50 ms for a while; the measurements."""
+    """Return a function that exchanges every 50 ms for some ticks and returns the measurements."""
 
     def ticks(current_a, duration_s):
         measured = []

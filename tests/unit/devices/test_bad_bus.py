@@ -1,4 +1,4 @@
-"""On a bad bus no wrong value is accepted and the heater ends off: random faults, in virtual time."""
+"""On a bus with random faults no wrong value is accepted, and the heater is off at the end. In virtual time."""
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -29,7 +29,7 @@ FAULTS = st.lists(
 @given(FAULTS)
 @settings(max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 def test_bad_bus_gives_no_wrong_value_and_ends_with_the_heater_off(plan):
-    """Every measurement is the rig's of this very exchange; afterwards zero current, by read-back or by watchdog."""
+    """Every measurement belongs to its own exchange. At the end the current is zero, by read-back or by watchdog."""
     clock = VirtualClock()
     rig = simulated_device(load_sim("flexinol-lt-0.15mm"))
     clock.follow(rig.bench.advance_to)

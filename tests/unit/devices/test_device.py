@@ -1,4 +1,4 @@
-"""Registers by name and unit: few requests, identity first, every write read back."""
+"""Registers by name and in units: few requests, no write before the identity, a read-back for every write."""
 
 import math
 
@@ -31,9 +31,10 @@ def test_reading_respects_what_the_device_can(rig, clock):
 
 
 def test_an_unknown_register_names_the_nearest(device):
-    with pytest.raises(ConfigError, match="did you mean 'temperature'") as error:
+    with pytest.raises(ConfigError) as error:
         device.read(("temprature",))
     assert error.value.where == "profile 'sma-reference'"
+    assert "'temperature'" in error.value.cure
 
 
 def test_sentinel_is_not_a_number(device, rig):
@@ -68,7 +69,7 @@ def test_a_write_is_read_back(device, rig):
 
 def test_lost_write_raises_a_read_back_error(device):
     with pytest.raises(ReadBackError) as error:
-        device.write("heater_current", 0.3)  # idle: the board keeps zero
+        device.write("heater_current", 0.3)  # the board is idle, so its current stays zero
     assert error.value.where == "unit 1, register 'heater_current'"
     assert error.value.value == "0 A, wrote 0.3 A"
 
@@ -129,7 +130,7 @@ def test_reads_survive_a_bad_bus_and_writes_are_not_repeated(device, rig):
     rig.faults.drop()
     with pytest.raises(DeadlineError):
         device.exchange({"sequence": 5}, ("state",))
-    assert rig.firmware.sequence == 5  # it was carried out once; nobody sent it twice
+    assert rig.firmware.sequence == 5  # the exchange was sent and carried out only once
     assert device.client.counters.retries > 0
 
 

@@ -1,4 +1,4 @@
-"""The choke point: limits, arming, freshness, faults; driver and rig in virtual time."""
+"""`Heater.exchange`: limits, arming, stale values and faults. Driver and rig run in virtual time."""
 
 import errno
 import math
@@ -27,7 +27,7 @@ from smadrive.modbus.transports.in_process import InProcessTransport
 LIMITS = HeaterLimits(current_max_a=0.6, temperature_max_c=130.0)
 
 
-def test_it_heats_only_when_armed(heater, run, rig):
+def test_heater_heats_only_when_armed(heater, run, rig):
     heater.connect()
     assert not run(0.3, 0.2)[-1].armed
     assert rig.firmware.current_a == 0.0
@@ -107,7 +107,7 @@ def test_limits_above_the_boards_own_are_refused(device, clock):
 
 
 @pytest.mark.parametrize(("current", "temperature"), [(0.0, 100.0), (-1.0, 100.0), (math.nan, 100.0), (1.0, math.inf)])
-def test_limits_that_limit_nothing_are_refused(current, temperature):
+def test_limits_without_effect_are_refused(current, temperature):
     with pytest.raises(ConfigError):
         HeaterLimits(current_max_a=current, temperature_max_c=temperature)
 
@@ -211,7 +211,7 @@ def test_a_lost_reply_costs_one_tick_and_heating_goes_on(heater, run, rig, clock
 
 
 def test_stale_exchange_is_rejected_by_its_sequence_number(heater, run, rig):
-    """A device that answers with an old block, as a caching gateway may do."""
+    """The device answers with an old block of values, like a gateway with a cache."""
     heater.connect()
     heater.arm(0.5)
     run(0.3, 0.2)
@@ -220,12 +220,12 @@ def test_stale_exchange_is_rejected_by_its_sequence_number(heater, run, rig):
         heater.exchange(0.3)
     assert error.value.where == "unit 1"
     run(0.3, 0.05)
-    assert rig.firmware.commanded_a == 0.0  # nothing known of the temperature: one tick without heat
+    assert rig.firmware.commanded_a == 0.0  # the temperature is unknown, so this tick has no heat
     run(0.3, 0.05)
     assert rig.firmware.commanded_a == pytest.approx(0.3)
 
 
-def test_a_trace_that_fails_at_any_frame_keeps_no_safe_state_from_going_out():
+def test_trace_that_fails_at_any_frame_does_not_stop_the_safe_state():
     failing = 0
     while True:
         clock = VirtualClock()
@@ -253,7 +253,7 @@ def test_a_trace_that_fails_at_any_frame_keeps_no_safe_state_from_going_out():
 
 
 class Shifted:
-    """The far end of a line whose device answers exchanges out of the registers behind those that were asked for."""
+    """The far end of a line. Its device answers an exchange with the registers behind the requested ones."""
 
     def __init__(self, line, shift):
         self._line = line
@@ -269,7 +269,7 @@ class Shifted:
 @pytest.mark.parametrize("shift", [1, 2])
 @pytest.mark.parametrize("draw", range(3))
 def test_reply_of_adjacent_registers_is_not_taken_for_the_echo(rig, clock, shift, draw):
-    """State, faults and limits are small numbers: a small sequence number could equal one of them."""
+    """State, faults and limits are small numbers, which a small sequence number could equal."""
     transport = InProcessTransport(Shifted(rig.line, shift), clock)
     board = HeaterBoard(Device(load_profile("sma-reference"), ModbusClient(transport)), clock)
     board.device.check_identity()

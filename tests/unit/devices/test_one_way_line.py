@@ -1,4 +1,4 @@
-"""A line that carries requests but no replies: the safe state is still sent, and does not count as confirmed."""
+"""On a line without replies, the safe state is still sent, but does not count as confirmed."""
 
 import pytest
 
@@ -20,7 +20,7 @@ LOST_REQUESTS = range(4)
 
 
 class OneWay:
-    """The far end of a line; once `broken`, no reply comes back, and the first requests do not arrive either."""
+    """The far end of a line. Once it is `broken`, it returns no reply and also loses the first requests."""
 
     def __init__(self, line):
         self.broken = False
@@ -44,7 +44,7 @@ def source_on(profile, transport, clock):
 
 @pytest.fixture(params=["sma-reference", "riden-rd60xx", "hanmatek-hm30x", "tclab"])
 def heating(request):
-    """A heat source that heats: itself, the simulated device, and the line between them."""
+    """Yield a heat source that heats, its simulated device, and the line between both."""
     profile = load_profile(request.param)
     device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=1, profile=profile)
     clock = VirtualClock()

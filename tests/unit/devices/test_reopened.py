@@ -1,4 +1,4 @@
-"""A new connection may lead to another device: the device must prove again that it is the same one."""
+"""A new connection may lead to another device, so the device must prove its identity again."""
 
 import pytest
 
@@ -15,7 +15,7 @@ READS = (1, 2, 3, 4)
 
 
 class Hub:
-    """The far end of a port whose name may come back with another device behind it; keeps the functions it heard."""
+    """The far end of a port, to which another device may be connected. Records the functions of the requests."""
 
     def __init__(self, clock, profile):
         self.clock = clock
@@ -24,7 +24,7 @@ class Hub:
         self.device = self.plug(serial_number=1)
 
     def plug(self, serial_number, profile=None):
-        """From now on a device with a bench of its own."""
+        """Connect a new device, which has its own simulated bench."""
         config = load_sim("flexinol-lt-0.15mm")
         board = config.board.model_copy(update={"serial_number": serial_number})
         self.device = simulated_device(
@@ -76,7 +76,7 @@ def test_nothing_is_written_to_a_twin_at_the_same_port(hub, device):
 
 
 def test_twin_behind_a_connection_that_stays_open_is_not_confirmed_off(hub, device):
-    """An RS-485 plug was moved within one exchange: no reply was lost."""
+    """The RS-485 plug was moved during one exchange, so no reply was lost."""
     device.write(device.profile.role("heater_current"), 0.0)
     hub.plug(serial_number=2)
     with pytest.raises(IdentityError) as error:
@@ -154,7 +154,7 @@ def test_known_identity_refuses_a_twin(hub, device):
 
 
 def test_setting_is_not_part_of_the_identity(clock):
-    """A range switch tells two variants apart, and may be turned."""
+    """A range switch distinguishes two variants, but the user may turn it."""
     hub = Hub(clock, load_profile("riden-rd60xx:model_id=60125,current_range=0"))
     device = Device(load_profile("riden-rd60xx"), ModbusClient(InProcessTransport(hub, clock)))
     assert device.identity == UNKNOWN

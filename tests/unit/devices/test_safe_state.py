@@ -1,4 +1,4 @@
-"""Switching off: every step is tried although others raise, and the measured current must be zero."""
+"""Switching off tries every step although other steps fail, and waits until the measured current is zero."""
 
 import errno
 from functools import partial
@@ -67,7 +67,7 @@ def test_device_busy_at_the_current_check_is_asked_again(hot, rig, clock):
 
 @pytest.mark.parametrize("fails_from", [0, 1, 2, 5])
 @pytest.mark.parametrize("fails_for", [1, 3])
-def test_a_sink_on_the_bus_that_fails_for_a_while_does_not_keep_the_heater_on(rig, clock, fails_from, fails_for):
+def test_trace_that_fails_for_a_while_does_not_keep_the_heater_on(rig, clock, fails_from, fails_for):
     frames = []
 
     def trace(_time_s, _direction, _frame):

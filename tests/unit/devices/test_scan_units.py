@@ -1,4 +1,4 @@
-"""Unit ids on the command line."""
+"""Unit ids on the command line of `scan`."""
 
 import pytest
 

@@ -10,7 +10,10 @@ from smadrive.modbus.transports.in_process import InProcessTransport
 
 
 class Script:
-    """Answers request n with `answers[n]`: a list of (delay in seconds, bytes). `heard` keeps time and request."""
+    """Answers request n with `answers[n]`, a list of (delay in seconds, bytes).
+
+    `heard` records time and bytes of requests.
+    """
 
     def __init__(self, *answers):
         self.answers = list(answers)
@@ -23,7 +26,7 @@ class Script:
 
 
 class Registers:
-    """A slow device: register n holds n; it answers in order, each reply later by the next of `delays_s`."""
+    """A slow device whose register n holds n. It answers in order; `delays_s` are the delays of its replies."""
 
     def __init__(self, delays_s=()):
         self.delays_s = list(delays_s)

@@ -1,4 +1,4 @@
-"""The client accepts no wrong reply: no damaged one, no foreign one, and above all no late one."""
+"""The client accepts no wrong reply: neither a damaged nor a foreign nor a late reply."""
 
 import errno
 from concurrent.futures import ThreadPoolExecutor
@@ -80,13 +80,13 @@ def refused(function, code):
 
 
 def read_of(first, count):
-    """The reply of a device whose register n holds n."""
+    """Return the reply of a device whose register n holds n."""
     words = b"".join(register.to_bytes(2, "big") for register in range(first, first + count))
     return rtu.seal(1, bytes((3, 2 * count)) + words)
 
 
 def test_late_exception_is_rejected_and_leaves_no_lag(bus, slow_registers, timing):
-    """The exception of the first request arrives while the second one, of another length, waits."""
+    """The exception to the first request arrives during the wait for the second reply, which has another length."""
 
     class Refuses(type(slow_registers())):
         def receive(self, data, time_s):
@@ -132,7 +132,7 @@ def test_reply_after_an_exception_is_rejected(bus, slow_registers, timing, code)
 
 
 def test_second_copy_of_an_exception_leaves_no_lag(bus, slow_registers, timing):
-    """The copy may answer the next request; the reply to that one then arrives while the request after it waits."""
+    """The copy may answer the next request. The real reply to this request then arrives during the request after it."""
 
     class RefusesTwice(type(slow_registers())):
         def receive(self, data, time_s):
@@ -155,7 +155,7 @@ def test_second_copy_of_an_exception_leaves_no_lag(bus, slow_registers, timing):
 
 
 def test_second_copy_of_a_reply_is_rejected_by_a_proved_read(bus, timing):
-    """The copy arrives when the next request is out: only the answer to a request of another kind shows that."""
+    """The copy arrives after the next request was sent. Only the answer to a request of another kind reveals that."""
 
     class Doubles:
         reads = 0
@@ -178,13 +178,13 @@ def test_second_copy_of_a_reply_is_rejected_by_a_proved_read(bus, timing):
     assert last == (far.reads,) * 4
 
 
-def test_a_proved_read_needs_no_other_answer_where_the_device_knows_no_other_request(bus, script, timing):
+def test_proved_read_works_with_a_device_that_knows_no_other_request(bus, script, timing):
     far = script([], [(0.0, RIGHT)])
     assert bus(far).execute(1, READ, timing, proved=True) == RIGHT[3:-2]
     assert len(far.heard) == 2
 
 
-def test_a_trace_that_fails_keeps_no_frame_from_passing(bus, script, timing):
+def test_failing_trace_does_not_stop_the_frames(bus, script, timing):
     def trace(*_event):
         raise OSError(errno.ENOSPC, "No space left on device")
 
@@ -219,7 +219,7 @@ def test_reply_150_ms_late_is_discarded_and_the_next_read_is_right(bus, slow_reg
         payload = client.execute(1, requests.read_holding(first, 4), timing)
         assert requests.registers_of(payload) == tuple(range(first, first + 4))
     assert client.counters.quarantines >= 1
-    assert client.counters.probes == 2  # the first one met the late reply
+    assert client.counters.probes == 2  # the first probe met the late reply
 
 
 def test_replies_of_a_device_that_hung_are_rejected(bus, slow_registers, timing):
@@ -274,7 +274,7 @@ def test_a_write_after_a_lost_read_needs_no_probe(bus, script, timing):
 def test_reads_are_retried_and_writes_are_not(bus, script):
     patient = BusTiming(0.1, read_retries=2)
     far = script([], [], [(0.0, RIGHT)])
-    far.answers.insert(1, [(0.0, rtu.seal(1, bytes.fromhex("03 02 000A")))])  # of the probe
+    far.answers.insert(1, [(0.0, rtu.seal(1, bytes.fromhex("03 02 000A")))])  # answers the probe
     far.answers.insert(3, [(0.0, rtu.seal(1, bytes.fromhex("03 02 000A")))])
     client = bus(far)
     assert requests.registers_of(client.execute(1, READ, patient)) == (10, 11, 12, 13)
@@ -335,7 +335,7 @@ def test_a_request_that_is_bound_to_a_lost_connection_is_not_sent_on_the_next(bu
     assert client.execute(1, READ, timing, client.connection)
 
 
-def test_a_bus_that_is_never_silent_is_given_up(bus, script, timing):
+def test_bus_that_is_never_silent_is_an_error(bus, script, timing):
     client = bus(script([(0.01 * i, b"\x00") for i in range(1000)]))
     with pytest.raises(ProtocolError):
         client.execute(1, READ, timing)
@@ -377,7 +377,7 @@ def test_the_reply_to_an_interrupted_request_answers_no_other(bus, slow_register
     client.execute(1, requests.read_holding(0, 1), timing)
     followers.append(interrupt)
     client.transport._peer.delays_s = [0.05]
-    client._line._free_at_s -= 1  # the pause is over: the interrupt comes while the client waits for the reply
+    client._line._free_at_s -= 1  # no pause is left: the interrupt comes during the wait for the reply
     with pytest.raises(KeyboardInterrupt):
         client.execute(1, requests.read_holding(10, 2), timing)
     followers.clear()

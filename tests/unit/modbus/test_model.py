@@ -1,4 +1,7 @@
-"""No order of late, lost, doubled and early frames makes the client accept a foreign reply; more runs: benchmarks."""
+"""No order of late, lost, doubled and early frames makes the client accept a foreign reply.
+
+The benchmarks repeat this with more runs.
+"""
 
 import pytest
 from hypothesis import settings
@@ -17,8 +20,8 @@ def test_no_foreign_reply_is_accepted(machine):
     run_state_machine_as_test(machine, settings=SETTINGS)
 
 
-def test_the_model_catches_a_client_that_forgets_outstanding_replies(monkeypatch):
-    """A late reply arrives while the next request of its kind waits."""
+def test_model_detects_a_client_that_forgets_outstanding_replies(monkeypatch):
+    """A late reply arrives while the client waits for the next reply of the same kind."""
     monkeypatch.setattr(Outstanding, "add", lambda *_: None)
     machine = BusMachine()
     machine.begin()
@@ -29,7 +32,7 @@ def test_the_model_catches_a_client_that_forgets_outstanding_replies(monkeypatch
 
 
 def test_busy_device_is_not_taken_for_one_that_ignores_unknown_reads():
-    """It answers neither the request of the proof nor the read in time, then sends a second copy of an older reply."""
+    """The device answers neither the sync nor the read in time, then sends a second copy of an older reply."""
     machine = BusMachine()
     machine.begin()
     machine.double(copy_s=0.4, late_s=0.099)

@@ -1,4 +1,4 @@
-"""The client's protocol without I/O: every cell of its tables."""
+"""The client's protocol without I/O. Every cell of its tables is tested."""
 
 import pytest
 
@@ -22,7 +22,7 @@ PDUS = {
     "foreign exception": bytes.fromhex("84 02"),
     "too long": bytes.fromhex("03 04 000A 000B 000C"),
 }
-VERDICTS = {  # by what arrives, for each of OUTSTANDING; SAME_KIND leaves an exception outstanding, too
+VERDICTS = {  # by the frame that arrives, one verdict for each of OUTSTANDING; SAME_KIND includes an exception
     "reply": (Verdict.ANSWERED, Verdict.STALE, Verdict.ANSWERED, Verdict.ANSWERED),
     "exception": (Verdict.REFUSED, Verdict.STALE, Verdict.STALE, Verdict.REFUSED),
     "deferral": (Verdict.DEFERRED, Verdict.STALE, Verdict.STALE, Verdict.DEFERRED),
@@ -84,7 +84,7 @@ def test_the_verdict_on_rtu(outstanding, arrives, verdict):
 
 @pytest.mark.parametrize(("outstanding", "arrives", "verdict"), CELLS)
 def test_the_verdict_on_tcp(outstanding, arrives, verdict):
-    """As on RTU, but a number proves an exception, and TCP guards against damage."""
+    """As on RTU, but the transaction number proves an exception, and TCP detects damage."""
     if arrives in ("damaged", "half a reply", "nothing"):
         return
     protocol = ClientProtocol(TcpFraming())
@@ -107,7 +107,7 @@ def test_bytes_that_are_not_modbus_tcp_need_a_new_connection():
 
 
 class Drawn:
-    """Draws these numbers, one after another."""
+    """A random generator that returns these numbers in turn."""
 
     def __init__(self, *numbers):
         self._numbers = iter(numbers)
@@ -117,7 +117,7 @@ class Drawn:
 
 
 def test_frame_behind_a_reply_does_not_answer_the_next_request():
-    """It has the number that the next request will draw."""
+    """The frame has the transaction number that the next request will get."""
     early, reply = mbap.seal(5000, 1, bytes.fromhex("03 04 DEAD DEAD")), mbap.seal(1000, 1, PDUS["reply"])
     protocol = ClientProtocol(TcpFraming(Drawn(0, 1000, 5000)))
     assert outcome_of(protocol, READ, reply + early).verdict is Verdict.ANSWERED
@@ -132,7 +132,7 @@ def test_half_a_frame_behind_a_reply_needs_a_new_connection():
 
 @pytest.mark.parametrize("arrives", VERDICTS)
 def test_outstanding_frames_after_each_verdict(arrives):
-    """Of the request itself, and of an older one of the same unit."""
+    """The test counts frames of the request itself and of an older request to the same unit."""
     protocol = ready()
     unanswered(protocol, ANOTHER_FUNCTION)
     verdict = outcome_of(protocol, READ, rtu_frame(arrives)).verdict
@@ -174,7 +174,7 @@ def test_outstanding_reply_expires():
 
 
 def test_every_state_has_a_transition_for_each_possible_event():
-    """A request goes out in READY alone; silence, strays and new connections come at any time between requests."""
+    """A request is sent only in READY. Silence, strays and new connections may come at any time between requests."""
     assert {state for state, event in TRANSITIONS if event is ConnectionEvent.SENT} == {ConnectionState.READY}
     assert {state for state, event in TRANSITIONS if event is ConnectionEvent.DONE} == {ConnectionState.WAITING}
     for event in (ConnectionEvent.STRAY, ConnectionEvent.SILENCE, ConnectionEvent.FAILED):
@@ -201,7 +201,7 @@ def test_an_unknown_device_is_probed_with_another_length_then_with_another_funct
 
 
 def answer(protocol, request):
-    """Let the device answer it with zeros."""
+    """Let the device answer the request with zeros."""
     size = request.payload_size
     outcome_of(protocol, request, rtu.seal(1, bytes((request.function, size)) + bytes(size)))
 
@@ -221,7 +221,7 @@ def test_a_sync_is_a_known_read_whose_kind_has_not_arrived_lately():
 
 
 def test_where_a_device_refuses_other_lengths_a_sync_uses_other_functions():
-    """All exceptions of one function look alike: one that arrived lately proves nothing."""
+    """All exceptions of one function look alike, so a function whose exception arrived lately proves nothing."""
     protocol = ready()
     answer(protocol, READ)
     functions = []

@@ -1,4 +1,4 @@
-"""Modbus TCP: replies are matched by their transaction number; errors of sockets have a cure."""
+"""On Modbus TCP the transaction number assigns a reply to its request. Socket errors have a cure."""
 
 import socket
 import threading
@@ -27,7 +27,7 @@ TIMING = BusTiming(response_timeout_s=0.1, read_retries=0)
 
 
 class Script:
-    """Answers request n with `answers[n]`: a list of (delay in seconds, bytes, or what makes them of the number)."""
+    """Answers request n with `answers[n]`, a list of (delay in seconds, bytes or a function of the number)."""
 
     def __init__(self, *answers):
         self.answers = list(answers)
@@ -115,7 +115,7 @@ def test_bytes_before_the_request_are_discarded(tcp):
     for _ in range(2):
         assert requests.registers_of(client.execute(1, READ, TIMING)) == (10, 11)
     assert client.counters.discarded_bytes == 1
-    assert client.counters.reopenings == 1  # half a frame: where the next one begins is not known
+    assert client.counters.reopenings == 1  # after half a frame, the beginning of the next one is unknown
 
 
 def test_transaction_numbers_are_random_and_not_near_the_last():
@@ -135,7 +135,7 @@ def test_exception_reply_has_its_code(tcp):
 
 @pytest.mark.parametrize("left", [lambda number: numbered(RIGHT)(number)[:8], bytes.fromhex("00 01 00 05 00 07 01")])
 def test_a_stream_out_of_step_is_opened_anew(tcp, left):
-    """Bytes behind half a frame could be read as a frame that was never sent."""
+    """Otherwise bytes behind half a frame could be read as a frame that was never sent."""
     client = tcp([(0.0, left)], [(0.0, numbered(b"\x03\x02\0\0"))], [(0.0, numbered(RIGHT))])
     with pytest.raises((DeadlineError, ProtocolError)):
         client.execute(1, READ, TIMING)
@@ -144,7 +144,7 @@ def test_a_stream_out_of_step_is_opened_anew(tcp, left):
 
 
 class Registers:
-    """Register n holds n; it answers in order, each reply later by the next of `delays_s`."""
+    """A slow device whose register n holds n. It answers in order; `delays_s` are the delays of its replies."""
 
     def __init__(self, delays_s):
         self.delays_s = list(delays_s)

@@ -1,4 +1,4 @@
-"""A trace can be read by people and by programs."""
+"""People and programs can read a trace."""
 
 import resource
 
@@ -137,7 +137,7 @@ def test_trace_that_cannot_be_written_is_refused(tmp_path, script):
 
 
 def test_full_disk_ends_only_the_trace(tmp_path, script, timing, caplog):
-    """The limit of the file's size stands for the full disk."""
+    """A limit of the file size takes the place of a full disk."""
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     far = script(*[[(0.0, RIGHT)]] * 50)
     transport = InProcessTransport(far, VirtualClock())

@@ -1,4 +1,4 @@
-"""A rig file and the files that it names."""
+"""Rig files, and the files that they name."""
 
 import json
 import os
@@ -16,7 +16,7 @@ from smadrive.wire.data_sheet import load_data_sheet
 
 @pytest.fixture
 def folder(tmp_path):
-    """A folder with a rig that names a wire and a profile beside it, and a model that is not there yet."""
+    """A folder with a rig file, its wire and its profile. The rig file names a model that does not exist yet."""
     document = tomlkit.parse(rig_file("in-process").read_text(encoding="utf-8"))
     wire = (configs_dir() / "wires" / f"{document['wire']}.toml").read_text(encoding="utf-8")
     profile = document["devices"][0]["profile"]

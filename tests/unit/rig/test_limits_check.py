@@ -1,4 +1,4 @@
-"""Limits of a rig that cannot be meant for its wire are an error before a port is opened."""
+"""Implausible limits of a rig for its wire are an error before a port is opened."""
 
 import pytest
 import tomlkit
@@ -56,7 +56,7 @@ def wire_with(tmp_path):
         ({"voltage_max_v": 9000.0}, {}, "voltage_max_v", "9000 V", None),
     ],
 )
-def test_limit_that_is_none_for_the_wire_is_named_with_its_value_and_limit(limits, excitation, key, value, limit):
+def test_implausible_limit_is_an_error_with_value_and_limit(limits, excitation, key, value, limit):
     error = error_of(limits, excitation)
     assert f"limits.{key}" in error.what
     assert error.value == value
@@ -67,8 +67,8 @@ def test_limit_that_is_none_for_the_wire_is_named_with_its_value_and_limit(limit
 @pytest.mark.parametrize(
     ("limits", "hint"),
     [
-        (KELVIN, "378 K are 105 °C"),
-        ({"temperature_max_c": 408.0}, "408 K are 135 °C"),
+        (KELVIN, "378 K is 105 °C"),
+        ({"temperature_max_c": 408.0}, "408 K is 135 °C"),
         ({"current_max_a": 400.0}, "in amperes"),
         ({"voltage_max_v": 0.5}, "about 8.2"),
         ({"voltage_max_v": 60.0}, "about 8.2"),

@@ -1,4 +1,4 @@
-"""The plan of a rig follows from its file and the profiles; devices that make up no rig are an error."""
+"""The plan of a rig follows from its file and the profiles. Devices that do not form a rig are an error."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""A heat balance that cannot be that of the rig's wire is an error before anything is heated."""
+"""A heat balance that cannot belong to the rig's wire is an error before anything is heated."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""The duty of a guardian: one for each device, shown while it waits, relieved by a confirmed switch-off."""
+"""A device has one guardian, which is shown while it waits and relieved when the device is confirmed off."""
 
 import os
 

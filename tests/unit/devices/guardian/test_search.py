@@ -11,7 +11,7 @@ from smadrive.devices.state.key import port_names
 
 
 class Time:
-    """A clock that a test moves."""
+    """A clock that the test advances."""
 
     now_s = 0.0
 
@@ -33,7 +33,7 @@ def by_id(tmp_path, monkeypatch):
 
 
 def plug(by_id, number, name):
-    """The adapter of this name comes up under this number."""
+    """Plug in the adapter with this name; the kernel gives its port this number."""
     port = by_id.parent / f"ttyUSB{number}"
     port.touch()
     (by_id / name).unlink(missing_ok=True)
@@ -52,7 +52,7 @@ def test_a_device_that_comes_back_under_another_number_is_found_and_another_adap
     assert search.urls() == [f"serial://{by_id / 'usb-1a86'}?baudrate=9600"]
 
 
-def test_a_port_without_a_name_is_tried_as_it_is_written(by_id, now):
+def test_port_without_a_permanent_name_is_tried_as_written(by_id, now):
     port = by_id.parent / "ttyUSB0"
     port.touch()
     search = PortSearch(f"serial://{port}", frozenset(), now)
@@ -83,7 +83,7 @@ def test_one_wrong_identity_does_not_exclude_a_port(now):
         assert search.urls() == [url]
 
 
-def test_a_port_that_is_plugged_in_anew_is_asked_at_once(by_id, now):
+def test_port_that_is_plugged_in_again_is_tried_at_once(by_id, now):
     url = f"serial://{plug(by_id, 0, 'usb-1a86')}"
     search = PortSearch(url, port_names(url), now)
     for _ in range(AGREEING):

@@ -1,4 +1,4 @@
-"""The guardian's states without processes, ports and time: the table, and whole sequences of events."""
+"""The table of the guardian's states, and whole sequences of events, without processes, ports and time."""
 
 import pytest
 
@@ -17,7 +17,7 @@ TIMEOUT_S = 3.0
 
 
 class Script:
-    """Gives the signals of the driver and the outcomes of attempts in turn; records actions and waits."""
+    """Returns the signals of the driver and the outcomes of attempts in turn, and records actions and waits."""
 
     def __init__(self, *events):
         self.events = list(events)

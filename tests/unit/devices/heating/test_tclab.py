@@ -1,4 +1,4 @@
-"""The TCLab board against its simulated firmware: every duty is said back, every temperature is read twice."""
+"""The TCLab driver with its simulated firmware. The board repeats every duty, and gives every temperature twice."""
 
 from math import isnan, sqrt
 
@@ -26,7 +26,7 @@ from smadrive.errors import (
 PROFILE = load_profile("tclab")
 LIMITS = HeaterLimits(current_max_a=0.6, temperature_max_c=130.0)
 STEP_C = 0.33
-"""Of the converter."""
+"""One step of the temperature converter, in °C."""
 
 
 @pytest.fixture
@@ -143,12 +143,12 @@ def test_a_sensor_at_the_end_of_its_converter_is_no_temperature(device, clock, a
     wait(clock, 0.05)
     sample = armed.exchange(0.0).temperature
     assert isnan(sample.value)
-    assert sample.problem == f"{shown} °C, outside the range of the sensor: open or shorted"
+    assert sample.problem == f"{shown} °C is outside the sensor's range: it is open or shorted"
 
 
 @pytest.fixture
 def damage(device, monkeypatch):
-    """Let the next reply to a command have another first digit, of which nothing in the line tells."""
+    """Change the first digit of the next reply to a command. Nothing in the line reveals that."""
     right, damaged = device.firmware.answer, []
 
     def answer(line):
@@ -223,7 +223,7 @@ def test_a_board_that_starts_is_waited_for(clock, board):
 
 @pytest.mark.parametrize("seed", range(3))
 def test_bad_line_gives_no_wrong_value(seed):
-    """Every failure is typed; every value that is taken is right; the end is always without heat."""
+    """Every failure has an error type, every accepted value is right, and the heater is always off at the end."""
     device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed, PROFILE)
     clock = VirtualClock()
     clock.follow(device.bench.advance_to)

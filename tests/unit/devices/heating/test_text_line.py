@@ -1,4 +1,4 @@
-"""Text without a checksum: no late, foreign or torn line is accepted as the answer to a command."""
+"""On a text line without checksums, no late, foreign or incomplete line is accepted as the answer to a command."""
 
 import random
 import re
@@ -16,10 +16,9 @@ TIMEOUT_S = 0.15
 
 
 class Board:
-    """Says `Board 1` to a greeting, a token back, and the number of any other command, each later by the next of
-    `delays_s`.
+    """A board that answers a greeting with `Board 1`, a token with the token, and other commands with their number.
 
-    `says` has other lines to say than the right ones, by command.
+    `delays_s` are the delays of its replies. `says` replaces the reply to a command.
     """
 
     def __init__(self, delays_s=(), says=()):
@@ -119,7 +118,7 @@ def test_another_board_is_refused():
     assert board.heard[-1] == "VER"
 
 
-def test_a_line_that_is_never_silent_is_given_up():
+def test_line_that_is_never_silent_is_an_error():
     line, transport = line_to(Board(says={"VER": b"?\r\n"}))
     for tenth in range(100):
         transport.deliver(0.1 * tenth, b"chatter\r\n")
@@ -130,7 +129,10 @@ def test_a_line_that_is_never_silent_is_given_up():
 
 @pytest.mark.parametrize("seed", range(4))
 def test_late_lines_are_rejected(seed):
-    """Delays up to four timeouts, of a fifth of them; every answer is the own one, or a typed error within its time."""
+    """A fifth of the replies is delayed by up to four timeouts.
+
+    Each command gets its own reply, or a typed error in time.
+    """
     chance = random.Random(seed)
     board = Board()
     line, _ = line_to(board)

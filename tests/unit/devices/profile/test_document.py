@@ -1,4 +1,4 @@
-"""docs/device-profiles.md lists exactly the keys that a profile may have; its example drives a supply."""
+"""docs/device-profiles.md lists exactly the keys that a profile may have, and its example drives a supply."""
 
 import re
 import tomllib

@@ -1,4 +1,4 @@
-"""Profiles: the shipped ones load; a profile that could lead to a wrong value or a harmful write is refused."""
+"""Shipped profiles load. A profile that could lead to a wrong value or a harmful write is an error."""
 
 import pytest
 
@@ -21,7 +21,7 @@ def test_an_unknown_name_lists_the_known():
         load_profile("sma")
 
 
-def test_the_reference_map_reaches_everything_by_one_exchange():
+def test_all_registers_of_the_reference_map_are_holding_registers():
     profile = load_profile("sma-reference")
     assert {register.table for register in profile.registers.values()} == {"holding"}
 

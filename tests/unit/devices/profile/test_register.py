@@ -1,4 +1,4 @@
-"""One register: every type, both ends of its range, sentinels by pattern, refusals."""
+"""The conversion of one register: types, both ends of their ranges, sentinels, and wrong descriptions."""
 
 import math
 import struct
@@ -42,10 +42,10 @@ def test_both_ends_of_every_type_survive_the_round_trip(kind, order):
         ("uint32", "big", (0x0001, 0x0002), 65538),
         ("uint32", "little", (0x0002, 0x0001), 65538),
         ("int32", "big", (0xFFFF, 0xFFFE), -2),
-        ("float32", "little", (0x7C37, 0x428B), 69.743),  # worked example of the OM20's manual
+        ("float32", "little", (0x7C37, 0x428B), 69.743),  # the example in the manual of the OM20
     ],
 )
-def test_patterns(kind, order, words, value):
+def test_words_of_each_type_decode_to_their_value(kind, order, words, value):
     assert register(type=kind, word_order=order).codec.decode(words).value == pytest.approx(value, abs=5e-4)
 
 
@@ -196,11 +196,11 @@ def test_writing_an_unknown_state_is_refused():
         ({"type": "bool"}, "coils and discrete inputs are 'bool'"),
         ({"type": "string"}, "has a length"),
         ({"length": 2}, "has a length"),
-        ({"type": "string", "length": 2, "access": "rw", "min": 0, "max": 1}, "is not written"),
-        ({"access": "rw", "min": 0, "max": 1, "sign_register": "sign"}, "is not written"),
-        ({"access": "rw", "min": 0, "max": 1, "evidence": "uncertain"}, "an uncertain register is not written"),
+        ({"type": "string", "length": 2, "access": "rw", "min": 0, "max": 1}, "cannot be written"),
+        ({"access": "rw", "min": 0, "max": 1, "sign_register": "sign"}, "cannot be written"),
+        ({"access": "rw", "min": 0, "max": 1, "evidence": "uncertain"}, "uncertain"),
         ({"evidence": "rumour"}, "Input should be"),
-        ({"access": "w", "min": 0, "max": 1, "nonvolatile": True}, "compared before it is written"),
+        ({"access": "w", "min": 0, "max": 1, "nonvolatile": True}, "nonvolatile"),
         ({"invalid": {"0": "none"}, "valid_min": -40}, r"sentinel 0x0 \('none'\) is 0 , inside the valid range"),
         ({"invalid": {"500": "none"}, "valid_max": 50.0, "scale": 0.1}, "inside the valid range"),
         ({"invalid": {"5": "none"}, "access": "rw", "min": 0, "max": 10}, "inside the valid range"),

@@ -1,4 +1,4 @@
-"""Every shipped profile: golden frames by the real encoder, and every register both ways at the ends of its range."""
+"""Each shipped profile: golden frames with the real encoder, and both conversions at the ends of every range."""
 
 import pytest
 
@@ -70,7 +70,7 @@ def test_every_register_converts_both_ways_at_the_ends_of_its_range(profile):
         for raw in RANGES[register.type]:
             words = register.codec.pack(raw)
             value = register.codec.decode(words, context).value
-            if value == value:  # noqa: PLR0124 (NaN: a sentinel, or no state)
+            if value == value:  # noqa: PLR0124 (false for NaN, which is a sentinel or an unknown state)
                 assert register.codec.saturated(value, context) == words, name
         for limit in (register.min, register.max):
             if limit is not None and register.writable:

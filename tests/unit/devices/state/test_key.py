@@ -1,4 +1,4 @@
-"""The key of a device: permanent names of a port, serial numbers, and the table of trips that apply."""
+"""The key of a device, with permanent names and serial number, and the table that tells when a trip applies."""
 
 import os
 import threading
@@ -45,7 +45,7 @@ def test_another_unit_of_the_same_port_is_another_device():
 
 @pytest.fixture
 def udev(tmp_path, monkeypatch):
-    """`plug(number, by_id, by_path)`: an adapter comes up under this number with these links."""
+    """Return `plug(number, by_id, by_path)`, which adds an adapter with this port number and these links."""
     folders = {"BY_ID": tmp_path / "by-id", "BY_PATH": tmp_path / "by-path"}
     for name, folder in folders.items():
         folder.mkdir()
@@ -101,7 +101,7 @@ def test_a_pseudo_terminal_is_known_by_its_number_only_while_it_exists():
             os.close(far)
 
     path, before = open_and_close()
-    time.sleep(0.02)  # the kernel notes times in steps of some milliseconds
+    time.sleep(0.02)  # times of the kernel have a resolution of some milliseconds
     again, after = open_and_close()
     assert path == again
     assert before

@@ -1,4 +1,4 @@
-"""The lock of a line: one client, shared with its guardian, released by the kernel."""
+"""The lock of a line admits one client, is shared with its guardian, and is released by the kernel."""
 
 import os
 import signal
@@ -26,7 +26,7 @@ INHERITS = "import sys; print('holds', flush=True); sys.stdin.read()"
 
 @pytest.fixture
 def held():
-    """`held(line, role)`: a process that holds the lock."""
+    """Return `held(line, role)`, which starts a process that holds the lock."""
     processes = []
 
     def start(line, role):

@@ -1,4 +1,4 @@
-"""Frames and requests: golden frames of the standard, and a comparison with pymodbus."""
+"""Frames and requests, compared with golden frames of the standard and with pymodbus."""
 
 import pytest
 from hypothesis import given
@@ -54,7 +54,7 @@ def test_requests_are_those_of_the_standard(request_, pdu, head, payload_size):
         "01 05 08 10 FF 00 8F 9F",
     ],
 )
-def test_frames_captured_from_real_devices(golden):
+def test_requests_match_frames_captured_from_real_devices(golden):
     frame = bytes.fromhex(golden)
     assert rtu.seal(frame[0], frame[1:-2]) == frame
     assert rtu.crc_holds(frame)
@@ -103,11 +103,11 @@ def test_bit_requests_agree_with_pymodbus(first, states):
     ],
 )
 def test_request_outside_the_standard_is_refused(make):
-    with pytest.raises(ValueError, match=r"the standard allows|address space"):
+    with pytest.raises(ValueError, match="addresses"):
         make()
 
 
-def test_size_of_unfinished_and_of_unknown_requests():
+def test_unfinished_and_unknown_requests_have_no_size():
     whole = rtu.seal(1, requests.write_registers(0, [1, 2]).pdu)
     assert rtu.request_size(b"\x01") == 0
     assert rtu.request_size(whole[:6]) == 0

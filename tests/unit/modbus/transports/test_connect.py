@@ -1,4 +1,4 @@
-"""A malformed URL is a ConfigError in every function that reads one."""
+"""A malformed URL is a ConfigError in every function that reads a URL."""
 
 import pytest
 
@@ -32,7 +32,7 @@ BAD_OPTIONS = [
 
 @pytest.mark.parametrize("url", BAD)
 @pytest.mark.parametrize("read", [open_transport, port_of])
-def test_url_that_makes_no_sense_is_a_config_error(url, read):
+def test_malformed_url_is_a_config_error_in_every_function(url, read):
     with pytest.raises(ConfigError) as caught:
         read(url)
     assert len(str(caught.value)) < 400

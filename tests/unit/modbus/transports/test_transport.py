@@ -1,4 +1,4 @@
-"""URLs and serial ports; a pseudo-terminal is the port."""
+"""URLs and serial ports. A pseudo-terminal takes the place of the port."""
 
 import grp
 import os
@@ -67,7 +67,7 @@ def test_forbidden_port_is_refused_with_the_group_to_join(terminal):
     group = grp.getgrgid(Path(path).stat().st_gid).gr_name
     is_root = os.geteuid() == 0
     if is_root:
-        os.seteuid(65534)  # root may open anything
+        os.seteuid(65534)  # root may open every port
     try:
         with pytest.raises(TransportError) as error:
             open_transport(f"serial://{path}")
@@ -79,7 +79,7 @@ def test_forbidden_port_is_refused_with_the_group_to_join(terminal):
 
 
 def test_a_forked_child_does_not_keep_the_port_locked(terminal):
-    """It shares the open port as a duplicate does, and the lock with it."""
+    """The child shares the open port and its lock, as a duplicated descriptor does."""
     _, path = terminal
     transport = open_transport(f"serial://{path}")
     shared = os.dup(transport._descriptor)
@@ -173,7 +173,7 @@ def test_a_port_that_has_come_back_is_opened_again_but_not_one_that_was_closed(t
     assert closed.value.cure == "open a new one"
 
 
-def test_a_closed_port_is_a_lost_connection_and_closing_twice_does_no_harm(terminal):
+def test_closed_port_is_a_lost_connection_and_may_be_closed_again(terminal):
     transport = open_transport(f"serial://{terminal[1]}")
     transport.close()
     transport.close()
@@ -184,7 +184,7 @@ def test_a_closed_port_is_a_lost_connection_and_closing_twice_does_no_harm(termi
 
 
 def test_lost_port_access_sends_and_returns_nothing(terminal):
-    """The access to the port is lost once while it waits for an answer, then before it asks."""
+    """The transport loses its access to the port once during the wait for an answer, and once before the request."""
     asked = []
 
     def port_access():
