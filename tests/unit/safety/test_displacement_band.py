@@ -18,7 +18,7 @@ def wire(scale):
 
 
 @given(turns=st.lists(st.floats(20, 140), min_size=2, max_size=8), scale=st.sampled_from([12.0, -3.0]))
-def test_wherever_a_wire_has_been_it_is_within_its_band(turns, scale):
+def test_wire_of_any_history_is_within_its_band(turns, scale):
     model = wire(scale)
     placed = DisplacementBand(model)
     v = np.concatenate([np.linspace(a, b, 30) for a, b in pairwise(turns)])
@@ -45,7 +45,7 @@ def test_the_nearest_displacement_is_on_a_branch_or_between_them():
     assert placed.nearest_mm(80.0, 5.0) == 5.0
 
 
-def test_beyond_the_models_range_the_ends_hold():
+def test_band_is_constant_beyond_the_range_of_the_model():
     placed = DisplacementBand(wire(12.0))
     assert placed.band_mm(-50.0) == placed.band_mm(20.0 - UNSURE_C)
     assert placed.band_mm(500.0) == placed.band_mm(140.0 + UNSURE_C)

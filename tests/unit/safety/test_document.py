@@ -1,4 +1,4 @@
-"""docs/safety.md says of every fault what the driver says."""
+"""docs/safety.md agrees with the faults and limits of the driver."""
 
 import re
 from pathlib import Path

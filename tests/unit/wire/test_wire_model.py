@@ -1,4 +1,4 @@
-"""The identified wire: heat and transformation together, whatever the step."""
+"""The wire model steps heat and transformation together, and its result does not depend on the step."""
 
 import numpy as np
 import pytest
@@ -27,8 +27,8 @@ def test_a_long_step_ends_where_many_short_ones_end(power_w, start_c):
     assert long.hysteresis.w == pytest.approx(short.hysteresis.w, abs=0.005)
 
 
-def test_the_heat_that_goes_in_is_found_again():
-    """What is neither stored nor transformed is lost to the room."""
+def test_heat_is_conserved():
+    """Heat that is neither stored nor used by the transformation is lost to the surroundings."""
     state, lost_j = WireState(30.0, WIRE.model.initial_state(30.0)), 0.0
     for _ in range(4000):
         after = WIRE.step(state, 2.0, 5e-4)
@@ -49,7 +49,7 @@ def test_the_slope_is_that_of_the_phase_also_where_displacement_falls_on_heating
 
 
 @pytest.mark.parametrize("power_w", [0.0, 0.3, 1.4, 5.0])
-def test_a_state_outside_the_branches_gives_no_heat(power_w):
+def test_state_outside_the_branches_gives_no_heat(power_w):
     centres = np.linspace(40.0, 120.0, 41)
     pull = np.full(41, 0.1)
     up, down = (0.5 + 0.5 * np.tanh((centres - middle_c) / 6.0) for middle_c in (90.0, 69.0))
@@ -71,8 +71,8 @@ def test_a_state_outside_the_branches_gives_no_heat(power_w):
             assert min(start_c, settled_c) <= after_c <= max(start_c, settled_c)
 
 
-def test_a_model_that_uses_a_part_of_its_state_takes_the_same_heat():
-    """An identified model may have a scale beyond the stroke, its state then staying below 1."""
+def test_model_that_uses_a_part_of_its_state_takes_the_same_heat():
+    """An identified model may have a scale larger than the stroke. Its state then stays below 1."""
     sets = TriangularSets(tuple(np.linspace(40.0, 120.0, 41)))
     whole = TSFuzzyDuhem.from_duhem(WIRE.model, sets)
     (a_up, b_up), (a_down, b_down) = whole.heating_law, whole.cooling_law
