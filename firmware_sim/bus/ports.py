@@ -46,7 +46,7 @@ class Port(Protocol):
 
 
 class RtuPort:
-    """RTU frames, on a serial line or through a socket."""
+    """A port for RTU frames, on a serial line or through a socket."""
 
     def __init__(self, units: Sequence[Unit]) -> None:
         self.stream = RequestStream()
@@ -68,7 +68,7 @@ class RtuPort:
 
 
 class TcpPort:
-    """Modbus TCP frames."""
+    """A port for Modbus TCP frames."""
 
     def __init__(self, units: Sequence[Unit]) -> None:
         self._units = units
@@ -103,7 +103,7 @@ class TcpPort:
 
 
 class TextPort:
-    """Lines of text to one board; `answer` carries out a line."""
+    """A port for lines of text to one board; `answer` carries out a line."""
 
     def __init__(self, answer: Callable[[TextMessage, float], list[Delivery]]) -> None:
         self._answer = answer

@@ -99,7 +99,7 @@ class BoardFirmware:
             raise ModbusException(DEVICE_FAILURE)
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Carry out a write of these roles, all of one request together."""
+        """Carry out a write of these roles; one request may write several roles."""
         if values.get("sequence", self.sequence) != self.sequence:
             self.sequence = int(values["sequence"])
             self._unfed_s = 0.0

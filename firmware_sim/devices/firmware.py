@@ -38,7 +38,7 @@ class RegisterFirmware(Firmware, Protocol):
         ...
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Carry out a write of these roles, all of one request together."""
+        """Carry out a write of these roles; one request may write several roles."""
         ...
 
     def quantities(self) -> Mapping[str, Quantity]:

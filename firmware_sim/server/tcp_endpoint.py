@@ -118,7 +118,7 @@ class TcpEndpoint:
 
 
 class _TcpConnection:
-    """The connection of one client."""
+    """The TCP connection of one client."""
 
     def __init__(self, client: socket.socket, port: Port) -> None:
         self.port = port

@@ -84,7 +84,7 @@ class TrapezoidSets:
     def __post_init__(self) -> None:
         check_centres(self.centres)
         if not 0 <= self.flat < 1:
-            raise ModelError("outside [0, 1)", where="trapezoid sets: flat", value=self.flat)
+            raise ModelError("must be at least 0 and less than 1", where="trapezoid sets: flat", value=self.flat)
 
     @property
     def kinks(self) -> FloatArray:
@@ -114,7 +114,7 @@ class GaussianSets:
     def __post_init__(self) -> None:
         check_centres(self.centres)
         if not (np.isfinite(self.width) and self.width > 0):
-            raise ModelError("not finite and positive", where="Gaussian sets: width", value=self.width)
+            raise ModelError("not a positive number", where="Gaussian sets: width", value=self.width)
 
     @property
     def kinks(self) -> FloatArray:
@@ -148,4 +148,4 @@ def check_centres(centres: tuple[float, ...]) -> None:
     steps = np.diff(np.array(centres, dtype=np.float64))
     if not (np.isfinite(steps).all() and (steps > 0).all()):
         value = shortened(tuple(centres))
-        raise ModelError("not finite and strictly ascending", where="sets: centres", value=value)
+        raise ModelError("must be finite, and each larger than the one before", where="sets: centres", value=value)

@@ -54,7 +54,7 @@ class GaussianMixture:
                 cure = "give a finite mu, and a finite and positive sigma"
                 raise ModelError("not a distribution", where="mixture (mu, sigma)", value=(mean, sigma), cure=cure)
         if min(self.weights) <= 0 or abs(fsum(self.weights) - 1) > 1e-9:
-            raise ModelError("not positive with sum 1", where="mixture: weights", value=self.weights)
+            raise ModelError("must be positive and have the sum 1", where="mixture: weights", value=self.weights)
 
     def span(self, sigmas: float) -> tuple[float, float]:
         """Return the interval from the lowest to the highest mean ± `sigmas` standard deviations."""

@@ -114,10 +114,11 @@ def check_output_map(scale: float, offset: float, input_range: tuple[float, floa
     """Return the range as floats. ModelError for a zero scale, a falling range, and values that are not finite."""
     if not isfinite(scale) or scale == 0:
         cure = "give a positive scale, or a negative one when the output falls on heating"
-        raise ModelError("not finite, or zero", where="scale", value=scale, cure=cure)
+        raise ModelError("zero or not finite", where="scale", value=scale, cure=cure)
     if not isfinite(offset):
         raise ModelError("not finite", where="offset", value=offset)
     lower, upper = map(float, input_range)
     if not (isfinite(lower) and isfinite(upper) and lower < upper):
-        raise ModelError("not finite and increasing", where="input_range", value=(lower, upper))
+        cure = "give the lower end first, both ends finite"
+        raise ModelError("not an increasing range", where="input_range", value=(lower, upper), cure=cure)
     return lower, upper

@@ -66,7 +66,7 @@ class AdaptationSettings:
 GATE = 5.0
 """A sample with an error of more standard deviations than this is rejected."""
 JUMP_PER_C, JUMP = 0.05, 0.15
-"""A jump of the error beyond the gate plus this share of the stroke per K (at most JUMP) also rejects a sample."""
+"""A sample is also rejected if its error jumps by more than the gate plus JUMP_PER_C strokes per K (at most JUMP)."""
 MOST_DISBELIEVED = 15
 """If more samples in a row than this are rejected, the sensor is faulty."""
 TRUSTED_MARKS = 30

@@ -116,7 +116,8 @@ def _check(model: Model, shape: BranchShape) -> None:
             limit = f"{lower:g} to {upper:g}"
             raise ModelError("outside the model's range", where=name, value=value, limit=limit)
         if name.startswith("sigma") and not 0 < value < upper - lower:
-            raise ModelError("not positive and below the model's range", where=name, value=value, limit=upper - lower)
+            limit = f"0 to {upper - lower:g}"
+            raise ModelError("not positive, or wider than the model's range", where=name, value=value, limit=limit)
     if not shape.mu_heating > shape.mu_cooling:
         what = "must exceed mu_cooling, because a wire transforms later on heating"
         raise ModelError(what, where="mu_heating", value=shape.mu_heating, limit=shape.mu_cooling)

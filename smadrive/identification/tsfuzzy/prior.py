@@ -1,7 +1,7 @@
 """The prior of the rules: the local laws of a Duhem fit. It determines the rules where the record has no samples.
 
 A rule that differs from the prior costs about as much as one sample whose error is the noise. So the samples decide
-wherever the record has any.
+wherever the record has samples.
 """
 
 from __future__ import annotations

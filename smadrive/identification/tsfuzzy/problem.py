@@ -46,8 +46,8 @@ class _Trial(NamedTuple):
 class RuleProblem:
     """Bounded least squares over x.
 
-    `monotony` scales the weight of slopes of the wrong sign; with 0 these slopes are allowed. They are examined to a
-    `depth` of the loop, see monotone.py.
+    `monotony` scales the weight of slopes of the wrong sign; with 0 these slopes are allowed. `depth` is the depth of
+    the loop to which slopes are examined, see monotone.py.
     """
 
     record: Record

@@ -1,4 +1,4 @@
-"""Third-party Modbus: their clients read and write our simulator, our driver drives their server."""
+"""Third-party Modbus: other clients read and write the simulator, and the driver uses another server."""
 
 import re
 import shutil

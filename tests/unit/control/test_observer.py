@@ -48,7 +48,7 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def test_the_estimate_beats_the_thermocouple():
+def test_estimate_beats_the_thermocouple():
     wire, read, estimated, *_ = follow(TRUE, POWERS)
     assert rms(estimated - wire) < 0.5 * rms(read - wire)
     assert rms(estimated - wire) < 0.1
@@ -61,7 +61,7 @@ def test_wrong_loss_becomes_a_disturbance_and_no_bias():
     assert unexplained[-1] == pytest.approx(0.15 * TRUE.loss_w_per_k * (wire[-1] - 22.0), rel=0.2)
 
 
-def test_the_phase_follows_the_wire_through_turning_points():
+def test_phase_follows_the_wire_through_turning_points():
     *_, displacement, estimated, _ = follow(TRUE, POWERS)
     assert rms(estimated - displacement) < 0.02 * 12
 

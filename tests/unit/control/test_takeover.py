@@ -73,7 +73,7 @@ def test_estimate_continues_with_the_new_model():
     assert goes_on.estimated_mm == pytest.approx(believed.estimated_mm, abs=0.5)
 
 
-def test_a_share_of_the_feedforward_leaves_the_rest_to_the_feedback():
+def test_share_of_the_feedforward_leaves_the_rest_to_the_feedback():
     whole, half, quarter = (
         controller(wire(), share).update(0.0, reading(0.0, 84.0), PERIOD_S) for share in (1.0, 0.5, 0.25)
     )

@@ -32,7 +32,7 @@ def rules():
 
 
 def follow(rules, *, drift_c=0.0, drift=0.0, shown=lambda share, reached_mm: reached_mm, adaptation=None):
-    """Errors of the rules as they were and as they are, in percent of the stroke, and the adaptation."""
+    """Return the errors of the fixed and of the adapted rules, in percent of the stroke, and the adaptation."""
     rng = np.random.default_rng(1)
     path_c = 80.0 + (16.0 + 6.0 * np.sin(TIMES_S / 53.0)) * np.sin(2 * np.pi * TIMES_S / PERIOD_S - 1.5)
     adaptation = adaptation or Adaptation(rules, 0.1)

@@ -38,7 +38,7 @@ def test_cold_and_hot_wires_have_a_narrow_band(scale):
         assert high - low < 2.5 * MARGIN * abs(scale)
 
 
-def test_the_nearest_displacement_is_on_a_branch_or_between_them():
+def test_nearest_displacement_is_on_a_branch_or_between_them():
     placed = DisplacementBand(wire(12.0))
     assert placed.nearest_mm(22.0, 1.5) == pytest.approx(1.0, abs=1e-3)
     assert placed.nearest_mm(130.0, 1.5) == pytest.approx(13.0, abs=1e-3)

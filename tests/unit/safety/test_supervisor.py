@@ -30,7 +30,7 @@ def trips_after(samples, limits=LIMITS, setpoint_mm=nan, band=None):
     return None
 
 
-def test_a_healthy_wire_never_trips():
+def test_healthy_wire_never_trips():
     assert trips_after([sample(n) for n in range(1000)]) is None
 
 
@@ -42,19 +42,19 @@ def test_over_temperature_needs_two_of_three():
     )
 
 
-def test_an_invalid_thermocouple_needs_three_of_five():
+def test_invalid_thermocouple_needs_three_of_five():
     bad = sample(temperature_c=nan, temperature_fault="thermocouple_open")
     assert trips_after([bad, bad, sample(), sample(), sample(), sample(), bad]) is None
     assert trips_after([bad, bad, sample(), bad]) == (4, Fault.SENSOR_INVALID)
 
 
-def test_the_current_must_be_the_commanded_one():
+def test_current_must_be_the_commanded_one():
     assert trips_after([sample(current_a=0.1)] * 10) == (4, Fault.CURRENT_MISMATCH)
     assert trips_after([sample(current_a=0.1, in_force_a=0.0)] * 10) == (4, Fault.UNEXPECTED_HEATING)
 
 
 @pytest.mark.parametrize("unknown", [{"current_a": nan}, {"voltage_v": nan}, {"voltage_v": inf}])
-def test_an_unknown_power_needs_three_of_five(unknown):
+def test_unknown_power_needs_three_of_five(unknown):
     bad = sample()._replace(**unknown)
     assert trips_after([bad, bad, sample(), sample(), sample(), sample(), bad]) is None
     assert trips_after([bad, bad, sample(), bad]) == (4, Fault.POWER_UNKNOWN)
@@ -98,7 +98,7 @@ def test_current_below_the_command_at_a_reported_limit_is_no_mismatch():
     assert trips_after([sample(current_a=0.4, device_limits=("temperature",))] * 10) == (4, Fault.CURRENT_MISMATCH)
 
 
-def test_a_fault_of_the_device_trips_at_once():
+def test_fault_of_the_device_trips_at_once():
     assert trips_after([sample(device_faults=("watchdog",))]) == (1, Fault.DEVICE_FAULT)
 
 
@@ -122,7 +122,7 @@ def test_silence_from_the_beginning_counts_too():
     assert supervisor.check_fresh(10.4) is not None
 
 
-def test_the_first_fault_is_latched():
+def test_first_fault_is_latched():
     supervisor = Supervisor(LIMITS)
     supervisor.update(sample(device_faults=("watchdog",)), nan)
     for n in range(10):

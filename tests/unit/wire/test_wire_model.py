@@ -21,7 +21,7 @@ def run(power_w, start_c, seconds, steps):
 
 
 @pytest.mark.parametrize(("power_w", "start_c"), [(5.0, 30.0), (1.1, 80.0), (0.0, 110.0)])
-def test_a_long_step_ends_where_many_short_ones_end(power_w, start_c):
+def test_long_step_ends_where_many_short_ones_end(power_w, start_c):
     long, short = run(power_w, start_c, 0.4, 1), run(power_w, start_c, 0.4, 2000)
     assert long.temperature_c == pytest.approx(short.temperature_c, abs=0.1)
     assert long.hysteresis.w == pytest.approx(short.hysteresis.w, abs=0.005)
@@ -39,7 +39,7 @@ def test_heat_is_conserved():
     assert stored_j + transformed_j + lost_j == pytest.approx(2.0 * 2.0, rel=1e-3)
 
 
-def test_the_slope_is_that_of_the_phase_also_where_displacement_falls_on_heating():
+def test_slope_is_that_of_the_phase_also_where_displacement_falls_on_heating():
     falling = DuhemModel.gaussian(
         mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=-12, offset=12, input_range=(0, 160)
     )

@@ -18,7 +18,7 @@ WIRE = DuhemModel.mixture(  # knees and a cliff, as drawn wire has
 )
 
 
-def test_a_linear_fit_is_left_out_exactly():
+def test_linear_fit_is_left_out_exactly():
     rng = np.random.default_rng(3)
     rows, y, tie = rng.standard_normal((30, 4)), rng.standard_normal(30), 0.3 * np.eye(4)
 
