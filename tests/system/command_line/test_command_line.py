@@ -305,7 +305,7 @@ WRONG = [
     ("unknown wire", ("probe", "wire.toml"), 2, "'nitinol': neither a .toml file nor one of the shipped wires"),
     ("no device there", ("probe", "port.toml"), 3, "/dev/ttyNONE: no such port"),
     ("another device", ("probe", "other.toml"), 3, "is no 'sma-reference' (device_id = 21325"),
-    ("beyond the stroke", (*RUN, "--model", "loop.json", "--reference", FAR), 2, "reaches from 0 to 0.04 mm"),
+    ("beyond the stroke", (*RUN, "--model", "loop.json", "--reference", FAR), 2, "limit 0 to 0.04 mm"),
     ("beyond cooling", (*RUN, "--model", "loop.json", "--reference", FAST), 2, "cools no faster. Slow it down"),
     ("model is a folder", ("identify", "wire.csv", *STRAIN[:-1], "folder.json"), 2, "folder.json: cannot be written"),
     ("log in no folder", ("excite", "in-process", "-o", "no/l.h5"), 2, "no/l.h5: cannot be written"),
