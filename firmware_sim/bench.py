@@ -2,14 +2,14 @@
 
     bench = SimulatedBench(load_sim("flexinol-lt-0.15mm"), seed=1)
     supply = bench.attach(load_profile("riden-rd60xx"), name="supply")      # one device heats
-    reader = bench.attach(load_profile("delta-dtb"), name="reader")         # any number measures
-    supply.transport(clock), reader.transport(clock)                        # each on a line of its own
-    Line((supply, reader)).transport(clock)                                 # or several on one line
+    reader = bench.attach(load_profile("delta-dtb"), name="reader")         # other devices measure
+    supply.transport(clock), reader.transport(clock)                        # each device on a line of its own
+    Line((supply, reader)).transport(clock)                                 # or several devices on one line
 
 The caller moves time: `advance_to` runs the bench in ticks of 10 ms. The same config, seed and calls give the same
-bench, to the last bit, at any speed. Only the serial number of a device is random at every start, unless the config
-gives it: a simulated device must not pass for another one or for a real one. Faults are methods: of a device's
-`faults` (its bus), of `sensors.faults` and of `plant.faults`.
+results, to the last bit, at any speed. Only the serial number of a device is random at every start, unless the config
+gives one. So a driver does not take a simulated device for another simulated device or for a real one. Faults are
+methods of `device.faults` (the bus of the device), of `sensors.faults` and of `plant.faults`.
 """
 
 from __future__ import annotations
@@ -37,11 +37,11 @@ from smadrive.errors import ConfigError
 TICK_S = 0.01
 FIRMWARE_VERSION = 100
 SERIAL_NUMBERS = range(1 << 31, (1 << 32) - 1)
-"""Serial numbers of simulated devices. Vendors count from the low end; the highest number means "no number"."""
+"""Random serial numbers of simulated devices. Vendors use low numbers; the highest number means "no number"."""
 
 
 class SimulatedBench:
-    """The wire and its devices. `log` gets a line per event, with the time of the bench; `events` keeps them."""
+    """The wire and its devices. `log` gets a line per event, with the time of the bench; `events` keeps these lines."""
 
     def __init__(self, config: SimConfig, seed: int = 0, log: Callable[[str], None] | None = None) -> None:
         self.config = config
@@ -56,9 +56,9 @@ class SimulatedBench:
         self._timeline = Timeline()
 
     def attach(self, profile: Profile, unit_id: int | None = None, name: str = "") -> SimulatedDevice:
-        """A new device with the register map of `profile`. Its events and its faults begin with `name`.
+        """Add a device with the register map of `profile`. The names of its events and faults begin with `name`.
 
-        ConfigError for a second device that heats.
+        Without `unit_id` the device has that of the profile. ConfigError for a second device that heats.
         """
         heats = profile.profile.role in ("heater", "supply")
         if heats and self._heating is not None:
@@ -74,7 +74,7 @@ class SimulatedBench:
         return device
 
     def build_parts(self, profile: Profile, log_event: Callable[[str], None]) -> DeviceParts:
-        """The firmware of a device of this profile, and the responder that answers its requests."""
+        """Return the firmware of a device of this profile, and the responder that answers its requests."""
         board = self.config.board
         if not profile.has_registers:
             tclab = TCLabFirmware(self.sensors, self._tclab_supply_v(), lambda: self.plant.resistance_ohm, log_event)
@@ -86,7 +86,7 @@ class SimulatedBench:
         return DeviceParts(firmware, Responder(bank, firmware, profile.timing))
 
     def _tclab_supply_v(self) -> float:
-        """The voltage that drives the board's current limit through the cold wire at the default pulse width."""
+        """Return the voltage that drives the current limit through the cold wire at the default pulse width."""
         limit_v = self.config.board.supply_limit_a * self.config.wire.resistance_cold_ohm
         return limit_v / sqrt(PULSE_FACTORY["P1"] / PULSE_MAX)
 
@@ -113,7 +113,7 @@ class SimulatedBench:
                 RandomBusFaults(device.faults, device.power_cycle, seed=self.seed, **script.random.model_dump())
 
     def known_faults(self) -> dict[str, Callable[..., None]]:
-        """Every fault that a script can name. Those of a named device have its name and a point as their prefix."""
+        """Return every fault that a script can name. Faults of a named device begin with its name and a dot."""
         faults = self.sensors.faults.by_name() | self.plant.faults.by_name() | self.plant.ageing.by_name()
         for device in self.devices:
             prefix = f"{device.name}." if device.name else ""
@@ -155,5 +155,5 @@ def _random_serial_number() -> int:
 def simulated_device(
     config: SimConfig, seed: int = 0, profile: Profile | None = None, log: Callable[[str], None] | None = None
 ) -> SimulatedDevice:
-    """The only device of a new bench; without `profile` the reference board."""
+    """Return the only device of a new bench. Without `profile` the device is the reference board."""
     return SimulatedBench(config, seed, log).attach(profile or load_profile("sma-reference"))

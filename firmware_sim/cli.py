@@ -48,20 +48,23 @@ def serve(
     pty: Annotated[Path | None, typer.Option(help="Path of a symbolic link to the pseudo-terminal.")] = None,
     tcp: Annotated[
         str | None,
-        typer.Option(help="Serve Modbus TCP at this address; PORT alone: this machine only.", metavar="HOST:PORT"),
+        typer.Option(
+            help="Serve Modbus TCP at this address. PORT alone serves this machine only.", metavar="HOST:PORT"
+        ),
     ] = None,
     rtu_tcp: Annotated[
         str | None,
         typer.Option(help="Serve RTU frames on TCP at this address, as a gateway does.", metavar="HOST:PORT"),
     ] = None,
     line_speed: Annotated[
-        bool, typer.Option("--line-speed", help="Let characters take the time of the baud rate.")
+        bool, typer.Option("--line-speed", help="Send and receive characters no faster than the baud rate.")
     ] = False,
     profile: Annotated[
-        str | None, typer.Option(help=f"Register map: a shipped name or a path; default: {REFERENCE}.")
+        str | None, typer.Option(help=f"Register map, a shipped name or a path. The default is {REFERENCE}.")
     ] = None,
     time: Annotated[
-        Time, typer.Option(help="real: the machine's clock; lockstep (in 0.1: driven): standard input.")
+        Time,
+        typer.Option(help="Source of the time: real is the machine's clock, lockstep (in 0.1: driven) standard input."),
     ] = Time.REAL,
     faults: Annotated[
         Path | None, typer.Option(help="A script of faults (docs/simulator.md).", metavar="FAULTS.toml")
@@ -91,7 +94,9 @@ def serve(
 def _check_alone(other: object) -> None:
     if other:
         raise ConfigError(
-            "excludes SIM.toml, --profile, --faults and --line-speed", where="--replay", cure="leave them out"
+            "cannot be combined with SIM.toml, --profile, --faults or --line-speed",
+            where="--replay",
+            cure="leave out the others",
         )
 
 
@@ -99,20 +104,25 @@ def _listen_address(pty: Path | None, tcp: str | None, rtu_tcp: str | None) -> L
     options: tuple[tuple[AddressKind, Path | str | None], ...] = (("pty", pty), ("tcp", tcp), ("rtu_tcp", rtu_tcp))
     given = [ListenAddress(kind, str(address)) for kind, address in options if address is not None]
     if len(given) > 1:
-        raise ConfigError("exclude each other", where="--pty, --tcp and --rtu-tcp", cure="start one simulator for each")
+        raise ConfigError(
+            "cannot be combined", where="--pty, --tcp and --rtu-tcp", cure="start one simulator for each address"
+        )
     return given[0] if given else None
 
 
 def _attached(
     bench: SimulatedBench, address: ListenAddress | None, profile: str | None
 ) -> list[tuple[SimulatedDevice, ListenAddress]]:
-    """Every device of the sim file with its listen address; for a file without devices, the one of the options."""
+    """Return every device of the sim file with its listen address.
+
+    A sim file without devices gives one device, with the profile and the address of the options.
+    """
     devices = bench.config.devices
     if not devices:
         return [(bench.attach(load_profile(profile or REFERENCE)), address or ListenAddress("pty"))]
     if address is not None or profile is not None:
         raise ConfigError(
-            "the sim file has [[devices]] of its own", cure="leave --profile, --pty, --tcp and --rtu-tcp out"
+            "the sim file has [[devices]] of its own", cure="leave out --profile, --pty, --tcp and --rtu-tcp"
         )
     return [
         (bench.attach(load_profile(device.profile), device.unit_id, device.name), ListenAddress.of(device))
@@ -122,7 +132,7 @@ def _attached(
 
 def _named(sim: str | None) -> str:
     if sim is None:
-        raise ConfigError("no SIM.toml is given", cure="give a path, the name of a shipped one, or --replay TRACE")
+        raise ConfigError("no SIM.toml is given", cure="give a path, the name of a shipped file, or --replay TRACE")
     return sim
 
 

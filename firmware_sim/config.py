@@ -1,4 +1,4 @@
-"""SIM.toml: a simulated bench: a wire, its sensors, and the devices on it."""
+"""SIM.toml, the description of a simulated bench: a wire, its sensors, and the devices that heat or measure it."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from smadrive.files.kinds import SIM
 from smadrive.files.shipped import config_file
 
 MAX_SIGMA_C = 100.0
-"""A Preisach plane has a cell for every quarter of a kelvin: its size grows with the square of the widths."""
+"""The largest width of a branch, °C. A Preisach plane has cells of 0.25 K, so its size grows with the square of it."""
 
 
 class Wire(Section):
-    """The lumped wire. The mass is needed besides the heat capacity because the latent heat is per mass."""
+    """The lumped wire. It has a mass besides its heat capacity, because the latent heat is per mass."""
 
     heat_capacity_j_per_k: float = Field(gt=0)
     loss_w_per_k: float = Field(gt=0)
@@ -38,16 +38,16 @@ class Branches(Section):
 
 
 class Component(Branches):
-    """A second transformation in the same wire, such as an R-phase: its share of the whole, and its branches."""
+    """A second transformation in the same wire, such as an R-phase: its branches, and its share of the stroke."""
 
     share: float = Field(gt=0, lt=1)
 
 
 class Transformation(Branches):
-    """How the phase follows the temperature: a Duhem model of one or two Gaussians per branch, or a Preisach plane.
+    """The hysteresis of the phase: a Duhem model of one or two Gaussians per branch, or a Preisach plane.
 
-    `correlation`, of a Preisach plane: the correlation of the temperatures at which a grain turns to austenite and
-    back. 1 means that all grains have the same width of hysteresis.
+    `correlation` belongs to a Preisach plane: the correlation of the temperatures at which a grain turns to austenite
+    and back. With 1 all grains would have the same width of hysteresis.
     """
 
     kind: Literal["duhem", "two-component", "preisach"] = "duhem"
@@ -58,19 +58,19 @@ class Transformation(Branches):
     @model_validator(mode="after")
     def _consistent(self) -> Transformation:
         if self.range_c[0] >= self.range_c[1]:
-            raise ValueError(f"range_c {self.range_c} must rise: write the lower end first")
+            raise ValueError(f"range_c {self.range_c}: write the lower end first")
         for key, kind in (("second", "two-component"), ("correlation", "preisach")):
             if (getattr(self, key) is not None) != (self.kind == kind):
-                raise ValueError(f"kind '{kind}' and {key} belong together: give both, or neither")
+                raise ValueError(f"kind '{kind}' and {key} belong together: give both keys, or none of them")
         return self
 
 
 class Bias(Section):
     """The load that stretches the wire again: a dead weight, or a spring that the wire stretches when it contracts.
 
-    Stress = (preload + stiffness · displacement) / cross section. It raises the temperatures of `[transformation]`,
-    which are then those of the unloaded wire, by 1 K per `heating_mpa_per_k` and `cooling_mpa_per_k` of stress
-    (Clausius-Clapeyron).
+    Stress = (preload + stiffness · displacement) / cross section. With a bias, `[transformation]` holds the
+    temperatures of the unloaded wire. The stress raises those of the heating branch by 1 K per `heating_mpa_per_k`, and
+    those of the cooling branch by 1 K per `cooling_mpa_per_k` (Clausius-Clapeyron).
     """
 
     preload_n: float = Field(ge=0)
@@ -92,7 +92,7 @@ class Thermocouple(Section):
 
 
 class Displacement(Section):
-    """The displacement sensor. Without this table the bench has none."""
+    """The displacement sensor. Without this table the bench has no such sensor."""
 
     noise_mm: float = Field(ge=0)
 
@@ -105,7 +105,7 @@ class Sense(Section):
 
 
 class Board(Section):
-    """Power-up defaults and hardware limits of the board. Without `serial_number` each start has a random one."""
+    """Power-up defaults and hardware limits of the board. Without `serial_number` each start has a random number."""
 
     watchdog_s: float = Field(ge=0.05, le=10)
     temperature_max_c: float
@@ -131,7 +131,7 @@ class DeviceEntry(Section):
 
 
 class SimConfig(Section):
-    """The content of a SIM.toml. Without `devices` the program that serves it chooses the one device."""
+    """The content of a SIM.toml. Without `devices`, the program that serves the bench chooses the only device."""
 
     wire: Wire
     transformation: Transformation
@@ -152,5 +152,5 @@ class SimConfig(Section):
 
 
 def load_sim(name_or_path: str | Path) -> SimConfig:
-    """The bench at a path (`*.toml`), or the shipped one of that name; ConfigError names file, key and cure."""
+    """Load the bench at a path (`*.toml`), or the shipped one with this name. ConfigError names file, key and cure."""
     return load_config(config_file(name_or_path, SIM), SimConfig)

@@ -1,18 +1,18 @@
 """FAULTS.toml: the faults of a simulated bench, each at its time.
 
-    [[faults]]              # at a time of the bench, the method `name` is called with the other keys
+    [[faults]]              # at the time at_s of the bench, the method `name` is called with the other keys
     at_s = 12.0
     name = "delay"
     delay_s = 0.3
     replies = 5             # or for_s = 2.0
 
-    [random]                # random faults, seeded by the simulator's seed, besides the timeline
+    [random]                # random faults besides those above, from the simulator's seed
     share = 0.1             # fraction of the replies
-    slowest_s = 0.5         # the longest delay, pause and absence
-    copies = true           # also unsolicited frames behind the next request: plain RTU cannot detect them
-    lag = true              # also replies that each repeat the one before: neither RTU nor TCP can detect them
+    slowest_s = 0.5         # the longest delay, pause or absence
+    copies = true           # also copies of replies after the next request, which plain RTU cannot detect
+    lag = true              # also replies that each repeat the previous one, which neither RTU nor TCP can detect
 
-Names and keys are those of the methods: a script can do everything that a test can do.
+Names and keys are those of the methods, so a script can cause the same faults as a test.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class RandomConfig(Section):
 
 
 class FaultEntry(Section):
-    """One fault. All other keys are its parameters."""
+    """One fault. Its keys besides `at_s` and `name` are the parameters of the fault."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -87,19 +87,24 @@ class Timeline:
 
 
 def load_script(path: Path) -> FaultScript:
-    """The script at `path`; ConfigError names file, key and cure."""
+    """Load the script at `path`. ConfigError names file, key and cure."""
     check_kind(path, FAULTS)
     return load_config(path, FaultScript)
 
 
 def scheduled(script: FaultScript, methods: Mapping[str, FaultMethod]) -> list[ScheduledFault]:
-    """The faults of the script as calls of `methods`; ConfigError for an unknown name or key, with the nearest one."""
+    """Return the faults of the script as calls of `methods`.
+
+    ConfigError for an unknown name or key; the error suggests the nearest known one.
+    """
     return [_scheduled(f"[[faults]] {number}", entry, methods) for number, entry in enumerate(script.faults, 1)]
 
 
 def _scheduled(where: str, entry: FaultEntry, methods: Mapping[str, FaultMethod]) -> ScheduledFault:
     if entry.name not in methods:
-        raise ConfigError(f"no fault is called '{entry.name}'; {suggestion_or_list(entry.name, methods)}", where=where)
+        raise ConfigError(
+            f"no fault is called '{entry.name}'", where=where, cure=suggestion_or_list(entry.name, methods)
+        )
     method, parameters = methods[entry.name], entry.model_extra or {}
     validate(parameters, _parameter_table(entry.name, method), where=f"{where} ({entry.name})")
     text = ", ".join(f"{key} = {value}" for key, value in parameters.items())
@@ -107,7 +112,7 @@ def _scheduled(where: str, entry: FaultEntry, methods: Mapping[str, FaultMethod]
 
 
 def _parameter_table(name: str, method: FaultMethod) -> type[Section]:
-    """The parameters of `method` as a table of a config file."""
+    """Return the parameters of `method` as a table of a config file."""
     hints = get_type_hints(method, include_extras=True)
     fields: dict[str, Any] = {
         key: (hints[key], ... if parameter.default is parameter.empty else parameter.default)

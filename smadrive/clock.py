@@ -21,7 +21,7 @@ class Clock(Protocol):
         ...
 
     def sleep_until(self, time_s: float) -> None:
-        """Return when `now_s()` has reached `time_s`; at once if it is past."""
+        """Return when `now_s()` has reached `time_s`. Return at once if `time_s` is past."""
         ...
 
 
@@ -33,7 +33,7 @@ class MonotonicClock:
         return time.monotonic()
 
     def sleep_until(self, time_s: float) -> None:
-        """Sleep until `time_s`; at once if it is past."""
+        """Sleep until `time_s`. Return at once if `time_s` is past."""
         remaining_s = time_s - time.monotonic()
         if remaining_s > 0:
             time.sleep(remaining_s)
@@ -51,7 +51,7 @@ class VirtualClock:
         return self._now_s
 
     def sleep_until(self, time_s: float) -> None:
-        """Jump to `time_s` and call every follower; nothing happens if `time_s` is past."""
+        """Jump to `time_s` and call every follower. Do nothing if `time_s` is past."""
         if time_s > self._now_s:
             self._now_s = time_s
             for follower in self._followers:

@@ -30,15 +30,19 @@ CUT = (
     "cut its supply by hand; when the device, or its simulator, answers again (is it stopped, or slow?), "
     "confirm it with `smadrive off RIG`"
 )
-"""The beginning and the end of the note of an error after which heat may flow."""
+"""The beginning and the end of the note that an error carries when current may still flow."""
 
 
 class SmadriveError(Exception):
     """Root of the tree. Its message: `<where>: <what> (<value>, limit <limit>). <Cure>.`
 
-    what: what is wrong. where: the file, register, device or option. value: what was found there, with its unit.
-    limit: what it violates. cure: what the user does about it, an imperative or a question; a cure of several
-    sentences keeps its punctuation. All but `what` may be left out.
+    what     the problem
+    where    the file, register, device or option with the problem
+    value    the value that was found, with its unit
+    limit    the limit that the value violates
+    cure     what the user can do, as an imperative or a question; a cure of several sentences keeps its punctuation
+
+    All parts but `what` may be left out.
     `exit_code` is the exit code of the command line for this error.
     """
 
@@ -63,12 +67,12 @@ class SmadriveError(Exception):
 
 
 def _text(value: object) -> str:
-    """The value with the digits that matter."""
+    """Return the value as text; a float is rounded to six digits."""
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
 def _sentence(text: str) -> str:
-    """The text with a full stop, unless it ends with a mark of its own."""
+    """Return the text with a full stop, unless it already ends with a punctuation mark."""
     return text if text.endswith((".", "?", "!")) else f"{text}."
 
 
@@ -79,7 +83,7 @@ class ConfigError(SmadriveError):
 
 
 class DataError(ConfigError):
-    """A table of samples cannot be used: a missing column, a cell that is no number, lengths that differ."""
+    """A table of samples cannot be used: a column is missing, a cell is not a number, or lengths differ."""
 
 
 class ModelError(ConfigError):
@@ -105,7 +109,7 @@ class DeadlineError(TransportError):
 
 
 class ProtocolError(SmadriveError):
-    """A reply arrived that is not the answer to the request: CRC, unit, function, byte count, sequence."""
+    """A reply is not the answer to the request: its CRC, unit, function, byte count or sequence number is wrong."""
 
     exit_code = 3
 
@@ -139,7 +143,7 @@ class SafetyError(SmadriveError):
 
 
 class TripError(SafetyError):
-    """The supervisor or the device tripped; `number` is the fault's number, the message its cause and remedy."""
+    """The supervisor or the device tripped; `number` is the number of the fault, and the message has its cause."""
 
     def __init__(self, what: str, number: int, *, cure: str = "") -> None:
         super().__init__(what, cure=cure)
@@ -159,6 +163,6 @@ class FrontSilentError(SafetyError):
 
 
 class IdentificationError(SmadriveError):
-    """The data do not determine the model that was asked for."""
+    """The data do not determine the requested model."""
 
     exit_code = 5

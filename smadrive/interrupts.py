@@ -26,11 +26,12 @@ class AbortedError(KeyboardInterrupt):
 
 
 class HeldSignals:
-    """A context manager that counts `SIGNALS` instead of obeying them; `received` lists them after those of `before`.
+    """A context manager that counts `SIGNALS` instead of obeying them.
 
-    Number `ABORTS_AT` ends the block: the program's own handler is called for it, and AbortedError leaves the block if
-    that handler raises nothing. The caller decides about the others. Ignored signals stay ignored. Outside the main
-    thread nothing is held, because signals arrive only there.
+    `received` lists the signals of `before`, then those of the block. Signal number `ABORTS_AT` ends the block: the
+    program's own handler is called for this signal, and AbortedError leaves the block if that handler raises nothing.
+    The caller decides about the earlier signals. Ignored signals stay ignored. Outside the main thread no signal is
+    held, because signals arrive in the main thread only.
     """
 
     def __init__(self, before: Sequence[signal.Signals] = ()) -> None:
@@ -40,7 +41,7 @@ class HeldSignals:
 
     @property
     def aborted(self) -> bool:
-        """Whether so many signals arrived that the block was ended."""
+        """True if `ABORTS_AT` signals arrived, which ended the block."""
         return len(self.received) >= ABORTS_AT
 
     def __enter__(self) -> Self:

@@ -9,15 +9,15 @@ from typing import NamedTuple
 class Measurement(NamedTuple):
     """One sample of the wire, in engineering units. A quantity that was not measured, or is invalid, is NaN.
 
-    `current_a` and `voltage_v` are those of the period that ends with this sample; the driver's command in that period
-    was `in_force_a`. The command written by the same exchange acts only afterwards. Temperature and displacement are
-    the latest there are; `temperature_age_s` and `displacement_age_s` tell by how much a slower device's reading is
-    older than `time_s`.
+    `current_a` and `voltage_v` belong to the period that ends with this sample. `in_force_a` is the current that the
+    driver commanded for that period. The command that the same exchange writes acts in the next period. Temperature
+    and displacement are the latest readings. A reading of a slower device is older than `time_s`, by
+    `temperature_age_s` or `displacement_age_s`.
 
-    `temperature_fault` is the reason for an invalid temperature (open thermocouple, ...), None for a valid one;
-    `supply_fault` is the reason for an invalid current or voltage.
-    `device_faults` and `device_limits` are the names of the device's own latched faults and "limited by" codes;
-    `host_limits` those of the driver, for the command that this exchange sent.
+    `temperature_fault` is the reason for an invalid temperature, such as an open thermocouple; it is None for a valid
+    temperature. `supply_fault` is the reason for an invalid current or voltage.
+    `device_faults` names the latched faults of the device, and `device_limits` the limits that hold back its output.
+    `host_limits` names the limits of the driver that reduced the command of this exchange.
     """
 
     time_s: float

@@ -1,4 +1,4 @@
-"""Faults of the bus: what happens to the next replies of a device, and to the connections to it.
+"""Faults of the bus. They alter the next replies of a device, or the connections to the device.
 
     one reply    drop, delay, duplicate, corrupt, truncate, junk_before, junk_after, wrong_unit, wrong_function,
                  short_count, refuse, defer, split, early, stale
@@ -21,9 +21,9 @@ from typing import Protocol
 from firmware_sim.bus.message import Message
 from firmware_sim.fault_parameters import Delay, ExceptionCode, Pieces, Replies, Seconds
 
-Delivery = tuple[float, bytes]  # when it arrives (seconds of the device), what arrives
-Alter = Callable[[Message], list[Delivery]]  # what is sent instead of a reply, and how much later
-Carry = Callable[[bytes], list[Delivery]]  # what arrives of a frame that is sent, and how much later
+Delivery = tuple[float, bytes]  # time of arrival (seconds of the device), and the bytes that arrive
+Alter = Callable[[Message], list[Delivery]]  # frames that are sent instead of a reply, and their delays
+Carry = Callable[[bytes], list[Delivery]]  # bytes that arrive of a frame, and their delays
 
 JUNK_BYTES = 3
 FAULTS = (
@@ -33,14 +33,14 @@ FAULTS = (
 
 
 class FaultyConnection(Protocol):
-    """A client's connection to the device, as the faults of the line act on it."""
+    """A client's connection to the device. The faults of the line act on this interface."""
 
     def deliver(self, due_s: float, data: bytes) -> None:
         """Let `data` arrive at the client at `due_s`, without a request."""
         ...
 
     def disconnect(self, return_s: float) -> None:
-        """Close the connection; another one is possible from `return_s`."""
+        """Close the connection. The client can connect again from `return_s`."""
         ...
 
 
@@ -54,7 +54,7 @@ def _whole(frame: bytes) -> list[Delivery]:
 
 @dataclass(slots=True)
 class _PlannedFault:
-    """A fault, and how long it lasts. `code`: the request gets this exception and is not carried out."""
+    """A fault and its duration. With a `code`, the request gets this exception and is not carried out."""
 
     replies_left: float
     until_s: float
@@ -63,7 +63,7 @@ class _PlannedFault:
     code: int | None = None
 
     def deliveries(self, reply: Message) -> list[Delivery]:
-        """What arrives instead of `reply`, and how much later."""
+        """Return the bytes that arrive instead of `reply`, and their delays."""
         return [(sent_s + late_s, data) for sent_s, frame in self.alter(reply) for late_s, data in self.carry(frame)]
 
 
@@ -87,7 +87,7 @@ class BusFaults:
     def connect(self, connection: FaultyConnection, *, numbered: bool) -> None:
         """Apply the faults of the line to `connection`.
 
-        `numbered`: a Modbus TCP connection, which gets no noise, because TCP protects its bytes.
+        A `numbered` connection (Modbus TCP) gets no noise, because TCP protects its bytes.
         """
         self._connections.append(connection)
         if not numbered:
@@ -98,11 +98,11 @@ class BusFaults:
         self._plan(replies, for_s, carry=lambda _frame: [])
 
     def delay(self, delay_s: Seconds, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Replies arrive `delay_s` late, as do all replies behind them."""
+        """Replies arrive `delay_s` late, and so do all replies after them."""
         self._plan(replies, for_s, carry=lambda frame: [(delay_s, frame)])
 
     def duplicate(self, after_s: Delay = 0.0, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Replies arrive twice, the second one `after_s` after the first; 0: both in one piece."""
+        """Replies arrive twice, the second copy `after_s` after the first. With 0 both copies arrive in one piece."""
 
         def twice(frame: bytes) -> list[Delivery]:
             return [(0.0, frame), (after_s, frame)] if after_s else [(0.0, 2 * frame)]
@@ -142,7 +142,7 @@ class BusFaults:
         self._plan(replies, for_s, code=code)
 
     def defer(self, code: ExceptionCode, after_s: Delay, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Exception `code` arrives first, the real reply `after_s` later: a gateway that did not wait long enough."""
+        """Exception `code` arrives first, the real reply `after_s` later, as from a gateway that waits too short."""
 
         def twice(reply: Message) -> list[Delivery]:
             return [(0.0, reply.reply(reply.exception_pdu(code)).frame), (after_s, reply.frame)]
@@ -163,18 +163,18 @@ class BusFaults:
         self._plan(replies, for_s, carry=cut)
 
     def stale(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """The reply repeats the content of the one before, as from a gateway that caches, in a valid new frame."""
+        """The reply repeats the content of the previous reply in a valid new frame, as from a gateway that caches."""
         self._plan(replies, for_s, lambda reply: [(0.0, reply.reply(self._previous_pdu).frame)])
 
     def combine_planned(self) -> None:
-        """Combine the last two planned faults: the first alters the reply, the second acts on the frames it sends."""
+        """Combine the last two planned faults: the first alters the reply, the second acts on the altered frames."""
         second, first = self._planned.pop(), self._planned.pop()
         self._planned.append(
             _PlannedFault(first.replies_left, first.until_s, first.deliveries, second.carry, first.code)
         )
 
     def noise(self, for_s: Seconds, gap_s: Seconds = 0.05) -> None:
-        """Random bytes arrive for `for_s`, on average every `gap_s`; none over Modbus TCP."""
+        """Random bytes arrive for `for_s`, on average every `gap_s`. Modbus TCP connections get none."""
         time_s = self._now_s()
         end_s = time_s + for_s
         while (time_s := time_s + self._random.expovariate(1 / gap_s)) < end_s:
@@ -182,12 +182,12 @@ class BusFaults:
                 connection.deliver(time_s, self._random.randbytes(self._random.randint(1, JUNK_BYTES)))
 
     def vanish(self, for_s: Seconds) -> None:
-        """All connections are lost, and none is possible for `for_s`: an unplugged adapter, a restarting gateway."""
+        """All connections are lost, and no client can connect for `for_s`, as with an unplugged adapter."""
         for connection in self._connections:
             connection.disconnect(self._now_s() + for_s)
 
     def by_name(self) -> dict[str, Callable[..., None]]:
-        """Every fault."""
+        """Return every fault by its name."""
         return {name: getattr(self, name) for name in FAULTS}
 
     def clear(self) -> None:
@@ -195,9 +195,9 @@ class BusFaults:
         self._planned.clear()
 
     def answer(self, request: Message, carry_out: Callable[[bytes], bytes], time_s: float) -> list[Delivery]:
-        """The deliveries that answer `request` at `time_s`, under the present fault.
+        """Return the deliveries that answer `request` at `time_s`, under the present fault.
 
-        `carry_out` turns the PDU of the request into that of its reply; it is not called under `refuse`.
+        `carry_out` turns the PDU of the request into the PDU of the reply. Under `refuse` it is not called.
         """
         self.before_reply()
         fault = self._next(time_s)

@@ -1,9 +1,9 @@
-"""A line as slow as a real one: characters take time, which a pseudo-terminal or a socket does not need.
+"""A line as slow as a real serial line: characters take time. A pseudo-terminal or a socket takes none.
 
     arrival of the reply = time of the request + time of its characters + 3.5 characters of silence
                            + response time of the device + time of the reply's characters
 
-The request is carried out when its bytes come. Only the reply is late.
+The device carries out the request when its bytes arrive. Only the reply is late.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from smadrive.modbus.transports.transport import SerialSettings
 
 
 class SlowLine:
-    """`port` at the far end of a serial line with these settings."""
+    """A serial line with these settings in front of `port`."""
 
     def __init__(self, port: Port, settings: SerialSettings) -> None:
         bits = 9 + (settings.parity != "N") + settings.stopbits  # start, data, parity, stop
@@ -26,7 +26,7 @@ class SlowLine:
         self._reply_end_s = 0.0
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """The deliveries that answer the bytes sent at `time_s`, at the times when they have arrived."""
+        """Return the deliveries that answer the bytes sent at `time_s`, with the times of their last characters."""
         self._request_end_s = max(self._request_end_s, time_s) + len(data) * self._character_s
         late_s = self._request_end_s - time_s + self._silence_s
         deliveries = []

@@ -14,7 +14,7 @@ _EXCHANGE = 23
 
 
 class Message(Protocol):
-    """A request or a reply, as BusFaults needs it."""
+    """A request or a reply: the interface that BusFaults uses."""
 
     @property
     def pdu(self) -> bytes:
@@ -28,7 +28,7 @@ class Message(Protocol):
 
     @property
     def broadcast(self) -> bool:
-        """Whether it is for all devices, and gets no reply."""
+        """True for a request to all devices, which gets no reply."""
         ...
 
     def reply(self, pdu: bytes) -> Self:
@@ -40,7 +40,7 @@ class Message(Protocol):
         ...
 
     def corrupted(self, random: float) -> bytes:
-        """The frame with one bit flipped; `random`, from 0 to 1, may choose the bit."""
+        """Return the frame with one flipped bit. `random`, from 0 to 1, may choose the bit."""
         ...
 
     @property
@@ -60,12 +60,12 @@ class Message(Protocol):
 
     @property
     def next_transaction(self) -> Self:
-        """The same reply with the number of the next request, where frames are numbered."""
+        """The same reply with the number of the next request, if frames are numbered."""
         ...
 
 
 class ModbusMessage(NamedTuple):
-    """A Modbus message. `number` is the transaction number of a Modbus TCP frame; None: an RTU frame."""
+    """A Modbus message. `number` is the transaction number of a Modbus TCP frame; an RTU frame has None."""
 
     unit_id: int
     pdu: bytes
@@ -80,7 +80,7 @@ class ModbusMessage(NamedTuple):
 
     @property
     def broadcast(self) -> bool:
-        """Whether it goes to unit 0 of a serial line."""
+        """True for a request to unit 0 of a serial line."""
         return self.unit_id == rtu.BROADCAST and self.number is None
 
     def reply(self, pdu: bytes) -> Self:
@@ -92,7 +92,7 @@ class ModbusMessage(NamedTuple):
         return bytes((self.pdu[0] | 0x80, code))
 
     def corrupted(self, _random: float) -> bytes:
-        """The frame with a flipped bit that a client can detect: in the CRC, or in the protocol identifier."""
+        """Return the frame with a flipped bit that a client can detect: in the CRC or in the protocol identifier."""
         flipped = bytearray(self.frame)
         flipped[-1 if self.number is None else 3] ^= 1
         return bytes(flipped)
@@ -109,7 +109,7 @@ class ModbusMessage(NamedTuple):
 
     @property
     def short_count(self) -> Self:
-        """The reply with one register less (bits: one byte); that to a write without its last byte."""
+        """The reply with one register less, or one byte of bits less. A reply to a write loses its last byte."""
         function = self.pdu[0]
         if function not in _READS and function != _EXCHANGE:
             return self._replace(pdu=self.pdu[:-1])
@@ -142,11 +142,11 @@ class TextMessage(NamedTuple):
         return self._replace(pdu=pdu)
 
     def exception_pdu(self, _code: int) -> bytes:
-        """The command in capitals: the board's reply to an unknown one."""
+        """Return the command in capitals, which is the board's reply to an unknown command."""
         return self.pdu.upper()
 
     def corrupted(self, random: float) -> bytes:
-        """The frame with any bit flipped. The result may be another digit, which a client cannot detect."""
+        """Return the frame with any bit flipped. A digit may become another digit, which a client cannot detect."""
         flipped = bytearray(self.frame)
         at, bit = divmod(int(random * 8 * len(flipped)), 8)
         flipped[at] ^= 1 << bit

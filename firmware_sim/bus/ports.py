@@ -1,9 +1,10 @@
 """The ports of devices: RTU frames on a line, Modbus TCP frames in a connection, or lines of text.
 
-RTU sends no reply for absent units, on a wrong CRC, and after a broadcast, which all devices carry out. A TCP
-connection to a single device reaches it as unit 0 and 255 too; other units get exception 11, as from a gateway. Frames
-with another protocol identifier than 0 are dropped. An impossible length means that the stream is not Modbus: all
-pending bytes are dropped. A line of text ends with CR or LF, or when the board's buffer is full.
+An RTU request to an absent unit, with a wrong CRC, or to all devices (broadcast) gets no reply; all devices carry out a
+broadcast. On a TCP connection to a single device, requests to the units 0 and 255 also reach this device. A request to
+an absent unit gets exception 11, as from a gateway. TCP frames with a protocol identifier other than 0 are dropped.
+After an impossible length all pending bytes are dropped, because the stream is not Modbus. A line of text ends with CR
+or LF, or when the board's buffer is full.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ class Unit(Protocol):
 
     @property
     def unit_id(self) -> int:
-        """Its address on the bus."""
+        """The address of the device on the bus."""
         ...
 
     def answer(self, request: ModbusMessage, time_s: float) -> list[Delivery]:
-        """Carry out `request`; the deliveries of its reply, none for a broadcast."""
+        """Carry out `request`, and return the deliveries of the reply. A broadcast has no reply."""
         ...
 
 
@@ -45,7 +46,7 @@ class Port(Protocol):
 
 
 class RtuPort:
-    """RTU frames, on a serial line or through a socket."""
+    """A port for RTU frames, on a serial line or through a socket."""
 
     def __init__(self, units: Sequence[Unit]) -> None:
         self.stream = RequestStream()
@@ -67,7 +68,7 @@ class RtuPort:
 
 
 class TcpPort:
-    """Modbus TCP frames."""
+    """A port for Modbus TCP frames."""
 
     def __init__(self, units: Sequence[Unit]) -> None:
         self._units = units
@@ -102,7 +103,7 @@ class TcpPort:
 
 
 class TextPort:
-    """Lines of text to one board; `answer` carries out a line."""
+    """A port for lines of text to one board; `answer` carries out a line."""
 
     def __init__(self, answer: Callable[[TextMessage, float], list[Delivery]]) -> None:
         self._answer = answer

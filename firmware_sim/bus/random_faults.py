@@ -1,4 +1,4 @@
-"""Random faults of the bus for fuzzing, the same for the same seed."""
+"""Random faults of the bus for fuzzing. The same seed gives the same faults."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ LAGGING = range(2, 30)  # number of successive replies that each repeat the one 
 class RandomBusFaults:
     """Plans a fault before each reply with probability `share`; no delay is longer than `slowest_s`.
 
-    `copies` adds unsolicited frames behind the next request, which plain RTU cannot detect. `lag` adds series of
-    replies that each repeat the one before, which neither RTU nor Modbus TCP can detect.
+    `copies` adds copies of replies that arrive after the next request; a client of plain RTU cannot detect them. `lag`
+    adds series of replies that each repeat the previous reply; neither RTU nor Modbus TCP can detect these.
     """
 
     def __init__(
@@ -47,7 +47,7 @@ class RandomBusFaults:
         self._carrying: tuple[Callable[[], None], ...] = (
             faults.drop,
             lambda: faults.delay(self._some_s()),
-            faults.duplicate,  # at once: on RTU a copy behind the next request of its kind passes for its reply
+            faults.duplicate,  # at once: a later copy would be a valid reply to the next equal request on RTU
             faults.truncate,
             faults.junk_before,
             faults.junk_after,

@@ -1,8 +1,8 @@
 """Request frames in a stream of bytes.
 
-RTU marks the end of a frame by silence, which an operating system does not preserve. So frames are found by their
-length, which follows from the function, and confirmed by their CRC. After a wrong CRC the search continues one byte
-later. An incomplete frame waits for its rest, but not beyond a pause.
+RTU marks the end of a frame by silence, which an operating system does not preserve. So the length of a frame is
+derived from its function, and the CRC confirms the frame. After a wrong CRC the search continues one byte later. The
+bytes of an incomplete frame are kept until its rest arrives, but they are dropped after a pause.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ class RequestStream:
         self._fed_s = 0.0
 
     def feed(self, data: bytes, time_s: float) -> list[bytes]:
-        """The frames that are complete after `data` arrived at `time_s`."""
+        """Return the frames that are complete after `data` arrived at `time_s`."""
         if time_s - self._fed_s > FRAME_PAUSE_S:
             self._drop(len(self._pending))
         self._fed_s = time_s
@@ -33,7 +33,7 @@ class RequestStream:
         return found
 
     def _next(self) -> bytes | None:
-        """Remove and return the first complete frame, with the junk before it; None without a complete frame."""
+        """Remove the first complete frame and the junk before it, and return the frame; None without a frame."""
         waiting_from = None
         for start in range(len(self._pending) - 1):
             rest = self._pending[start:]

@@ -1,4 +1,4 @@
-"""The board's firmware: state machine, watchdog, limits, latched faults, as docs/sma-reference.md specifies.
+"""The board's firmware: state machine, watchdog, limits and latched faults, as docs/sma-reference.md specifies them.
 
     idle --arm key--> armed --enable = 0--> idle
       any fault (from idle or armed) --> fault --clear key, cause gone--> idle
@@ -32,7 +32,7 @@ class BoardState(IntEnum):
 
 
 class BoardFault(IntFlag):
-    """The bits of the register `faults`: latched."""
+    """The bits of the register `faults`. Each bit is latched."""
 
     WATCHDOG = 1 << 0
     OVER_TEMPERATURE = 1 << 1
@@ -52,7 +52,7 @@ class BoardLimit(IntFlag):
 
 
 class BoardFirmware:
-    """Reads `sensors`, sets `current_a`. `log_event` gets one line per event, without its time."""
+    """Reads `sensors` and sets `current_a`. `log_event` gets one line per event, without the time."""
 
     voltage_max_v = inf  # a current source: the board's limits are all in amperes
 
@@ -90,7 +90,7 @@ class BoardFirmware:
         self._set_current()
 
     def check(self, values: Mapping[str, float]) -> None:
-        """ModbusException for a limit above the board's own, and for arming in another state than idle."""
+        """Raise ModbusException for a limit above the board's own limit, and for arming in a state other than idle."""
         too_hot = values.get("temperature_max", 0.0) > self._board.temperature_max_c
         too_much = values.get("current_max", 0.0) > self._supply_limit_a
         if too_hot or too_much:
@@ -99,7 +99,7 @@ class BoardFirmware:
             raise ModbusException(DEVICE_FAILURE)
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Carry out a write of these roles, all of one request together."""
+        """Carry out a write of these roles; one request may write several roles."""
         if values.get("sequence", self.sequence) != self.sequence:
             self.sequence = int(values["sequence"])
             self._unfed_s = 0.0
@@ -114,7 +114,7 @@ class BoardFirmware:
         self._set_current()
 
     def quantities(self) -> dict[str, float | None]:
-        """The values that the registers show, by role; None: no reading."""
+        """Return the values that the registers show, by role. None marks a missing reading."""
         sensors = self._sensors
         return {
             "temperature": None if sensors.unreadable else sensors.temperature_c,
@@ -155,7 +155,7 @@ class BoardFirmware:
         return faults
 
     def _current_faults(self, dt_s: float) -> list[BoardFault]:
-        """More current than set means a shorted switch, less than half an open heater. Both are debounced."""
+        """Return the debounced current faults. More current than set means a shorted switch, less than half a break."""
         set_a, measured_a = self.current_a, self._sensors.current_a
         excess = measured_a > 1.1 * set_a + CURRENT_MARGIN_A
         lack = set_a > CURRENT_MARGIN_A and measured_a < 0.5 * set_a

@@ -1,4 +1,4 @@
-"""A simulated device: its firmware, its registers, its bus. `Line` connects one or several of them."""
+"""A simulated device: its firmware, its registers, its bus. A `Line` connects one or several devices."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ from smadrive.modbus.transports.in_process import InProcessTransport
 
 
 class DeviceHost(Protocol):
-    """The simulation that devices belong to (a SimulatedBench): its time, its event log, its parts of devices."""
+    """The simulation that devices belong to, which is a SimulatedBench. It has the time and the event log."""
 
     config: SimConfig
     time_s: float
 
     def build_parts(self, profile: Profile, log_event: Callable[[str], None]) -> DeviceParts:
-        """The firmware of a device of this profile, and the responder that answers its requests."""
+        """Return the firmware of a device of this profile, and the responder that answers its requests."""
         ...
 
     def advance_to(self, time_s: float) -> None:
-        """Run until `time_s`."""
+        """Run the simulation until `time_s`."""
         ...
 
     def log_event(self, text: str) -> None:
@@ -39,7 +39,7 @@ class SimulatedDevice:
     """One device of `bench`. `faults` are the faults of its bus; `line` leads to this device alone."""
 
     def __init__(self, bench: DeviceHost, profile: Profile, unit_id: int | None, name: str, seed: int) -> None:
-        """`unit_id` None: that of the profile. `seed` seeds the random bytes of bus faults."""
+        """Without `unit_id` the device has that of the profile. `seed` seeds the random bytes of bus faults."""
         self.bench = bench
         self.profile = profile
         self.unit_id = profile.unit_id if unit_id is None else unit_id
@@ -51,9 +51,9 @@ class SimulatedDevice:
         self._deaf_until_s = bench.time_s + self._boot_s
 
     def answer(self, request: Message, time_s: float) -> list[Delivery]:
-        """Carry out a request; the deliveries of its reply, none for a broadcast.
+        """Carry out a request, and return the deliveries of the reply. A broadcast has no reply.
 
-        Like the real one, the device ignores requests while it starts, and during the minimum gap after a frame.
+        Like a real device, the simulated one ignores requests while it starts, and in the minimum gap after a frame.
         """
         if time_s < self._deaf_until_s - 1e-9:
             return []
@@ -68,11 +68,11 @@ class SimulatedDevice:
         return self.line.transport(clock)
 
     def power_cycle(self) -> None:
-        """The supply fails and returns at once: the firmware restarts, the wire goes on cooling."""
+        """The supply fails and returns at once. The firmware restarts, and the wire continues to cool."""
         self.brown_out(0.0)
 
     def brown_out(self, for_s: Delay) -> None:
-        """No power for `for_s`: no current, no reply. Then the device starts, for its boot time."""
+        """The device has no power for `for_s`: no current flows, and it sends no reply. Then the device boots."""
         self._log_event(f"no power for {for_s:g} s" if for_s else "power-up")
         self.firmware.restart()
         self._deaf_until_s = self.bench.time_s + for_s + self._boot_s
@@ -91,7 +91,7 @@ class Line:
         self.port = self.new_port(numbered=self._profile.profile.protocol == "modbus-tcp")
 
     def new_port(self, *, numbered: bool) -> Port:
-        """Another port to the same devices: Modbus TCP frames where `numbered`, otherwise RTU frames or text lines."""
+        """Return a new port to the same devices, for Modbus TCP frames if `numbered`, else RTU frames or text lines."""
         if not self._profile.has_registers:
             return TextPort(self.devices[0].answer)
         return TcpPort(self.devices) if numbered else RtuPort(self.devices)
@@ -102,7 +102,7 @@ class Line:
         return self.port.receive(data, time_s)
 
     def transport(self, clock: Clock | None = None) -> InProcessTransport:
-        """A connection in this process, on `clock`; by default on the bench's own time, which a wait advances."""
+        """Return a connection in this process, on `clock`. Without a clock, waiting advances the time of the bench."""
         line = self._profile.serial_settings()
         transport = InProcessTransport(self, clock or BenchClock(self._bench), None if line is None else line.baudrate)
         for device in self.devices:

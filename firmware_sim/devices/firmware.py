@@ -18,7 +18,7 @@ class Firmware(Protocol):
 
     @property
     def voltage_max_v(self) -> float:
-        """The highest voltage of its output."""
+        """The highest voltage of the device's output."""
         ...
 
     def restart(self) -> None:
@@ -31,18 +31,18 @@ class Firmware(Protocol):
 
 
 class RegisterFirmware(Firmware, Protocol):
-    """A firmware that takes and shows values by role. It does not know the register map."""
+    """A firmware that reads and shows values by role. It does not know the register map."""
 
     def check(self, values: Mapping[str, float]) -> None:
-        """ModbusException when a write of these roles cannot be carried out."""
+        """Raise ModbusException when the firmware rejects a write of these roles."""
         ...
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Carry out a write of these roles, all of one request together."""
+        """Carry out a write of these roles; one request may write several roles."""
         ...
 
     def quantities(self) -> Mapping[str, Quantity]:
-        """The values that the registers show, by role."""
+        """Return the values that the registers show, by role."""
         ...
 
 
@@ -50,7 +50,7 @@ class RequestHandler(Protocol):
     """The server side of a device's protocol."""
 
     def answer(self, pdu: bytes) -> bytes:
-        """The PDU of the reply to a request, which is carried out."""
+        """Carry out a request, and return the PDU of the reply."""
         ...
 
 

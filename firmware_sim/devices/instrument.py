@@ -1,4 +1,4 @@
-"""A measuring device: it shows temperature or displacement of the wire at its conversion rate, and heats nothing."""
+"""A measuring device. It shows temperature or displacement of the wire at its conversion rate, and does not heat."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from firmware_sim.sensors.sensors import Sensors
 
 
 class InstrumentFirmware:
-    """Shows the readings of its last conversion; it converts every `update_s`."""
+    """Converts every `update_s`, and shows the readings of the last conversion."""
 
     current_a = 0.0
     voltage_max_v = 0.0
@@ -31,13 +31,13 @@ class InstrumentFirmware:
             self.restart()
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Accept every write: its registers do not act on the wire."""
+        """Accept every write, because no register acts on the wire."""
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Ignore every write: its registers do not act on the wire."""
+        """Ignore every write, because no register acts on the wire."""
 
     def quantities(self) -> Mapping[str, Quantity]:
-        """Temperature and displacement; None: no reading."""
+        """Return temperature and displacement by role. None marks a missing reading."""
         return self._shown
 
     def _converted(self) -> Mapping[str, Quantity]:

@@ -1,7 +1,8 @@
 """The register bank of a simulated device: any profile, filled and read by role.
 
-A write is checked as a whole before any part takes effect: a request with an exception reply has changed nothing. The
-rules of the profile apply here too: decimals and unit held in registers, and the lock that a write must open first.
+A write is checked as a whole before any part takes effect, so a request with an exception reply changes nothing. The
+rules of the profile apply here too: some registers hold the decimals or the unit of others, and some devices have a
+lock that a write must open first.
 """
 
 from __future__ import annotations
@@ -24,7 +25,7 @@ _NO_REGISTER = -1
 
 
 class RegisterCell:
-    """One register of a bank, stored in the `words` of its table. Plain attributes: it is used in every exchange."""
+    """One register of a bank, stored in the `words` of its table. Plain attributes keep each exchange fast."""
 
     def __init__(self, name: str, role: str | None, register: Register, words: list[int]) -> None:
         self.name = name
@@ -44,14 +45,14 @@ class RegisterCell:
         return tuple(self._words[self.first : self.end])
 
     def store(self, words: Sequence[int]) -> None:
-        """Store `words`; ValueError for a wrong number of them, which would move the registers behind."""
+        """Store `words`. ValueError for a wrong number of words, which would move the registers after this one."""
         if len(words) != self.size:
             raise ValueError(f"register '{self.name}' has {self.size} words, {len(words)} were stored")
         self._words[self.first : self.end] = words
 
 
 class Write(NamedTuple):
-    """A write of one register: its words, and their value in the context of the registers that it depends on."""
+    """A write of one register: its words, and their value in the context of the registers that determine its scale."""
 
     cell: RegisterCell
     words: Sequence[int]
@@ -60,7 +61,7 @@ class Write(NamedTuple):
 
 
 class RegisterBank:
-    """The registers of `profile`, all zero except those that prove its identity."""
+    """The registers of `profile`. At the start all are zero except those that identify the device."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
@@ -93,7 +94,7 @@ class RegisterBank:
         return set(self._tables)
 
     def publish(self, quantities: Mapping[str, Quantity], table: str, first: int, count: int) -> None:
-        """Refresh the registers of these roles that lie in a range about to be read."""
+        """Refresh the registers of these roles within a range, before the range is read."""
         published, end = self._published, first + count
         for role, cell in self._shown.get(table, ()):
             if first <= cell.first < end and role in quantities:
@@ -105,23 +106,23 @@ class RegisterBank:
                     published[role] = value
 
     def preset(self, name: str, value: float) -> None:
-        """Set a register without a role; does nothing where the profile has no such register."""
+        """Set a register without a role. Do nothing if the profile has no such register."""
         if name in self._cells:
             cell = self._cells[name]
             cell.store(cell.codec.saturated(value))
 
     def read(self, table: str, first: int, count: int) -> list[int]:
-        """The words of a readable range, as last stored or published."""
+        """Return the words of a readable range, as they were last stored or published."""
         return self._tables[table][first : first + count]
 
     def check_readable(self, table: str, first: int, count: int) -> None:
-        """ModbusException when the range contains an address without a register."""
+        """Raise ModbusException when the range contains an address without a register."""
         words = self._tables.get(table, [])[first : first + count]
         if len(words) < count or _NO_REGISTER in words:
             raise ModbusException(ILLEGAL_ADDRESS)
 
     def checked(self, table: str, first: int, words: Sequence[int]) -> list[Write]:
-        """The writes of whole registers that `words` consist of; ModbusException when one of them is not allowed."""
+        """Split `words` into writes of whole registers, and return them. ModbusException when one is not allowed."""
         writes: list[Write] = []
         at = 0
         while at < len(words):
@@ -142,11 +143,11 @@ class RegisterBank:
         return writes
 
     def by_role(self, writes: Sequence[Write]) -> dict[str, float]:
-        """The values of the writes to registers with a role."""
+        """Return the values of those writes that go to registers with a role."""
         return {cell.role: value for cell, _, value, _ in writes if cell.role is not None}
 
     def store(self, writes: Sequence[Write]) -> None:
-        """Store checked writes; a write-only register stores nothing."""
+        """Store checked writes. A write-only register stores nothing."""
         for cell, words, _, _ in writes:
             if cell.keeps:
                 cell.store(words)
@@ -161,7 +162,7 @@ class RegisterBank:
                 raise ModbusException(DEVICE_FAILURE)
 
     def _show_dependent(self, cell: RegisterCell, value: Quantity) -> None:
-        """Show a quantity in a register that depends on others, and its validity in those that report it."""
+        """Show a quantity in a register that depends on others, and its validity in the status registers."""
         for name, valid in cell.register.valid_when.items():
             status = self._cells[name]
             invalid = (number for number in status.register.enum if number not in valid)
@@ -176,10 +177,10 @@ class RegisterBank:
 
 
 def _words_for(cell: RegisterCell, value: Quantity, context: Context) -> tuple[int, ...]:
-    """The words that show `value`: a number scaled, a state by its number or its bit.
+    """Return the words that show `value`: a scaled number, or the number or the bit of a state.
 
-    No reading is shown as the sentinel whose reason contains "open", otherwise as the first one. NaN counts as no
-    reading where the register cannot hold it.
+    A missing reading is shown as a sentinel: the one whose reason contains "open", otherwise the first one. NaN counts
+    as a missing reading if the register cannot hold NaN.
     """
     register = cell.register
     no_reading = value is None or (isinstance(value, float) and isnan(value) and register.type != "float32")

@@ -1,11 +1,11 @@
 """A recorded bus served as devices: every unit of the trace answers as in the recording, after the same time.
 
-A request gets the recorded replies to the same request in their order, and after the last one the last one again. A
-request without a reply in the recording gets none, and a corrupt reply is served corrupt. A request that is not in the
-recording gets no reply, and an event line names it.
+A request gets the recorded replies to the same request in their order. After the last reply, this reply is repeated. A
+request without a reply in the recording gets no reply, and a corrupt reply is sent corrupt. A request that is not in
+the recording gets no reply, and an event line names this request.
 
-Two exchanges (FC23) are the same request whatever they write, because a driver begins its sequence at a random number.
-Where the recorded reply repeats a written word, the word of the present request is repeated.
+Two exchanges (FC23) count as the same request even if they write different words, because a driver begins its sequence
+at a random number. If the recorded reply repeats a written word, the reply repeats the word of the present request.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ MAX_DELAY_S = 3600.0
 
 
 class RecordedReply(NamedTuple):
-    """A reply, and its delay after the request. `data` is empty for no reply; `pdu` is None for a corrupt frame.
+    """A reply and its delay after the request. `data` is empty without a reply; `pdu` is None for a corrupt frame.
 
-    `echoes`: the offset of every repeated word in the reply, and its offset in the request.
+    `echoes` has the offset of every repeated word in the reply, and its offset in the request.
     """
 
     after_s: float
@@ -44,21 +44,21 @@ class RecordedReply(NamedTuple):
     echoes: tuple[tuple[int, int], ...] = ()
 
     def pdu_for(self, request: bytes) -> bytes:
-        """The PDU of the reply to `request`, with the words that it repeats."""
+        """Return the PDU of the reply to `request`, with the words that the reply repeats."""
         reply = bytearray(self.pdu or b"")
         for in_reply, in_request in self.echoes:
             reply[in_reply : in_reply + 2] = request[in_request : in_request + 2]
         return bytes(reply)
 
 
-RepliesByRequest = dict[bytes, deque[RecordedReply]]  # by the part of the request that identifies it
+RepliesByRequest = dict[bytes, deque[RecordedReply]]  # by the identifying part of the request, see _key
 
 
 class Replay:
     """The devices of the trace at `path`. `log` gets a line per event, with the time."""
 
     def __init__(self, path: Path, log: Callable[[str], None] = lambda _line: None) -> None:
-        """ConfigError for a file that is no trace, or whose times are impossible."""
+        """Read the trace. ConfigError for a file that is not a trace, and for impossible times."""
         self.numbered, lines = read_trace(path)
         self.time_s = 0.0
         self._log = log
@@ -73,7 +73,7 @@ class Replay:
         self.time_s = max(self.time_s, time_s)
 
     def new_port(self, *, numbered: bool) -> Port:
-        """Another port to the same units: Modbus TCP frames where `numbered`, otherwise RTU frames."""
+        """Return a new port to the same units, for Modbus TCP frames if `numbered`, otherwise for RTU frames."""
         return TcpPort(self.units) if numbered else RtuPort(self.units)
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
@@ -111,7 +111,7 @@ class ReplayedUnit:
 
 
 def _recorded_replies(path: Path, lines: Sequence[TraceLine], *, numbered: bool) -> dict[int, RepliesByRequest]:
-    """The replies of every unit to every request, in their order; ConfigError for an impossible delay."""
+    """Return the replies of every unit to every request, in their order. ConfigError for an impossible delay."""
     replies: dict[int, RepliesByRequest] = defaultdict(lambda: defaultdict(deque))
     traffic = [line for line in lines if line.direction != "discarded"]
     for line, following in zip(traffic, [*traffic[1:], None], strict=True):
@@ -143,12 +143,15 @@ def _recorded_reply(request: TraceLine, following: TraceLine | None, *, numbered
 
 
 def _key(pdu: bytes) -> bytes:
-    """The part of a request that identifies it: all of it, but without the words that an exchange writes."""
+    """Return the part of a request that identifies it: the whole PDU, without the words that an exchange writes."""
     return pdu[:WRITTEN_WORDS] if pdu[:1] == EXCHANGE else pdu
 
 
 def _echoes(request: bytes, reply: bytes) -> tuple[tuple[int, int], ...]:
-    """The offsets of every written word in the reply and in the request of an exchange. Zero words do not count."""
+    """Return the offsets of the words that an exchange writes and its reply repeats: (in reply, in request).
+
+    Words of zero do not count.
+    """
     if request[:1] != EXCHANGE or reply[:1] != EXCHANGE:
         return ()
     words = [reply[offset : offset + 2] for offset in range(2, len(reply), 2)]

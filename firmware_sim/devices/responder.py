@@ -1,8 +1,7 @@
 """The server side of Modbus according to the standard: the PDU of a request in, the PDU of the reply out.
 
 Exceptions are checked in the order of the standard: function, quantity, address, value, device. FC23 checks both of its
-ranges before it writes. Functions that the profile excludes, and functions of tables that it does not have, are
-unknown.
+ranges before it writes. A function is unknown if the profile excludes it, or has no table for it.
 """
 
 from __future__ import annotations
@@ -24,14 +23,14 @@ _COIL_STATES = {0xFF00: 1, 0x0000: 0}
 
 @dataclass(slots=True)
 class ResponderCounters:
-    """Requests, and exception replies to them, since the start."""
+    """Numbers of requests and of exception replies since the start."""
 
     requests: int = 0
     exceptions: int = 0
 
 
 class Responder:
-    """Answers requests from the register bank, which shows and commands `firmware`."""
+    """Answers requests from the register bank. Reads show values of `firmware`, and writes command `firmware`."""
 
     def __init__(self, bank: RegisterBank, firmware: RegisterFirmware, timing: DeviceTiming) -> None:
         self.counters = ResponderCounters()
@@ -59,7 +58,7 @@ class Responder:
         self._functions[_LOOP_BACK] = self._loop_back
 
     def answer(self, pdu: bytes) -> bytes:
-        """The PDU of the reply to `pdu`: its result, or an exception."""
+        """Return the PDU of the reply to the request `pdu`: its result, or an exception."""
         function, data = pdu[0], pdu[1:]
         self.counters.requests += 1
         try:

@@ -1,9 +1,10 @@
-"""A bench supply: it limits current or voltage, whichever limit is reached first, and has no watchdog.
+"""A bench supply. It limits current and voltage, and has no watchdog.
 
-It is a hazard for a wire: it heats on when the driver is silent, it measures no temperature, and a failure of the wire
-shows only in its readings. The driver must compensate for that. Where its map has the registers `ovp` and `ocp`,
-a higher voltage or current, set or measured, switches the output off and latches a protection. A write of 0 resets the
-protection where its register is writable; otherwise the panel or a power-up does.
+A supply is a hazard for a wire: it continues to heat when the driver is silent, it measures no temperature, and a
+failure of the wire shows only in its readings. The driver must handle these hazards. A supply with the registers `ovp`
+and `ocp` has protections: if the set or measured voltage or current is higher, the output is switched off, and the
+protection is latched. A write of 0 to the register `faults` resets the protection if this register is writable;
+otherwise the panel or a power-up resets the protection.
 """
 
 from __future__ import annotations
@@ -20,10 +21,10 @@ TRIP_MARGIN = 1.01  # beyond the noise of the measurement
 
 
 class SupplyFirmware:
-    """Current limit, voltage limit and an output switch; starts with the output off and both at zero."""
+    """Current limit, voltage limit and an output switch. At the start the output is off and both limits are zero."""
 
     def __init__(self, sensors: Sensors, profile: Profile, log_event: Callable[[str], None]) -> None:
-        """With a `profile` without a voltage command only the current is limited."""
+        """Take the protections from `profile`. If the profile has no voltage command, only the current is limited."""
         self._sensors = sensors
         self._has_voltage = profile.roles.heater_voltage is not None
         self._log_event = log_event
@@ -41,11 +42,11 @@ class SupplyFirmware:
 
     @property
     def voltage_max_v(self) -> float:
-        """The voltage limit."""
+        """The voltage limit, infinite for a supply without a voltage command."""
         return self.set_v if self._has_voltage else inf
 
     def restart(self) -> None:
-        """Power up: output off, setpoints zero, nothing latched; the protection limits keep their values."""
+        """Power up: output off, setpoints zero, no protection latched. The protection limits keep their values."""
         self.set_a = 0.0
         self.set_v = 0.0
         self.on = False
@@ -70,7 +71,7 @@ class SupplyFirmware:
         self._switch(on=self.latched == "ok" and bool(values.get("heater_enable", self.on)))
 
     def quantities(self) -> Mapping[str, Quantity]:
-        """Setpoints, measured values, the limit that is active, protections."""
+        """Return setpoints, measured values, the active limit and the protections, by role."""
         return {
             "heater_current": self.set_a,
             "heater_voltage": self.set_v,

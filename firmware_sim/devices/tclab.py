@@ -1,10 +1,10 @@
-"""The firmware of a TCLab board. The wire is its first heater; its first thermometer is on the wire.
+"""The firmware of a TCLab board. The wire is its first heater, and its first thermometer is on the wire.
 
-It switches a voltage on and off, so fast that only the mean heat matters; the pulse width is a whole number of 255:
+The board switches a voltage on and off, so fast that only the mean heat matters. The duty is a multiple of 1/255:
 
     duty = floor(Q1 · P1 / 100) / 255          heat = duty · U² / R
 
-As on the real board there is no supervision: no watchdog, no limit, and an open or shorted sensor reads as an end of
+As on the real board there is no supervision: no watchdog and no limit, and an open or shorted sensor reads as an end of
 the converter's range. An unknown command switches both heaters off.
 """
 
@@ -20,7 +20,7 @@ BANNER = "TCLab Firmware 2.0.1 Arduino Uno"
 PULSE_MAX = 255
 PULSE_FACTORY = {"P1": 200.0, "P2": 100.0}
 QUANTUM_C = 0.322265625
-"""Resolution of the converter: 330 mV / 1024, at 10 mV per degree."""
+"""Resolution of the converter, °C: 330 mV / 1024, at 10 mV per °C."""
 LOWEST_C = -50.0
 COUNTS = 1023
 SAMPLES = 10
@@ -28,7 +28,7 @@ SAMPLES = 10
 
 
 class TCLabFirmware:
-    """Firmware and request handler in one. It switches `supply_v` to a load of `load_ohm()`."""
+    """Firmware and request handler in one class. The board switches `supply_v` to a load of `load_ohm()`."""
 
     voltage_max_v = inf
 
@@ -43,12 +43,12 @@ class TCLabFirmware:
 
     @property
     def current_a(self) -> float:
-        """The root mean square of the pulses."""
+        """The root mean square of the current pulses, A."""
         pulse = int(self.duty["Q1"] * self.pulse["P1"] / 100.0)
         return sqrt(pulse / PULSE_MAX) * self._supply_v / self._load_ohm()
 
     def restart(self) -> None:
-        """Power up, as also when the port is opened: both heaters off."""
+        """Power up with both heaters off. The board also restarts when its port is opened."""
         self.duty = {"Q1": 0.0, "Q2": 0.0}
         self.pulse = dict(PULSE_FACTORY)
 
@@ -56,7 +56,7 @@ class TCLabFirmware:
         """Do nothing: the board acts on commands only."""
 
     def answer(self, pdu: bytes) -> bytes:
-        """The reply to a line of text."""
+        """Carry out a line of text, and return the reply."""
         name, _, rest = pdu.decode("ascii", "replace").partition(" ")
         return self._reply(name.strip().upper(), _float(rest)).encode("ascii", "replace")
 
@@ -80,7 +80,7 @@ class TCLabFirmware:
         self.duty[name] = duty
 
     def _switched_off(self, name: str) -> str:
-        """The reply after both heaters went off: to the commands A and X, and to every unknown one."""
+        """Switch both heaters off, and return the reply to the command A, X or an unknown one."""
         for heater in self.duty:
             self._set(heater, 0.0)
         return {"A": "Start", "X": "Stop"}.get(name, name)
@@ -93,7 +93,7 @@ class TCLabFirmware:
 
 
 def _float(text: str) -> float:
-    """The number, or 0 for text that is no number, like the Arduino's own conversion."""
+    """Return the number in a text, or 0 for any other text, like the conversion of the Arduino."""
     try:
         return parse_number(text)
     except ValueError:

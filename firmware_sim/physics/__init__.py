@@ -1,4 +1,4 @@
-"""The wire: heat balance, phase transformation, ageing, faults of the heater circuit, and wires to choose from.
+"""The wire: heat balance, phase transformation, ageing, faults of the heater circuit; Flexinol and random wires.
 
-May import config and smadrive.hysteresis. Registers, frames, sensors and clocks never belong here: time is an argument.
+May import config and smadrive.hysteresis. Registers, frames, sensors and clocks do not belong here.
 """

@@ -1,6 +1,8 @@
 """A wire that changes while it works: its transformation moves in temperature, and its stroke fades.
 
-    ξ follows T - shift, and displacement = (1 - fade) · stroke · ξ        both grow linearly over a given time
+    ξ follows T - shift, and displacement = (1 - fade) · stroke · ξ
+
+shift and fade grow linearly over a given time.
 
 Cycles under load do this to a wire (functional fatigue): the driver's model of the wire becomes outdated.
 """
@@ -23,7 +25,7 @@ class Ageing:
         self._fade_per_s = 0.0
 
     def age_wire(self, shift_c: float, over_s: Positive, fade: Fraction = 0.0) -> None:
-        """Over `over_s` the temperatures of the transformation move by `shift_c`, and the stroke loses `fade` of it."""
+        """Shift the transformation temperatures by `shift_c` and lose the share `fade` of the stroke, over `over_s`."""
         self._left_s = over_s
         self._shift_per_s = (shift_c - self.shift_c) / over_s
         self._fade_per_s = (fade - self.fade) / over_s

@@ -1,15 +1,17 @@
 """Simulated benches for Flexinol actuator wire of any diameter on sale, from published data.
 
-The vendor's table gives the resistance, and the current that contracts the wire in one second. A wire in still air
-loses heat by Morgan's correlation for thin cylinders (Advances in Heat Transfer 11, 1975), air at the film temperature:
+The vendor's table gives the resistance, and the current that contracts the wire in one second. Morgan's correlation
+for thin cylinders in still air (Advances in Heat Transfer 11, 1975) gives the heat loss, with air at film temperature:
 
     h = Nu k/d          Nu = C Ra^n          Ra = g β (T - T_amb) d³/(ν α)
 
-Thin wires need two corrections. The sleeve of still air around them, out to r e^(2/Nu), warms and cools with the wire:
-at 0.025 mm it stores more than half as much heat. And the vendor's current contracts them, so they cannot lose more
-heat than this current supplies: at 0.025 and 0.05 mm that is less than the correlation gives.
+Thin wires need two corrections. First, the sleeve of still air around a wire of radius r, out to r e^(2/Nu), warms and
+cools with the wire. At 0.025 mm the sleeve stores more than half as much heat as the wire. Second, the loss cannot
+exceed the heat of the vendor's current, because this current contracts the wire. At 0.025 and 0.05 mm this limit is
+lower than the loss of the correlation.
 
-Transformation by the stress s in MPa, measured: μ₊ = 77.6 + 0.1233 s, μ₋ = 55.5 + 0.1352 s °C; HT wire 20 K above that.
+Measured transformation temperatures in °C at the stress s in MPa: μ₊ = 77.6 + 0.1233 s, μ₋ = 55.5 + 0.1352 s. Those of
+HT wire are 20 K higher.
 """
 
 from __future__ import annotations
@@ -65,7 +67,7 @@ TABLE = {
 
 
 def flexinol(diameter_mm: float, length_m: float = 0.3, alloy: Literal["LT", "HT"] = "LT") -> SimConfig:
-    """A bench with this wire under a weight of 100 MPa; ConfigError for a diameter that is not sold."""
+    """Return a bench with this wire, loaded with 100 MPa by a weight. ConfigError for a diameter that is not sold."""
     if diameter_mm not in TABLE:
         made = ", ".join(f"{diameter:g}" for diameter in TABLE)
         raise ConfigError(
@@ -117,7 +119,7 @@ class StillAir(NamedTuple):
 
 
 def still_air(diameter_m: float, excess_k: float) -> StillAir:
-    """Free convection from a wire `excess_k` above ambient, and the heat capacity of the air sleeve that it warms."""
+    """Return the free convection from a wire `excess_k` above ambient, and the heat capacity of its air sleeve."""
     film_k = 273.15 + AMBIENT_C + excess_k / 2
     conductivity = 0.0241 * (film_k / 273.15) ** 0.81
     viscosity = 13.3e-6 * (film_k / 273.15) ** 1.75
@@ -130,6 +132,6 @@ def still_air(diameter_m: float, excess_k: float) -> StillAir:
 
 
 def _max_loss_w_per_m_k(row: TableRow) -> float:
-    """The loss that the vendor's current balances in an HT wire two sigmas above its transformation temperature."""
+    """Return the loss that the vendor's current balances, in an HT wire 2 sigma above its transformation."""
     contracted_c = HEATING_C + TABLE_MPA / HEATING_MPA_PER_K + HIGHER_C["HT"] + 2 * SIGMA_K
     return row.contracting_a**2 * row.ohm_per_m / (contracted_c - AMBIENT_C)

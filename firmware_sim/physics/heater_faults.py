@@ -1,8 +1,8 @@
-"""Faults of the heater circuit: what lies between the device that heats and the wire.
+"""Faults of the heater circuit, which connects the device that heats to the wire.
 
     short_switch (stuck on), open_switch (stuck off), weaken_current, limit_voltage, corrode_contact, break_wire
 
-Each lasts for `for_s` seconds, or until `mend_heater`. There is one fault at a time, the last one.
+Each fault lasts for `for_s` seconds, or until `mend_heater`. A new fault ends the previous one.
 """
 
 from __future__ import annotations
@@ -20,7 +20,14 @@ HEATER_FAULTS = (
 
 
 class Circuit(NamedTuple):
-    """The circuit between the device that heats and the wire."""
+    """The circuit between the device that heats and the wire.
+
+    passed          fraction of the set current that flows
+    leak_a          least current, even if the device sets zero
+    voltage_max_v   highest voltage of the source
+    contact_ohm     resistance in series with the wire
+    broken          True if no current can flow
+    """
 
     passed: float = 1.0
     leak_a: float = 0.0
@@ -39,7 +46,7 @@ class HeaterFaults:
         self.mend_heater()
 
     def short_switch(self, leak_a: Positive, for_s: Seconds | None = None) -> None:
-        """The switch is stuck on: at least `leak_a` flows, whatever the firmware sets."""
+        """The switch is stuck on: at least `leak_a` flows, even if the firmware sets zero."""
         self._begin(Circuit(leak_a=leak_a), for_s)
 
     def open_switch(self, for_s: Seconds | None = None) -> None:
@@ -51,11 +58,11 @@ class HeaterFaults:
         self._begin(Circuit(passed=passed), for_s)
 
     def limit_voltage(self, voltage_v: Positive, for_s: Seconds | None = None) -> None:
-        """The source is limited to `voltage_v`: it holds voltage where it should hold current."""
+        """The source is limited to `voltage_v`, so it may not reach the set current."""
         self._begin(Circuit(voltage_max_v=voltage_v), for_s)
 
     def corrode_contact(self, contact_ohm: Positive, for_s: Seconds | None = None) -> None:
-        """A crimp has a resistance. It is measured in series with the wire's, but its heat does not reach the wire."""
+        """A crimp has a resistance in series with the wire. Its heat does not reach the wire."""
         self._begin(Circuit(contact_ohm=contact_ohm), for_s)
 
     def break_wire(self, for_s: Seconds | None = None) -> None:
@@ -74,7 +81,7 @@ class HeaterFaults:
                 self.mend_heater()
 
     def by_name(self) -> dict[str, Callable[..., None]]:
-        """Every fault, and the method that ends it."""
+        """Return every fault, and the method that ends a fault, by name."""
         return {name: getattr(self, name) for name in HEATER_FAULTS}
 
     def _begin(self, circuit: Circuit, for_s: float | None) -> None:

@@ -1,10 +1,9 @@
-"""The wire: heat balance and phase transformation, lumped.
+"""The wire as a lumped model: heat balance and phase transformation.
 
     (m c + m L dξ/dT) dT/dt = I² R(ξ) - h A (T - T_amb)        R = R_cold (1 + r ξ)        stroke · ξ = displacement
 
-ξ, the austenite fraction, follows T with a hysteresis (transformation.py), which the driver has to invert.
-Within a substep dξ/dT and R are constant and the balance is solved exactly. Substeps of at most 10 ms and about 1 K
-keep the error far below the sensors' noise.
+The austenite fraction ξ follows T with a hysteresis (transformation.py). Within a substep dξ/dT and R are constant, and
+the balance is solved exactly. Substeps of at most 10 ms and about 1 K keep the error far below the sensors' noise.
 """
 
 from __future__ import annotations
@@ -61,7 +60,7 @@ class Plant:
             dt_s -= self._substep(dt_s)
 
     def _drive(self, set_a: float, voltage_max_v: float) -> None:
-        """Set the current, and the voltage at the source: on an open circuit its limit, if it has one."""
+        """Set the current, and the voltage at the source. With a broken wire this is the voltage limit, if finite."""
         circuit = self.faults.circuit
         if circuit.broken:
             self.current_a, self.voltage_v = 0.0, voltage_max_v if set_a > 0.0 and voltage_max_v < inf else 0.0

@@ -3,14 +3,14 @@
     a grain turns to austenite when v rises above α, and back when v falls below β          α > β
     ξ = the share of grains that are austenite          E(a, b) = the share of grains with α ≤ a and β ≥ b
 
-Rising from a minimum m turns the grains with α ≤ v that m had turned back; falling from a maximum M turns back those
-with β ≥ v that M had turned. So ξ follows from the reversals that are still remembered (Preisach 1935, Everett 1955):
+While v rises from a minimum m, the grains with α ≤ v and β ≥ m turn to austenite. While v falls from a maximum M, the
+grains with β ≥ v and α ≤ M turn back. So ξ follows from the latest reversal (Preisach 1935, Everett 1955):
 
     rising   ξ = ξ_m + E(v, m)          falling   ξ = ξ_M - E(M, v)
 
-An input that passes an earlier reversal wipes it out, with all later ones: minor loops close exactly. A Duhem model,
-whose only state is ξ, does neither. Here (α, β) are jointly Gaussian, without the grains of almost no hysteresis, on a
-grid. Within a cell the density is constant, so E is bilinear there.
+When the input passes an earlier reversal, this reversal and all later ones are deleted, so minor loops close exactly. A
+Duhem model, whose only state is ξ, has no such memory. Here (α, β) have a joint Gaussian density on a grid, without the
+grains of almost no hysteresis. Within a cell the density is constant, so E is bilinear.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ NARROWEST_K = 4.0  # α - β of a grain, at least
 
 
 class Reversal(NamedTuple):
-    """A reversal of the input: input and phase there, and the reversal before it."""
+    """A reversal of the input: the input and the phase at the reversal, and the reversal before this one."""
 
     v: float
     phase: float
@@ -36,7 +36,7 @@ class Reversal(NamedTuple):
 
 
 class PreisachState(NamedTuple):
-    """Input and phase now, moving upward or downward since `reversal`."""
+    """The present input and phase. The input rises or falls since `reversal`."""
 
     v: float
     phase: float
@@ -45,7 +45,7 @@ class PreisachState(NamedTuple):
 
 
 class Preisach:
-    """The plane of a transformation: state in, state out."""
+    """The Preisach plane of a transformation: state in, state out."""
 
     def __init__(self, plane: Transformation) -> None:
         up = _edges(plane.mu_heating_c, plane.sigma_heating_c)
@@ -56,15 +56,15 @@ class Preisach:
         self._coldest = Reversal(self._down_c, 0.0, None)
 
     def start(self, v: float) -> PreisachState:
-        """The state of a wire heated from far below to `v`."""
+        """Return the state of a wire that was heated from a much lower temperature to `v`."""
         return PreisachState(v, self._share(v, self._coldest.v), rising=True, reversal=self._coldest)
 
     def phase(self, state: PreisachState) -> float:
-        """ξ."""
+        """Return the austenite fraction ξ."""
         return state.phase
 
     def slope(self, state: PreisachState, v: float, rising: bool) -> float:
-        """dξ/dv for an input that moves on from `v`, upward or downward."""
+        """Return dξ/dv for an input that rises or falls from `v`."""
         reversal_v = state.reversal.v if rising == state.rising else state.v
         if rising:
             row, next_row, _, j, t = self._cell(v, reversal_v)
@@ -73,7 +73,7 @@ class Preisach:
         return ((1 - s) * (row[j] - row[j + 1]) + s * (next_row[j] - next_row[j + 1])) / CELL_K
 
     def moved(self, state: PreisachState, v0: float, v1: float) -> PreisachState:
-        """The state after the input moved monotonically from `v0` to `v1`."""
+        """Return the state after the input moved monotonically from `v0` to `v1`."""
         if v1 == v0:
             return state
         rising = v1 > v0
@@ -86,12 +86,16 @@ class Preisach:
         return PreisachState(v1, last.phase + change, rising, last)
 
     def _share(self, a: float, b: float) -> float:
-        """E(a, b)."""
+        """Return E(a, b)."""
         row, next_row, s, j, t = self._cell(a, b)
         return (1 - s) * ((1 - t) * row[j] + t * row[j + 1]) + s * ((1 - t) * next_row[j] + t * next_row[j + 1])
 
     def _cell(self, a: float, b: float) -> tuple[list[float], list[float], float, int, float]:
-        """Two rows of E around `a`, the fraction of `a` between them, the column before `b`, the fraction beyond it."""
+        """Return the place of (a, b) in the grid.
+
+        The parts are the rows of E before and after `a`, the fraction of `a` between them, the column before `b`, and
+        the fraction of `b` beyond this column.
+        """
         s = min(max((a - self._up_c) / CELL_K, 0.0), self._up_cells - 1e-9)
         t = min(max((b - self._down_c) / CELL_K, 0.0), self._down_cells - 1e-9)
         i, j = int(s), int(t)
@@ -104,7 +108,7 @@ def _edges(mu_c: float, sigma_c: float) -> FloatArray:
 
 
 def _everett(plane: Transformation, up: FloatArray, down: FloatArray) -> FloatArray:
-    """E at the corners of the cells: (len(up), len(down))."""
+    """Return E at the corners of the cells, shape (len(up), len(down))."""
     x = ((up[1:] + up[:-1]) / 2 - plane.mu_heating_c)[:, None] / plane.sigma_heating_c
     y = ((down[1:] + down[:-1]) / 2 - plane.mu_cooling_c)[None, :] / plane.sigma_cooling_c
     r = plane.correlation or 0.0

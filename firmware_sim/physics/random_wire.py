@@ -1,11 +1,11 @@
-"""Random plants around a nominal one: the scatter of wires from the reel, and of rigs as people build them.
+"""Random plants around a nominal plant: the scatter of wires of one type, and of the rigs that people build.
 
     μ ±5 K (each branch)   σ ±25 % (each branch)   stroke ±10 %   m c, h A, latent heat ±25 %   R ±5 %
     thermocouple lag 50 to 250 ms, noise 0.1 K
 
-Uniform and independent. The kind of hysteresis does not depend on the nominal wire: of five wires three get one
-Gaussian per branch, one gets a second component between its branches (as from an R-phase), and one a Preisach plane.
-Branches that cross in the working range are not physical: they are drawn again.
+The values are uniform and independent. The kind of hysteresis does not depend on the nominal wire: on average, of five
+wires three get one Gaussian per branch, one gets a second component between its branches (as from an R-phase), and one
+gets a Preisach plane. Branches that cross in the working range are not physical, and are drawn again.
 """
 
 from __future__ import annotations
@@ -24,7 +24,10 @@ REACH = 4.5  # standard deviations beyond both branches: the transformation is c
 
 
 def random_wire(nominal: SimConfig, seed: int, kind: HysteresisKind | None = None) -> SimConfig:
-    """The plant of this seed around `nominal`; `kind` None: a random one. The same arguments give the same plant."""
+    """Return the plant of this seed around `nominal`. Without `kind` the kind of hysteresis is random.
+
+    The same arguments give the same plant.
+    """
     random = Random(seed)
 
     def within(share: float) -> float:
@@ -76,7 +79,7 @@ def _branches(nominal: Transformation, random: Random) -> dict[str, Any]:
 
 
 def _extras(kind: HysteresisKind, branches: dict[str, Any], random: Random) -> dict[str, Any]:
-    """The parameters of this kind besides its two branches."""
+    """Return the parameters of this kind besides those of the two branches."""
     if kind == "preisach":
         return {"correlation": random.uniform(0.4, 0.8)}
     if kind == "duhem":

@@ -1,11 +1,12 @@
 """The phase transformation of a wire under stress: the austenite fraction, by temperature and history.
 
-The stress shifts the temperatures of the transformation (Clausius-Clapeyron), so that its input is v instead of T:
+The stress s shifts the temperatures of the transformation (Clausius-Clapeyron), so that its input is v instead of T:
 
     heating   v = T - s/C_A          cooling   v = T - s/C_M          s = (preload + stiffness · stroke · ξ) / area
 
-With a dead weight s is constant. A contracting wire stretches a spring: ξ depends on v, and v on ξ. Both rise
-together, so v + s(ξ(v))/C = T has one solution, found by Newton's method from the slope dξ/dv.
+With a dead weight s is constant. With a spring, which the contracting wire stretches, ξ depends on v, and v depends on
+ξ. Because s rises with v, the equation v + s(ξ(v))/C = T has one solution. Newton's method finds it with the slope
+dξ/dv.
 """
 
 from __future__ import annotations
@@ -28,19 +29,19 @@ class Hysteresis(Protocol[StateT]):
     """An operator from an input v, in °C, to a phase fraction: state in, state out."""
 
     def start(self, v: float) -> StateT:
-        """The state of a wire heated from far below to `v`."""
+        """Return the state of a wire that was heated from a much lower temperature to `v`."""
         ...
 
     def phase(self, state: StateT) -> float:
-        """ξ, from 0 (martensite) to 1."""
+        """Return the austenite fraction ξ, from 0 (martensite) to 1."""
         ...
 
     def slope(self, state: StateT, v: float, rising: bool) -> float:
-        """dξ/dv for an input that moves on from `v`, upward or downward."""
+        """Return dξ/dv for an input that rises or falls from `v`."""
         ...
 
     def moved(self, state: StateT, v0: float, v1: float) -> StateT:
-        """The state after the input moved monotonically from `v0` to `v1`."""
+        """Return the state after the input moved monotonically from `v0` to `v1`."""
         ...
 
 
@@ -56,16 +57,16 @@ class Duhem:
         self._target = model.engine.target
 
     def start(self, v: float) -> float:
-        """The state on the heating branch at `v`."""
+        """Return the state on the heating branch at `v`."""
         return self._target(v, rising=True)
 
     def phase(self, state: float) -> float:
-        """ξ."""
+        """Return the austenite fraction ξ."""
         return state
 
 
 class LoadedTransformation:
-    """The transformation of a wire under a bias load; without `bias` the temperatures are those of the config."""
+    """The transformation of a wire under a bias load. Without `bias` the config has the temperatures under load."""
 
     def __init__(self, transformation: Transformation, bias: Bias | None, stroke_mm: float, ambient_c: float) -> None:
         self._hysteresis = _hysteresis(transformation)
@@ -76,7 +77,7 @@ class LoadedTransformation:
         self.phase = self._hysteresis.phase(self._state)
 
     def slope(self, *, rising: bool) -> float:
-        """dξ/dT now, upward or downward."""
+        """Return the present dξ/dT for a rising or falling temperature."""
         shift = self._heating if rising else self._cooling
         v = self._temperature_c - (shift.unstretched_k + shift.per_phase_k * self.phase)
         slope = self._hysteresis.slope(self._state, v, rising)
@@ -96,7 +97,7 @@ class LoadedTransformation:
         self.phase = self._hysteresis.phase(self._state)
 
     def _moved_against_spring(self, shift: _Shift, v0: float, temperature_c: float) -> Any:
-        """The state in equilibrium with a spring, by Newton's method safeguarded with a bracket."""
+        """Return the state in equilibrium with the spring, by Newton's method within a bracket."""
         hysteresis, rising = self._hysteresis, temperature_c > self._temperature_c
         bounds = sorted((v0, v0 + temperature_c - self._temperature_c))
         v, state, phase = v0, self._state, self.phase
@@ -118,7 +119,7 @@ def _hysteresis(transformation: Transformation) -> Hysteresis[Any]:
 
 
 class _Shift(NamedTuple):
-    """The rise of the temperatures of a branch under stress: without contraction, and per unit of phase."""
+    """The shift of a branch under stress, K: without contraction, and in addition per unit of phase."""
 
     unstretched_k: float
     per_phase_k: float

@@ -1,4 +1,4 @@
 """The sensors on the wire: lag, noise, quantisation, drift, and sensor faults.
 
-May import physics and config. How a device shows a reading in its registers never belongs here.
+May import physics and config. Registers of devices do not belong here.
 """

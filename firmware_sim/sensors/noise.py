@@ -1,4 +1,4 @@
-"""Seeded Gaussian noise, computed in blocks because sensors need a thousand samples per simulated second."""
+"""Gaussian noise from a seed, computed in blocks because sensors need a thousand samples per simulated second."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ BLOCK = 512
 
 
 def deviations(seed: int) -> Iterator[float]:
-    """An endless sequence of deviates of standard deviation 1; the same for the same seed."""
+    """Yield Gaussian numbers of standard deviation 1 without end. The same seed gives the same numbers."""
     generator = np.random.default_rng(seed)
     while True:
         yield from generator.standard_normal(BLOCK)[::-1].tolist()

@@ -1,10 +1,10 @@
-"""Faults of the sensors: how the displayed reading differs from the right one.
+"""Faults of the sensors: the reading that a sensor shows differs from the right reading.
 
-    thermocouple   open, short (the converter detects both); bridge, reverse, freeze, stop_conversions, drift, spike
+    thermocouple   open, short (which the converter detects); bridge, reverse, freeze, stop_conversions, drift, spike
     displacement   stick, spike
     sense          lose_current, lose_voltage (of the device that heats: NaN in a float register)
 
-Each lasts for `for_s` seconds, or until the sensor is mended. A sensor has one fault at a time, the last one.
+Each fault lasts for `for_s` seconds, or until the sensor is mended. A new fault of a sensor ends its previous one.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ HEALTHY = "none"
 
 
 class SensorSample(NamedTuple):
-    """A sample before a fault alters it: the right reading, the one shown before, the cold junction's temperature."""
+    """The inputs of a fault: the right reading, the previously shown reading, the temperature of the cold junction."""
 
     right: float
     previous: float
     cold_junction_c: float
 
 
-Alter = Callable[[SensorSample, float], float]  # the shown reading, of a sample and the age of the fault in seconds
+Alter = Callable[[SensorSample, float], float]  # returns the shown reading, from a sample and the fault's age in s
 
 
 class SensorFault:
@@ -43,7 +43,7 @@ class SensorFault:
         self.end()
 
     def begin(self, name: str, for_s: float | None, alter: Alter | None = None) -> None:
-        """Begin a fault that lasts `for_s` seconds; None: until `end`."""
+        """Begin a fault that lasts `for_s` seconds. Without `for_s` it lasts until `end`."""
         self.name = name
         self.alter = alter
         self._age_s = 0.0
@@ -60,7 +60,7 @@ class SensorFault:
             self.end()
 
     def shown(self, right: float, previous: float, cold_junction_c: float = 0.0) -> float:
-        """The reading that the sensor shows, from the `right` one and the `previous` one that it showed."""
+        """Return the reading that the sensor shows, from the `right` reading and the `previous` shown reading."""
         return right if self.alter is None else self.alter(SensorSample(right, previous, cold_junction_c), self._age_s)
 
 
@@ -85,19 +85,19 @@ class SensorFaults:
         self.thermocouple.begin("short", for_s)
 
     def bridge_thermocouple(self, for_s: Seconds | None = None) -> None:
-        """Its two wires touch at the converter: it measures the temperature there, and sets no fault bit."""
+        """The two wires of the thermocouple touch at the converter. It reads the temperature of the cold junction."""
         self.thermocouple.begin("bridged", for_s, lambda sample, _age_s: sample.cold_junction_c)
 
     def reverse_thermocouple(self, for_s: Seconds | None = None) -> None:
-        """Its two wires are exchanged: the reading falls when the temperature rises."""
+        """The two wires of the thermocouple are exchanged: the reading falls when the temperature rises."""
         self.thermocouple.begin("reversed", for_s, lambda sample, _age_s: 2 * sample.cold_junction_c - sample.right)
 
     def freeze_thermocouple(self, for_s: Seconds | None = None) -> None:
-        """The converter goes on counting and repeats its last value."""
+        """The converter repeats its last value, but continues to count conversions."""
         self.thermocouple.begin("frozen", for_s, lambda sample, _age_s: sample.previous)
 
     def stop_conversions(self, for_s: Seconds | None = None) -> None:
-        """The converter hangs: neither value nor count changes."""
+        """The converter stops: its value and its count of conversions stay constant."""
         self.thermocouple.begin("stopped", for_s)
 
     def drift_thermocouple(self, rate_c_per_s: float, for_s: Seconds | None = None) -> None:
@@ -144,7 +144,7 @@ class SensorFaults:
                 sensor.advance(dt_s)
 
     def by_name(self) -> dict[str, Callable[..., None]]:
-        """Every fault, and the methods that end them."""
+        """Return every fault, and the methods that end faults, by name."""
         return {name: getattr(self, name) for name in SENSOR_FAULTS}
 
     def _spikes(self, height: float, share: float) -> Alter:

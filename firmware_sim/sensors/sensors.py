@@ -35,7 +35,7 @@ class Sensors:
 
     @property
     def unreadable(self) -> str | None:
-        """The fault for which the converter shows no temperature: "open" or "short", the two that it detects."""
+        """The fault that the converter detects, "open" or "short", or None. With it the converter shows no value."""
         name = self.faults.thermocouple.name
         return name if name in ("open", "short") else None
 
@@ -53,7 +53,7 @@ class Sensors:
         self._sense_heater()
 
     def displacement_mm(self) -> float | None:
-        """A noisy sample of the displacement; None when no sensor is fitted."""
+        """Return a noisy sample of the displacement, or None if the bench has no displacement sensor."""
         if self._noise_mm is None:
             return None
         right_mm = self._plant.displacement_mm + self._noise_mm * next(self._noise)
@@ -61,7 +61,7 @@ class Sensors:
         return self._shown_mm
 
     def _lag(self, before_c: float, after_c: float, dt_s: float) -> None:
-        """First-order lag behind a wire temperature that changes linearly from before to after (exact)."""
+        """Move the bead by a first-order lag, exact for a wire temperature that changes linearly."""
         lag_s = self._lag_s
         if lag_s == 0.0:
             self._bead_c = after_c

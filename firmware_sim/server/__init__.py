@@ -1,4 +1,4 @@
 """The served process: listen addresses, endpoints (pseudo-terminal, TCP) and the loop that moves bytes and time.
 
-May import everything below it. What a device answers never belongs here.
+May import all other packages of the simulator. The content of replies does not belong here.
 """

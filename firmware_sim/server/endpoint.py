@@ -1,7 +1,7 @@
-"""The interface of an endpoint: where clients reach a simulated device, by a pseudo-terminal or a TCP port.
+"""The interface of an endpoint, which is a pseudo-terminal or a TCP port where clients reach a simulated device.
 
-An endpoint names the descriptors to wait for. Bytes from a descriptor belong to a connection, which sends the replies.
-An endpoint can be closed and opened again, as an adapter can be unplugged and plugged in.
+An endpoint lists the descriptors to wait for. Bytes from a descriptor belong to a connection, which sends the replies.
+An endpoint can be closed and opened again, like an adapter that is unplugged and plugged in.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from firmware_sim.bus.ports import Port
 
 
 class EndpointConnection(Protocol):
-    """The connection of one client: the port of the devices that takes its requests, and the way back."""
+    """The connection of one client. `port` takes the requests of the client, and `send` sends the replies."""
 
     port: Port
 
@@ -23,7 +23,7 @@ class EndpointConnection(Protocol):
 
 
 class Received(NamedTuple):
-    """Bytes that arrived, and their connection."""
+    """Bytes that arrived, and the connection on which they arrived."""
 
     connection: EndpointConnection
     data: bytes
@@ -47,9 +47,9 @@ class Endpoint(Protocol):
         ...
 
     def receive(self, descriptor: int) -> Received | None:
-        """Take the bytes that have arrived at `descriptor`; None: none arrived, or a client came or went."""
+        """Return the bytes that have arrived at `descriptor`. None: no bytes arrived, or a client came or left."""
         ...
 
     def close(self) -> None:
-        """Close every connection, and admit no client."""
+        """Close every connection, and admit no client until `open`."""
         ...

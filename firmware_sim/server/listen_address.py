@@ -19,14 +19,14 @@ AddressKind = Literal["pty", "tcp", "rtu_tcp"]
 
 
 class ListenAddress(NamedTuple):
-    """The address at which clients reach a device: a pseudo-terminal, with a path or without, or a TCP address."""
+    """The address at which clients reach a device: a pseudo-terminal, with or without a path, or a TCP address."""
 
     kind: AddressKind
     address: str | None = None
 
     @classmethod
     def of(cls, device: DeviceEntry) -> ListenAddress:
-        """The listen address of a device of a sim file."""
+        """Return the listen address of a device of a sim file."""
         if device.pty is not None:
             return cls("pty", device.pty)
         return cls("rtu_tcp", device.rtu_tcp) if device.tcp is None else cls("tcp", device.tcp)
@@ -43,17 +43,17 @@ def open_endpoint(
     *,
     line_speed: bool,
 ) -> Endpoint:
-    """The open endpoint at `address`, with ports from `new_port(numbered)`.
+    """Open an endpoint at `address`, with ports from `new_port(numbered)`.
 
-    `settings` are those of the serial line; with `line_speed` characters take their time on it. `log` gets a line when
-    clients are rejected. ConfigError when the endpoint cannot be opened.
+    `settings` are those of the serial line; with `line_speed` characters are no faster than its baud rate. `log` gets a
+    line when clients are rejected. ConfigError when the endpoint cannot be opened.
     """
     if address.kind == "tcp":
         if line_speed:
             raise ConfigError(
                 "Modbus TCP has no serial line",
                 where="--line-speed",
-                cure="serve a device with a serial line, by --pty or --rtu-tcp",
+                cure="serve the device with --pty or --rtu-tcp",
             )
         return TcpEndpoint(address.address or "0", "tcp", lambda: new_port(True), log)
 

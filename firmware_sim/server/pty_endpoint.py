@@ -16,14 +16,14 @@ _CHUNK = 512
 
 
 class PtyEndpoint:
-    """A pseudo-terminal in raw mode: an endpoint, and its only connection.
+    """A pseudo-terminal in raw mode. The object is the endpoint and also its only connection.
 
-    Its far end stays open here, so clients may come and go. With a link it has a lasting name; without one its name may
-    differ after it was opened again.
+    This process keeps the far end open, so clients may come and go. With a link, the terminal has a permanent name;
+    without a link, its name may change when the terminal is opened again.
     """
 
     def __init__(self, link: Path | None, port: Port) -> None:
-        """Open it, and make the symbolic link; ConfigError when that path is taken or cannot be made."""
+        """Open the terminal, and make the symbolic link. ConfigError when the link cannot be made."""
         self.port = port
         self._link = link
         self._ends: tuple[int, ...] = ()
@@ -62,7 +62,7 @@ class PtyEndpoint:
             return None
 
     def send(self, reply: bytes) -> None:
-        """Send `reply`; like on a real line it is lost when the port is closed, or full and not read."""
+        """Send `reply`. As on a real line, the reply is lost if the port is closed, or if the client does not read."""
         if self._ends:
             with contextlib.suppress(BlockingIOError):
                 os.write(self._ends[0], reply)
@@ -78,10 +78,12 @@ class PtyEndpoint:
 
 def _make_link(link: Path, target: str) -> None:
     if link.is_symlink() and (not link.exists() or link.readlink() == Path(target)):
-        link.unlink()  # left behind by a killed simulator, whose pseudo-terminal's number may be this one's now
+        link.unlink()  # left by a killed simulator; the number of its terminal may now be that of this one
     try:
         link.symlink_to(target)
     except OSError as error:
         raise ConfigError(
-            f"cannot be made ({error.strerror})", where=f"--pty {link}", cure="remove it, or choose another path"
+            f"the link cannot be made ({error.strerror})",
+            where=f"--pty {link}",
+            cure="remove the file there, or choose another path",
         ) from None

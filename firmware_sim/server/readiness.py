@@ -8,9 +8,9 @@ from collections.abc import Iterable
 
 
 def readable(descriptors: Iterable[int], timeout_s: float | None) -> list[int]:
-    """The descriptors that are readable within `timeout_s`; None waits until one is.
+    """Return the descriptors that are readable within `timeout_s`. Without a timeout, wait for the first one.
 
-    `poll` counts in milliseconds. The remaining fraction is slept, so that a reply leaves when it is due.
+    `poll` counts in whole milliseconds. The function sleeps for the remaining fraction, so that a reply is in time.
     """
     poll = select.poll()
     for descriptor in descriptors:

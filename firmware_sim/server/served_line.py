@@ -16,13 +16,13 @@ from smadrive.modbus.transports.transport import SerialSettings
 
 
 class ServedLine(NamedTuple):
-    """An endpoint, and the devices that are reached there."""
+    """An endpoint, and the devices that clients reach at this endpoint."""
 
     endpoint: Endpoint
     devices: tuple[SimulatedDevice, ...]
 
     def __str__(self) -> str:
-        """The URL, followed by the names of the devices that have one."""
+        """Return the URL, followed by the names of the devices that have a name."""
         return " ".join((self.endpoint.url, *(device.name for device in self.devices if device.name)))
 
 
@@ -33,9 +33,9 @@ def open_lines(
     *,
     line_speed: bool,
 ) -> list[ServedLine]:
-    """A served line for every listen address, closed by `stack`; `log` gets a line when clients are rejected.
+    """Open a served line for every listen address; `stack` closes it. `log` gets a line when clients are rejected.
 
-    ConfigError when devices cannot share an address, or its endpoint cannot be opened.
+    ConfigError when devices cannot share an address, or an endpoint cannot be opened.
     """
     by_address: dict[ListenAddress, list[SimulatedDevice]] = {}
     for device, address in devices:
@@ -76,7 +76,7 @@ def _new_port_of(line: Line) -> Callable[[bool], Port]:
 
 
 def _serial_settings(address: ListenAddress, devices: Sequence[SimulatedDevice]) -> SerialSettings | None:
-    """The settings of the line; where the profiles differ, those of the first device."""
+    """Return the settings of the line. If the profiles of its devices differ, the first device decides."""
     if address.kind == "tcp":
         return None
     for device in devices:

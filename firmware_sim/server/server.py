@@ -1,8 +1,8 @@
 """The loop of the served process: it moves bytes between endpoints and a simulation, and advances the time.
 
 In real time the simulation follows the machine's monotonic clock. In lockstep time a parent process writes the time to
-standard input, one number per line, and gets the line back when the simulation has reached it: a test or a demo with
-the real protocol on a real port is then repeatable, and as fast as the machine computes.
+standard input, one number per line, and gets the line back when the simulation has reached this time. So a test or a
+demo with the real protocol on a real port is repeatable, and as fast as the machine can compute.
 """
 
 from __future__ import annotations
@@ -33,11 +33,11 @@ class Simulation(Protocol):
 
     @property
     def time_s(self) -> float:
-        """Its time."""
+        """The time of the simulation."""
         ...
 
     def advance_to(self, time_s: float) -> None:
-        """Run it until `time_s`; does nothing for a time in the past."""
+        """Run the simulation until `time_s`. Do nothing for a time in the past."""
         ...
 
 
@@ -62,7 +62,7 @@ class Server:
         self._order = 0
 
     def faulty_connection(self, endpoint: Endpoint) -> FaultyConnection:
-        """All clients of `endpoint`, for the faults of the line."""
+        """Return all clients of `endpoint` as one connection, for the faults of the line."""
         return _EndpointClients(endpoint, self._do_at)
 
     def run_real(self) -> None:
@@ -77,7 +77,7 @@ class Server:
                 self._take_request(endpoints[descriptor], descriptor)
 
     def run_lockstep(self) -> None:
-        """Follow the times on standard input until it ends."""
+        """Follow the times on standard input until standard input ends."""
         buffer = _LineBuffer()
         stdin = sys.stdin.fileno()
         while True:
@@ -144,7 +144,7 @@ def _time_of(line: str) -> float:
         time_s = math.nan
     if not math.isfinite(time_s):
         raise ConfigError(
-            "standard input is not a time",
+            "a line of standard input is not a time",
             where="--time lockstep",
             value=shortened(line),
             cure="write the time in seconds, one number per line",

@@ -1,7 +1,7 @@
 """A simulated device on a TCP port: up to `MAX_CLIENTS` clients, each with its own stream of frames.
 
-A client beyond this limit is accepted and closed at once, so that it notices. To do so when the process has no
-descriptor left, the endpoint holds one in reserve.
+A client beyond this limit is accepted and closed at once, so that the client notices the rejection. This needs a
+descriptor even when the process has none left, so the endpoint keeps one in reserve.
 """
 
 from __future__ import annotations
@@ -19,18 +19,18 @@ from smadrive.files.number_text import shortened
 
 LOOPBACK = "127.0.0.1"
 MAX_CLIENTS = 64
-"""Clients of one port at a time. Real gateways allow 1 to 32."""
+"""The largest number of clients of one port at a time. Real gateways allow 1 to 32."""
 
 _CHUNK = 2048
 
 
 class TcpEndpoint:
-    """Listens on [HOST:]PORT (0: any free port), by default for programs on this machine alone."""
+    """Listens on [HOST:]PORT. Without HOST, only programs on this machine can connect. Port 0 picks a free port."""
 
     def __init__(self, address: str, scheme: str, new_port: Callable[[], Port], log: Callable[[str], None]) -> None:
-        """`log` gets one line when clients are rejected, once.
+        """Listen at `address`. `log` gets a single line, when the first client is rejected.
 
-        ConfigError for an address of another form, and when listening there fails.
+        ConfigError for an address of another form, and when listening at the address fails.
         """
         self._address = _parsed(address)
         self._new_port = new_port
@@ -41,19 +41,19 @@ class TcpEndpoint:
             self.open()
         except OSError as error:
             raise ConfigError(
-                f"cannot listen there ({error.strerror})", where=f"--{scheme.replace('+', '-')} {address}"
+                f"cannot listen at this address ({error.strerror})", where=f"--{scheme.replace('+', '-')} {address}"
             ) from None
         self.url = f"{scheme}://{self._address[0]}:{self._address[1]}"
 
     def open(self) -> None:
-        """Listen; on the same port when opened again."""
+        """Listen. After `close` the endpoint listens on the same port again."""
         self._listener = socket.create_server(self._address)
         self._reserve = _ReservedDescriptor()
         self._listener.setblocking(False)
         self._address = (self._address[0], self._listener.getsockname()[1])
 
     def descriptors(self) -> list[int]:
-        """The connections, then the listening socket: a client that leaves makes room for a new one."""
+        """Return the connections, then the listening socket, so that clients leave before new clients are accepted."""
         return [] if self._listener.fileno() < 0 else [*self._connections, self._listener.fileno()]
 
     def connections(self) -> Sequence[EndpointConnection]:
@@ -61,7 +61,7 @@ class TcpEndpoint:
         return list(self._connections.values())
 
     def receive(self, descriptor: int) -> Received | None:
-        """Take the bytes of a client; accept a new client, or remove one that has left."""
+        """Return the bytes of a client. For a new client, or one that has left, accept or remove it and return None."""
         if descriptor == self._listener.fileno():
             self._accept()
             return None
@@ -81,7 +81,7 @@ class TcpEndpoint:
         return None
 
     def _accept(self) -> None:
-        """Accept the next client, or reject it when there are too many; it may have left already."""
+        """Accept the next client, or reject it if there are too many clients. The client may have left already."""
         try:
             client, _ = self._listener.accept()
         except OSError as error:
@@ -118,7 +118,7 @@ class TcpEndpoint:
 
 
 class _TcpConnection:
-    """The connection of one client."""
+    """The TCP connection of one client."""
 
     def __init__(self, client: socket.socket, port: Port) -> None:
         self.port = port
@@ -127,19 +127,19 @@ class _TcpConnection:
         client.setblocking(False)
 
     def send(self, reply: bytes) -> None:
-        """Send `reply`; it is lost when the client has left or does not read."""
+        """Send `reply`. The reply is lost if the client has left or does not read."""
         with contextlib.suppress(OSError):
             self.socket.send(reply)
 
 
 class _ReservedDescriptor:
-    """An open descriptor; closing it makes room for one connection."""
+    """An open descriptor. When it is closed, the process can accept one more connection."""
 
     def __init__(self) -> None:
         self._held = [os.open(os.devnull, os.O_RDONLY | os.O_CLOEXEC)]
 
     def close(self) -> None:
-        """Release it; a second call does nothing."""
+        """Release the descriptor. A second call does nothing."""
         while self._held:
             os.close(self._held.pop())
 

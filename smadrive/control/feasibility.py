@@ -1,9 +1,9 @@
 """Feasibility of a reference: a simulated run on the identified wire, before the run on the real one.
 
-The same controller tracks the reference on the model of the wire, in simulated time, without noise. The displacement
-that the model reaches is the nearest feasible reference: cooling is limited by the surroundings, heating by the heater.
-The simulated wire cools more slowly by `MARGIN`, and its heater is weaker by `MARGIN`, so that the controller of the
-real wire keeps a reserve.
+The controller of the real run tracks the reference on the model of the wire, in simulated time, without noise. The
+surroundings limit the cooling, and the heater limits the heating. The displacement that the model reaches is the
+nearest feasible reference. The simulated wire cools more slowly by the share `MARGIN`, and its heater is weaker by the
+same share, so that the controller of the real wire keeps a reserve.
 """
 
 from __future__ import annotations
@@ -26,29 +26,29 @@ Array = NDArray[np.float64]
 Limit = Literal["cooling", "heater", "hysteresis"]
 
 MARGIN = 0.1
-"""Share by which the simulated wire cools and heats less than the identified one."""
+"""Share by which the simulated wire cools more slowly, and its heater is weaker, than those of the identified wire."""
 
 TOLERANCE = 0.02
-"""Largest shortfall of a feasible reference, in strokes; the controller corrects it."""
+"""Largest shortfall of a feasible reference, in strokes; the controller corrects so small an error."""
 
 SUBSTEPS = 3
 """Steps of the wire per period of the loop."""
 
 JUMP = 20.0
-"""A reference that is so many times too fast has a jump; slowing it down does not help."""
+"""A reference that is this many times too fast has a jump; slowing it down does not help."""
 
 VISIBLE = 6.0
-"""A reference that moves less than this many standard deviations of the displacement sensor is lost in its noise."""
+"""A movement of less than this many standard deviations of the displacement sensor is lost in the sensor's noise."""
 
 REASONS: dict[Limit, str] = {
-    "cooling": "with no current at all the wire cools no faster",
+    "cooling": "without any current the wire cools no faster",
     "heater": "the largest current heats no faster",
-    "hysteresis": "it turns too soon: on its way from one branch to the other the wire does not move",
+    "hysteresis": "the reference reverses too soon: while the wire crosses its hysteresis, it does not move",
 }
 
 
 class SimulatedTick(NamedTuple):
-    """One tick: time, setpoint and reached displacement, wire temperature, power and its upper limit."""
+    """One tick: time, setpoint, displacement of the model, wire temperature, power and the upper limit of the power."""
 
     time_s: float
     setpoint_mm: float
@@ -62,10 +62,10 @@ class SimulatedTick(NamedTuple):
 class Feasibility:
     """The result of a simulated run.
 
-    `nearest` is the reference that the wire can follow (the given one if it is feasible). At `at_s` the wire is
-    `shortfall_mm` away from the setpoint, because of `limit`; the rates of setpoint and wire there are
-    `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest temperature of the run, `span_mm` the span of
-    the reference after its approach.
+    `nearest` is the reference that the wire can follow; a feasible reference is its own nearest one. The largest error
+    is `shortfall_mm`, at the time `at_s`, because of `limit`. While the wire fell behind, the mean rate of the setpoint
+    was `setpoint_mm_per_s` and that of the wire `reached_mm_per_s`. `hottest_c` is the highest temperature of the run.
+    `span_mm` is the span of the reference after its approach.
     """
 
     feasible: bool
@@ -81,13 +81,13 @@ class Feasibility:
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """Reasons to doubt that the run is the intended one, one sentence each."""
+        """Return the reasons to doubt that the run is the intended one, one sentence each."""
         caveats = []
         if 0.0 < self.span_mm < VISIBLE * DISPLACEMENT_NOISE * self.stroke_mm:
             small = f"the reference moves by {self.span_mm:.2g} mm only, of a stroke of {self.stroke_mm:.3g} mm"
             caveats.append(f"{small}: that is lost in the noise of a displacement sensor; is it in mm?")
         if not self.feasible:
-            caveats.append(f"smoothed, and every error is against the smoothed reference, not the given one: {self}")
+            caveats.append(f"the reference was smoothed, and all errors refer to the smoothed reference: {self}")
         return tuple(caveats)
 
     @property
@@ -96,35 +96,40 @@ class Feasibility:
         return max(1.1, abs(self.setpoint_mm_per_s) / max(abs(self.reached_mm_per_s), 1e-3 * self.stroke_mm))
 
     def __str__(self) -> str:
-        """One sentence for the user."""
+        """Return one sentence for the user."""
         percent = 100.0 * self.shortfall_mm / self.stroke_mm
         if self.feasible:
-            return f"feasible: the wire is at most {percent:.1f} % of its stroke away, and {self.hottest_c:.0f} °C hot"
+            error = f"an error of at most {percent:.1f} % of the stroke"
+            return f"feasible with {error} and a highest temperature of {self.hottest_c:.0f} °C"
         return (
-            f"at {self.at_s:.1f} s the wire is {self.shortfall_mm:.2g} mm ({percent:.0f} % of its stroke) away: wanted "
-            f"are {self.setpoint_mm_per_s:+.2g} mm/s, the wire does {self.reached_mm_per_s:+.2g} mm/s; "
+            f"at {self.at_s:.1f} s the error is {self.shortfall_mm:.2g} mm ({percent:.0f} % of the stroke): the "
+            f"reference moves at {self.setpoint_mm_per_s:+.2g} mm/s, the wire at {self.reached_mm_per_s:+.2g} mm/s; "
             f"{REASONS[self.limit]}"
         )
 
     def check(self, temperature_max_c: float, *, smooth: bool = False) -> None:
-        """Raise ConfigError when the reference is not feasible, or needs a wire above the limit.
+        """Raise ConfigError when the reference is not feasible, or needs a temperature above the limit.
 
         With `smooth` the nearest feasible reference runs instead, and only its temperature is checked.
         """
         if not (self.feasible or smooth):
-            cure = "" if self.slower > JUMP else f"slow it down about {self.slower:.1f} times, or "
-            raise ConfigError(f"reference: {self}: {cure}run the nearest that the wire can follow (--smooth)")
+            slower = "" if self.slower > JUMP else f"slow it down about {self.slower:.1f} times, or "
+            cure = f"{slower}run the nearest reference that the wire can follow (--smooth)"
+            raise ConfigError(str(self), where="reference", cure=cure)
         if self.hottest_c > temperature_max_c:
             raise ConfigError(
-                f"reference: it takes a wire of {self.hottest_c:.0f} °C, temperature_max_c = {temperature_max_c:g}: "
-                "lower its highest displacement, or raise the limit if the wire bears it"
+                "needs a wire temperature above temperature_max_c",
+                where="reference",
+                value=f"{self.hottest_c:.0f} °C",
+                limit=f"{temperature_max_c:g} °C",
+                cure="lower its highest displacement, or raise the limit if the data sheet of the wire allows it",
             )
 
 
 def simulate_run(
     reference: Reference, wire: WireModel, inverse: DisplacementInverse, settings: TrackingSettings, start: WireState
 ) -> Feasibility:
-    """Track `reference` on the model of the wire, from `start`."""
+    """Track `reference` on the model of the wire, from the state `start`, and judge the result."""
     balance = replace(wire.balance, loss_w_per_k=(1.0 - MARGIN) * wire.balance.loss_w_per_k)
     slow_wire = WireModel(wire.model, balance)
     weak = replace(settings, current_limit_a=(1.0 - MARGIN) * settings.current_limit_a)
@@ -135,7 +140,7 @@ def simulate_run(
 def _ticks(
     reference: Reference, wire: WireModel, inverse: DisplacementInverse, settings: TrackingSettings, state: WireState
 ) -> Iterator[SimulatedTick]:
-    """The ticks of the run, with the loop's delay: a command acts one period after its measurement."""
+    """Yield the ticks of the run. As in the real loop, a command acts one period after its measurement."""
     controller = TrackingController(reference, wire, inverse, settings)
     dt_s = settings.period_s
     reading_c, in_force_a, sent_a = state.temperature_c, 0.0, 0.0

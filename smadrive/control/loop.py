@@ -1,10 +1,10 @@
 """The control loop: measure, judge, compute, command, on a schedule of absolute deadlines.
 
 One exchange per tick writes the command of the previous tick and reads the wire. So a command acts one period after
-its measurement; the controllers account for that. A lost exchange is not an error yet: the supervisor trips when the
-silence lasts. However `run` ends (end, trip, exception, Ctrl-C), it first puts the heater into its safe state. The loop
-checks for a request to stop (OFF) before every exchange, so no later exchange carries current, whether the device
-answers or not.
+its measurement, and the controllers take this delay into account. A lost exchange is not an error yet: the supervisor
+trips when no measurement arrives for too long. `run` always puts the heater into its safe state before it ends: at the
+end of the run, after a trip, an exception or Ctrl-C. The loop checks for a request to stop (OFF) before every exchange.
+After this request no exchange carries current, even if the device does not answer.
 """
 
 from __future__ import annotations
@@ -32,10 +32,10 @@ LATE_FRACTION = 0.5
 """A tick that starts later than this fraction of the period after its deadline counts as missed."""
 
 BUSY = (5, 6, 11)
-"""Exception codes of a device, or of the gateway before it, that cannot answer in time."""
+"""Exception codes of a device that cannot answer in time, or of the gateway between driver and device."""
 
 StopRequested = Callable[[], bool]
-"""Whether the user has asked to stop; called before every exchange."""
+"""Returns True if the user has requested a stop. The loop calls it before every exchange."""
 
 
 def never() -> bool:
@@ -55,12 +55,15 @@ class Actuator(Protocol):
         ...
 
     def enter_safe_state(self) -> None:
-        """Zero current, confirmed."""
+        """Bring the current to zero, confirmed by read-back."""
         ...
 
 
 class Tick(NamedTuple):
-    """One tick of the loop: time of the measurement since the start, and delay of its beginning after its deadline."""
+    """One tick of the loop.
+
+    `time_s` is the time of the measurement since the start. `late_s` is the delay of the tick after its deadline.
+    """
 
     time_s: float
     late_s: float
@@ -81,8 +84,8 @@ class LoopMetrics:
 class ControlLoop:
     """Runs one controller on one heater under one supervisor, every `period_s`; calls `record` with each tick.
 
-    After `stop_requested` has returned True, only the safe state is sent. `on_trip` is called with a trip before the
-    heater is switched off: the process may be killed meanwhile.
+    After `stop_requested` has returned True, the loop sends only the safe state. `on_trip` gets a trip before the
+    heater is switched off, because the process may be killed while it switches off.
     """
 
     def __init__(
@@ -111,9 +114,9 @@ class ControlLoop:
         self.figures = LoopMetrics()
 
     def run(self, watchdog_s: float) -> LoopMetrics:
-        """Arm, tick until the controller's duration is over or a stop is requested, end in the safe state.
+        """Arm the heater, run the ticks, and end in the safe state.
 
-        TripError when tripped.
+        The ticks end with the controller's duration or with a stop request. TripError when the supervisor trips.
         """
         with ends_safe(self._heater.enter_safe_state, is_run=True):
             self._supervisor.check_may_arm(self._heater.exchange(0.0))
@@ -143,8 +146,8 @@ class ControlLoop:
     def tick(self, late_s: float) -> None:
         """Run one tick, begun `late_s` after its deadline. TripError when the supervisor trips.
 
-        Controller and log use the time of the measurement as the time of the tick: a device that answers slowly also
-        acts slowly, and the heat balance must not mistake the delay for heat.
+        Controller and log use the time of the measurement as the time of the tick. A device that answers slowly also
+        acts slowly; with the time of the deadline, the heat balance would take this delay for a change of the heat.
         """
         self.figures.ticks += 1
         missed = late_s > LATE_FRACTION * self._period_s

@@ -1,13 +1,13 @@
 """Output files: the check of their names, and writing that completes or leaves nothing.
 
-The ending of an output's name must fit its content, and an output is never an input of the same command. A log records
-what cannot be measured again, so it is never overwritten. Models, tables and pages can be made again: they replace an
-existing file. Commands call `check_output` before they heat or compute.
+The ending of an output's name must fit its content, and an output must not be an input of the same command. A log is
+never overwritten, because its measurements cannot be repeated. Models, tables and pages can be made again, so they
+replace an existing file. Commands call `check_output` before they heat or compute.
 
 A reader sees the old file or the new one, never a part. The new content is written to a partial file in the same
-folder, synchronized to the disk, and renamed. A rename would replace anything of that name, so only a regular file may
-be replaced: a device node, a pipe, a socket or a folder is an error before anything is written. A link stays, and its
-target is replaced.
+folder, synchronized to the disk, and renamed. A rename could also replace a device node, a pipe or a socket, so only a
+regular file may be replaced. Anything else at the path is an error before the first byte is written. If the path is a
+link, the target of the link is replaced, and the link stays.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ ANOTHER_NAME = "choose another name"
 
 
 def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
-    """DataError when a command that reads `inputs` must not write a file of `kind` to `path`."""
+    """Raise DataError when a command that reads `inputs` must not write a file of `kind` to `path`."""
     if not kind.has_ending(path):
         endings = " or ".join(kind.endings)
         raise DataError(f"the name of {kind.what} ends in {endings}", where=path, cure=ANOTHER_NAME)
@@ -38,7 +38,7 @@ def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
 
 @contextmanager
 def creating(path: Path) -> Iterator[Path]:
-    """As `replacing`, for a new file. DataError when the file exists."""
+    """Do the same as `replacing` for a new file. DataError when the file exists."""
     try:
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except FileExistsError:
@@ -55,10 +55,10 @@ def creating(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """The partial file to write. It replaces `path` at the end of the block, and is removed when the block raises.
+    """Yield the partial file to write. It replaces `path` at the end of the block. If the block raises, it is removed.
 
-    A replaced file keeps its permissions and, where allowed, its owner. DataError when `path` may not be replaced or
-    cannot be written.
+    The new file gets the permissions of the old one, and its owner if this is allowed. DataError when `path` may not be
+    replaced or cannot be written.
     """
     try:
         before = _replaceable(path)
@@ -81,7 +81,7 @@ def replacing(path: Path) -> Iterator[Path]:
 
 
 def _replaceable(path: Path) -> os.stat_result | None:
-    """The status of the file at `path`; None when there is none. DataError when it may not be replaced."""
+    """Return the status of the file at `path`, None without a file. DataError when the file may not be replaced."""
     try:
         found = path.stat()
     except FileNotFoundError:

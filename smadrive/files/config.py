@@ -20,9 +20,9 @@ MOST_WHOLE = 1 << 63
 
 
 class Section(BaseModel):
-    """A table of a config file: immutable; an unknown key is an error.
+    """A table of a config file. It is immutable, and an unknown key is an error.
 
-    A validator is built when it is first needed: a command that reads few sections starts sooner.
+    pydantic builds the validator of a section at its first use, so a command that reads few sections starts sooner.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
@@ -30,13 +30,13 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _a_number_is_a_number(cls, values: Any) -> Any:
-        """Reject a text or a boolean in place of a number; pydantic would convert it."""
+        """Reject a text or a boolean in place of a number, because pydantic would convert the value to a number."""
         for name, field in cls.model_fields.items() if isinstance(values, dict) else ():
             allowed = set(getattr(field.annotation, "__args__", (field.annotation,)))
             if allowed <= {int, float, NoneType} and isinstance(values.get(name), str | bool):
                 raise ValueError(f"{name} = {shortened(values[name])}: put a number there, without quotes")
             if isinstance(values.get(name), int) and abs(values[name]) >= MOST_WHOLE:
-                raise ValueError(f"{name} = {shortened(values[name])}: needs more than 64 bits: correct it")
+                raise ValueError(f"{name} = {shortened(values[name])}: the number needs more than 64 bits")
         return values
 
 
@@ -59,15 +59,15 @@ def read_toml(path: Path) -> dict[str, Any]:
 
 
 def load_config(path: Path, kind: type[ConfigT]) -> ConfigT:
-    """The file as a valid `kind`. ConfigError names file, key, value and cure in one line."""
+    """Return the file as a valid section of type `kind`. ConfigError names file, key, value and cure in one line."""
     return validate(read_toml(path), kind, where=str(path))
 
 
 def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT:
-    """`tables` as a valid `kind`. ConfigError names what is wrong, and `where`, in one line.
+    """Return `tables` as a valid section of type `kind`. ConfigError describes the problem in one line.
 
-    It names all unknown keys and then nothing else, because a typo explains a missing key. Otherwise it names the first
-    problem and the number of the others.
+    The error names `where`. If there are unknown keys, the error names only these, because a wrongly written key also
+    explains a missing one. Otherwise the error describes the first problem and gives the number of the other problems.
     """
     try:
         return kind.model_validate(tables)
@@ -76,7 +76,7 @@ def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT
 
 
 def _summary(problems: list[dict[str, Any]], kind: type[BaseModel]) -> str:
-    """The problems in one line: places with the same problem are named together."""
+    """Describe the problems in one line; keys with the same problem are named together."""
     named = [problem for problem in problems if problem["type"] == "extra_forbidden"] or problems[:1]
     places: dict[str, list[str]] = {}
     for problem in named:

@@ -1,6 +1,6 @@
 """Tables of samples: CSV files whose columns are read by name as finite numbers.
 
-The other columns are kept as text, unchanged.
+Columns that are not read as numbers are kept as text, unchanged.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ OTHER_SEPARATORS = (";", "\t")
 
 
 LARGEST = 1e12
-"""The largest number; no sample in a usual unit is larger, and the square of 1e300 would overflow."""
+"""The largest number. No sample in a usual unit is larger, and the squares of much larger numbers would overflow."""
 
 MOST_BYTES = 1 << 29
-"""The largest file: ten days at 20 Hz with three columns. A table takes ten times as much memory."""
+"""The largest file, bytes: ten days at 20 Hz with three columns. The table takes ten times as much memory."""
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Table:
     lines: list[int] = field(repr=False)
 
     def column(self, name: str) -> Array:
-        """The column as float64. DataError names the line and the cell that is not a finite number."""
+        """Return the column `name` as float64. DataError names the line of a cell that is not a finite number."""
         if name not in self.cells:
             raise DataError(f"no column '{name}'", where=self.path, cure=suggestion_or_list(name, self.cells))
         values = np.empty(len(self.cells[name]))
@@ -66,10 +66,10 @@ class Table:
 
 
 def read_table(path: Path) -> Table:
-    """The CSV file at `path`.
+    """Read the CSV file at `path`.
 
-    DataError when it is missing, too large or empty, when lines differ in their number of cells, when another separator
-    is used, and when two columns have the same name.
+    DataError when the file is missing, too large or empty, when lines differ in their number of cells, when the
+    separator is not a comma, and when two columns have the same name.
     """
     check_kind(path, TABLE)
     rows = _rows(path)
@@ -127,7 +127,10 @@ def _rows(path: Path) -> list[tuple[int, list[str]]]:
 
 
 def write_table(path: Path, carried: Mapping[str, list[str]], added: Mapping[str, Array]) -> None:
-    """Write the `carried` columns unchanged and the `added` ones as numbers; DataError when it cannot be written."""
+    """Write the `carried` columns unchanged and the `added` columns as numbers to `path`.
+
+    An added column replaces a carried column of the same name. DataError when the file cannot be written.
+    """
     columns = {name: cells for name, cells in carried.items() if name not in added}
     columns |= {name: [repr(float(value)) for value in values] for name, values in added.items()}
     with replacing(path) as partial, partial.open("w", newline="", encoding="utf-8") as file:

@@ -1,8 +1,9 @@
-"""The kinds of files: how each is recognized, named and written. A file of another kind is rejected by its own name.
+"""The kinds of files: how each kind is recognized, named in messages and written.
 
-A TOML file is recognized by keys that every file of its kind has and no other kind has, a model by the keys of its
-JSON, the others by their first bytes. A damaged file may be of no known kind; its reader then reports the damage. Only
-regular files are opened: a pipe waits for a writer, and a device may never end.
+An error about a file of the wrong kind names the kind that was found. A TOML file is recognized by keys that only the
+files of its kind have, a model by the keys of its JSON, any other file by its first bytes. A damaged file may have no
+known kind; the function that reads this file then reports the damage. Only regular files are opened, because reading a
+pipe would wait for a writer, and a device may never end.
 """
 
 from __future__ import annotations
@@ -20,17 +21,22 @@ from smadrive.files.number_text import parse_number, shortened
 from smadrive.files.toml import parse_toml
 
 HEAD_BYTES = 1 << 20
-"""This much of a file is examined; every config and every model is smaller."""
+"""The number of bytes of a file that are examined. Every config and every model is smaller."""
 
 HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 @dataclass(frozen=True)
 class FileKind:
-    """A kind of file: its name in messages, how to get one, and the error of its reader.
+    """A kind of file.
 
-    `marks`: the keys that identify it. `folder`: the folder of the shipped ones, below `configs`. `endings`: how the
-    name of an output file of this kind ends. `is_record`: it cannot be made again, so it is never overwritten.
+    what        its name in messages
+    cure        how the user gets a file of this kind
+    error       the type of the errors about such a file
+    marks       keys that only files of this kind have
+    folder      the folder of the shipped files of this kind, below `configs`
+    endings     allowed endings of the name of an output file
+    is_record   True for measurements that cannot be repeated; such a file is never overwritten
     """
 
     what: str
@@ -42,7 +48,7 @@ class FileKind:
     is_record: bool = False
 
     def has_ending(self, path: Path) -> bool:
-        """Whether the name of `path` ends as a file of this kind does."""
+        """Return True if the name of `path` has an ending of this kind."""
         return path.suffix.lower() in self.endings
 
 
@@ -85,12 +91,12 @@ _IRREGULAR = {
 
 
 def irregular_kind(status: os.stat_result) -> str | None:
-    """What a file is that is not a regular file, such as 'a pipe'; None for a regular file."""
+    """Return the name of a file type, such as 'a pipe', or None for a regular file."""
     return None if stat.S_ISREG(status.st_mode) else _IRREGULAR.get(stat.S_IFMT(status.st_mode), "something else")
 
 
 def check_regular(path: Path, error: type[ConfigError | DataError | ModelError]) -> None:
-    """Raise `error` when `path` is not a regular file. A missing file is left to its reader."""
+    """Raise `error` when `path` is not a regular file. For a missing file, do nothing: reading it raises an error."""
     try:
         kind = irregular_kind(path.stat())
     except OSError:
@@ -102,7 +108,10 @@ def check_regular(path: Path, error: type[ConfigError | DataError | ModelError])
 
 
 def check_kind(path: Path, expected: FileKind, cure: str = "") -> None:
-    """Raise the error of `expected` when the file is of another kind or not a regular file; `cure` replaces its own."""
+    """Raise an error when the file is not of the `expected` kind, or not a regular file.
+
+    The type of the error and the cure are those of `expected`, unless `cure` is given. A file of unknown kind passes.
+    """
     check_regular(path, expected.error)
     found = _kind_of(path, expected)
     if found not in (None, expected):
@@ -112,7 +121,7 @@ def check_kind(path: Path, expected: FileKind, cure: str = "") -> None:
 
 
 def _kind_of(path: Path, expected: FileKind) -> FileKind | None:
-    """The kind of the file, `expected` tried first; None when it is unknown or the file cannot be read."""
+    """Return the kind of the file, None if it is unknown or the file cannot be read. `expected` is tried first."""
     try:
         with path.open("rb") as file:
             head = file.read(HEAD_BYTES)
@@ -140,7 +149,7 @@ def _keys(parse: Any, text: str) -> frozenset[str]:
 
 
 def _is_table(text: str) -> bool:
-    """Whether a header line is followed by a line of as many cells, at least one of them a number."""
+    """Return True if the first two lines have the same number of cells, and the second line contains a number."""
     try:
         header, first = list(csv.reader(text.splitlines()[:2], strict=True))
     except (ValueError, csv.Error):

@@ -1,6 +1,6 @@
-"""Parsing of numbers as people and files write them.
+"""Parsing of numbers in the usual forms.
 
-Python's own `float` and `int` also accept `2_0` and the digits of every script, and take minutes for a million digits.
+Python's own `float` and `int` also accept `2_0` and digits of other scripts, and need minutes for a million digits.
 """
 
 from __future__ import annotations
@@ -8,19 +8,19 @@ from __future__ import annotations
 import re
 
 MOST_DIGITS = 400
-"""Characters of a number: more than the longest float needs."""
+"""The largest number of characters of a number, more than any float needs."""
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)", re.ASCII)
 _WHOLE = re.compile(r"[+-]?(?:0[xX][0-9a-fA-F]+|[0-9]+)", re.ASCII)
 
 
 def parse_number(text: str) -> float:
-    """The number in `text`; the caller rejects NaN and infinity. ValueError when the text is not a number."""
+    """Return the number in `text`, which may be NaN or infinity. ValueError when the text is not a number."""
     return float(_checked(text, _NUMBER))
 
 
 def parse_whole(text: str) -> int:
-    """The whole number in `text`, decimal or as 0x8000. ValueError when the text is not one."""
+    """Return the whole number in `text`, decimal or hexadecimal as 0x8000. ValueError for any other text."""
     digits = _checked(text, _WHOLE)
     return int(digits, 16 if "x" in digits.lower() else 10)
 
@@ -33,7 +33,7 @@ def _checked(text: str, form: re.Pattern[str]) -> str:
 
 
 def shortened(value: object, most: int = 60) -> str:
-    """The `repr` of a value, cut to `most` characters for a message."""
+    """Return the `repr` of a value, cut to `most` characters for a message."""
     try:
         text = repr(value)
     except ValueError:  # a whole number of thousands of digits

@@ -12,7 +12,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 def configs_dir() -> Path:
-    """The folder `configs`: inside an installed package, beside it in a checkout. ConfigError when it is missing."""
+    """Return the folder `configs`, which is in the installed package or beside it. ConfigError when it is missing."""
     for folder in (_PACKAGE / "configs", _PACKAGE.parent / "configs"):
         if folder.is_dir():
             return folder
@@ -20,7 +20,7 @@ def configs_dir() -> Path:
 
 
 def config_file(name: str | Path, expected: FileKind) -> Path:
-    """The path `name` (`*.toml`), or the path of the shipped file of that name.
+    """Return `name` as a path if it ends in .toml, otherwise the path of the shipped file with this name.
 
     ConfigError when the file is of another kind than `expected`, or when no shipped file has that name.
     """
@@ -39,11 +39,11 @@ def config_file(name: str | Path, expected: FileKind) -> Path:
 
 
 def _hint(name: str, shipped: dict[str, Path]) -> str:
-    """The kinds of the other shipped files of that name, or else a spelling suggestion."""
+    """Return a hint about shipped files of other kinds with this name, or else a spelling suggestion."""
     others = " and ".join(kind.what for kind in CONFIGS if name in _shipped(kind.folder))
     return f"it is the name of {others}: give one of this list" if others else suggestion(name, shipped)
 
 
 def _shipped(folder: str) -> dict[str, Path]:
-    """The shipped files of a folder by their names; empty for a kind without a folder."""
+    """Return the shipped files of a folder by their names. The result is empty for a kind without a folder."""
     return {path.stem: path for path in sorted((configs_dir() / folder).glob("*.toml"))} if folder else {}

@@ -1,7 +1,7 @@
 """Parsing of TOML texts with limits on their size.
 
-The time of `tomllib` grows with the square of the number of dots in a key, to minutes. A limit on the length of a line
-bounds it.
+`tomllib` needs a time that grows with the square of the number of dots in a key. A limit on the length of a line keeps
+this time short.
 """
 
 from __future__ import annotations
@@ -10,10 +10,10 @@ import tomllib
 from typing import Any
 
 MOST_CHARACTERS = 1 << 18
-"""The largest shipped config has some 8,000."""
+"""The largest number of characters of a text. The largest shipped config has about 8,000."""
 
 MOST_LINE = 1000
-"""Characters of a line; the longest line of a shipped config has 255."""
+"""The largest number of characters of a line. The longest line of a shipped config has 255."""
 
 
 def parse_toml(text: str) -> dict[str, Any]:

@@ -1,15 +1,15 @@
 """The exact branch engine, common to Duhem and T-S fuzzy Duhem models.
 
-On a stretch of monotone input every branch is a linear ODE dw/dv = a(v) w + b(v). With Λ(v) = ∫a dv and any particular
-solution P(v)
+While the input rises or falls, the state w follows a linear ODE dw/dv = a(v) w + b(v). With Λ(v) = ∫a dv and any
+particular solution P(v), the exact solution for any distance v1 - v0 is
 
     w(v1) = P(v1) + (w(v0) - P(v0)) exp(Λ(v1) - Λ(v0))
 
-for any distance v1 - v0: no ODE solver, no step size. Λ and P of both branches are tabulated once as cubic Hermite
-pieces on one grid (their derivatives a and a P + b are known, so the error is of fourth order). A trajectory is then
-one vector expression, chained at its turning points; a single step is a few multiplications and one exp.
+This needs neither an ODE solver nor a step size. Λ and P of both branches are tabulated once, as cubic Hermite pieces
+on one grid. Their derivatives a and a P + b are known, so the error is of fourth order. A trajectory is one vector
+expression for each monotone run; a single step needs a few multiplications and one exp.
 
-Outside the grid the state is held: the input is clamped to [lower, upper].
+Outside the grid the state is constant, because the input is clamped to [lower, upper].
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from smadrive.numerics.arrays import FloatArray
 _CHUNK = 8192  # samples evaluated at once: the working set stays in the cache
 _Row = tuple[float, float, float, float, float, float, float, float, float]
 _Bin = tuple[float, _Row, _Row]
-"""Position of the extra node of a bin (inf: none), and the rows below and beyond it."""
+"""Position of the extra node of a bin (inf without one), and the table rows below and beyond this node."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +39,7 @@ class Branch:
     target_slope: FloatArray
 
     def pieces(self, nodes: FloatArray) -> FloatArray:
-        """Cubic coefficients (8, cells) in v - nodes[cell]: P from constant to cubic, then Λ likewise."""
+        """Return the cubic coefficients over v - nodes[cell], shape (8, cells): P from constant to cubic, then Λ."""
         width = np.diff(nodes)
         return np.vstack([_hermite(width, self.target, self.target_slope), _hermite(width, self.exponent, self.rate)])
 
@@ -55,7 +55,8 @@ def _hermite(width: FloatArray, value: FloatArray, slope: FloatArray) -> FloatAr
 class BranchEngine:
     """Exact stepping along two tabulated branches.
 
-    `nodes` are `bins` uniform cells over [lower, upper] plus at most one extra node (a kink of a or b) inside each.
+    `nodes` are the ends of `bins` uniform cells over [lower, upper], and at most one extra node inside each cell, where
+    a or b has a kink.
     """
 
     def __init__(self, nodes: FloatArray, bins: int, heating: Branch, cooling: Branch) -> None:
@@ -74,7 +75,7 @@ class BranchEngine:
         self._has_splits = bool(inside.any())
 
     def evaluate(self, v: FloatArray, rising: np.ndarray) -> tuple[FloatArray, FloatArray]:
-        """P(v) and Λ(v), each sample on the branch of its direction. `v` lies in [lower, upper]."""
+        """Return P(v) and Λ(v), both (samples,); `rising` selects the branch. `v` must be in [lower, upper]."""
         target, exponent = np.empty_like(v), np.empty_like(v)
         for start in range(0, len(v), _CHUNK):
             part = slice(start, start + _CHUNK)
@@ -100,7 +101,10 @@ class BranchEngine:
                 np.add(value, self._coefficients[row].take(cell, out=coefficient, mode="clip"), out=value)
 
     def trajectory(self, v: FloatArray, w_start: float, out: FloatArray | None = None) -> FloatArray:
-        """States w at every sample of the input path `v` (1-D), from w_start at v[0]; in `out` if given."""
+        """Return the state w at every sample of the input path `v` (samples,). The path starts at w_start.
+
+        The result is written to `out` if an array is given.
+        """
         states = np.empty_like(v) if out is None else out
         states[0] = w_start
         if len(v) == 1:
@@ -130,7 +134,7 @@ class BranchEngine:
 
     @cached_property
     def _scalar(self) -> tuple[list[_Bin], list[_Bin]]:
-        """The same table for the scalar path, plain floats by bin: (cooling, heating). The upper end is a bin too."""
+        """The table as plain floats by bin, for single steps: (cooling, heating). The upper end is a bin of its own."""
         table = np.vstack([np.tile(self.nodes[:-1], 2), self._coefficients]).T.tolist()
         rows: list[_Row] = [tuple(row) for row in table]
         first, split = self._first.tolist(), self._split.tolist()
@@ -144,18 +148,18 @@ class BranchEngine:
         return cooling, heating
 
     def row(self, v: float, rising: bool) -> _Row:
-        """The table row for one input in [lower, upper]: node, four coefficients of P, four of Λ."""
+        """Return the table row for one input in [lower, upper]: node, four coefficients of P, four of Λ."""
         split, below, beyond = self._scalar[rising][int((v - self.lower) * self._bins_per_unit)]
         return below if v < split else beyond
 
     def clamp(self, v: float) -> float:
-        """`v` held to the grid."""
+        """Return `v`, clamped to [lower, upper]."""
         if v < self.lower:
             return self.lower
         return self.upper if v > self.upper else v  # noqa: FURB136 (min() costs a call in the hot path)
 
     def move(self, w: float, v0: float, v1: float) -> float:
-        """The state at v1 after a monotone move from (v0, w)."""
+        """Return the state at v1 after a monotone move of the input from v0, where the state is w."""
         lower, upper = self.lower, self.upper
         if not (lower <= v0 <= upper and lower <= v1 <= upper):
             v0, v1 = self.clamp(v0), self.clamp(v1)
@@ -173,7 +177,7 @@ class BranchEngine:
         return ((p3 * t + p2) * t + p1) * t + p0 + excess * exp(((l3 * t + l2) * t + l1) * t + l0 - exponent)
 
     def slope(self, w: float, v: float, rising: bool) -> float:
-        """dw/dv = P' + a (w - P) at one input; zero outside the grid, where the state is held."""
+        """Return dw/dv = P' + a (w - P) at one input; it is zero outside the grid."""
         if not self.lower <= v <= self.upper:
             return 0.0
         node, p0, p1, p2, p3, _, l1, l2, l3 = self.row(v, rising)
@@ -182,7 +186,7 @@ class BranchEngine:
         return (3 * p3 * t + 2 * p2) * t + p1 + ((3 * l3 * t + 2 * l2) * t + l1) * (w - target)
 
     def local_law(self, v: float, *, rising: bool) -> tuple[float, float]:
-        """Rate a and bias b of dw/dv = a w + b at one input; both zero outside the grid, where the state is held."""
+        """Return a and b of dw/dv = a w + b at one input; both are zero outside the grid."""
         if not self.lower <= v <= self.upper:
             return 0.0, 0.0
         node, p0, p1, p2, p3, _, l1, l2, l3 = self.row(v, rising)
@@ -191,7 +195,7 @@ class BranchEngine:
         return rate, (3 * p3 * t + 2 * p2) * t + p1 - rate * (((p3 * t + p2) * t + p1) * t + p0)
 
     def target(self, v: float, *, rising: bool) -> float:
-        """P at one input: the state on the branch that attracts this direction."""
+        """Return P at one input: the state on the heating branch if `rising`, otherwise on the cooling branch."""
         v = self.clamp(v)
         node, p0, p1, p2, p3, *_ = self.row(v, rising)
         t = v - node
@@ -199,7 +203,7 @@ class BranchEngine:
 
 
 def _chain(w_start: float, start_target: FloatArray, end_target: FloatArray, decay: FloatArray) -> FloatArray:
-    """Excess w - P at the start of each monotone run: the runs' affine maps applied one after another."""
+    """Return the excess w - P at the start of each monotone run, run by run; each run is an affine map of w."""
     excess, w = [], w_start
     for p_start, p_end, factor in zip(start_target.tolist(), end_target.tolist(), decay.tolist(), strict=True):
         excess.append(w - p_start)

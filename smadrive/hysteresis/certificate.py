@@ -1,12 +1,13 @@
 """Certificates of a branch model dw/dv = a w + b from linear system theory, checked rule by rule.
 
-Contraction   a ≤ -λ on heating and a ≥ λ on cooling: two trajectories of one input approach as exp(-λ · TV(v)), TV the
-              total variation of v, so the unknown initial state is forgotten after a known travel and a periodic input
-              has one attracting loop. A whole loop shrinks differences by exp(-∮|a| dv), usually far more.
-Boundedness   the equilibria S = -b/a (heating) and R = -b/a (cooling) lie in [0, 1]: w never leaves [0, 1].
-Monotone      the slope is affine in w: heating rises below S(v), cooling falls above R(v). Between R(v) and S(v) the
-              inverse is unique. A Duhem model has R = h₊, S = h₋, so it is invertible everywhere. If a branch of the
-              loop itself reverses, a sweep over the range takes the wire back.
+Contraction   a ≤ -λ on heating and a ≥ λ on cooling. Two trajectories with the same input approach each other as
+              exp(-λ · TV(v)), where TV is the total variation of v. So the unknown initial state loses its effect
+              after a known travel, and a periodic input has one attracting loop. Over a whole loop, differences shrink
+              by the factor exp(-∮|a| dv), which is usually much smaller.
+Boundedness   The equilibria S = -b/a (heating) and R = -b/a (cooling) lie in [0, 1], so w never leaves [0, 1].
+Monotone      The slope is affine in w: w rises on heating where w < S(v), and falls on cooling where w > R(v). Between
+              R(v) and S(v) the inverse is unique. A Duhem model has R = h₊ and S = h₋, so it is invertible everywhere.
+              If a branch of the major loop itself reverses, the wire moves backwards during a full sweep.
 """
 
 from __future__ import annotations
@@ -30,10 +31,10 @@ MOST_TURNED = 0.2  # of the travel; a saturated wire that expands reverses by a 
 class Certificate:
     """Proven properties of a model.
 
-    contraction_rate   λ in 1/(unit of v); not positive: not contracting
+    contraction_rate   λ in 1/(unit of v); the model contracts if λ > 0
     loop_contraction   factor by which one loop over the whole range shrinks the distance of two trajectories
-    bounded            w stays in [0, 1]
-    invertible_share   share of the area between the major branches in which both directions have the right slope sign
+    bounded            True if w stays in [0, 1]
+    invertible_share   share of the area between the major branches where w rises on heating and falls on cooling
     turned_share       largest reversal along either major branch, as a share of the loop's travel
     """
 
@@ -45,17 +46,17 @@ class Certificate:
 
     @property
     def contracting(self) -> bool:
-        """Whether every rule contracts."""
+        """True if every rule contracts."""
         return self.contraction_rate > 0
 
     @property
     def monotone(self) -> bool:
-        """Whether the inverse is unique wherever the model can be."""
+        """True if the inverse is unique for every state between the major branches."""
         return self.invertible_share > 1 - _ROUNDING
 
     @property
     def holds(self) -> bool:
-        """Whether the model may drive a feedforward: contracting, bounded, and no branch that reverses."""
+        """True if the model may drive a feedforward: it contracts, it is bounded, and no branch reverses."""
         return not self.shortcomings
 
     @property
@@ -71,12 +72,15 @@ class Certificate:
         return tuple(found)
 
     def forgetting_travel(self, factor: float) -> float:
-        """Travel of v, in its unit, after which an unknown initial state matters less than `factor`."""
+        """Return the travel of v that reduces the effect of an unknown initial state to `factor`, in the unit of v."""
         return float(np.log(1 / factor) / self.contraction_rate) if self.contracting else float("inf")
 
 
 def certify(engine: BranchEngine, laws: Iterable[tuple[FloatArray, FloatArray]] | None = None) -> Certificate:
-    """Certificate of a tabulated model; `laws`: (a, b) of heating and of cooling at its rules, None: at the nodes."""
+    """Return the certificate of a tabulated model.
+
+    `laws` are (a, b) of the heating and of the cooling rules. Without them, a and b at the nodes of the table are used.
+    """
     (a_heating, b_heating), (a_cooling, b_cooling) = laws or (_law(engine.heating), _law(engine.cooling))
     up, down = engine.heating.exponent, engine.cooling.exponent
     return Certificate(
@@ -93,7 +97,7 @@ def _law(branch: Branch) -> tuple[FloatArray, FloatArray]:
 
 
 def _within(drive: FloatArray, rate: FloatArray) -> bool:
-    """0 ≤ drive/rate ≤ 1, without dividing."""
+    """Return True if 0 ≤ drive/rate ≤ 1 everywhere, computed without a division."""
     return bool(np.all(drive >= -_ROUNDING * np.abs(rate)) and np.all(drive <= rate + _ROUNDING * np.abs(rate)))
 
 
@@ -115,7 +119,10 @@ def _turned_share(engine: BranchEngine) -> float:
 
 
 def invertible_band(engine: BranchEngine) -> tuple[FloatArray, FloatArray]:
-    """R(v) and S(v) at the table's nodes: between them the output rises on heating and falls on cooling."""
+    """Return R(v) and S(v) at the nodes of the table, both (nodes,).
+
+    Between R and S the state rises on heating and falls on cooling.
+    """
     (a_heating, b_heating), (a_cooling, b_cooling) = _law(engine.heating), _law(engine.cooling)
     with np.errstate(divide="ignore", invalid="ignore"):
         top = np.where(a_heating < 0, -b_heating / a_heating, np.where(b_heating >= 0, np.inf, -np.inf))

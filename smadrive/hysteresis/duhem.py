@@ -2,11 +2,11 @@
 
     heating:  dw/dv = (h₋ - w)/d · g₊         cooling:  dw/dv = (w - h₊)/d · g₋         d = h₋ - h₊ > 0,  g± = h±'
 
-The scale k is counted once, in y = offset + k w. The particular solutions are the major branches themselves: P = h₊
-with a = -g₊/d on heating, P = h₋ with a = g₋/d on cooling. d is a difference of nearly equal numbers in both tails; it
-is formed from ln h below the loop and from ln(1 - h) above it, so a tends to a Mills ratio instead of 0/0.
+The scale k appears only once, in y = offset + k w. The particular solutions are the major branches: P = h₊ with
+a = -g₊/d on heating, P = h₋ with a = g₋/d on cooling. In both tails d is the difference of two nearly equal numbers. It
+is computed from ln h below the loop and from ln(1 - h) above the loop, so that a tends to a Mills ratio instead of 0/0.
 
-Nine standard deviations beyond every component the branches agree to 1e-18; the state is held there.
+Nine standard deviations beyond every component the branches agree to 1e-18, and the state is constant.
 """
 
 from __future__ import annotations
@@ -65,11 +65,14 @@ class DuhemModel(HysteresisModel):
         offset: float = 0.0,
         input_range: tuple[float, float],
     ) -> Self:
-        """One Gaussian per branch, the paper's case. mu, sigma and input_range in the unit of v, scale in that of y."""
+        """Return a model with one Gaussian per branch, as in the paper.
+
+        mu, sigma and input_range have the unit of v; scale and offset have the unit of y. Raises ModelError.
+        """
         if (mu_heating, mu_cooling, sigma_heating, sigma_cooling) == (75, 70, 35, -45):
             what = (
-                "these are the columns of the paper's Table 1 as printed, where μ and σ are swapped: sigma_cooling = "
-                "-45 is no standard deviation, and with 45 the branches cross at v = 92.5, inside the range"
+                "the paper's Table 1 is printed with μ and σ swapped: sigma_cooling = -45 is not a standard deviation, "
+                "and with 45 the branches cross at v = 92.5, inside the range"
             )
             raise ModelError(what, where="Table 1", cure="use DuhemModel.table1()")
         heating = GaussianMixture((1.0,), (float(mu_heating),), (float(sigma_heating),))
@@ -78,7 +81,7 @@ class DuhemModel(HysteresisModel):
 
     @classmethod
     def table1(cls) -> Self:
-        """Table 1 of the paper with its columns unswapped: k 40, μ₊ 35, μ₋ -45, σ₊ 75, σ₋ 70, range ±300."""
+        """Return Table 1 of the paper with μ and σ in the right columns: k 40, μ₊ 35, μ₋ -45, σ₊ 75, σ₋ 70, v ±300."""
         return cls.gaussian(
             mu_heating=35, mu_cooling=-45, sigma_heating=75, sigma_cooling=70, scale=40, input_range=(-300, 300)
         )
@@ -93,15 +96,18 @@ class DuhemModel(HysteresisModel):
         offset: float = 0.0,
         input_range: tuple[float, float],
     ) -> Self:
-        """Several Gaussians per branch, as measured wires need (one leaves 2-4 % of the span, two about 0.5 %)."""
+        """Return a model with several Gaussians per branch. Raises ModelError.
+
+        On measured wires one Gaussian per branch leaves an error of 2 to 4 % of the span, two leave about 0.5 %.
+        """
         return cls(heating, cooling, scale, offset, input_range)
 
     def admissible(self, v: float) -> tuple[float, float]:
-        """[h₊(v), h₋(v)]: between the branches."""
+        """Return h₊(v) and h₋(v): the state is between the branches."""
         return self.engine.target(v, rising=True), self.engine.target(v, rising=False)
 
     def local_laws(self, v: FloatArray, *, rising: bool) -> tuple[FloatArray, FloatArray]:
-        """a(v) and b(v) of dw/dv = a w + b: the derivation approach of the paper, Eq. (9), any shape of v."""
+        """Return a(v) and b(v) of dw/dv = a w + b by Eq. (9) of the paper, in the shape of v."""
         heating, cooling = self.heating.logs(v), self.cooling.logs(v)
         log_gap = _log_gap(heating, cooling)
         if rising:
@@ -111,7 +117,7 @@ class DuhemModel(HysteresisModel):
         return rate, -rate * self.heating.cdf(v)
 
     def certificate(self) -> Certificate:
-        """Contraction rate min g±/d over the loop, boundedness and invertible band."""
+        """Return the certificate; the contraction rate is the smallest g±/d of the loop."""
         return certify(self.engine)
 
     def _branches(self, nodes: FloatArray) -> tuple[Branch, Branch]:
@@ -119,7 +125,7 @@ class DuhemModel(HysteresisModel):
 
 
 def _log_gap(heating: MixtureLogs, cooling: MixtureLogs) -> FloatArray:
-    """ln(h₋ - h₊), from the side where the two are small; -inf where the branches have crossed."""
+    """Return ln(h₋ - h₊), computed from h or from 1 - h, whichever is smaller; -inf where the branches cross."""
     below = cooling.cdf < heating.sf
     larger = np.where(below, cooling.cdf, heating.sf)
     ratio = np.where(below, heating.cdf - cooling.cdf, cooling.sf - heating.sf)
@@ -128,16 +134,17 @@ def _log_gap(heating: MixtureLogs, cooling: MixtureLogs) -> FloatArray:
 
 
 def grid_logs(mixture: GaussianMixture, nodes: FloatArray) -> MixtureLogs:
-    """Its logarithms at the nodes of a grid, then at the quadrature points of the cells."""
+    """Return the logarithms of a mixture at the nodes of a grid, followed by those at its quadrature points."""
     return mixture.logs(np.concatenate([nodes, quadrature_points(nodes).ravel()]))
 
 
 def duhem_branches(
     heating: MixtureLogs, cooling: MixtureLogs, nodes: FloatArray, steepest: float = np.inf
 ) -> tuple[Branch, Branch]:
-    """Heating and cooling branch at the nodes of a grid, from both mixtures' `grid_logs`.
+    """Return the heating and the cooling branch at the nodes of a grid, from the `grid_logs` of both mixtures.
 
-    Branches that cross raise ModelError, unless the rate is held to `steepest`, as for the trial models of a fit.
+    Branches that cross raise ModelError. With a finite `steepest`, the largest rate |a|, they are allowed: the trial
+    models of a fit need this.
     """
     log_gap, count = _log_gap(heating, cooling), len(nodes)
     crossed = ~np.isfinite(log_gap[:count])
@@ -152,7 +159,10 @@ def duhem_branches(
 
 
 def _refuse_crossing(heating: GaussianMixture, cooling: GaussianMixture, lower: float, upper: float) -> None:
-    """One Gaussian per branch crosses at v* = (μ₊σ₋ - μ₋σ₊)/(σ₋ - σ₊); mixtures are checked at the table's nodes."""
+    """Raise ModelError for branches of one Gaussian each that cross, at v* = (μ₊σ₋ - μ₋σ₊)/(σ₋ - σ₊).
+
+    Branches of several Gaussians are checked later, at the nodes of the table.
+    """
     if len(heating.means) > 1 or len(cooling.means) > 1:
         return
     (mu_h,), (s_h,), (mu_c,), (s_c,) = heating.means, heating.sigmas, cooling.means, cooling.sigmas

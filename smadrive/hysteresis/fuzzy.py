@@ -2,9 +2,10 @@
 
     IF v is about c_i AND v rises (falls) THEN dw = (a_i w + b_i) dv
 
-The sets overlap to one everywhere (a partition of unity), so the blended law is a(v) = Σ μ_i(v) a_i. The second premise
-has two crisp sets, the direction of v. The paper's time form dx/dt = A_i x + B_i is A_i = a_i dv/dt, B_i = b_i dv/dt:
-with constant A_i, B_i the model would not be rate-independent, so the rules multiply dv.
+The memberships μ_i of the sets have the sum 1 everywhere (a partition of unity), so the blended law is
+a(v) = Σ μ_i(v) a_i. The second premise has two crisp sets, the directions of v. The paper writes the rules over time,
+dx/dt = A_i x + B_i with A_i = a_i dv/dt and B_i = b_i dv/dt. With constant A_i and B_i the model would depend on the
+rate of the input, so the rules here multiply dv.
 """
 
 from __future__ import annotations
@@ -19,11 +20,11 @@ from smadrive.files.number_text import shortened
 from smadrive.numerics.arrays import FloatArray
 
 MOST_SETS = 200
-"""The weights of 20,000 sets at every point of the finest grid would take 100 GB; a wire needs about 11."""
+"""The largest number of sets. A wire needs about 11; the memory grows with the number, to 100 GB for 20,000 sets."""
 
 
 class Rule(NamedTuple):
-    """One rule: premise (centre of the set on v, direction +1 or -1) and consequent dw = (a w + b) dv."""
+    """One rule. Its premise is the centre of the set on v and the direction (+1 or -1), its consequent has a and b."""
 
     centre: float
     direction: int
@@ -35,28 +36,28 @@ class Rule(NamedTuple):
         return f"IF v is about {self.centre:.6g} AND v {motion} THEN dw = ({self.a:+.6g} w {self.b:+.6g}) dv"
 
     def time_law(self, rate: float) -> tuple[float, float]:
-        """A and B of the paper's Eq. (11) at the input rate dv/dt, in 1/s."""
+        """Return A and B of the paper's Eq. (11), in 1/s, at the input rate dv/dt = `rate`."""
         return self.a * rate, self.b * rate
 
 
 class FuzzySets(Protocol):
-    """A partition of unity over v: centres, membership weights, and where the weights have kinks."""
+    """A partition of unity over v: the memberships of all sets have the sum 1 at every input."""
 
     @property
     def centres(self) -> tuple[float, ...]:
-        """Centres, ascending."""
+        """Centres of the sets, ascending."""
 
     @property
     def kinks(self) -> FloatArray:
         """Inputs at which the weights are not smooth."""
 
     def weights(self, v: FloatArray) -> FloatArray:
-        """Memberships, shape v.shape + (sets,), summing to one."""
+        """Return the memberships at v, shape v.shape + (sets,); their sum over the sets is 1."""
 
 
 @dataclass(frozen=True, slots=True)
 class TriangularSets:
-    """Triangles from centre to centre, shoulders outside: the paper's Figure 8. The blended law is piecewise linear."""
+    """Triangular sets as in the paper's Figure 8; the outer two are shoulders. The blended law is piecewise linear."""
 
     centres: tuple[float, ...]
 
@@ -75,7 +76,7 @@ class TriangularSets:
 
 @dataclass(frozen=True, slots=True)
 class TrapezoidSets:
-    """Trapezoids: the share `flat` (0 ≤ flat < 1) of each gap between centres belongs to the tops of its two sets."""
+    """Trapezoidal sets. The share `flat` (0 ≤ flat < 1) of each gap between two centres belongs to their flat tops."""
 
     centres: tuple[float, ...]
     flat: float
@@ -83,7 +84,7 @@ class TrapezoidSets:
     def __post_init__(self) -> None:
         check_centres(self.centres)
         if not 0 <= self.flat < 1:
-            raise ModelError("outside [0, 1)", where="trapezoid sets: flat", value=self.flat)
+            raise ModelError("must be at least 0 and less than 1", where="trapezoid sets: flat", value=self.flat)
 
     @property
     def kinks(self) -> FloatArray:
@@ -105,7 +106,7 @@ class TrapezoidSets:
 
 @dataclass(frozen=True, slots=True)
 class GaussianSets:
-    """Bells exp(-(v - c)²/(2 width²)), normalised to sum one; smooth, every rule a little active everywhere."""
+    """Gaussian sets exp(-(v - c)²/(2 width²)), normalised to the sum 1. Every rule is a little active everywhere."""
 
     centres: tuple[float, ...]
     width: float
@@ -113,7 +114,7 @@ class GaussianSets:
     def __post_init__(self) -> None:
         check_centres(self.centres)
         if not (np.isfinite(self.width) and self.width > 0):
-            raise ModelError("not finite and positive", where="Gaussian sets: width", value=self.width)
+            raise ModelError("not a positive number", where="Gaussian sets: width", value=self.width)
 
     @property
     def kinks(self) -> FloatArray:
@@ -128,7 +129,7 @@ class GaussianSets:
 
 
 def hat_weights(v: FloatArray, centres: FloatArray) -> FloatArray:
-    """Memberships of triangular sets with shoulders, shape v.shape + (sets,)."""
+    """Return the memberships of triangular sets with shoulders, shape v.shape + (sets,)."""
     held = np.clip(v, centres[0], centres[-1]).ravel()
     left = np.clip(np.searchsorted(centres, held, side="right") - 1, 0, len(centres) - 2)
     share = (held - centres[left]) / (centres[left + 1] - centres[left])
@@ -147,4 +148,4 @@ def check_centres(centres: tuple[float, ...]) -> None:
     steps = np.diff(np.array(centres, dtype=np.float64))
     if not (np.isfinite(steps).all() and (steps > 0).all()):
         value = shortened(tuple(centres))
-        raise ModelError("not finite and strictly ascending", where="sets: centres", value=value)
+        raise ModelError("must be finite, and each larger than the one before", where="sets: centres", value=value)

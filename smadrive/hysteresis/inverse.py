@@ -1,12 +1,12 @@
 """Inverse feedforward: the input that brings the wire to an output setpoint.
 
-From the state (v0, w0) the setpoint w1 fixes the direction, sign(w1 - w0), and on that branch
+The setpoint w1 and the state (v0, w0) determine the direction, sign(w1 - w0). On the branch of this direction,
 
     P(v1) + (w0 - P(v0)) exp(Λ(v1) - Λ(v0)) = w1
 
-has one solution v1, found by a bracketed Newton iteration. It starts from the closed form within one rule,
-Δv = ln((a w1 + b)/(a w0 + b))/a. An unreachable setpoint is an outcome, not an error: the input goes to the end of the
-range and `reachable` is False. In real time the state must be that of the *estimated* wire, not the setpoint.
+has one solution v1, found by a bracketed Newton iteration. The first guess is the exact solution for constant a and b,
+Δv = ln((a w1 + b)/(a w0 + b))/a. An unreachable setpoint is not an error: the result is the end of the range, with
+`reachable` False. In real time the state must be the estimated state of the wire, not the setpoint.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ITERATIONS = 100
 
 
 class Inversion(NamedTuple):
-    """Input v to command, output y that it leads to, and whether y is the setpoint."""
+    """The input `v` to command, and the output `y` that it gives. `reachable` is True if y is the setpoint."""
 
     v: float
     y: float
@@ -39,7 +39,7 @@ class Inversion(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class InverseTrajectory:
-    """Inputs, the outputs that they lead to, and whether each setpoint was reachable; one row per sample."""
+    """Inputs `v`, the outputs `y` that they give, and `reachable` for each setpoint; all of shape (samples,)."""
 
     v: FloatArray
     y: FloatArray
@@ -53,7 +53,7 @@ class InverseFeedforward:
         self.model = model
 
     def update(self, state: HysteresisState, y_setpoint: float) -> Inversion:
-        """Input that takes the wire from `state` to `y_setpoint` (unit of y). Raises DataError for NaN or inf."""
+        """Return the input that takes the wire from `state` to `y_setpoint`. Raises DataError for NaN or inf."""
         if not isfinite(y_setpoint):
             raise DataError("not finite", where="output setpoint", value=y_setpoint)
         model = self.model
@@ -64,7 +64,11 @@ class InverseFeedforward:
         return Inversion(v, model.offset + model.scale * w, abs(w - w1) <= 10 * _CLOSE)
 
     def trajectory(self, y_ref: ArrayLike, v0: float, y0: float | None = None) -> InverseTrajectory:
-        """Inputs for a reference path from input v0 (and output y0; None: on the heating branch), sample by sample."""
+        """Return the inputs for a reference path `y_ref` (samples,), sample by sample.
+
+        The path starts at input v0 and output y0; without y0 it starts on the heating branch. Raises DataError for
+        values that are not finite, and for more than one dimension.
+        """
         setpoints = finite_array("reference y_ref", y_ref)
         if setpoints.ndim != 1:
             raise DataError("not 1-D", where="y_ref", value=setpoints.shape, cure="pass the reference of one wire")
@@ -78,7 +82,7 @@ class InverseFeedforward:
         return InverseTrajectory(np.array(v), np.array(y_reached), np.array(reachable))
 
     def _solve(self, state: HysteresisState, w1: float) -> tuple[float, float]:
-        """v1 and the state reached there: bracketed Newton between the present input and the end of the range."""
+        """Return v1 and the state at v1, by bracketed Newton between the present input and the end of the range."""
         engine = self.model.engine
         rising = w1 > state.w
         v0 = engine.clamp(state.v)

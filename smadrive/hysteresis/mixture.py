@@ -1,8 +1,9 @@
-"""Convex mixtures of Gaussian distributions: h±(v) of the Duhem model, with tails that never cancel.
+"""Convex mixtures of Gaussian distributions: h±(v) of the Duhem model, exact far out in the tails.
 
-    h(v) = Σ p_j Φ((v - μ_j)/σ_j),  g = h',  p_j > 0, Σ p_j = 1          one component: the paper's Eqs. (3) and (6)
+    h(v) = Σ p_j Φ((v - μ_j)/σ_j),  g = h',  p_j > 0, Σ p_j = 1
 
-All functions return logarithms of h and of 1 - h, so ratios far out in the tails stay exact.
+With one component these are Eqs. (3) and (6) of the paper. `logs` returns the logarithms of h and of 1 - h, so that
+ratios far out in the tails stay exact.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ _LOG_ROOT_TWO_PI = 0.5 * np.log(2 * np.pi)
 
 
 MOST_COMPONENTS = 20
-"""Components of one branch; a measured wire needs two."""
+"""The largest number of components of one branch. A measured wire needs two."""
 
 
 class MixtureLogs(NamedTuple):
@@ -43,37 +44,38 @@ class GaussianMixture:
     def __post_init__(self) -> None:
         if not len(self.weights) == len(self.means) == len(self.sigmas) > 0:
             counts = len(self.weights), len(self.means), len(self.sigmas)
-            what, cure = "unequal numbers of weights, means and sigmas, or none", "give one of each per component"
+            what = "unequal numbers of weights, means and sigmas, or no component"
+            cure = "give a weight, a mean and a sigma for each component"
             raise ModelError(what, where="mixture", value=counts, cure=cure)
         if len(self.means) > MOST_COMPONENTS:
             raise ModelError("too many components", where="mixture", value=len(self.means), limit=MOST_COMPONENTS)
         for mean, sigma in zip(self.means, self.sigmas, strict=True):
             if not (isfinite(mean) and isfinite(sigma) and sigma > 0):
                 cure = "give a finite mu, and a finite and positive sigma"
-                raise ModelError("no distribution", where="mixture (mu, sigma)", value=(mean, sigma), cure=cure)
+                raise ModelError("not a distribution", where="mixture (mu, sigma)", value=(mean, sigma), cure=cure)
         if min(self.weights) <= 0 or abs(fsum(self.weights) - 1) > 1e-9:
-            raise ModelError("not positive with sum 1", where="mixture: weights", value=self.weights)
+            raise ModelError("must be positive and have the sum 1", where="mixture: weights", value=self.weights)
 
     def span(self, sigmas: float) -> tuple[float, float]:
-        """The interval that holds every component out to `sigmas` standard deviations."""
+        """Return the interval from the lowest to the highest mean ± `sigmas` standard deviations."""
         return (
             min(m - sigmas * s for m, s in zip(self.means, self.sigmas, strict=True)),
             max(m + sigmas * s for m, s in zip(self.means, self.sigmas, strict=True)),
         )
 
     def cdf(self, v: FloatArray) -> FloatArray:
-        """h(v)."""
+        """Return h(v), in the shape of v."""
         return np.asarray(np.tensordot(np.array(self.weights), ndtr(self._standard(v)), axes=1))
 
     def logs(self, v: FloatArray) -> MixtureLogs:
-        """Logarithms of h, 1 - h and g at v."""
+        """Return the logarithms of h, 1 - h and g at v, each in the shape of v."""
         standard, log_weights = self._standard(v), np.log(self._column(self.weights, v))
         log_density = -0.5 * standard**2 - _LOG_ROOT_TWO_PI - np.log(self._column(self.sigmas, v))
         parts = log_ndtr(standard), log_ndtr(-standard), log_density
         return MixtureLogs(*(np.logaddexp.reduce(part + log_weights, axis=0) for part in parts))
 
     def _standard(self, v: FloatArray) -> FloatArray:
-        """Distance from every mean in its standard deviations, (components, *v.shape)."""
+        """Return (v - mean) / sigma of every component, shape (components, *v.shape)."""
         return np.asarray((v - self._column(self.means, v)) / self._column(self.sigmas, v))
 
     def _column(self, values: tuple[float, ...], v: FloatArray) -> FloatArray:

@@ -1,10 +1,10 @@
-"""What every hysteresis model of smadrive does: state in, state out, nothing hidden.
+"""The common part of all hysteresis models: state in, state out, nothing hidden.
 
     w  normalised state in [0, 1], the transformed fraction          y = offset + scale · w    (scale may be negative)
-    v  input. Rising input runs along the heating branch, falling input along the cooling branch.
+    v  input. While v rises, the state follows the heating law, while v falls, the cooling law.
 
 Inside `input_range` the branch engine is exact. Outside, the wire counts as fully transformed: the input is clamped to
-the range, the state is held and the slope is zero, so nothing a sensor says can make the model diverge.
+the range, the state is constant and the slope is zero. So a wrong reading of a sensor cannot make the model diverge.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ class HysteresisState(NamedTuple):
 
 
 class HysteresisModel:
-    """Common half of DuhemModel and TSFuzzyDuhem. A subclass gives the engine and `admissible(v)`."""
+    """Base of DuhemModel and TSFuzzyDuhem. A subclass defines `admissible` and `certificate`, and builds the engine."""
 
     def __init__(self, engine: BranchEngine, scale: float, offset: float, input_range: tuple[float, float]) -> None:
         self.engine = engine
@@ -42,18 +42,19 @@ class HysteresisModel:
         self.input_range = input_range
 
     def admissible(self, v: float) -> tuple[float, float]:
-        """Smallest and largest state w that the model can be in at input v."""
+        """Return the smallest and the largest state w that the model can have at input v."""
         raise NotImplementedError
 
     def certificate(self) -> Certificate:
-        """What is proven of this model: contraction, boundedness, invertible band."""
+        """Return the proven properties of this model: contraction, boundedness, invertible band."""
         raise NotImplementedError
 
     def simulate(self, v: ArrayLike, y0: ArrayLike | None = None) -> FloatArray:
-        """Outputs y along an input path; shape of `v`: (samples,) or (samples, wires).
+        """Return the outputs y along an input path `v`, shape (samples,) or (samples, wires).
 
-        `y0` is the output at v[0], one number or one per wire; None: on the heating branch. It is held to what the
-        model can reach at v[0]. Raises DataError for samples that are not finite.
+        `y0` is the output at v[0], one number or one per wire; without y0 the wires start on the heating branch. An
+        output that the model cannot have at v[0] is replaced by the nearest possible one. Raises DataError for samples
+        that are not finite.
         """
         path = finite_array("input v", v)
         columns = path.reshape(len(path), -1)
@@ -72,15 +73,16 @@ class HysteresisModel:
         if outputs.size not in (1, len(v0)):
             cure = "pass one number or one per wire"
             raise DataError(
-                "another number of values than wires", where="y0", value=outputs.size, limit=len(v0), cure=cure
+                "number of values is not that of the wires", where="y0", value=outputs.size, limit=len(v0), cure=cure
             )
         outputs = np.broadcast_to(outputs.ravel(), (len(v0),))
         return [self.initial_state(v, y).w for v, y in zip(v0.tolist(), outputs.tolist(), strict=True)]
 
     def initial_state(self, v0: float, y: float | None = None) -> HysteresisState:
-        """State at input v0 with output y, held to what the model can reach there; None: on the heating branch.
+        """Return the state at input v0 with output y; without y the state on the heating branch.
 
-        Raises DataError when v0 or y is not finite.
+        An output that the model cannot have at v0 is replaced by the nearest possible one. Raises DataError when v0 or
+        y is not finite.
         """
         if not isfinite(v0) or (y is not None and not isfinite(y)):
             raise DataError("not finite", where="initial state (v0, y)", value=(v0, y))
@@ -93,7 +95,7 @@ class HysteresisModel:
         return HysteresisState(v0, self.offset + self.scale * w, w)
 
     def step(self, state: HysteresisState, v1: float) -> HysteresisState:
-        """State after the input moved monotonically from state.v to v1: exact for a move of any size.
+        """Return the state after the input has moved monotonically from state.v to v1, exact for any distance.
 
         Raises DataError when v1 is not finite.
         """
@@ -104,18 +106,19 @@ class HysteresisModel:
         return HysteresisState(v1, self.offset + self.scale * w, w)
 
     def slope(self, state: HysteresisState, direction: int) -> float:
-        """dy/dv at the state when the input rises (direction > 0) or falls: scale · (a w + b)."""
+        """Return dy/dv = scale · (a w + b) at the state, for an input that rises (direction > 0) or falls."""
         return self.scale * self.engine.slope(state.w, state.v, direction > 0)
 
 
 def check_output_map(scale: float, offset: float, input_range: tuple[float, float]) -> tuple[float, float]:
-    """The range as floats. Raises ModelError for a scale, offset or range out of bounds."""
+    """Return the range as floats. ModelError for a zero scale, a falling range, and values that are not finite."""
     if not isfinite(scale) or scale == 0:
         cure = "give a positive scale, or a negative one when the output falls on heating"
-        raise ModelError("not finite, or zero", where="scale", value=scale, cure=cure)
+        raise ModelError("zero or not finite", where="scale", value=scale, cure=cure)
     if not isfinite(offset):
         raise ModelError("not finite", where="offset", value=offset)
     lower, upper = map(float, input_range)
     if not (isfinite(lower) and isfinite(upper) and lower < upper):
-        raise ModelError("not finite and increasing", where="input_range", value=(lower, upper))
+        cure = "give the lower end first, both ends finite"
+        raise ModelError("not an increasing range", where="input_range", value=(lower, upper), cure=cure)
     return lower, upper

@@ -1,7 +1,7 @@
 """Models as JSON files: schema version, kind, parameters, provenance.
 
-A file is written completely or not at all. Reading accepts only a complete, finite, certified model; the error names
-file, key, value and cure. Apart from the wire's file this is the only file access of the maths.
+A file is written completely or not at all. Reading accepts only a complete, finite, certified model; an error names
+file, key, value and cure.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 
 SCHEMA_VERSION = 1
 MOST_BYTES = 1 << 20
-"""A model of 200 sets takes about 20,000 bytes."""
+"""The largest model file, bytes. A model of 200 sets takes about 20,000 bytes."""
 
 CURE = "give a model file, which `smadrive identify` or save_model writes"
 UNCERTIFIED_CURE = "identify it again, or pass allow_uncertified=True to simulate it only"
@@ -35,9 +35,9 @@ _LAWS = ("a_heating", "b_heating", "a_cooling", "b_cooling")
 def save_model(
     model: HysteresisModel, path: str | os.PathLike[str], *, provenance: Mapping[str, Any] | None = None
 ) -> None:
-    """Write `model` to `path`; `provenance` is any JSON object (source file, date, fit figures).
+    """Write `model` to `path`. `provenance` is any JSON object, such as source file, date and metrics of the fit.
 
-    Raises ModelError for values without a JSON form, DataError when the file cannot be written.
+    Raises ModelError for values that JSON cannot hold, DataError when the file cannot be written.
     """
     text = model_text(model, provenance or {}, place=str(path))
     with replacing(Path(path)) as partial:
@@ -45,12 +45,15 @@ def save_model(
 
 
 def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
-    """The model in a file. Raises ModelError for a malformed file, CertificateError for an uncertified model."""
+    """Load a model from a file.
+
+    Raises ModelError for a malformed file, and CertificateError for an uncertified model unless `allow_uncertified`.
+    """
     return parse_model(read_model(path), place=str(path), allow_uncertified=allow_uncertified)
 
 
 def read_model(path: str | os.PathLike[str]) -> str:
-    """The text of a model file. Raises ModelError for another kind of file, and for one that cannot be read."""
+    """Return the text of a model file. Raises ModelError for a file of another kind or without read access."""
     check_kind(Path(path), MODEL)
     try:
         size = Path(path).stat().st_size
@@ -64,7 +67,7 @@ def read_model(path: str | os.PathLike[str]) -> str:
 
 
 def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: str) -> str:
-    """The text of a model file; errors call it `place`. Raises ModelError for values without a JSON form."""
+    """Return the text of a model file. Raises ModelError, which names `place`, for values that JSON cannot hold."""
     document = {
         "schema": SCHEMA_VERSION,
         **_describe(model),
@@ -81,7 +84,7 @@ def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: 
 
 
 def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
-    """The model in the text of a file; errors call the text `place`. Raises ModelError, CertificateError."""
+    """Return the model in the text of a file; errors name `place`. Raises the errors of `load_model`."""
     try:
         fields = Fields(place, json.loads(text))
     except ValueError as error:
@@ -92,7 +95,7 @@ def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> Du
     schema = fields.value("schema")
     if schema != SCHEMA_VERSION:
         where, cure = f"{place}: schema", f"identify the wire again: this version reads {SCHEMA_VERSION}"
-        raise ModelError("another version", where=where, value=shortened(schema), limit=SCHEMA_VERSION, cure=cure)
+        raise ModelError("unknown version", where=where, value=shortened(schema), limit=SCHEMA_VERSION, cure=cure)
     model = _build(fields)
     certificate = model.certificate()
     if not (certificate.holds or allow_uncertified):
@@ -132,36 +135,36 @@ def _sets_json(sets: FuzzySets) -> dict[str, Any]:
 
 
 class Fields:
-    """A JSON object with its place in the file: every ModelError names file and key."""
+    """A JSON object and its place in the file. Every ModelError of this class names file and key."""
 
     def __init__(self, place: str, document: Any) -> None:
-        """Errors call the object `place`."""
+        """Take a JSON object; errors name `place`. ModelError when `document` is not an object."""
         if not isinstance(document, dict):
             raise ModelError("not a JSON object", where=place, value=type(document).__name__, cure=CURE)
         self.place, self.document = place, document
 
     def value(self, key: str) -> Any:
-        """The value at `key`, of any type. ModelError when the key is missing."""
+        """Return the value at `key`, of any type. ModelError when the key is missing."""
         if key not in self.document:
             raise ModelError("missing", where=f"{self.place}: {key}", cure=CURE)
         return self.document[key]
 
     def number(self, key: str) -> float:
-        """The number at `key`."""
+        """Return the number at `key`. ModelError for any other value."""
         value = self.value(key)
         if not _is_finite(value):
             raise self._wrong(key, "not a finite number")
         return float(value)
 
     def numbers(self, key: str) -> tuple[float, ...]:
-        """The list of numbers at `key`."""
+        """Return the list of numbers at `key`. ModelError for any other value."""
         values = self.value(key)
         if not isinstance(values, list) or not all(map(_is_finite, values)):
             raise self._wrong(key, "not a list of finite numbers")
         return tuple(map(float, values))
 
     def texts(self, key: str) -> tuple[str, ...]:
-        """The list of texts at `key`."""
+        """Return the list of texts at `key`. ModelError for any other value."""
         values = self.value(key)
         if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
             raise self._wrong(key, "not a list of texts")
@@ -171,19 +174,19 @@ class Fields:
         return ModelError(what, where=f"{self.place}: {key}", value=shortened(self.document[key]))
 
     def inner(self, key: str) -> Fields:
-        """The object at `key`."""
+        """Return the object at `key`. ModelError for any other value."""
         return Fields(f"{self.place}: {key}", self.value(key))
 
 
 def _is_finite(value: Any) -> bool:
-    """Whether a JSON value is a number within the range of a float (JSON sets no limit to integers)."""
+    """Return True if a JSON value is a number within the range of a float. JSON integers may be larger."""
     return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
 
 
 def _build(fields: Fields) -> DuhemModel | TSFuzzyDuhem:
     ends = fields.numbers("input_range")
     if len(ends) != 2:
-        where, cure = f"{fields.place}: input_range", "give lower and upper end"
+        where, cure = f"{fields.place}: input_range", "give the lower and the upper end"
         raise ModelError("not two numbers", where=where, value=len(ends), limit=2, cure=cure)
     scale, offset, input_range = fields.number("scale"), fields.number("offset"), (ends[0], ends[1])
     kind = fields.value("kind")

@@ -5,14 +5,14 @@ A play operator of width 2r passes only reversals larger than 2r:
 
     p_k = min(max(p_{k-1}, v_k - r), v_k + r)
 
-It lags v by about r, and at mid-loop a kelvin of lag is 5 % of the stroke. The direction s of the play's last move
-gives the sign of the lag, so the filter returns u = p + r s: the largest input since the last true reversal while v
-rises, the smallest while v falls. A reversal smaller than 2r leaves u constant; u follows a larger one at once. A few
-standard deviations of the noise are enough for r.
+The position p lags v by about r, and in the middle of the loop a lag of 1 K means 5 % of the stroke. The direction s of
+the last move of p gives the sign of the lag, so the filter returns u = p + r s. While v rises, u is the largest input
+since the last true reversal; while v falls, u is the smallest. A reversal smaller than 2r leaves u constant, and u
+follows a larger reversal at once. A radius r of a few standard deviations of the noise is enough.
 
-The extreme of many noisy samples lies outside the true turning point, by a few standard deviations where the input
-reverses slowly, and every later state keeps the error. In a record the later samples are known: the turning point is
-estimated from two parabolas, one on either side, fitted to the samples within a few radii.
+The extreme of many noisy samples lies beyond the true turning point, by a few standard deviations if the input reverses
+slowly, and every later state keeps this error. In a record the later samples are known, too. So the turning point is
+estimated from two parabolas, one before and one after it, fitted to the samples within a few radii.
 """
 
 from __future__ import annotations
@@ -34,22 +34,22 @@ _LEAST_SAMPLES = 4  # on either side, for a parabola that does not follow the no
 
 
 class Play(NamedTuple):
-    """State of the play operator: position p, and the direction of its last move (0 before the first one)."""
+    """State of the play operator: position p, and the direction of the last move of p (0 before the first move)."""
 
     position: float
     direction: int = 0
 
     def moved(self, v: float, radius: float) -> Play:
-        """The state after the input has moved to v."""
+        """Return the state after the input has moved to v."""
         return Play(*_moved(self.position, self.direction, v, radius))
 
     def output(self, radius: float) -> float:
-        """The filtered input u."""
+        """Return the filtered input u."""
         return self.position + self.direction * radius
 
 
 def _moved(position: float, direction: int, v: float, radius: float) -> tuple[float, int]:
-    """The play operator on plain numbers, which a loop calls for every sample."""
+    """Return position and direction of the play operator after a move to v. Plain numbers make this function fast."""
     if v - radius > position:
         return v - radius, 1
     if v + radius < position:
@@ -58,7 +58,7 @@ def _moved(position: float, direction: int, v: float, radius: float) -> tuple[fl
 
 
 class DeadBand:
-    """The filter in real time; radius r in the unit of v. Raises ModelError for a negative radius."""
+    """The filter for samples in real time. The radius r has the unit of v. ModelError for a negative radius."""
 
     def __init__(self, radius: float) -> None:
         self.radius = check_radius(radius)
@@ -73,13 +73,13 @@ class DeadBand:
 
 
 def filter_reversals(v: ArrayLike, radius: float) -> FloatArray:
-    """The filter over a path of samples (1-D), sample by sample as by `DeadBand`."""
+    """Return the filtered inputs of a path `v` (samples,), the same as from `DeadBand` sample by sample."""
     band = DeadBand(radius)
     return np.array([band.update(sample) for sample in finite_array("input v", v).tolist()])
 
 
 def turning_points(v: FloatArray, radius: float) -> list[int]:
-    """Indices at which v reverses by more than 2r, both ends included."""
+    """Return the indices at which v reverses by more than 2r, and those of both ends."""
     moved = np.diff(filter_reversals(v, radius))
     moving = np.flatnonzero(moved)
     rising = moved[moving] > 0
@@ -92,9 +92,10 @@ def turning_points(v: FloatArray, radius: float) -> list[int]:
 
 
 def monotone_runs(v: FloatArray, radius: float) -> FloatArray:
-    """The path without its false reversals: the monotone path nearest to v between true turning points.
+    """Return the path `v` (samples,) without its false reversals.
 
-    For records, where the later samples are known: noise is averaged instead of followed to its extremes.
+    Between true turning points the result is the monotone path nearest to v. This needs a complete record: the noise is
+    averaged, while the real-time filter follows the noise to its extremes.
     """
     corners = turning_points(v, radius)
     turned, result = v.copy(), v.copy()
@@ -108,7 +109,7 @@ def monotone_runs(v: FloatArray, radius: float) -> FloatArray:
 
 
 def _turning_point(v: FloatArray, corner: int, radius: float) -> float:
-    """The input at a turning point, from two runs that meet in their extreme v[corner]; within `radius` of it."""
+    """Return the estimated input at a turning point, within `radius` of v[corner], the extreme of both runs."""
     far = np.flatnonzero(np.abs(v - v[corner]) > _AROUND * radius)
     first, last = np.searchsorted(far, corner) - 1, np.searchsorted(far, corner)
     start = far[first] + 1 if first >= 0 else 0
@@ -123,7 +124,7 @@ def _turning_point(v: FloatArray, corner: int, radius: float) -> float:
 
 
 def check_radius(radius: float) -> float:
-    """The radius as a float. Raises ModelError for a negative or infinite one."""
+    """Return the radius as a float. Raises ModelError for a negative or infinite radius."""
     if not (np.isfinite(radius) and radius >= 0):
         raise ModelError("negative or not finite", where="radius of the dead band", value=radius)
     return float(radius)

@@ -1,12 +1,12 @@
 """Tables of Λ = ∫a dv and of the attracting solution P for the branch engine.
 
-Every cell is integrated by Gauss-Legendre quadrature. Inside a cell Λ at the quadrature points follows from the
-integrated interpolation polynomial of a (the collocation matrix), so that P obeys one affine map per cell,
+Every cell is integrated by Gauss-Legendre quadrature. Inside a cell, Λ at the quadrature points is the integral of the
+polynomial that interpolates a (the collocation matrix). So each cell maps P from one end to the other:
 
     P(v1) = P(v0) exp(Λ1 - Λ0) + ∫ b(s) exp(Λ1 - Λ(s)) ds
 
-applied in the contracting direction only: heating upward, cooling downward. The grid is halved until the cubic pieces
-between the nodes agree with the next finer grid.
+This affine map is applied in the contracting direction only: upward on heating, downward on cooling. The cells are
+halved until the cubic pieces between the nodes agree with those of the next finer grid.
 """
 
 from __future__ import annotations
@@ -39,19 +39,19 @@ Build = Callable[[FloatArray], tuple[Branch, Branch]]
 
 @dataclass(frozen=True, slots=True)
 class CellIntegrals:
-    """Integrals of one branch over each cell of a grid: Λ at nodes (n) and at quadrature points (n - 1, 5)."""
+    """Λ of one branch: `exponent` at the nodes (nodes,), `inner_exponent` at the quadrature points (nodes - 1, 5)."""
 
     exponent: FloatArray
     inner_exponent: FloatArray
 
 
 def quadrature_points(nodes: FloatArray) -> FloatArray:
-    """Quadrature points of every cell, shape (cells, 5)."""
+    """Return the quadrature points of every cell, shape (cells, 5)."""
     return nodes[:-1, None] + np.diff(nodes)[:, None] * POINTS
 
 
 def integrate_rate(nodes: FloatArray, rate: FloatArray) -> CellIntegrals:
-    """Λ from the rate a at the quadrature points (cells, 5); Λ = 0 at the first node."""
+    """Return Λ from the rate a at the quadrature points, shape (cells, 5). At the first node Λ = 0."""
     weighted = rate * np.diff(nodes)[:, None]
     exponent = np.concatenate([[0.0], np.cumsum(weighted @ WEIGHTS)])
     return CellIntegrals(exponent, exponent[:-1, None] + weighted @ INNER.T)
@@ -60,7 +60,7 @@ def integrate_rate(nodes: FloatArray, rate: FloatArray) -> CellIntegrals:
 def cell_maps(
     nodes: FloatArray, cells: CellIntegrals, bias: FloatArray, *, rising: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Gain and shift per cell of w_out = gain w_in + shift, crossed upward (rising) or downward."""
+    """Return gain and shift of each cell, both (cells,): w_out = gain w_in + shift, upward if `rising`."""
     end = cells.exponent[1:] if rising else cells.exponent[:-1]
     start = cells.exponent[:-1] if rising else cells.exponent[1:]
     forced = bias * np.exp(end[:, None] - cells.inner_exponent) * np.diff(nodes)[:, None]
@@ -69,9 +69,10 @@ def cell_maps(
 
 
 def march(start: ArrayLike, gain: FloatArray, shift: FloatArray, *, rising: bool) -> FloatArray:
-    """The solution at every node from its value at the entry end of the grid: one system with two diagonals.
+    """Return the solution at every node, from its value `start` at the end of the grid where the sweep begins.
 
-    gain (cells,); start and shift: a number and (cells,), or one of each per column, (columns,) and (cells, columns).
+    The maps of all cells form one linear system with two diagonals. `gain` has the shape (cells,). `start` is a number
+    and `shift` (cells,) for one solution; for several, `start` is (columns,) and `shift` (cells, columns).
     """
     step = 1 if rising else -1
     entered = np.concatenate([np.reshape(start, (1, *shift.shape[1:])), shift[::step]])
@@ -82,7 +83,7 @@ def march(start: ArrayLike, gain: FloatArray, shift: FloatArray, *, rising: bool
 
 
 def uniform_grid(lower: float, upper: float, bins: int, kinks: FloatArray) -> FloatArray:
-    """Uniform nodes plus the kinks, those on a uniform node snapped to it."""
+    """Return uniform nodes and the kinks, ascending. A kink very near to a uniform node adds no node."""
     nodes = np.linspace(lower, upper, bins + 1)
     place = (kinks - lower) / (upper - lower) * bins
     apart = (np.abs(place - np.round(place)) > 1e-5) & (place > 0) & (place < bins)
@@ -90,9 +91,10 @@ def uniform_grid(lower: float, upper: float, bins: int, kinks: FloatArray) -> Fl
 
 
 def tabulate(lower: float, upper: float, build: Build, kinks: FloatArray) -> BranchEngine:
-    """The branch engine on the coarsest grid that agrees with the next finer one to 1e-10.
+    """Return the branch engine on the coarsest grid that agrees with the next finer grid to 1e-10.
 
-    `build` gives heating and cooling branch at any nodes. Raises ModelError where no grid of 131,072 cells suffices.
+    `build` returns the heating and the cooling branch at any nodes. Raises ModelError when even a grid of 131,072 cells
+    is too coarse.
     """
     bins, coarse = _FIRST_BINS, None
     while bins <= _MOST_BINS:
@@ -103,8 +105,8 @@ def tabulate(lower: float, upper: float, build: Build, kinks: FloatArray) -> Bra
                 return coarse
             coarse = fine
         bins *= 2
-    what = f"too steep for its range [{lower:g}, {upper:g}]: {_MOST_BINS} table cells do not resolve it"
-    cure = "narrow the range, widen the narrowest σ or set, or move branches that almost touch apart"
+    what = f"too steep for its range [{lower:g}, {upper:g}]: a table of {_MOST_BINS} cells is too coarse"
+    cure = "narrow the range, widen the narrowest σ or set, or increase the distance of branches that almost touch"
     raise ModelError(what, where="hysteresis model", cure=cure)
 
 
@@ -114,7 +116,7 @@ def _kinks_apart(lower: float, upper: float, bins: int, kinks: FloatArray) -> bo
 
 
 def _disagreement(coarse: BranchEngine, fine: BranchEngine) -> float:
-    """Largest error of the coarse pieces at the fine nodes: of P, and of Λ relative to its size beyond 1."""
+    """Return the largest error of the coarse pieces at the fine nodes, of P and of Λ; for |Λ| > 1 relative to Λ."""
     worst = 0.0
     for rising, branch in ((True, fine.heating), (False, fine.cooling)):
         target, exponent = coarse.evaluate(fine.nodes, np.full(len(fine.nodes), rising))

@@ -1,9 +1,9 @@
-"""The T-S fuzzy Duhem model: rules blended into one law per branch, stepped exactly.
+"""The T-S fuzzy Duhem model: the rules are blended into one law per branch, and each step is exact.
 
     dw/dv = Σ_i μ_i(v) (a_i w + b_i) = a(v) w + b(v)           one (a_i, b_i) per fuzzy set and direction
 
 Each rule is a scalar semilinear Duhem model (Oh and Bernstein, IEEE TAC 50(5):631-645, 2005). As particular solutions
-the engine uses the branches of the attracting major loop: the state that a full sweep of the range leads back to.
+the engine uses the branches of the closed major loop, which a full sweep up and down maps onto itself.
 """
 
 from __future__ import annotations
@@ -33,11 +33,12 @@ Law = tuple[FloatArray, FloatArray]
 
 
 class TSFuzzyDuhem(HysteresisModel):
-    """Rules on fuzzy sets of v, two per set: one for rising, one for falling input.
+    """A model with two rules per fuzzy set of v: one for rising input, one for falling input.
 
-    a_heating, b_heating, a_cooling, b_cooling: one number per set, in 1/(unit of v). Raises ModelError for lengths that
-    differ, values that are not finite, sets outside `input_range`, and rules that expand beyond all bounds. Rules that
-    do not contract are allowed here; certificate() reports them, and load_model rejects them.
+    a_heating, b_heating, a_cooling and b_cooling have one number per set, in 1/(unit of v). Raises ModelError for
+    lengths that differ, values that are not finite, sets outside `input_range`, and rules that expand by more than
+    exp(50) over the range. Other rules that do not contract are allowed here; certificate() reports them, and
+    load_model rejects them.
     """
 
     def __init__(
@@ -67,7 +68,10 @@ class TSFuzzyDuhem(HysteresisModel):
 
     @classmethod
     def from_duhem(cls, model: DuhemModel, sets: FuzzySets) -> Self:
-        """The paper's derivation approach: the Duhem model's local laws at the centres of the sets, Eq. (9)."""
+        """Return a model whose rules are the local laws of a Duhem model at the centres of the sets.
+
+        This is the derivation approach of the paper, Eq. (9).
+        """
         centres = np.clip(np.array(sets.centres), model.engine.lower, model.engine.upper)
         a_heating, b_heating = model.local_laws(centres, rising=True)
         a_cooling, b_cooling = model.local_laws(centres, rising=False)
@@ -92,21 +96,21 @@ class TSFuzzyDuhem(HysteresisModel):
         )
 
     def rules_text(self) -> str:
-        """The rules as IF-THEN sentences, one a line."""
+        """Return the rules as IF-THEN sentences, one per line."""
         return "\n".join(map(str, self.rules))
 
     def rules_table(self) -> str:
-        """The rules as a table: centre, then a and b of either direction."""
+        """Return the rules as a table with the columns centre, a and b for rising, a and b for falling input."""
         head = f"{'centre':>12} {'a rising':>13} {'b rising':>13} {'a falling':>13} {'b falling':>13}"
         rows = zip(self.sets.centres, *self.heating_law, *self.cooling_law, strict=True)
         return "\n".join([head, *("{:12.6g} {:13.6g} {:13.6g} {:13.6g} {:13.6g}".format(*row) for row in rows)])
 
     def admissible(self, v: float) -> tuple[float, float]:  # noqa: ARG002
-        """[0, 1] at every input."""
+        """Return 0 and 1: at every input each state in [0, 1] is possible."""
         return 0.0, 1.0
 
     def certificate(self) -> Certificate:
-        """Contraction rate, boundedness and invertible band, decided rule by rule."""
+        """Return the certificate; contraction and boundedness are checked rule by rule."""
         return certify(self.engine, (self.heating_law, self.cooling_law))
 
     def _branches(self, nodes: FloatArray) -> tuple[Branch, Branch]:
@@ -114,7 +118,7 @@ class TSFuzzyDuhem(HysteresisModel):
 
 
 class MembershipGrid:
-    """The sets at the nodes of a grid and inside its cells, for all rules on the same sets."""
+    """The memberships of fuzzy sets at the nodes and at the quadrature points of a grid."""
 
     def __init__(self, sets: FuzzySets, nodes: FloatArray) -> None:
         self._nodes = nodes
@@ -122,7 +126,7 @@ class MembershipGrid:
         self.at_nodes = self._weights[: len(nodes)]
 
     def closed_branches(self, heating_law: Law, cooling_law: Law) -> tuple[Branch, Branch]:
-        """Both branches of the loop that a full sweep maps onto itself. ModelError for rules that expand too much."""
+        """Return both branches of the closed loop. ModelError for rules that expand by more than exp(50)."""
         blended = self._blended(np.array([*heating_law, *cooling_law]))
         at_nodes, inside = np.split(blended, [len(self._nodes)], axis=1)
         maps = []
@@ -140,13 +144,13 @@ class MembershipGrid:
         return branches[0], branches[1]
 
     def _blended(self, values: FloatArray) -> FloatArray:
-        """Rows of one number per set, blended at all nodes and points; in pieces too small to start threads."""
+        """Blend rows of one number per set at all nodes and points, in pieces too small for BLAS to start threads."""
         pieces = [self._weights[start : start + _PIECE] for start in range(0, len(self._weights), _PIECE)]
         return np.hstack([values @ piece.T for piece in pieces])
 
 
 def _closing_state(up_gain: FloatArray, up_shift: FloatArray, down_gain: FloatArray, down_shift: FloatArray) -> float:
-    """The state at the lower end that one full loop maps onto itself; 0 when the loop does not contract."""
+    """Return the state at the lower end that a full loop maps onto itself; 0 if the loop does not contract."""
     fall = float(np.prod(down_gain))
     gain = float(np.prod(up_gain)) * fall
     if not gain < 1:
@@ -156,7 +160,7 @@ def _closing_state(up_gain: FloatArray, up_shift: FloatArray, down_gain: FloatAr
 
 
 def _reached_from_zero(gain: FloatArray, shift: FloatArray) -> float:
-    """The end state of a sweep from w = 0; cells in the order in which it crosses them."""
+    """Return the end state of a sweep from w = 0. The cells are in the order of the sweep."""
     later = np.append(np.cumprod(gain[:0:-1])[::-1], 1.0)
     return float(shift @ later)
 

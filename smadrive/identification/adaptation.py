@@ -1,24 +1,24 @@
 """Online adaptation: recursive least squares of the rules, for a wire that changes during its use.
 
-The rules are written by rates that must not be negative (see sensitivity.py), so contraction and boundedness are plain
-bounds, kept at every step:
+The rules are described by rates p and q that must not be negative (see sensitivity.py). So contraction and boundedness
+are simple bounds, and every step keeps them:
 
     θ = (p, q of the heating rules, p, q of the cooling rules, ln scale)      p, q ≥ 0, p heating ≥ λ, q cooling ≥ λ
 
-Along the measured temperature the model runs beside the wire, and with it the sensitivities z = ∂w/∂θ, which obey the
-same linear law. The error of the displacement corrects θ as a Kalman filter does, θ being a random walk:
+The measured temperature drives the model, and with it the sensitivities z = ∂w/∂θ, which obey the same linear law. The
+error of the displacement corrects θ as in a Kalman filter whose state θ is a random walk:
 
     e = y - offset - scale w      ψ = ∂y/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P,  P += Q |dv|
 
-The likely changes are: branches shift and widen, and the scale drifts. P begins as the covariance of such changes, and
-Q is a share of it: the filter forgets along these directions, only while the wire travels, and P never exceeds its
-initial value. Errors within the dead zone are noise and change nothing.
+Likely changes of a wire are that its branches shift or widen, and that its scale drifts. P begins as the covariance of
+such changes, and Q is a share of this covariance. So the filter forgets only along these directions, and only while the
+wire travels. P never exceeds its initial value. Errors within the dead zone count as noise and change nothing.
 
-A sensor can fail. An error larger than any likely change, or a jump, is a spike and is not used. A sensor that stands
-still while the wire travels, or whose errors stay too large, ends the adaptation, and θ returns to an earlier value. No
-parameter moves further from its initial value than `limit` standard deviations of the likely changes.
+A sample with a jump, or with an error larger than any likely change, is not used. The adaptation ends, and θ returns to
+an earlier value, if the sensor shows no travel while the wire travels, or if its errors stay too large. No parameter
+moves further from its initial value than `limit` standard deviations of the likely changes.
 
-Scale and hot rules are determined only by a wire that reaches its hot end: on a part of the travel they trade off.
+The scale and the rules of the hot end can be distinguished only if the wire reaches its hot end.
 """
 
 from __future__ import annotations
@@ -35,21 +35,23 @@ from smadrive.identification.reshape import shape_of
 from smadrive.numerics.arrays import FloatArray
 
 LEAST_RATE = 1e-3
-"""Contraction per input span that every rule keeps."""
+"""The least contraction per input span; every rule keeps it."""
 
 LONGEST_STEP = 0.25
-"""Longer moves of v are made in pieces, in units of v."""
+"""The largest move of v in one step, in the unit of v. A longer move is divided."""
 
 
 @dataclass(frozen=True, slots=True)
 class AdaptationSettings:
-    """How fast and how far. Displacements in shares of the stroke, temperatures in K.
+    """Speed and range of the adaptation. Displacements are shares of the stroke, temperatures are in K.
 
-    noise, dead_zone    standard deviation of the displacement error that is noise; error below which nothing is learnt
-    drift_c, drift      what changes: branches by so many K, the scale by this share (standard deviations)
-    free                what rules change besides, as a share of their largest rate around
-    forgetting_c        travel after which as much may have changed as at the beginning
-    limit               how far parameters may go from where they began, in those standard deviations
+    noise          standard deviation of the noise of the displacement
+    dead_zone      a smaller error of the displacement changes nothing
+    drift_c        likely shift of a branch, K (standard deviation)
+    drift          likely change of the scale and of the width of a branch, as a share (standard deviation)
+    free           likely change of a single rule, as a share of the largest rate of the rules around it
+    forgetting_c   travel in K after which the parameters are as uncertain as at the beginning, without new samples
+    limit          largest distance of a parameter from its initial value, in standard deviations of the likely changes
     """
 
     noise: float = 0.015
@@ -62,21 +64,21 @@ class AdaptationSettings:
 
 
 GATE = 5.0
-"""Standard deviations beyond which a sample is rejected."""
+"""A sample with an error of more standard deviations than this is rejected."""
 JUMP_PER_C, JUMP = 0.05, 0.15
-"""A change of the error beyond the gate plus this share of the stroke per K (at most JUMP) also rejects a sample."""
+"""A sample is also rejected if its error jumps by more than the gate plus JUMP_PER_C strokes per K (at most JUMP)."""
 MOST_DISBELIEVED = 15
-"""More rejected samples in a row than this mean a faulty sensor."""
+"""If more samples in a row than this are rejected, the sensor is faulty."""
 TRUSTED_MARKS = 30
-"""When a sensor proves faulty, the parameters of so many checks ago are restored."""
+"""When a sensor turns out to be faulty, the parameters from this many checks ago are restored."""
 STUCK_TRAVEL, STUCK_RANGE = 0.04, 0.1
-"""A sensor that shows less than this share of a predicted travel (share of the stroke) is stuck."""
+"""After a predicted travel of STUCK_TRAVEL strokes, a sensor that shows less than STUCK_RANGE of it is stuck."""
 
 
 class Adaptation:
-    """Follows one wire: `update` for every sample, `model` for the present rules.
+    """Adapts the rules of one wire: `update` takes a sample, `model` returns the present rules.
 
-    `lying` says why the adaptation has ended, None while it works.
+    `lying` is the reason why the adaptation has ended: a fault of the sensor. It is None while the adaptation works.
     """
 
     def __init__(self, model: TSFuzzyDuhem, noise_c: float, settings: AdaptationSettings | None = None) -> None:
@@ -103,8 +105,8 @@ class Adaptation:
 
     @property
     def model(self) -> TSFuzzyDuhem:
-        """The rules as they are now; certified, as contraction and bounds are kept. May be asked by another thread."""
-        theta = self._theta  # every step makes a new one
+        """The present rules, which contract and are bounded. Another thread may read this property."""
+        theta = self._theta  # every step makes a new array
         p_heating, q_heating, p_cooling, q_cooling = theta[:-1].reshape(4, -1)
         return TSFuzzyDuhem(
             self._base.sets,
@@ -122,7 +124,7 @@ class Adaptation:
         return self._base.scale * exp(self._theta[-1])
 
     def update(self, temperature_c: float, displacement_mm: float) -> None:
-        """Learn from one sample: the wire's temperature and displacement (NaN: not measured, nothing is learnt)."""
+        """Learn from one sample of temperature and displacement. A sample with NaN changes no parameter."""
         if not isfinite(temperature_c):
             return
         v = self._dead_band.update(temperature_c)
@@ -140,7 +142,7 @@ class Adaptation:
             self._watch(displacement_mm)
 
     def _move(self, v: float) -> None:
-        """Bring state and sensitivities to `v`, in pieces over which the law is constant."""
+        """Move state and sensitivities to the input `v`, in pieces over which the law counts as constant."""
         start = self._v if self._v is not None else v
         pieces = max(1, int(np.ceil(abs(v - start) / LONGEST_STEP)))
         step = (v - start) / pieces
@@ -149,7 +151,7 @@ class Adaptation:
         self._v = v
 
     def _piece(self, middle: float, step: float) -> None:
-        """dw/d|v| = p (1 - w) - q w in either direction, exactly over one piece; z with the drive in its middle."""
+        """Move over one piece with dw/d|v| = ±(p (1 - w) - q w), exact in w; z uses w in the middle of the piece."""
         lower, upper = self._base.input_range
         if not lower <= middle <= upper:
             return
@@ -167,7 +169,7 @@ class Adaptation:
         self._z[first + sets : first + 2 * sets] -= middle_w * length * weights
 
     def _learn(self, displacement_mm: float) -> None:
-        """One step of the filter, unless the sample is within the dead zone or rejected."""
+        """Make one step of the filter, unless the error is within the dead zone or the sample is rejected."""
         settings, stroke = self._settings, abs(self._base.scale)
         error = (displacement_mm - self.predicted_mm) / stroke
         slope = np.append(self._scale * self._z, self._scale * self._w) / stroke
@@ -188,7 +190,7 @@ class Adaptation:
         self._hold_covariance()
 
     def _hold_covariance(self) -> None:
-        """No parameter is less certain than it was at the beginning; correlations stay."""
+        """Reduce each variance to at most its initial value; correlations stay."""
         excess = np.sqrt(np.diag(self._prior) / np.maximum(np.diag(self._covariance), 1e-300))
         if excess.min() < 1.0:
             shrink = np.minimum(excess, 1.0)
@@ -196,25 +198,25 @@ class Adaptation:
 
     @property
     def predicted_mm(self) -> float:
-        """The displacement that the present rules predict."""
+        """The displacement that the present rules predict, mm."""
         return self._base.offset + self._scale * self._w
 
     def _watch(self, displacement_mm: float) -> None:
-        """Check the sensor, each time the wire has travelled far enough."""
+        """Check the sensor each time the wire has travelled by STUCK_TRAVEL, and end the adaptation if it is faulty."""
         predicted_mm = self.predicted_mm
         self._predicted = min(self._predicted[0], predicted_mm), max(self._predicted[1], predicted_mm)
         self._measured = min(self._measured[0], displacement_mm), max(self._measured[1], displacement_mm)
         travel_mm = self._predicted[1] - self._predicted[0]
         if self._disbelieved > MOST_DISBELIEVED:
-            self._end("the displacement stays further off than the wire can have changed")
+            self._end("the displacement error stays larger than any likely change of the wire")
         elif travel_mm > STUCK_TRAVEL * abs(self._base.scale):
             if self._measured[1] - self._measured[0] < STUCK_RANGE * travel_mm:
-                self._end("the displacement stands while the wire travels")
+                self._end("the displacement stands still while the wire travels")
             else:
                 self._mark(predicted_mm, displacement_mm)
 
     def _mark(self, predicted_mm: float, measured_mm: float) -> None:
-        """Note that the sensor has followed the wire so far."""
+        """Keep the present parameters: until now the sensor has followed the wire."""
         self._predicted, self._measured = (predicted_mm, predicted_mm), (measured_mm, measured_mm)
         self._marked.append(self._theta)
 
@@ -229,7 +231,7 @@ def _theta(model: TSFuzzyDuhem) -> FloatArray:
 
 
 def _prior(model: TSFuzzyDuhem, settings: AdaptationSettings) -> FloatArray:
-    """Covariance of what is likely to change: each branch moved or widened either way, the scale, a little of all."""
+    """Return the covariance of the likely changes: shift and width of each branch, scale, and a little of each rule."""
     centres, shape = np.array(model.sets.centres), shape_of(model)
     rates = _theta(model)[:-1].reshape(4, -1)
     covariance = np.zeros((rates.size + 1, rates.size + 1))

@@ -1,9 +1,10 @@
 """Identification of a Duhem model from its output error.
 
-The unknowns are mean, width and weight of every Gaussian of both branches, scale and offset. The fit minimises the
-error of the simulated output (slopes would amplify noise and bias the loop): first with one Gaussian per branch, then
-with more, started from several splits of the first. The branches must not cross. Where h₋ comes closer to h₊ than a
-margin, in standard deviations, a penalty separates them; it is raised until the model is valid over the range.
+The unknowns are the mean, width and weight of every Gaussian of both branches, the scale and the offset. The fit
+minimises the error of the simulated output; a fit of slopes would amplify noise and bias the loop. The first fit has
+one Gaussian per branch. Fits with more Gaussians start from several splits of this one. The branches must not cross.
+A penalty acts where the distance of h₋ and h₊ is less than a margin, in standard deviations. The fit raises the penalty
+until the model is valid over the range.
 """
 
 from __future__ import annotations
@@ -52,10 +53,11 @@ class DuhemFit(Fit[DuhemModel]):
 
 
 def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band: float | None = None) -> DuhemFit:
-    """The Duhem model with `components` Gaussians per branch that reproduces the record best.
+    """Fit a Duhem model with `components` Gaussians per branch to a record.
 
-    v, y (samples,): input and output. `dead_band`: radius of the reversal filter in the unit of v, None: from the noise
-    of v. Raises DataError for samples that cannot be used, IdentificationError when the record determines no loop.
+    v and y are input and output, both (samples,). `dead_band` is the radius of the reversal filter in the unit of v;
+    without it the radius follows from the noise of v. Raises DataError for samples that cannot be used,
+    IdentificationError when the record does not determine a loop.
     """
     if components < 1:
         raise IdentificationError("too few Gaussians per branch", where="components", value=components, limit=1)
@@ -68,7 +70,7 @@ def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band
 
 
 def fit_duhem(record: Record, components: int) -> Fit[DuhemModel]:
-    """The Duhem model of a prepared record, without standard errors."""
+    """Fit a Duhem model to a prepared record, without standard errors."""
     return _solve(record, components)[2]
 
 
@@ -86,13 +88,16 @@ def _solve(record: Record, components: int) -> tuple[_Problem, FloatArray, Fit[D
         except ModelError:
             continue
         return problem, x, judge(model, record, float(record.mean_y[0]))
-    cure = "check the order of the samples, and that the output rises (or falls) later on heating than on cooling"
-    raise IdentificationError("could not be kept apart over the record's range", where="branches", cure=cure)
+    cure = "check the order of the samples, and that the output changes at a higher input on heating than on cooling"
+    raise IdentificationError("cross in every fit of this record", where="branches", cure=cure)
 
 
 @dataclass(frozen=True, slots=True)
 class _Problem:
-    """Least squares over x = (heating means, log widths, weights; cooling likewise; scale, offset), in spans."""
+    """Least squares over x, in spans of the record.
+
+    x = (means, log widths and weights of heating; those of cooling; scale, offset)
+    """
 
     record: Record
     penalty: float
@@ -140,16 +145,16 @@ class _Problem:
         return minimise(self.residuals, self.jacobian, x, (low, high), iterations=iterations, tolerance=_TOLERANCE)
 
     def jacobian(self, x: FloatArray) -> list[FloatArray]:
-        """∂r/∂x in one block."""
+        """Return ∂r/∂x in one block."""
         return [forward_differences(self.residuals, x)]
 
     def parameters(self, x: FloatArray) -> FloatArray:
-        """Weights, means, sigmas of heating and of cooling, scale and offset."""
+        """Return weights, means and sigmas of heating, then those of cooling, then scale and offset."""
         parts = [np.array((m.weights, m.means, m.sigmas)) for m in self.mixtures(x)]
         return np.concatenate([np.ravel(parts), self.output_map(x)])
 
     def standard_errors(self, x: FloatArray, residual: FloatArray) -> DuhemErrors:
-        """Standard errors of the parameters at the minimum x; residual (samples,) in the unit of y."""
+        """Return the standard errors of the parameters at the minimum x; `residual` (samples,) has the unit of y."""
         jacobian = self.jacobian(x)[0][: len(self.record.v)]
         slopes = forward_differences(self.parameters, x)
         *branches, scale, offset = standard_errors(jacobian, slopes, residual / self.record.output_span)
@@ -157,7 +162,7 @@ class _Problem:
         return DuhemErrors(heating, cooling, float(scale), float(offset))
 
     def first_guess(self) -> FloatArray:
-        """One Gaussian per branch from the quantiles of the monotone curve through each branch's samples."""
+        """Return a start with one Gaussian per branch, from the quantiles of a monotone curve through its samples."""
         record = self.record
         lower, upper = record.input_range
         falls = np.corrcoef(record.v, record.mean_y)[0, 1] < 0
@@ -179,7 +184,7 @@ class _Problem:
         )
 
     def splits(self, x: FloatArray, components: int) -> list[FloatArray]:
-        """Starts with more Gaussians: the single-Gaussian solution, spread over shifts and widths."""
+        """Return starts with more Gaussians: the solution with one Gaussian, split with several shifts and widths."""
         branches = x[:-2].reshape(2, 3)
         starts = []
         for shift, first_width, last_width in _SPLITS:
@@ -200,12 +205,12 @@ def _nodes(input_range: tuple[float, float]) -> FloatArray:
 
 @lru_cache(maxsize=4)
 def _logs(mixture: GaussianMixture, input_range: tuple[float, float]) -> MixtureLogs:
-    """Cached: a step along the variables of one branch does not change the other branch."""
+    """Return `grid_logs` of a mixture, cached: a step of one branch's variables does not change the other branch."""
     return grid_logs(mixture, _nodes(input_range))
 
 
 def _probit(log_cdf: FloatArray, log_sf: FloatArray) -> FloatArray:
-    """Φ⁻¹(h), exact in both tails."""
+    """Return Φ⁻¹(h), exact in both tails."""
     lower_half = log_cdf < log_sf
     tail = ndtri_exp(np.minimum(log_cdf, log_sf))
     return np.where(lower_half, tail, -tail)

@@ -1,8 +1,8 @@
 """The temperature path of an identification experiment.
 
-A major loop alone does not determine both a and b of a rule: on each of its branches w is a function of v. So after two
-major loops the path reverses inside the loop. Nested reversals shrink towards the middle, first from below, then from
-above. Heating and cooling curves thus start from every depth of transformation.
+A major loop alone does not determine both a and b of a rule, because w is a function of v on each of its branches. So
+after two major loops the path reverses inside the loop. Nested reversals shrink towards the middle, first those from
+below, then those from above. So heating and cooling curves start from every depth of transformation.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from smadrive.numerics.piecewise_linear import PiecewiseLinear
 from smadrive.wire.heat_balance import HeatBalance
 
 LONGEST_S = 86_400.0
-"""A day. At 20 Hz its log has some 200 MB; every wire is faster."""
+"""The longest excitation: a day. Every wire needs less. At 20 Hz the log of a day has about 200 MB."""
 
 SPARE = 1.15
 """The nominal wire must be able to heat and cool faster than the path by this factor."""
@@ -45,7 +45,7 @@ class ExcitationRecord:
 class Excitation:
     """A piecewise linear temperature path through `turning_points_c` at constant rate.
 
-    `rate_c_per_s` should not exceed the cooling rate of a wire at the lowest turning point, or the path waits there.
+    If `rate_c_per_s` exceeds the cooling rate of the wire at the lowest turning point, the path waits for the wire.
     """
 
     turning_points_c: tuple[float, ...]
@@ -77,7 +77,7 @@ class Excitation:
         return float(self.times_s[-1])
 
     def temperature_c(self, time_s: float) -> float:
-        """The setpoint at `time_s` after the start; the last turning point afterwards."""
+        """Return the setpoint at `time_s` after the start. After the end of the path the last turning point holds."""
         return self._path_c.at(time_s)
 
     @cached_property
@@ -86,16 +86,17 @@ class Excitation:
 
 
 def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a: float, found: Measurement) -> None:
-    """Check that the experiment is possible with the nominal wire as it is `found`. ConfigError names the cure.
+    """Raise ConfigError when the experiment is impossible with the nominal wire; `found` is a sample before the start.
 
     The displacement must be measured. The largest current must reach the highest temperature at the rate of the path.
-    The wire must cool at that rate at the lowest temperature, where it cools slowest. Both include the factor `SPARE`.
+    The wire must cool at this rate at the lowest temperature, where it cools slowest. Both heating and cooling must be
+    faster by the factor `SPARE`.
     """
     if not isfinite(found.displacement_mm):
         raise ConfigError(
             "no displacement is measured, and the identification needs it",
             where="excitation",
-            cure="connect a sensor, and give its device in the rig file",
+            cure="connect a sensor, and add its device to the rig file",
         )
     inner = excitation.turning_points_c[1:]
     low_c, high_c, rate = min(inner), max(inner), excitation.rate_c_per_s
@@ -124,7 +125,7 @@ def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a
 def nested_reversals(
     low_c: float, high_c: float, rate_c_per_s: float, start_c: float, *, major_loops: int = 2, reversals: int = 5
 ) -> Excitation:
-    """Major loops between `low_c` and `high_c`, then `reversals` shrinking loops from below and from above.
+    """Return `major_loops` between `low_c` and `high_c`, then `reversals` shrinking loops, from below and from above.
 
     The path starts at `start_c`, the present temperature of the wire. ConfigError unless `high_c` exceeds `low_c`.
     """

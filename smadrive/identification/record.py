@@ -1,8 +1,7 @@
-"""A measured record made ready for a fit: false reversals removed, checked for what it can determine, thinned.
+"""Preparation of a measured record for a fit: false reversals are removed, the loop is checked, samples are averaged.
 
-The model is rate-independent and steps exactly, so samples between turning points carry no dynamics, only noise: within
-a run, samples that share a cell of a few thousandths of the input span are replaced by their mean, with their count as
-weight. Turning points stay unchanged.
+The model is rate-independent and steps exactly. So within a monotone run, the samples in a cell of a few thousandths of
+the input span can be replaced by their mean, with their number as its weight. Turning points stay unchanged.
 """
 
 from __future__ import annotations
@@ -30,10 +29,15 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """Input path without false reversals and outputs, whole (`path`, `y`) and thinned (`v`, `mean_y`, `count`).
+    """A prepared record: all samples, and the means of the cells.
 
-    `corners`: whether the path starts, turns or ends at a sample of the whole.
-    `scatter`: sum of squares of y about the means of its cells, in output spans.
+    path, y             input without false reversals and output, (samples,)
+    corners             True at samples where the path starts, turns or ends, (samples,)
+    v, mean_y, count    mean input, mean output and number of samples of each cell, (cells,)
+    input_range         lowest and highest input
+    output_span         highest - lowest output
+    noise               standard deviation of the output noise, in output spans
+    scatter             sum of squares of y about the means of the cells, in output spans squared
     """
 
     path: FloatArray
@@ -49,38 +53,39 @@ class Record:
 
     @property
     def rising(self) -> FloatArray:
-        """Whether each thinned sample was reached by rising input (the first counts like the second)."""
+        """True for each cell that was reached by rising input; the first cell counts like the second one."""
         moves = self.v[1:] > self.v[:-1]
         return np.concatenate([moves[:1], moves])
 
     def misfit(self, model: HysteresisModel, y0: float) -> float:
-        """RMS error of `model` from output y0 against the means of the cells, in output spans.
+        """Return the RMS error of `model`, from output y0, against the means of the cells, in output spans.
 
-        The scatter within the cells, which no model explains, is not in it: it would hide what a change costs.
+        The scatter within the cells is left out: no model explains it, and it would hide small differences.
         """
         error = (model.simulate(self.v, y0) - self.mean_y) / self.output_span
         return float(np.sqrt(self.count @ error**2 / self.count.sum()))
 
 
 def noise_deviation(samples: FloatArray) -> float:
-    """Standard deviation of white noise on a smooth record, from the median absolute second difference."""
+    """Return the standard deviation of white noise on a smooth record, from the median absolute second difference."""
     if len(samples) < 5:
         return 0.0
     return float(np.median(np.abs(np.diff(samples, 2))) / 0.6745 / np.sqrt(6.0))
 
 
 def prepare(v: ArrayLike, y: ArrayLike, dead_band: float | None) -> Record:
-    """Check, clean and thin a record. `dead_band`: radius in the unit of v, None: from the noise of v.
+    """Check a record, remove its false reversals, and average its samples in cells.
 
-    Raises DataError for samples that cannot be used, IdentificationError for records that determine no hysteresis.
+    `dead_band` is the radius of the reversal filter in the unit of v; without it the radius follows from the noise of
+    v. Raises DataError for samples that cannot be used, IdentificationError for a record without a full loop.
     """
     inputs, outputs = paired_vectors(v, y)
     span, output_span = float(np.ptp(inputs)), float(np.ptp(outputs))
     if span == 0:
-        raise IdentificationError("constant", where="input", value=inputs[0], cure="record at least one full loop")
+        raise IdentificationError("is constant", where="input", value=inputs[0], cure="record at least one full loop")
     if output_span == 0:
         cure = "check the sensor and record a full loop"
-        raise IdentificationError("constant", where="output", value=outputs[0], cure=cure)
+        raise IdentificationError("is constant", where="output", value=outputs[0], cure=cure)
     widest = _WIDEST_BAND * span
     radius = min(_NOISE_BAND * noise_deviation(inputs), widest) if dead_band is None else check_radius(dead_band)
     path = monotone_runs(inputs, radius)
@@ -104,7 +109,7 @@ def _corners(path: FloatArray) -> NDArray[np.bool_]:
 
 
 def _require_loop(path: FloatArray, span: float) -> None:
-    """Both directions must have been travelled over most of the input span."""
+    """Raise IdentificationError unless the input rises and falls over most of its span."""
     moves = np.diff(path)
     edges = np.linspace(path.min(), path.max(), 101)
     for name, chosen in (("rising", moves > 0), ("falling", moves < 0)):
@@ -114,7 +119,7 @@ def _require_loop(path: FloatArray, span: float) -> None:
         begun, ended = np.bincount(first, minlength=101), np.bincount(np.maximum(last, first) + 1, minlength=101)
         share = float(np.mean(np.cumsum(begun - ended)[:100] > 0))
         if share < _LEAST_COVERAGE:
-            what = f"less than one full loop: it covers only a part of the input span of {span:g}"
+            what = f"less than one full loop, because it covers too small a part of the input span of {span:g}"
             value, limit = f"{100 * share:.0f} %", f"{100 * _LEAST_COVERAGE:.0f} %"
             cure = "record a full loop"
             raise IdentificationError(what, where=f"{name} input", value=value, limit=limit, cure=cure)

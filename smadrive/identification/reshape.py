@@ -1,13 +1,13 @@
-"""Move the branches of a model by hand, for a wire that transforms earlier, later, or over a wider range.
+"""Changes of a model by hand, for a wire whose branches have moved or become wider.
 
-Place and spread of a branch are mean and standard deviation of its slope as a distribution over v:
+Place μ and spread σ of a branch are mean and standard deviation of its slope, taken as a distribution over v:
 
     μ = ∫ v dP / ∫ dP        σ² = ∫ (v - μ)² dP / ∫ dP          P: the branch of the major loop
 
-With u(v) = μ_old + (v - μ_new) σ_old/σ_new, the new law at v is the old one at u, divided by the stretch σ_new/σ_old.
+With u(v) = μ_old + (v - μ_new) σ_old/σ_new, the new law at v is the old law at u, divided by the stretch σ_new/σ_old.
 For a Duhem model this is exact. In a T-S model both branches share the sets of the rules: the centres follow the mean
-of both moves, and the consequents are interpolated between the old ones. Contraction and boundedness are signs of the
-rates, so they remain. Slopes whose sign has become wrong are corrected.
+of both moves, and the consequents are interpolated between the old ones. Contraction and boundedness depend only on the
+signs of the rates, so the new model keeps them. Slopes whose sign has become wrong are corrected.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from smadrive.numerics.arrays import FloatArray
 Model = DuhemModel | TSFuzzyDuhem
 
 _INVERTIBLE = 0.999
-"""Below this invertible share the slopes are corrected; a trace of wrong slope in saturation is not worth the time."""
+"""Slopes are corrected below this invertible share. A smaller error, in saturation, is not worth the time."""
 
 
 class BranchShape(NamedTuple):
-    """Place and spread of both branches, in the unit of v, and the scale, in that of y."""
+    """Place mu and spread sigma of both branches, in the unit of v, and the scale, in the unit of y."""
 
     mu_heating: float
     mu_cooling: float
@@ -43,7 +43,7 @@ class BranchShape(NamedTuple):
 
 
 class _Move(NamedTuple):
-    """One branch from (μ, σ) to (new μ, new σ)."""
+    """The move of one branch from (μ, σ) to (new μ, new σ)."""
 
     mu: float
     sigma: float
@@ -73,7 +73,7 @@ class _Rules(NamedTuple):
 
 
 def shape_of(model: Model) -> BranchShape:
-    """The shape of a model's major loop."""
+    """Return the shape of the major loop of a model."""
     engine = model.engine
     mu_heating, sigma_heating = _moments(engine.nodes, engine.heating)
     mu_cooling, sigma_cooling = _moments(engine.nodes, engine.cooling)
@@ -81,7 +81,7 @@ def shape_of(model: Model) -> BranchShape:
 
 
 def reshaped(model: Model, shape: BranchShape) -> Model:
-    """`model` with its branches moved to `shape`. ModelError for a shape that is impossible or out of range."""
+    """Return `model` with its branches moved to `shape`. ModelError for a shape that is impossible or out of range."""
     _check(model, shape)
     now = shape_of(model)
     _check_widths(now.sigma_heating, now.sigma_cooling)
@@ -116,7 +116,8 @@ def _check(model: Model, shape: BranchShape) -> None:
             limit = f"{lower:g} to {upper:g}"
             raise ModelError("outside the model's range", where=name, value=value, limit=limit)
         if name.startswith("sigma") and not 0 < value < upper - lower:
-            raise ModelError("not positive and below the model's range", where=name, value=value, limit=upper - lower)
+            limit = f"0 to {upper - lower:g}"
+            raise ModelError("not positive, or wider than the model's range", where=name, value=value, limit=limit)
     if not shape.mu_heating > shape.mu_cooling:
         what = "must exceed mu_cooling, because a wire transforms later on heating"
         raise ModelError(what, where="mu_heating", value=shape.mu_heating, limit=shape.mu_cooling)
@@ -126,12 +127,12 @@ def _check(model: Model, shape: BranchShape) -> None:
 
 def _check_widths(*sigmas: float) -> None:
     if not all(sigma > 0.0 for sigma in sigmas):
-        what, cure = "no branch rises from one end to the other", "undo the change of the rules"
+        what, cure = "a branch does not rise from its lower to its upper end", "undo the change of the rules"
         raise ModelError(what, where="rules", cure=cure)
 
 
 def _moments(nodes: FloatArray, branch: Branch) -> tuple[float, float]:
-    """Mean and standard deviation of the slope over v; NaN and 0 for a branch that does not rise."""
+    """Return mean and standard deviation of the slope over v; NaN and 0 for a branch that does not rise."""
     rise, middle = np.diff(branch.target), (nodes[1:] + nodes[:-1]) / 2
     if not rise.sum() > 0.0:
         return nan, 0.0
@@ -157,6 +158,6 @@ def _moved_rules(model: TSFuzzyDuhem, heating: _Move, cooling: _Move) -> _Rules:
 
 
 def _moments_of_rules(rules: _Rules, nodes: FloatArray) -> list[tuple[float, float]]:
-    """Place and spread of both branches on the given grid; the model's own grid would take four times as long."""
+    """Return place and spread of both branches. The given grid is four times as fast as the grid of a new model."""
     branches = MembershipGrid(rules.sets, nodes).closed_branches(rules.heating_law, rules.cooling_law)
     return [_moments(nodes, branch) for branch in branches]

@@ -1,12 +1,12 @@
 """The heat balance of a wire, fitted to a recorded excitation.
 
-Measured are the electrical power P = U I, the thermocouple reading T_tc and the phase fraction w (the displacement,
-scaled to its span). Given P(t) and w(t) the heat balance of `smadrive.wire.heat_balance` is *linear* in time,
+The record contains the electrical power P = U I, the thermocouple reading T_tc and the phase w (the displacement,
+scaled to its span). With P(t) and w(t) given, the heat balance of `smadrive.wire.heat_balance` is linear,
 
     m c dT/dt = P - Q dw/dt - h A (T - T_a),     lag dT_tc/dt = T - T_tc,
 
-so two first-order filters simulate the reading exactly. The parameters (m c, h A, Q, T_a, lag) minimise the output
-error in kelvin. The fit never differentiates a noisy signal. R(w) is a separate straight-line fit of U/I.
+so two first-order filters simulate the reading exactly. The fit finds the parameters (m c, h A, Q, T_a, lag) with the
+smallest error of the reading, and never differentiates a noisy signal. R(w) is a separate straight-line fit of U/I.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ CORRECTION_BAND_HZ = 0.05
 """The estimate of the wire temperature follows the thermocouple below this frequency, the heat balance above it."""
 
 MIN_CURRENT_FRACTION = 0.2
-"""The resistance is fitted where the current is above this fraction of its maximum; below, U/I is mostly noise."""
+"""The resistance is fitted to samples with more than this fraction of the largest current; others are mostly noise."""
 
 NAMES = {
     "heat_capacity_j_per_k": "heat capacity m c",
@@ -38,28 +38,28 @@ NAMES = {
     "thermocouple_lag_s": "thermocouple lag",
 }
 """The parameters of the fit in their order, with their names in messages."""
-
 FIT = "thermal fit"
 """The place that the errors name."""
 
 MIN_SAMPLES, MIN_HEATED_SAMPLES = 200, 20
 MOVES = 8.0
-"""A displacement that spans at most so many standard deviations of its steps is noise; white noise spans 3.6."""
+"""A displacement that spans fewer standard deviations of its steps than this is noise. White noise spans 3.6."""
 
 SYSTEMATIC = 0.005
-"""Relative systematic error of a lumped wire that is sampled with a period; found on simulated wires."""
-
+"""Relative systematic error of the fit, from the sampling and the lumped model; found on simulated wires."""
 UNCERTAIN = {"heat_capacity_j_per_k": 0.1, "loss_w_per_k": 0.1, "latent_heat_j": 0.3}
-"""Largest relative 95 % intervals (half) of the parameters that the feedforward needs."""
+"""Largest allowed half of the 95 % interval, relative, of the parameters that the feedforward needs."""
 
 
 @dataclass(frozen=True)
 class ThermalFit:
     """A fitted heat balance.
 
-    `wire_temperature_c`: the wire's own temperature at the samples, without lag and almost without noise: from the heat
-    balance above 0.05 Hz, from the thermocouple below. `rms_c`: output error of the reading, K. `within`: half the 95 %
-    interval of each parameter by its name in HeatBalance, relative to it (ambient_c: K; resistance_change: absolute).
+    balance              the heat balance
+    wire_temperature_c   temperature of the wire at the samples, without lag and almost without noise
+    rms_c                error of the simulated reading, K
+    within               half of the 95 % interval of each parameter, by its name in HeatBalance. It is relative to the
+                         parameter, but absolute for ambient_c (in K) and resistance_change
     """
 
     balance: HeatBalance
@@ -81,9 +81,9 @@ class _Samples:
 def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit:
     """Fit the heat balance to one recorded excitation.
 
-    The search begins at `start` (the nominal wire); each parameter may end within a factor of five of it. Raises
-    IdentificationError when the record is too short or never heats, or when a parameter (named in the message) ends at
-    its bound or has too large an interval.
+    The search begins at the nominal heat balance `start`; a parameter stays within a factor of 5 (ambient_c: 16 K).
+    Raises IdentificationError for a record that is too short or never heats, and for a parameter that ends at its bound
+    or has too large an interval.
     """
     _check_excited(record)
     phase = _phase(record.displacement_mm, record.temperature_c)
@@ -114,13 +114,13 @@ def _check_excited(record: ExcitationRecord) -> None:
 
 
 def _phase(displacement: Array, reading: Array) -> Array:
-    """Displacement scaled to [0, 1], rising on heating whatever the sign of the sensor."""
+    """Return the displacement scaled to [0, 1], so that it rises on heating for either sign of the sensor."""
     low, high = np.percentile(displacement, [0.5, 99.5])
     if high - low <= MOVES * np.std(np.diff(displacement)):
         raise IdentificationError(
             f"the wire did not move between {reading.min():.0f} and {reading.max():.0f} °C",
             where=FIT,
-            value=f"the displacement varies by {high - low:.2g} mm",
+            value=f"displacement span {high - low:.2g} mm",
             cure="heat the wire through its transformation (excitation.high_c), and check the sensor",
         )
     rising = np.corrcoef(displacement, reading)[0, 1] >= 0
@@ -129,7 +129,7 @@ def _phase(displacement: Array, reading: Array) -> Array:
 
 
 def _uniform(record: ExcitationRecord, phase: Array) -> tuple[Array, _Samples]:
-    """The record on a uniform grid: columns are interpolated, the power through its energy, which is conserved."""
+    """Return a time grid, and the samples interpolated to it. The power follows from the interpolated energy."""
     time = record.time_s
     dt_s = float(np.median(np.diff(time)))
     grid = np.arange(time[0], time[-1] + 0.5 * dt_s, dt_s)
@@ -153,9 +153,9 @@ def _thermal_parameters(balance: HeatBalance) -> Array:
 
 
 def _simulate(samples: _Samples, parameters: Array) -> tuple[Array, Array]:
-    """Wire temperature and reading for (m c, h A, Q, T_a, lag).
+    """Return wire temperature and reading for the parameters (m c, h A, Q, T_a, lag).
 
-    The power of a sample is that of the period before it; the phase is linear over each period.
+    The power of a sample is that of the period before the sample; the phase is linear over each period.
     """
     capacity, loss, latent, ambient, lag = parameters
     net_w = samples.power_w[1:] - latent * np.diff(samples.phase) / samples.dt_s
@@ -164,14 +164,14 @@ def _simulate(samples: _Samples, parameters: Array) -> tuple[Array, Array]:
 
 
 def _first_order(target: Array, time_constant_s: float, dt_s: float, start: float) -> Array:
-    """X' = (target - x)/τ with the target held over each sample; one element longer than `target`."""
+    """Solve dx/dt = (target - x)/τ for a target that is constant over each period, from x = `start`."""
     decay = np.exp(-dt_s / time_constant_s)
     tail, _ = lfilter([1.0 - decay], [1.0, -decay], target, zi=[decay * start])
     return np.concatenate(([start], tail))
 
 
 def _lagged(wire: Array, lag_s: float, dt_s: float, start: float) -> Array:
-    """The thermocouple's first-order lag on a piecewise linear wire temperature."""
+    """Return the reading of a thermocouple with a first-order lag, for a piecewise linear wire temperature."""
     decay = np.exp(-dt_s / lag_s)
     gain = 1.0 - (1.0 - decay) * lag_s / dt_s
     driven = (1.0 - decay - gain) * wire[:-1] + gain * wire[1:]
@@ -180,7 +180,7 @@ def _lagged(wire: Array, lag_s: float, dt_s: float, start: float) -> Array:
 
 
 def _check_intervals(within: dict[str, float]) -> None:
-    """IdentificationError when a parameter that the control needs has a larger interval than `UNCERTAIN` allows."""
+    """Raise IdentificationError when the interval of a parameter is larger than `UNCERTAIN` allows."""
     for name, plain in NAMES.items():
         if within[name] > UNCERTAIN.get(name, np.inf):
             raise IdentificationError(
@@ -193,7 +193,7 @@ def _check_intervals(within: dict[str, float]) -> None:
 
 
 def _intervals(jacobian: Array, residual: Array) -> Array:
-    """Half of the 95 % interval of each unknown; correlated residuals count as fewer."""
+    """Return half of the 95 % interval of each unknown. Correlated residuals count as fewer samples."""
     correlation = float(np.clip(np.corrcoef(residual[:-1], residual[1:])[0, 1], 0.0, 0.99))
     variance = float(np.mean(residual**2)) * (1.0 + correlation) / (1.0 - correlation)
     return np.asarray(1.96 * np.sqrt(variance * np.diag(np.linalg.pinv(jacobian.T @ jacobian))), dtype=np.float64)
@@ -215,7 +215,7 @@ def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, Ar
     for name, value in zip(NAMES.values(), fit.x, strict=True):
         if abs(value) > 0.99 * bound:
             raise IdentificationError(
-                f"the {name} runs to the end of its range around the nominal wire",
+                f"the {name} reaches the end of its range around the nominal wire",
                 where=FIT,
                 cure="check the wire file, the contact of the thermocouple, and that the record heats and cools",
             )
@@ -227,7 +227,7 @@ def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, Ar
 
 
 def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[dict[str, float], dict[str, float]]:
-    """R_cold and r of R = R_cold (1 + r w), weighted by the current, and half of their 95 % intervals."""
+    """Fit R_cold and r of R = R_cold (1 + r w), weighted by the current; return them and half their 95 % intervals."""
     current = record.current_a
     heated = current > MIN_CURRENT_FRACTION * current.max()
     if np.count_nonzero(heated) < MIN_HEATED_SAMPLES:

@@ -1,8 +1,8 @@
-"""A whole wire from one recorded excitation: first its heat balance, then its hysteresis.
+"""Identification of a wire from one recorded excitation: first its heat balance, then its hysteresis.
 
-The order matters. The thermocouple lags the wire by about 0.1 s, which at a few K/s is several tenths of a kelvin, and
-1 K is 5-7 % of the stroke at mid-loop: a hysteresis model fitted to the reading would be too wide by the lag. So the
-thermal fit comes first, and the hysteresis model is fitted to the temperature of the wire itself.
+The order matters. The thermocouple lags the wire by about 0.1 s, which at a few K/s is several tenths of a kelvin. In
+the middle of the loop 1 K is 5 to 7 % of the stroke. So a hysteresis model that is fitted to the reading would be too
+wide. The thermal fit comes first, and the hysteresis model is fitted to the temperature of the wire itself.
 """
 
 from __future__ import annotations
@@ -44,11 +44,15 @@ class WireFit:
 
 
 def identify_hysteresis(v: ArrayLike, y: ArrayLike, kind: Kind, sets: int) -> AnyFit:
-    """A T-S fuzzy model of `sets` sets, or a Duhem model, of output y on input v."""
+    """Fit output y over input v, both (samples,), with a T-S fuzzy model of `sets` sets or a Duhem model."""
     return identify_tsfuzzy(v, y, sets=sets) if kind == "tsfuzzy" else identify_duhem(v, y, components=DUHEM_COMPONENTS)
 
 
 def identify_wire(record: ExcitationRecord, start: HeatBalance, *, kind: Kind = "tsfuzzy", sets: int = 11) -> WireFit:
-    """Heat balance and hysteresis of a recorded excitation; see `identify_thermal` for what can be wrong with it."""
+    """Fit heat balance and hysteresis to a recorded excitation.
+
+    The search begins at the nominal heat balance `start`. Raises the errors of `identify_thermal`, and those of
+    `identify_tsfuzzy` or `identify_duhem`.
+    """
     thermal = identify_thermal(record, start)
     return WireFit(thermal, identify_hysteresis(thermal.wire_temperature_c, record.displacement_mm, kind, sets))

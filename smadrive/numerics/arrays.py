@@ -1,4 +1,4 @@
-"""Samples as finite float64 arrays of equal length. Raises DataError for anything else."""
+"""Conversion of samples to finite float64 arrays. Samples that cannot be used raise DataError."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ FloatArray = NDArray[np.float64]
 
 
 def finite_array(name: str, values: ArrayLike) -> FloatArray:
-    """`values` as a float64 array of one or two dimensions with at least one row.
+    """Return `values` as a finite float64 array of shape (samples,) or (samples, wires), with at least one sample.
 
-    Raises DataError that names the first sample that is not finite.
+    Raises DataError for other shapes and values; the error names the first sample that is not finite.
     """
     try:
         array = np.asarray(values, dtype=np.float64)
@@ -25,18 +25,19 @@ def finite_array(name: str, values: ArrayLike) -> FloatArray:
     bad = ~np.isfinite(array)
     if bad.any():
         first = tuple(int(i) for i in np.argwhere(bad)[0])
-        cure = f"drop or repair the {int(bad.sum())} such sample(s)"
+        cure = f"remove or correct the samples that are not finite: {int(bad.sum())} in all"
         raise DataError("not finite", where=f"{name}: sample {first[0]}", value=array[first], cure=cure)
     return array
 
 
 def paired_vectors(v: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
-    """Input and output samples as two finite vectors of one length. Raises DataError."""
+    """Return input and output samples as two finite vectors of equal length. Raises DataError for other samples."""
     inputs, outputs = finite_array("input v", v), finite_array("output y", y)
     if inputs.ndim != 1 or outputs.ndim != 1:
         shapes, cure = (inputs.shape, outputs.shape), "pass 1-D arrays of one wire"
         raise DataError("more than one wire", where="v and y", value=shapes, cure=cure)
     if len(inputs) != len(outputs):
         lengths = len(inputs), len(outputs)
-        raise DataError("different numbers of samples", where="v and y", value=lengths, cure="pass them in pairs")
+        cure = "pass one output for each input"
+        raise DataError("different numbers of samples", where="v and y", value=lengths, cure=cure)
     return inputs, outputs

@@ -1,8 +1,8 @@
 """Matrices whose rows are weighted sums of a few rows of a smaller matrix, as in table interpolation.
 
-Row i is Σ_j shares[i, j] rows[places[i, j]]. A Jacobian along a record has one row per sample, but
-only as many independent rows as its tables have nodes. In this form factors and the chain rule act on the small matrix;
-the large one is computed block by block, so that each block is still in the cache when it is used.
+Row i is Σ_j shares[i, j] rows[places[i, j]]. A Jacobian along a record has one row per sample, but its number of
+independent rows is only that of the nodes of its tables. In this form, scaling and the chain rule act on the small
+matrix. The large matrix is computed block by block, so that each block is still in the cache when it is used.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ class InterpolationMatrix(NamedTuple):
     rows: FloatArray
 
     def blocks(self) -> Iterator[FloatArray]:
-        """The matrix, in blocks of its rows."""
+        """Yield the matrix in blocks of 1024 rows."""
         for start in range(0, len(self.places), _BLOCK):
             yield self.at(slice(start, start + _BLOCK))
 
     def at(self, samples: slice | NDArray[np.intp]) -> FloatArray:
-        """The rows of some samples."""
+        """Return the rows of the matrix that belong to `samples`."""
         places, shares = self.places[samples], self.shares[samples]
         ends = np.arange(0, places.size + 1, places.shape[1], dtype=np.int32)
         weights = csr_array((shares.ravel(), places.ravel(), ends), shape=(len(places), len(self.rows)))

@@ -2,9 +2,9 @@
 
     minimise |r(x)|²/2, low ≤ x ≤ high:    (H + λ diag H) s = -g on the free variables,  H = JᵀJ,  g = Jᵀr
 
-A variable is free unless it stands at a bound and the gradient pushes outward. Each iteration factors one matrix no
-larger than the number of variables; scipy's bounded solvers decompose the whole Jacobian instead, which with threaded
-linear algebra on a busy machine costs a hundred times more.
+A variable is free unless it is at a bound and the gradient points outward. Each iteration factors one matrix, whose
+size is at most the number of variables. scipy's bounded solvers decompose the whole Jacobian instead. With threaded
+linear algebra on a busy machine, this takes a hundred times as long.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _SMALLEST_DAMPING, _LARGEST_DAMPING = 1e-12, 1e8
 
 
 class Minimum(NamedTuple):
-    """Solution and half its sum of squares."""
+    """The solution `x`, and its cost: half the sum of the squared residuals."""
 
     x: FloatArray
     cost: float
@@ -38,9 +38,10 @@ def minimise(
     iterations: int,
     tolerance: float,
 ) -> Minimum:
-    """Descend from `start` until a step lowers the cost by less than `tolerance`, relatively, or no step lowers it.
+    """Return the minimum found from `start`, x of shape (variables,) within the `bounds` (low, high).
 
-    `jacobian` gives ∂r/∂x in blocks of rows.
+    The descent ends when a step lowers the cost by less than the relative `tolerance`, when no step lowers the cost,
+    or after `iterations`. `jacobian` returns ∂r/∂x in blocks of rows.
     """
     low, high = bounds
     x = np.clip(start, low, high)
@@ -67,13 +68,13 @@ def minimise(
 
 
 def forward_differences(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """Jacobian of `function` at x for variables of order one, when no formula is at hand."""
+    """Return the Jacobian of `function` at x by forward differences, for variables of order one."""
     base = function(x)
     return np.column_stack([(function(moved) - base) / _DIFFERENCE for moved in x + _DIFFERENCE * np.eye(len(x))])
 
 
 def _normal_equations(blocks: Iterable[FloatArray], error: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """H and g, from pieces too small for linear algebra to start threads, which stall on a busy machine."""
+    """Return H and g. Each product is too small for BLAS to start threads, which stall on a busy machine."""
     hessian, gradient, start = np.zeros(()), np.zeros(()), 0
     for rows in blocks:
         errors, even = error[start : start + len(rows)], len(rows) - len(rows) % _PIECE

@@ -1,7 +1,7 @@
 """A piecewise linear function, looked up one point at a time.
 
-A control loop looks values up several times a tick, on plain floats: numpy's interpolation gives the same to the last
-bit but takes five times as long for a single value.
+A control loop looks up single values several times a tick. numpy's interpolation gives the same values to the last bit,
+but takes five times as long for a single value.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 
 class PiecewiseLinear:
-    """Straight between the corners (`places`, which increase, and `values`); before and behind them the ends hold."""
+    """Straight lines between corners at increasing `places` with these `values`; constant outside the corners."""
 
     def __init__(self, places: Iterable[float], values: Iterable[float]) -> None:
         self._places = list(map(float, places))

@@ -2,9 +2,10 @@
 
     y_low(T) = y₊(T - δ) - m        y_high(T) = y₋(T + δ) + m        y₊, y₋ the branches of the major loop
 
-with δ for a bead that is colder or warmer than the wire, and m for a model that has aged. A sensor that is stuck, has
-another unit or has lost its zero leaves the band as soon as the wire goes through its loop; so does a blocked or slack
-wire. No other check finds these: a driver with such a sensor heats as far as its limits allow.
+δ allows for a bead that is colder or warmer than the wire, m for a wire that has aged since its identification. The
+displacement leaves the band as soon as the wire goes through its loop if the sensor is stuck, has a wrong unit or has
+lost its zero, or if the wire is blocked or slack. No other check finds these faults: with such a sensor the driver
+would heat up to its limits.
 """
 
 from __future__ import annotations
@@ -17,10 +18,10 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
 
 UNSURE_C = 10.0
-"""Largest difference between the wire's temperature and the reading, K."""
+"""δ: the largest difference between the temperature of the wire and the reading, K."""
 
 MARGIN = 0.1
-"""Largest distance of the wire from the loop of its model, in strokes."""
+"""m: the largest distance of the wire from the loop of its model, in strokes."""
 
 POINTS = 400
 """Points of each branch."""
@@ -43,11 +44,11 @@ class DisplacementBand:
         self._high = PiecewiseLinear(around_c, np.max(ends_mm, axis=0) + margin_mm)
 
     def band_mm(self, temperature_c: float) -> tuple[float, float]:
-        """The least and the greatest displacement at a reading of `temperature_c`."""
+        """Return the least and the greatest possible displacement at a reading of `temperature_c`."""
         return self._low.at(temperature_c), self._high.at(temperature_c)
 
     def outside(self, temperature_c: float, displacement_mm: float) -> str | None:
-        """Measured and possible displacement as text; None inside the band, or when a reading is missing."""
+        """Describe a displacement outside the band. Return None inside the band, or if a reading is missing."""
         if not (isfinite(temperature_c) and isfinite(displacement_mm)):
             return None
         low_mm, high_mm = self.band_mm(temperature_c)
@@ -56,6 +57,6 @@ class DisplacementBand:
         return f"{displacement_mm:.3f} mm measured, {low_mm:.2f} to {high_mm:.2f} mm possible at {temperature_c:.1f} °C"
 
     def nearest_mm(self, temperature_c: float, displacement_mm: float) -> float:
-        """The displacement nearest to `displacement_mm` that is possible at exactly this temperature."""
+        """Return the displacement nearest to `displacement_mm` that the model can have at exactly this temperature."""
         ends = [branch.at(temperature_c) for branch in self._branches]
         return min(max(displacement_mm, min(ends)), max(ends))

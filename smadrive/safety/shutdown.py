@@ -1,8 +1,9 @@
 """Switching the heater off at the end of a run, and the outcome as a typed result.
 
-Every run ends in `ends_safe`: at its end, and after a trip, an exception of any type or a signal. No exception and no
-signal prevents the writing of the safe state or hides its outcome: `ShutdownOutcome` says whether read-back confirmed
-the heater off. The error that ended the run carries the outcome; `shutdown_of` returns it.
+Every run is a block of `ends_safe`. The block switches the heater off at the end of the run, and after a trip, an
+exception of any type or a signal. No exception and no signal prevents the writing of the safe state or hides its
+outcome. `ShutdownOutcome` tells if read-back confirmed the heater off. The error that ended the run carries this
+outcome; `shutdown_of` returns it.
 """
 
 from __future__ import annotations
@@ -23,10 +24,11 @@ _CARRIED_AS = "shutdown"
 
 @dataclass(frozen=True, slots=True)
 class ShutdownOutcome:
-    """The outcome of switching off: `failure` is None when read-back confirmed the heater off.
+    """The outcome of switching off.
 
-    `signals` arrived meanwhile. They were not obeyed, unless their number ended the tries (`aborted`).
-    `ended_run`: the outcome belongs to a run that may have heated, so a confirmed outcome is printed, too.
+    failure     the error of the last try; None when read-back confirmed the heater off
+    signals     the signals that arrived meanwhile; they were counted, and enough of them end the tries (`aborted`)
+    ended_run   True for a run that may have heated; then a confirmed outcome is printed, too
     """
 
     failure: BaseException | None = None
@@ -35,12 +37,12 @@ class ShutdownOutcome:
 
     @property
     def confirmed(self) -> bool:
-        """Whether read-back confirmed the heater off."""
+        """True if read-back confirmed the heater off."""
         return self.failure is None
 
     @property
     def aborted(self) -> bool:
-        """Whether the user ended the tries by signals."""
+        """True if the user ended the tries by signals."""
         return not self.confirmed and len(self.signals) >= ABORTS_AT
 
     def __str__(self) -> str:
@@ -51,7 +53,7 @@ class ShutdownOutcome:
         return f"{UNCONFIRMED} ({reason}): {CUT}"
 
     def obey_signals(self) -> None:
-        """Call the program's own handler with the first signal; it may raise."""
+        """Call the program's own handler for the first signal; the handler may raise."""
         if self.signals:
             signal.raise_signal(self.signals[0])
 
@@ -62,9 +64,9 @@ NOT_TRIED = ShutdownOutcome(RuntimeError("switching off was not tried"))
 def shut_down(
     enter_safe_state: Callable[[], object], before: ShutdownOutcome = NOT_TRIED, *, is_run: bool = False
 ) -> ShutdownOutcome:
-    """Switch off by `enter_safe_state`, with signals held; the outcome contains whatever it raises.
+    """Switch off by `enter_safe_state` while signals are held, and return the outcome with any error that was raised.
 
-    `before` is the outcome of an earlier try; its signals count too.
+    `before` is the outcome of an earlier try, whose signals count too. `is_run` is True for a run that may have heated.
     """
     held = HeldSignals(before.signals)
     failure: BaseException | None = None
@@ -87,7 +89,7 @@ def carry(error: BaseException, outcome: ShutdownOutcome) -> None:
 
 
 def shutdown_of(error: BaseException) -> ShutdownOutcome | None:
-    """The outcome that is attached to `error`; None when there is none."""
+    """Return the outcome that `error` carries, or None."""
     outcome: ShutdownOutcome | None = getattr(error, _CARRIED_AS, None)
     return outcome
 
@@ -96,9 +98,9 @@ def shutdown_of(error: BaseException) -> ShutdownOutcome | None:
 def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -> Iterator[None]:
     """Switch the heater off by `enter_safe_state` at the end of the block, whatever ends it.
 
-    `is_run`: the block may heat. The error that ended the block carries the outcome and is raised again; signals that
-    arrived meanwhile do not replace it. Without an error, the failure to switch off is raised, or else a signal that
-    arrived meanwhile is obeyed. There is no further try after the user has aborted one.
+    `is_run` is True for a block that may heat. An error that ended the block carries the outcome and is raised again;
+    signals that arrived meanwhile do not replace this error. After a block without an error, a failure to switch off is
+    raised; otherwise a signal that arrived meanwhile is obeyed. After a try that the user aborted, there is no other.
     """
     try:
         yield
@@ -119,5 +121,5 @@ def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -
 
 
 def _note(error: BaseException, outcome: ShutdownOutcome) -> str:
-    """The sentence of an unconfirmed outcome; the message of `error` itself is not repeated."""
+    """Return the sentence of an unconfirmed outcome. If `error` is its own reason, its message is not repeated."""
     return f"{UNCONFIRMED}: {CUT}" if outcome.failure is error and not outcome.aborted else str(outcome)

@@ -1,7 +1,7 @@
 """The supervisor: checks every measurement, is independent of the controller, and can always stop the run.
 
-The first fault is latched. Conditions that noise can cause are debounced: a fault is raised when `needed` of the last
-`window` samples show it. Late, wrong or missing data are faults too, like a wire that is too hot.
+The supervisor latches the first fault. It debounces conditions that noise can cause: these become a fault only when
+several of the latest samples show them. Late, wrong or missing data are faults, just as a wire that is too hot.
 """
 
 from __future__ import annotations
@@ -18,19 +18,19 @@ from smadrive.safety.faults import CLEAR, Fault, Trip
 from smadrive.safety.temperature_band import FROZEN_C, TemperatureBand
 
 LATE_TICKS = 20
-"""Number of missed deadlines in a row that is a fault."""
+"""So many missed deadlines in a row are a fault."""
 
 REFUSED = "refused to arm"
-"""Start of the message when heating must not begin."""
+"""The beginning of the message when heating must not begin."""
 
 
 @dataclass(frozen=True, slots=True)
 class SafetyLimits:
-    """Limits of a run, from the rig's config.
+    """Limits of a run, from the rig file.
 
-    `settle_s` is the time in which the heat source reaches a commanded current: the measured current must lie within
-    the commands of that time, within `current_tolerance_a`. `misplaced_for_s` is the time for which a displacement may
-    leave its band, because the thermocouple lags.
+    `settle_s` is the time in which the heat source reaches a commanded current. The measured current must lie between
+    the smallest and the largest command of this time, ± `current_tolerance_a`. `misplaced_for_s` is the time for which
+    a displacement may be outside its band, because the thermocouple lags.
     """
 
     temperature_max_c: float
@@ -46,10 +46,10 @@ class SafetyLimits:
 
 
 class Supervisor:
-    """Checks each measurement and each silence; the first fault is latched as `trip`.
+    """Checks each measurement and the time without one; the first fault is latched as `trip`.
 
-    `temperature_band` checks the reading against the heat that went in, `displacement_band` the displacement against
-    the model of the wire; None: not checked.
+    `temperature_band` compares the reading with the heat input, and `displacement_band` the displacement with the model
+    of the wire. Without a band its check is left out.
     """
 
     def __init__(
@@ -82,7 +82,7 @@ class Supervisor:
         self._late_ticks = 0
 
     def update(self, measurement: Measurement, setpoint_mm: float) -> Trip | None:
-        """Judge one measurement, at which `setpoint_mm` was the reference (NaN: none); the latched trip, if any."""
+        """Check one measurement, and return the latched trip or None. `setpoint_mm` is NaN without a reference."""
         self.check_fresh(measurement.time_s)
         before_s, self._fresh_s = self._fresh_s, measurement.time_s
         dt_s = 0.0 if before_s is None else measurement.time_s - before_s
@@ -96,7 +96,7 @@ class Supervisor:
         return self.trip
 
     def check_fresh(self, now_s: float) -> Trip | None:
-        """Judge the silence since the last measurement; the latched trip, if any."""
+        """Check the time since the last measurement, and return the latched trip or None."""
         if self._fresh_s is None:
             self._fresh_s = now_s
         age_s = now_s - self._fresh_s
@@ -107,16 +107,17 @@ class Supervisor:
         return self.trip
 
     def check_deadline(self, missed: bool, now_s: float) -> Trip | None:
-        """Count a late tick; returns the latched trip, if any."""
+        """Count a tick that missed its deadline, and return the latched trip or None."""
         self._late_ticks = self._late_ticks + 1 if missed else 0
         if self._late_ticks >= LATE_TICKS:
             self._raise(Fault.DEADLINES_MISSED, now_s, f"{self._late_ticks} in a row")
         return self.trip
 
     def check_may_arm(self, measurement: Measurement) -> None:
-        """SafetyError when heating must not begin: an open fault, no valid temperature, a wire too hot or too cold.
+        """Raise SafetyError when heating must not begin.
 
-        The measurement is that of a wire at rest, from which the heat is counted.
+        The reasons: a latched fault of the device, a temperature that is invalid or outside its limits, a current that
+        is unknown or flows without a command, a displacement outside its band. The wire must be at rest.
         """
         if measurement.device_faults:
             latched = ", ".join(measurement.device_faults)
@@ -157,7 +158,7 @@ class Supervisor:
             self._raise(Fault.UNDER_TEMPERATURE, measurement.time_s, detail)
 
     def _check_current(self, measurement: Measurement) -> None:
-        """The measured current must lie within what was commanded while the source settled."""
+        """Compare the measured current with all commands of the last `settle_s`."""
         tolerance_a, measured_a = self._limits.current_tolerance_a, measurement.current_a
         if not self._commands:
             self._commands.append((measurement.time_s - 1e-9, 0.0))  # before the first one nothing was commanded
@@ -174,7 +175,7 @@ class Supervisor:
             )
 
     def _check_power(self, measurement: Measurement) -> None:
-        """Current and voltage give the heat; for a sample without them the last power is used."""
+        """Compute the power from current and voltage. If one of them is unknown, keep the previous power."""
         power_w = measurement.current_a * measurement.voltage_v
         if is_known := isfinite(power_w):
             self._power_w = power_w
@@ -187,12 +188,10 @@ class Supervisor:
         reading_c = measurement.temperature_c
         band = self._temperature_band.update(reading_c, self._power_w, dt_s)
         if band.coldest_c > self._limits.temperature_max_c:
-            detail = (
-                f"at least {band.coldest_c:.0f} °C by the heat that went in, the thermocouple reads {reading_c:.1f} °C"
-            )
+            detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
             self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail)
         if self._frozen.update(band.unseen_c > FROZEN_C):
-            detail = f"{reading_c:.2f} °C, while the wire moved by at least {band.unseen_c:.0f} K"
+            detail = f"{reading_c:.2f} °C, while the temperature changed by at least {band.unseen_c:.0f} K"
             self._raise(Fault.SENSOR_FROZEN, measurement.time_s, detail)
         if self._implausible.update(not band.low_c <= reading_c <= band.high_c):
             fault = Fault.READS_TOO_COLD if reading_c < band.low_c else Fault.READS_TOO_HOT
@@ -211,7 +210,7 @@ class Supervisor:
         if self._following_s is None or not abs(setpoint_mm - measured_mm) > limits.tracking_max_mm:
             self._following_s = measurement.time_s
         elif measurement.time_s - self._following_s > limits.tracking_for_s:
-            detail = f"{setpoint_mm:.3f} mm wanted, {measured_mm:.3f} mm measured for {limits.tracking_for_s:g} s"
+            detail = f"setpoint {setpoint_mm:.3f} mm, measured {measured_mm:.3f} mm, for {limits.tracking_for_s:g} s"
             self._raise(Fault.TRACKING_LOST, measurement.time_s, detail)
 
     def _check_displacement_band(self, measurement: Measurement) -> None:
@@ -244,7 +243,7 @@ def _too_far(fault: Fault, temperature_c: float, key: str, limit_c: float) -> Sa
 
 
 def _is_excused(measurement: Measurement, commanded_a: float) -> bool:
-    """Whether the device reports why the current is low; a voltage limit that halves the current is a bad wire."""
+    """Return True if a limit of the device explains the low current. A voltage limit explains a loss of up to half."""
     if measurement.device_limits == ("voltage",):
         return measurement.current_a > 0.5 * commanded_a
     return bool(measurement.device_limits)

@@ -1,20 +1,22 @@
-"""The range of temperatures that the heat input allows: a check that is independent of the sensor.
+"""The range of temperatures that the heat input allows: a check that does not rely on the thermocouple.
 
-Two heat balances bracket the true one. The coldest wire takes up heat slowly (all capacities multiplied by the
-uncertainty, the latent heat spread over `TRANSFORMATION_C`), loses it fast, and cools at once; the hottest does the
-opposite:
+Two heat balances bracket the true one. The coldest possible wire warms slowly (its heat capacity is multiplied by the
+uncertainty, and contains the latent heat spread over `TRANSFORMATION_C`), loses much heat, and cools fast. The hottest
+possible wire does the opposite:
 
     coldest: C = u_c (m c + Q / span) while it warms, m c / u_c while it cools;  h A · u_h;  colder surroundings
     hottest: C = m c / u_c while it warms, u_c (m c + Q / span) while it cools;  h A / u_h;  warmer surroundings
 
-The reading must lie between them, each seen through the lag of the thermocouple where that widens the band. A bead
-that fell off, a reversed thermocouple or a heater that is not measured leaves the band.
+u_c and u_h are the uncertainties of capacity and loss, and span is `TRANSFORMATION_C`. The reading must lie between the
+two temperatures; the lag of the thermocouple is applied to each of them where that widens the band. The reading leaves
+the band if the bead falls off, if the thermocouple is reversed, or if heat flows in that is not measured.
 
-A reading that is frozen to the last digit is found sooner, from the change of the power since it last changed:
+A reading that does not change in its last digit is found sooner, from the power since its last change:
 
     C dΔ/dt = P - P₀ - h A Δ,     C and h A of the coldest wire, P₀ the power when the reading last changed
 
-Errors of the heat balance are the same then and now, so they cancel; a wire that has moved by Δ must show it.
+Δ is the temperature change of the wire since then. Errors of the heat balance cancel, because they are the same then
+and now. A large Δ with a constant reading is a fault.
 """
 
 from __future__ import annotations
@@ -26,27 +28,27 @@ from typing import NamedTuple
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
 
 TRANSFORMATION_C = 20.0
-"""Span over which the latent heat is taken up, K."""
+"""The wire takes up its latent heat over this span of temperature, K."""
 SURROUNDINGS_C = 10.0
 """Largest difference between the surroundings and the ambient temperature of the heat balance, K."""
 MARGIN_C = 6.0
 """Added on both sides of the band for noise and quantisation, K."""
 FROZEN_C = 3.0
-"""Movement of the wire under a constant reading that is a fault, K."""
+"""A temperature change of the wire by more than this is a fault if the reading stays constant, K."""
 
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """Factors within which the parameters of a heat balance are known, both ways."""
+    """Factors by which the true capacity and the true loss of a wire may be larger or smaller than its heat balance."""
 
     capacity: float
     loss: float
 
 
 NOMINAL = Uncertainty(capacity=3.0, loss=1.6)
-"""A data sheet: published specific heats differ by 2.6; convection must be that of the room, not of a fan."""
+"""For a data sheet: published specific heats differ by a factor of 2.6. The loss holds for still air, without a fan."""
 IDENTIFIED = Uncertainty(capacity=1.5, loss=1.4)
-"""A balance identified on this rig, some draught later."""
+"""For a heat balance that was identified on this rig; the loss includes some draught."""
 UNCERTAINTIES = {BalanceSource.DATA_SHEET: NOMINAL, BalanceSource.IDENTIFIED: IDENTIFIED}
 """Uncertainty of a heat balance, by its source."""
 
@@ -61,11 +63,11 @@ class Band(NamedTuple):
     coldest_c: float
     """The least temperature of the wire itself."""
     unseen_c: float
-    """The least movement of the wire under a constant reading."""
+    """The least temperature change of the wire since the reading last changed, K."""
 
 
 class TemperatureBand:
-    """The checks above, for a wire whose balance is known within `uncertainty` and whose reading lags by `lag_s`."""
+    """The band above, for a heat balance with an `uncertainty` and a thermocouple that lags by `lag_s`."""
 
     def __init__(self, balance: HeatBalance, uncertainty: Uncertainty, lag_s: float) -> None:
         slow = uncertainty.capacity * (balance.heat_capacity_j_per_k + balance.latent_heat_j / TRANSFORMATION_C)
@@ -79,14 +81,14 @@ class TemperatureBand:
         self.start(balance.ambient_c)
 
     def start(self, reading_c: float) -> None:
-        """Begin at a wire at rest that reads `reading_c`; it may be warmer or colder than its surroundings."""
+        """Start with a wire at rest at `reading_c`. The wire may be warmer or colder than its surroundings."""
         self._coldest.start(reading_c, min(self._ambient_c, reading_c) - SURROUNDINGS_C)
         self._hottest.start(reading_c, max(self._ambient_c, reading_c) + SURROUNDINGS_C)
         self._low_c = self._high_c = reading_c
         self._changed(reading_c, 0.0)
 
     def update(self, reading_c: float, power_w: float, dt_s: float) -> Band:
-        """The band after `dt_s` at `power_w`, with the new reading `reading_c`."""
+        """Return the band after `dt_s` at `power_w`, when the new reading is `reading_c`."""
         coldest_c = self._coldest.step(power_w, dt_s)
         hottest_c = self._hottest.step(power_w, dt_s)
         follow = 1.0 - exp(-dt_s / self._lag_s) if self._lag_s > 0 else 1.0
@@ -112,7 +114,7 @@ class TemperatureBand:
 
 
 class _Wire:
-    """One of the two wires that bracket the true one."""
+    """A wire with different heat capacities on warming and on cooling."""
 
     def __init__(self, loss_w_per_k: float, *, warming_j_per_k: float, cooling_j_per_k: float) -> None:
         self._loss_w_per_k = loss_w_per_k

@@ -12,16 +12,16 @@ from smadrive.files.shipped import config_file
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
 
 AGEING_C = 200.0
-"""Nickel-titanium ages permanently above this temperature; the file of an alloy that transforms hotter sets its own."""
+"""Nickel-titanium ages permanently above this temperature. The file of a high-temperature alloy sets another value."""
 
 
 class WireDataSheet(Section):
     """A wire as its data sheet describes it.
 
-    The wire withstands `temperature_max_c` permanently; no rig may allow more. The default is `AGEING_C`.
+    The wire withstands `temperature_max_c` permanently, and no rig may allow more. The default is `AGEING_C`.
 
-    Every wire on sale is far within the bounds. A value in a wrong unit is outside: metres for millimetres, grams for
-    kilograms, kelvins for degrees Celsius, milliseconds for seconds.
+    Every wire on sale is far within the bounds of these values. A value in a wrong unit, such as metres instead of
+    millimetres, is outside.
     """
 
     name: str
@@ -38,7 +38,7 @@ class WireDataSheet(Section):
     temperature_max_c: float = Field(default=AGEING_C, ge=30, le=350)
 
     def heat_balance(self) -> HeatBalance:
-        """The nominal heat balance; m follows from the volume, A is the surface of the wire."""
+        """Return the nominal heat balance. The mass follows from the volume; heat is lost through the whole surface."""
         diameter_m, length_m = 1e-3 * self.diameter_mm, 1e-3 * self.length_mm
         mass_kg = self.density_kg_per_m3 * 0.25 * pi * diameter_m**2 * length_m
         return HeatBalance(
@@ -54,5 +54,5 @@ class WireDataSheet(Section):
 
 
 def load_data_sheet(name: str) -> WireDataSheet:
-    """The data sheet at the path `name`, or the shipped one of that name. ConfigError for a missing or invalid file."""
+    """Load the data sheet at the path `name`, or the shipped one with this name. ConfigError for an invalid file."""
     return load_config(config_file(name, WIRE), WireDataSheet)

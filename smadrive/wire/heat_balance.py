@@ -4,8 +4,8 @@ One lumped temperature T, austenite fraction w (the state of the hysteresis mode
 
     m c · dT/dt = P - Q · dw/dt - h A (T - T_ambient)        P = I² R(w),  R(w) = R_cold (1 + r w),  Q = m L_h
 
-Latent heat Q is absorbed on heating and given back on cooling; at mid-transformation it doubles the apparent heat
-capacity, so the feedforward needs it. The sign of r differs between wires, so r is fitted.
+The wire absorbs the latent heat Q on heating and gives it back on cooling. In the middle of the transformation Q
+doubles the apparent heat capacity, so the feedforward needs Q. The sign of r differs between wires, so r is fitted.
 The thermocouple, a bead on the wire, follows with a first-order lag: lag · dT_tc/dt = T - T_tc.
 """
 
@@ -47,7 +47,7 @@ class HeatBalance:
     source: BalanceSource = BalanceSource.IDENTIFIED
 
     def __post_init__(self) -> None:
-        """Raise ModelError for parameters that no wire has."""
+        """Raise ModelError for a parameter that is not finite or out of its range."""
         for name in ("heat_capacity_j_per_k", "loss_w_per_k", "resistance_cold_ohm"):
             value = getattr(self, name)
             if not value > 0:
@@ -65,21 +65,21 @@ class HeatBalance:
 
     @property
     def time_constant_s(self) -> float:
-        """τ = m c / (h A), without transformation."""
+        """Time constant τ = m c / (h A) of the wire without transformation, s."""
         return self.heat_capacity_j_per_k / self.loss_w_per_k
 
     def resistance_ohm(self, phase: float) -> float:
-        """R(w) at austenite fraction `phase`."""
+        """Return the resistance R(w) at the austenite fraction w = `phase`, Ω."""
         return self.resistance_cold_ohm * (1.0 + self.resistance_change * phase)
 
     def step(self, temperature_c: float, power_w: float, phase_per_k: float, dt_s: float) -> float:
-        """Temperature after `dt_s` at constant power: exact for a constant slope dw/dT of the transformation."""
+        """Return the temperature after `dt_s` at constant power, exact for a constant slope dw/dT = `phase_per_k`."""
         settled_c = self.ambient_c + power_w / self.loss_w_per_k
         capacity = self.heat_capacity_j_per_k + self.latent_heat_j * phase_per_k
         return settled_c + (temperature_c - settled_c) * exp(-dt_s * self.loss_w_per_k / capacity)
 
     def step_thermocouple(self, reading_c: float, wire_before_c: float, wire_after_c: float, dt_s: float) -> float:
-        """Reading after `dt_s` while the wire moves linearly between its two temperatures (exact)."""
+        """Return the reading after `dt_s`, exact for a wire temperature that changes linearly from before to after."""
         lag_s = self.thermocouple_lag_s
         if lag_s <= 0:
             return wire_after_c
@@ -88,7 +88,7 @@ class HeatBalance:
         return wire_before_c + (reading_c - wire_before_c) * decay + ramp_c * (1.0 - (1.0 - decay) * lag_s / dt_s)
 
     def power_w(self, temperature_c: float, rate_c_per_s: float, phase_rate_per_s: float) -> float:
-        """Inverse heat balance: power for this rate; negative: the wire cannot cool so fast."""
+        """Return the power for these rates (the inverse heat balance). A negative power means too fast a cooling."""
         return (
             self.heat_capacity_j_per_k * rate_c_per_s
             + self.latent_heat_j * phase_rate_per_s
@@ -96,7 +96,7 @@ class HeatBalance:
         )
 
     def current_a(self, power_w: float, phase: float) -> float:
-        """The heater current that gives `power_w` (zero for a negative power)."""
+        """Return the heater current that gives `power_w` at this austenite fraction; 0 for a negative power."""
         return sqrt(max(power_w, 0.0) / self.resistance_ohm(phase))
 
 

@@ -1,6 +1,6 @@
 """An identified wire: hysteresis model, heat balance, caveats, and its file.
 
-The file is that of the model; heat balance, caveats and origin stand in its provenance.
+The file is a model file. Its provenance holds the heat balance, the caveats and the origin.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from smadrive.wire.wire_model import WireModel
 
 @dataclass(frozen=True)
 class IdentifiedWire:
-    """One wire, as it was identified.
+    """An identified wire.
 
-    model          certified hysteresis model, wire temperature in °C to displacement in mm
-    heat_balance   None for a model that was identified from temperatures and displacements alone
+    model          certified hysteresis model, from wire temperature in °C to displacement in mm
+    heat_balance   heat balance; None if the record had only temperatures and displacements
     caveats        reasons to distrust the model, one sentence each
     metrics        how well the model fits its record (rms_percent, max_percent)
     source         the record from which it was identified
@@ -49,23 +49,23 @@ class IdentifiedWire:
         save_model(self.model, path, provenance=provenance)
 
     def text(self) -> str:
-        """Model and heat balance in the format of the file: the form in which a log keeps the wire."""
+        """Return model and heat balance in the format of the file. A log keeps this text."""
         return model_text(self.model, _balance_provenance(self.heat_balance), place="wire")
 
     def wire_model(self) -> WireModel:
-        """The model that steps temperature and displacement together. ModelError without a heat balance."""
+        """Return the model that steps temperature and displacement together. ModelError without a heat balance."""
         if self.heat_balance is None:
             raise ModelError("no heat balance", where=self.source or "wire", cure="record the wire again")
         return WireModel(self.model, self.heat_balance)
 
 
 def load_wire(path: Path | str) -> IdentifiedWire:
-    """The wire in a file. Raises ModelError for a file that is no wire, CertificateError for an uncertified model."""
+    """Load a wire from a file. ModelError for a file that holds no wire, CertificateError for an uncertified model."""
     return parse_wire(read_model(Path(path)), str(path))
 
 
 def parse_wire(text: str, place: str) -> IdentifiedWire:
-    """The wire in the text of a file or of a log; errors call it `place`. ModelError, CertificateError."""
+    """Return the wire in the text of a file or of a log; errors name `place`. Raises the errors of `load_wire`."""
     model, provenance = parse_model(text, place=place), _provenance(text, place)
     if provenance is None:
         return IdentifiedWire(model, source=place)
@@ -86,7 +86,7 @@ def _caveats(provenance: Fields) -> tuple[str, ...]:
 
 
 def _heat_balance(provenance: Fields, place: str) -> HeatBalance | None:
-    """The heat balance in the provenance, None when it has none."""
+    """Return the heat balance in the provenance, None if the provenance has none."""
     if provenance.document.get("heat_balance") is None:
         return None
     parameters = provenance.inner("heat_balance")
@@ -102,7 +102,7 @@ def _heat_balance(provenance: Fields, place: str) -> HeatBalance | None:
 
 
 def _source(parameters: Fields) -> BalanceSource:
-    """The origin of the heat balance; one without a source was identified."""
+    """Return the origin of the heat balance. A heat balance without a source counts as identified."""
     source = parameters.document.get("source", BalanceSource.IDENTIFIED.value)
     try:
         return BalanceSource(source)

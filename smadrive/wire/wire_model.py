@@ -1,9 +1,10 @@
-"""The identified wire in steps: heat balance and hysteresis together.
+"""Steps of the identified wire: heat balance and hysteresis together.
 
-Temperature and phase depend on each other: the transformation takes heat, and the temperature drives it. Over a small
-change of temperature the slope dw/dT is constant, and the heat balance is exact. A larger change is divided into
-pieces, each with its mean slope (the slope at its start, improved once). A state that a correction has put outside its
-branches returns to them against the direction of the temperature; this is no transformation and takes no heat.
+Temperature and phase depend on each other: the transformation takes heat, and the temperature drives the
+transformation. Over a small change of temperature the slope dw/dT is constant, and the heat balance is exact. A larger
+change is divided into pieces, each with its mean slope (the slope at its start, improved once). A correction of the
+observer may put the state outside the branches. Such a state returns to the branches against the direction of the
+temperature; this is no transformation and takes no heat.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ PIECE_C = 2.0
 """Length of the pieces of a larger change, K."""
 
 MOST_PIECES = 200
-"""Most pieces of one step (400 K), so that an absurd power does not take the loop's time."""
+"""Largest number of pieces in one step (400 K), so that a step is short even for an impossible power."""
 
 
 class WireState(NamedTuple):
@@ -32,7 +33,7 @@ class WireState(NamedTuple):
 
 
 def travel_mm(model: HysteresisModel) -> tuple[float, float]:
-    """Displacement of the cold and of the fully heated wire: the ends of the model's major loop."""
+    """Return the displacements of the cold and of the fully heated wire: the ends of the model's major loop, in mm."""
     cold_c, hot_c = model.input_range
     return model.initial_state(cold_c).y, model.initial_state(hot_c).y
 
@@ -40,8 +41,8 @@ def travel_mm(model: HysteresisModel) -> tuple[float, float]:
 class WireModel:
     """The identified wire as a model with `step`: state in, state out.
 
-    The phase of the heat balance is the displacement over the travel, as it was when the balance was identified. The
-    state w of the hysteresis model is another quantity: a model may use only a part of [0, 1].
+    The phase of the heat balance is displacement / travel, as in the identification of the heat balance. It differs
+    from the state w of the hysteresis model, because a model may use only a part of the range [0, 1] of w.
     """
 
     def __init__(self, model: DuhemModel | TSFuzzyDuhem, balance: HeatBalance) -> None:
@@ -51,16 +52,16 @@ class WireModel:
         self.travel_mm = hot_mm - self.cold_mm
 
     def step(self, state: WireState, power_w: float, dt_s: float) -> WireState:
-        """The wire after `dt_s` at constant power."""
+        """Return the state of the wire after `dt_s` at constant power."""
         last, after_c = self._way(state, power_w, dt_s)
         return self._moved(last, after_c)
 
     def temperature_c(self, state: WireState, power_w: float, dt_s: float) -> float:
-        """The temperature after `dt_s` at constant power, for callers that step the hysteresis themselves."""
+        """Return the temperature after `dt_s` at constant power, for a caller that steps the hysteresis separately."""
         return self._way(state, power_w, dt_s)[1]
 
     def _way(self, state: WireState, power_w: float, dt_s: float) -> tuple[WireState, float]:
-        """The state at which the last piece of the way begins, and the temperature at its end."""
+        """Return the state at the start of the last piece of the temperature change, and the temperature at its end."""
         after_c = self._heated_c(state, power_w, dt_s)
         pieces = min(ceil(abs(after_c - state.temperature_c) / PIECE_C), MOST_PIECES)
         if pieces > 1:
@@ -72,7 +73,7 @@ class WireModel:
         return state, self._improved_c(state, after_c, power_w, dt_s)
 
     def _improved_c(self, state: WireState, after_c: float, power_w: float, dt_s: float) -> float:
-        """Temperature after one piece, at the end of which the slope at its start gives `after_c`."""
+        """Improve `after_c`, the temperature after one piece, by the mean slope of the piece."""
         wire_c, hysteresis = state
         way_c = after_c - wire_c
         if abs(way_c) <= SHORT_WAY_C:
@@ -82,24 +83,24 @@ class WireModel:
         return self.balance.step(wire_c, power_w, per_k, dt_s)
 
     def _moved(self, state: WireState, after_c: float) -> WireState:
-        """The wire at another temperature, its hysteresis moved by as much."""
+        """Return the wire at the temperature `after_c`, with its hysteresis input moved by the same difference."""
         wire_c, hysteresis = state
         return WireState(after_c, self.model.step(hysteresis, hysteresis.v + after_c - wire_c))
 
     def _heated_c(self, state: WireState, power_w: float, dt_s: float) -> float:
-        """Temperature after `dt_s` with the slope at the start."""
+        """Return the temperature after `dt_s`, computed with the slope at the start."""
         settled_c = self.balance.ambient_c + power_w / self.balance.loss_w_per_k
         per_k = self.phase_per_k(state.hysteresis, 1 if settled_c > state.temperature_c else -1)
         return self.balance.step(state.temperature_c, power_w, per_k, dt_s)
 
     def phase_per_k(self, hysteresis: HysteresisState, direction: int) -> float:
-        """Slope of the phase at a state, heating (+1) or cooling (-1), 1/K; never negative."""
+        """Return the slope of the phase on heating (direction +1) or cooling (-1), in 1/K; it is never negative."""
         return max(self.model.slope(hysteresis, direction) / self.travel_mm, 0.0)
 
     def resistance_ohm(self, hysteresis: HysteresisState) -> float:
-        """R at a state."""
+        """Return the resistance at a state, Ω."""
         return self.balance.resistance_ohm(self.phase(hysteresis))
 
     def phase(self, hysteresis: HysteresisState) -> float:
-        """Share of the travel."""
+        """Return the phase at a state: the displacement as a share of the travel, 0 for the cold wire."""
         return (hysteresis.y - self.cold_mm) / self.travel_mm

@@ -2,12 +2,14 @@
 
     command = clamp(feedforward + Kp e + I),    dI/dt = Ki e while the command is inside its limits
 
-Anti-windup by conditional integration: the feedforward alone drives the command deep into its lower limit at every
-turning point (no negative power exists), and back-calculation would then tear the integral away from the small model
-error it stands for. Gains follow from the heat balance by pole placement: with Kp = m c / Tc the error decays with the
-chosen time constant Tc, with Ki = Kp / Ti a model error is gone after Ti.
+Anti-windup is by conditional integration. The integral stands for a small model error. At every turning point the
+feedforward alone drives the command far below its lower limit, because negative power does not exist; back-calculation
+would then change the integral by a large amount.
 
-Bumpless transfer: a feedback that takes over from another adds what the command would jump by, and lets it decay.
+The gains follow from the heat balance by pole placement. With Kp = m c / Tc the error decays with the chosen time
+constant Tc. With Ki = Kp / Ti the effect of a model error decays within about Ti.
+
+Bumpless transfer: a feedback that replaces another one adds the difference of the two commands, which then decays.
 """
 
 from __future__ import annotations
@@ -18,10 +20,10 @@ from math import exp
 from smadrive.wire.heat_balance import HeatBalance
 
 HANDOVER_S = 1.0
-"""Time constant with which the difference to the command of a feedback taken over from decays."""
+"""After a replacement the difference to the command of the old feedback decays with this time constant, s."""
 
 INTEGRATED_C = 1.0
-"""More than this of an error is not integrated: it is a way to go (the wire crosses its hysteresis), no model error."""
+"""The integral counts at most this much of an error, K. A larger error is no model error: the wire is still moving."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,7 +42,7 @@ class PIGains:
 
 @dataclass(slots=True)
 class TemperatureFeedback:
-    """The PI controller above. Its state is the integral, the last command and what is left of a handover, in watts."""
+    """The PI controller above. Its state, in W: the integral, the last command, the remaining handover difference."""
 
     gains: PIGains
     integral_w: float = field(default=0.0, init=False)
@@ -49,7 +51,7 @@ class TemperatureFeedback:
     _takes_over: bool = field(default=False, init=False)
 
     def take_over(self, before: TemperatureFeedback) -> None:
-        """Go on from `before`: the first command is its last one."""
+        """Continue from the feedback `before`: the first command equals the last command of `before`."""
         self.integral_w, self.command_w = before.integral_w, before.command_w
         self._takes_over = True
 

@@ -1,4 +1,4 @@
-"""The interface of a controller, and the controller along a temperature path (excitation).
+"""The interface of a controller, and the controller that follows a temperature path (excitation).
 
 A controller returns its setpoints and estimates together with the current, so that they can be recorded and shown.
 """
@@ -16,14 +16,16 @@ from smadrive.safety.temperature_band import TRANSFORMATION_C
 from smadrive.wire.heat_balance import HeatBalance
 
 LAGS_C = 6.0
-"""The path of an excitation waits while the wire is farther from it than this, K."""
+"""The path of an excitation waits while the wire is farther from the path than this, K."""
 
 STALLS_S = 30.0
 """The longest uninterrupted wait of the path."""
 
 ENVELOPE = 2.0
-"""Largest power of an excitation over the power that its path needs by the data sheet. While the wire is unknown, a
-failing thermometer is detected later, so the wire must overheat more slowly."""
+"""The largest power of an excitation, as a multiple of the power that its path needs by the data sheet.
+
+For an unknown wire a failing thermocouple is detected later. This limit makes the wire overheat more slowly.
+"""
 
 
 class Command(NamedTuple):
@@ -38,7 +40,7 @@ class Command(NamedTuple):
 
 
 class Controller(Protocol):
-    """One current per measurement; `time_s` counts from the start of the loop."""
+    """Computes one current for each measurement. `time_s` counts from the start of the loop."""
 
     @property
     def duration_s(self) -> float:
@@ -54,8 +56,8 @@ class TemperatureController:
     """Follows a temperature path with the nominal heat balance: the excitation, before anything is identified.
 
     The reading of the thermocouple counts as the temperature of the wire; the identification corrects its lag. The path
-    waits while the wire is farther than `LAGS_C` from it, so that every wire reaches every turning point.
-    IdentificationError when it waits longer than `STALLS_S`.
+    waits while the wire is farther than `LAGS_C` from the path, so that every wire reaches every turning point.
+    IdentificationError when the path waits longer than `STALLS_S`.
     """
 
     def __init__(
@@ -121,7 +123,7 @@ class TemperatureController:
             )
 
     def _reading_c(self, measurement: Measurement) -> float:
-        """The reading; for an invalid one, on which the supervisor has not decided yet, the last valid one."""
+        """Return the reading, or the last valid one while the supervisor has not yet tripped on an invalid reading."""
         if isfinite(measurement.temperature_c):
             self._last_reading_c = measurement.temperature_c
         return self._last_reading_c

@@ -2,11 +2,11 @@
 
     measurement → observer → (one period on) → inverse feedforward with preview → temperature feedback → power → current
 
-A command acts one period after the measurement that it answers. So the estimate is advanced by one period, with the
-power in force until then, and everything is computed for that moment.
+A command acts one period after its measurement. So the observer advances the estimate by one period, with the power
+that is in force in that period, and the controller computes the command for the end of that period.
 
-The state of a controller is a value: a controller for another reference, model or setting takes it over and continues
-without a bump, within the tick in which it replaces the old one.
+The state of a controller is a value. A controller for another reference, model or setting takes over this state and
+continues without a jump of the command, in the tick in which it replaces the old controller.
 """
 
 from __future__ import annotations
@@ -47,9 +47,10 @@ class TrackingSettings:
 
 
 class TrackingState(NamedTuple):
-    """State of a TrackingController, besides the integral of its feedback.
+    """State of a TrackingController, without the integral of its feedback.
 
-    The estimate, the power in force, the trim, the direction of the phase, the reversal that the wire is in.
+    `power_w` is the power in force. `direction` is that of the phase (+1: the phase rises). `reversal` is the reversal
+    that the wire is making now; it is None on a branch.
     """
 
     estimate: WireEstimate
@@ -60,7 +61,7 @@ class TrackingState(NamedTuple):
 
 
 class _Period(NamedTuple):
-    """The coming period: its start, the estimate there, the largest power, the setpoint and its rate."""
+    """The coming period: its start, the estimate at the start, the largest power, the setpoint and its rate."""
 
     time_s: float
     ahead: WireEstimate
@@ -108,7 +109,7 @@ class TrackingController:
             self._feedback.take_over(before._feedback)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """The command for the coming period of `dt_s`, which begins `dt_s` after the measurement."""
+        """Return the command for the coming period of `dt_s`, which begins `dt_s` after the measurement."""
         before = self._state or self._started(measurement)
         estimate = self._observed(measurement, dt_s)
         period = self._coming_period(self._observer.predict(estimate, before.power_w, dt_s), time_s + dt_s, dt_s)
@@ -137,7 +138,7 @@ class TrackingController:
         return TrackingState(estimate, 0.0, 0.0, 1, None)
 
     def _observed(self, measurement: Measurement, dt_s: float) -> WireEstimate:
-        """The estimate advanced by the power measured over the period that ends now, the commanded one if unknown."""
+        """Return the present estimate, advanced by the measured power (or by the commanded power if it is unknown)."""
         if self._state is None:
             return self._observer.start(measurement.temperature_c, measurement.displacement_mm)
         measured_w = measurement.current_a * measurement.voltage_v
@@ -157,7 +158,7 @@ class TrackingController:
         return _Period(time_s, ahead, limit_w, setpoint_mm, rate_mm_per_s)
 
     def _course(self, before: TrackingState, period: _Period) -> tuple[int, Reversal | None]:
-        """The direction of the phase, and the reversal that the wire is in or begins."""
+        """Return the direction of the phase, and the reversal that the wire continues or begins (None: no reversal)."""
         travel_mm, reversal = self._wire.travel_mm, before.reversal
         if reversal is not None and not reversal.is_over(period.time_s, period.ahead.hysteresis, travel_mm):
             return before.direction, reversal

@@ -4,8 +4,10 @@ Linearised at a slope s = dξ/dT of the phase, with κ = exp(-Δt h A/(m c + Q s
 
     T'  = κ T + (1-κ) d/(h A)        T_tc' = λ T_tc + (1-λ) T        d' = d        ξ' = ξ + s (T' - T)
 
-T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete Riccati
-equation: one gain for the thermocouple alone, and one for thermocouple and displacement at each of several slopes.
+T is the temperature of the wire, T_tc that of the thermocouple, d the power that the heat balance does not explain, ξ
+the phase. T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete
+Riccati equation. There is one gain for the thermocouple alone. For thermocouple and displacement together there is one
+gain for each of several slopes.
 """
 
 from __future__ import annotations
@@ -47,7 +49,8 @@ class Correction(NamedTuple):
 class GainSchedule:
     """The gains, as plain floats, scheduled by the present slope dξ/dT of the model.
 
-    The innovations, measured - expected: `read_c` of the thermocouple, K; `seen` of the phase in the displacement.
+    The arguments `read_c` and `seen` are innovations (measured - expected): `read_c` of the thermocouple in K, `seen`
+    of the phase, which follows from the displacement.
     """
 
     def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise_mm: float) -> None:
@@ -59,7 +62,7 @@ class GainSchedule:
         self._reading = _reading_gain(balance, period_s, noise_c).tolist()
 
     def by_reading(self, slope: float, read_c: float) -> Correction:
-        """The correction by the thermocouple alone: the phase follows the temperature."""
+        """Return the correction by the thermocouple alone; the phase changes with the temperature, along `slope`."""
         wire, thermocouple, disturbance = self._reading
         return Correction(wire * read_c, thermocouple * read_c, disturbance * read_c, slope * wire * read_c)
 

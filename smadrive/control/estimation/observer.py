@@ -1,16 +1,16 @@
 """Estimate of wire temperature and phase from heater power, lagging thermocouple and, if measured, displacement.
 
 State x = (T, T_tc, d, ξ): wire temperature, thermocouple temperature, a slowly drifting power d that the heat balance
-does not explain (draught, wrong h A), and the phase, seen in the displacement. The prediction is the heat balance with
-the transformation's latent heat, and the hysteresis model itself; the correction is a Kalman gain.
+does not explain (draught, wrong h A), and the phase. The displacement shows the phase. The prediction uses the heat
+balance with the latent heat of the transformation, and the hysteresis model. The correction uses a Kalman gain.
 
 The model is linear only locally. Its rules, at their present firing strengths, give the slope of the phase over the
-temperature, dξ/dT ∝ Σ μ_i (a_i w + b_i). Places of the loop differ in this slope alone, so the gain is solved for a row
-of slopes and interpolated (see gain). Without a displacement ξ has no correction of its own: it moves with the
-correction of the temperature along the slope. Only the predicted temperature steps the model, and through a dead band,
-because noise that reverses would ratchet the model.
+temperature, dξ/dT ∝ Σ μ_i (a_i w + b_i). Along the loop only this slope varies, so the gain is solved for several
+slopes and interpolated (see gain.py). Without a displacement the correction of ξ is that of the temperature, times the
+slope. Only the predicted temperature steps the hysteresis model, and only through a dead band: noise reverses the
+temperature, and each reversal would move the model along a minor loop (ratcheting).
 
-The estimate is the whole state of an observer: any other observer can continue from it.
+The estimate is the whole state of an observer, so another observer can continue from it.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from smadrive.hysteresis.reversal import Play
 from smadrive.wire.wire_model import WireModel, WireState
 
 DEAD_BAND_NOISES = 0.2
-"""Radius of the reversal dead band in standard deviations of the thermocouple's noise (a prediction is quieter)."""
+"""Radius of the dead band in standard deviations of the thermocouple's noise. A prediction has less noise than that."""
 
 
 class WireEstimate(NamedTuple):
     """The estimated state of the wire.
 
-    Temperatures of wire and thermocouple, hysteresis state (v, w, y), the power that the heat balance does not
-    explain, and the state of the dead band between temperature and hysteresis.
+    `disturbance_w` is the power that the heat balance does not explain. `play` is the state of the dead band between
+    the temperature and the hysteresis model.
     """
 
     temperature_c: float
@@ -56,17 +56,17 @@ class WireObserver:
         self._radius_c = DEAD_BAND_NOISES * noise_c
 
     def start(self, reading_c: float, displacement_mm: float) -> WireEstimate:
-        """The estimate for a wire at rest: at the displacement, if it is measured, else on the heating branch."""
+        """Return the estimate for a wire at rest; without a displacement (NaN) the wire is on the heating branch."""
         measured_mm = displacement_mm if isfinite(displacement_mm) else None
         hysteresis = self._model.initial_state(reading_c, measured_mm)
         return WireEstimate(reading_c, reading_c, hysteresis, 0.0, Play(reading_c))
 
     def adopt(self, estimate: WireEstimate) -> WireEstimate:
-        """Another observer's estimate for this one's model: the same temperatures, the same displacement."""
+        """Convert the estimate of another observer to the model of this one; temperatures and displacement stay."""
         return estimate._replace(hysteresis=self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y))
 
     def predict(self, before: WireEstimate, power_w: float, dt_s: float) -> WireEstimate:
-        """The estimate `dt_s` later, with `power_w` applied and nothing measured."""
+        """Return the estimate `dt_s` after `before`, with `power_w` applied and without a measurement."""
         total_w = power_w + before.disturbance_w
         wire_c = self._wire.temperature_c(WireState(before.temperature_c, before.hysteresis), total_w, dt_s)
         read_c = self._balance.step_thermocouple(before.thermocouple_c, before.temperature_c, wire_c, dt_s)
@@ -77,7 +77,7 @@ class WireObserver:
     def update(
         self, before: WireEstimate, reading_c: float, displacement_mm: float, power_w: float, dt_s: float
     ) -> WireEstimate:
-        """The estimate `dt_s` after `before`, with `power_w` applied since; NaN for what was not measured now."""
+        """Return the estimate `dt_s` after `before`, with `power_w` applied since. NaN marks a missing measurement."""
         expected = self.predict(before, power_w, dt_s)
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
         read_c = reading_c - expected.thermocouple_c if isfinite(reading_c) else 0.0
@@ -87,10 +87,10 @@ class WireObserver:
         return self._corrected(expected, self._gains.by_both(slope, read_c, seen))
 
     def _corrected(self, expected: WireEstimate, correction: Correction) -> WireEstimate:
-        """The estimate moved by (T, T_tc, d, ξ) at once.
+        """Return the estimate with the correction of (T, T_tc, d, ξ) added.
 
-        The hysteresis input moves with the temperature but makes no step: what the correction of the temperature means
-        for the phase is part of the correction of the phase.
+        The input of the hysteresis model moves with the temperature, but the model makes no step: the correction of
+        the phase already contains the effect of the temperature.
         """
         wire_c, thermocouple_c, power_w, phase = correction
         v, y, _ = expected.hysteresis

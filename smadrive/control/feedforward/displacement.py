@@ -1,9 +1,10 @@
 """Displacement → temperature → power: the inverse feedforward on the estimated state of the wire.
 
-The inverse starts from where the observer believes the wire to be, not from where it was meant to be. Its direction is
-that of the reference: an estimate a hair ahead of the reference must make the wire wait, not turn back, because after
-a turning point a hysteretic wire answers only many kelvin later. Only a lead turns it that exceeds `REVERSAL_TOLERANCE`
-by more than the reference makes up for within `REVERSAL_S`: to go and come back would take longer.
+The inverse starts from the estimated displacement, not from the setpoint. The wire keeps the direction of the
+reference. If the estimate is a little ahead of the reference, the wire waits and does not reverse, because after a
+reversal a hysteretic wire moves only after many kelvin. The wire reverses only for a large lead: one that exceeds
+`REVERSAL_TOLERANCE` even after the reference has moved on for `REVERSAL_S`. For a smaller lead, reversing twice would
+take longer than waiting.
 """
 
 from __future__ import annotations
@@ -20,55 +21,55 @@ from smadrive.hysteresis import HysteresisModel, HysteresisState, InverseFeedfor
 from smadrive.wire.wire_model import WireModel, travel_mm
 
 REVERSAL_TOLERANCE = 0.01
-"""Fraction of the stroke by which the estimate may lead the reference before the wire is driven back."""
+"""Fraction of the stroke by which the estimate may lead the reference before the wire reverses."""
 
 REVERSAL_S = 1.0
-"""About what it takes a wire to cross its hysteresis and come back."""
+"""Approximate time in which a wire crosses its hysteresis and comes back, s."""
 
 WAITING_RANGE_C = 0.5
-"""How far below (above) its present temperature a wire that leads the reference is held while it waits, K."""
+"""A wire that leads the reference waits at most this far below (on cooling: above) its present temperature, K."""
 
 COLD_END = 0.003
-"""Up to this fraction of the stroke no sensor tells a wire from a cold one, and every cold wire is there.
+"""Up to this fraction of the stroke a sensor cannot distinguish the wire from a cold wire.
 
-Held at such a displacement, or about to be, it needs no heat; by the noise of its estimate it would be driven to the
-foot of its branch, tens of kelvin away, again and again.
+A setpoint in this range needs no heat. Otherwise the noise of the estimate would heat the wire again and again to the
+temperature at which its transformation begins, tens of kelvin above the cold wire.
 """
 
 FOOT_S = 2.0
-"""About what it takes a cold wire to come to the foot of its branch: so long before it is to move, it is heated."""
+"""A cold wire is heated this long before it must move, s: about the time until its transformation begins."""
 
 COLDER_C = 5.0
-"""So far below the model's range is a cold wire wanted: no noise of its thermometer then asks for heat, K."""
+"""The target of a cold wire is this far below the model's range, K, so that sensor noise commands no heat."""
 
 MAP_LEVELS = 50
-"""Entries of the plain map: a table, as one would write it down."""
+"""Entries of the static map, about as many as in a table that is made by hand."""
 
 
 class TemperatureTarget(NamedTuple):
-    """The temperature for a displacement, and how it moves with the displacement there (0 where it is held)."""
+    """The temperature for a displacement, and its slope over the displacement (0 if the temperature is held)."""
 
     temperature_c: float
     k_per_mm: float
 
 
 class DisplacementInverse(Protocol):
-    """Anything that tells the temperature for a wanted displacement; `hysteretic` if it knows of two branches."""
+    """Computes the temperature for a displacement setpoint. `hysteretic` is True if the inverse has two branches."""
 
     hysteretic: bool
 
     def target(
         self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0
     ) -> TemperatureTarget:
-        """Where the wire stands at `setpoint_mm`, coming from `state` in `direction` (+1: the phase rises).
+        """Return the temperature that takes the wire from `state` to `setpoint_mm`.
 
-        `rate_mm_per_s` is how fast the wanted displacement moves on.
+        `direction` is that of the reference (+1: the phase rises), `rate_mm_per_s` the rate of the setpoint.
         """
         ...
 
 
 class HysteresisInverse:
-    """The exact inverse of a hysteresis model, with the direction rule above."""
+    """The exact inverse of a hysteresis model; the rule above decides the direction."""
 
     hysteretic = True
 
@@ -81,7 +82,7 @@ class HysteresisInverse:
     def target(
         self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0
     ) -> TemperatureTarget:
-        """See DisplacementInverse; what is out of reach gives the end of the model's range, held."""
+        """See DisplacementInverse. An unreachable setpoint gives the end of the model's range, with a slope of 0."""
         soon = max(rate_mm_per_s / self._travel_mm, 0.0) * FOOT_S
         if (setpoint_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
             return TemperatureTarget(self._model.input_range[0] - COLDER_C, 0.0)
@@ -95,7 +96,7 @@ class HysteresisInverse:
         return TemperatureTarget(inversion.v, 1.0 / slope if inversion.reachable and slope else 0.0)
 
     def _wait(self, state: HysteresisState, lead: float, direction: int) -> TemperatureTarget:
-        """A little behind the state, along its own branch, until the reference has caught up."""
+        """Return a target a little behind the state, on the same branch, where the wire waits for the reference."""
         per_k = self._model.slope(state, direction) / self._travel_mm
         if lead >= per_k * WAITING_RANGE_C:
             return TemperatureTarget(state.v - direction * WAITING_RANGE_C, 0.0)
@@ -103,10 +104,10 @@ class HysteresisInverse:
 
 
 class StaticMap:
-    """The plain temperature map: displacement as a single-valued monotone function of temperature, no hysteresis.
+    """A static temperature map: the displacement is a monotone function of the temperature, without hysteresis.
 
-    Fitted to the same record by isotonic regression and tabulated at `MAP_LEVELS` displacements, it runs midway between
-    the branches: what a calibration table would do, and the baseline that the inverse feedforward is compared with.
+    The map is fitted to a record by isotonic regression and tabulated at `MAP_LEVELS` displacements. It runs midway
+    between the branches, like a calibration table. It is the baseline for comparisons with the inverse feedforward.
     """
 
     hysteretic = False
@@ -115,7 +116,11 @@ class StaticMap:
         temperature = np.asarray(temperature_c, dtype=np.float64)
         displacement = np.asarray(displacement_mm, dtype=np.float64)
         if temperature.shape != displacement.shape or temperature.size < 2:
-            raise DataError("static map: needs two columns of one length >= 2")
+            raise DataError(
+                "needs two columns of the same length, with 2 samples at least",
+                where="static map",
+                value=(temperature.shape, displacement.shape),
+            )
         order = np.argsort(temperature, kind="stable")
         rising = np.corrcoef(temperature, displacement)[0, 1] >= 0
         fit = isotonic_regression(displacement[order], increasing=bool(rising))
@@ -130,7 +135,7 @@ class StaticMap:
         direction: int,  # noqa: ARG002
         rate_mm_per_s: float = 0.0,  # noqa: ARG002
     ) -> TemperatureTarget:
-        """The map's temperature, whatever the wire's history."""
+        """Return the temperature of the map, which does not depend on the history of the wire."""
         at = int(np.searchsorted(self._displacement_mm, setpoint_mm))
         if not 0 < at < MAP_LEVELS:
             return TemperatureTarget(float(self._temperature_c[min(at, MAP_LEVELS - 1)]), 0.0)
@@ -140,14 +145,14 @@ class StaticMap:
 
 
 class Feedforward(NamedTuple):
-    """Wanted wire temperature and the power that follows it."""
+    """The setpoint of the wire temperature, and the power that makes the wire follow this setpoint."""
 
     temperature_c: float
     power_w: float
 
 
 class DisplacementFeedforward:
-    """Wanted displacement and its rate → wanted temperature and power (inverse heat balance)."""
+    """Turns a displacement setpoint and its rate into a temperature setpoint and a power (inverse heat balance)."""
 
     def __init__(self, inverse: DisplacementInverse, wire: WireModel) -> None:
         self._inverse = inverse
@@ -155,9 +160,9 @@ class DisplacementFeedforward:
         self._balance = wire.balance
 
     def update(self, estimate: WireEstimate, setpoint_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
-        """The feedforward for a wire that is to be at `setpoint_mm`, moving on at `rate_mm_per_s`.
+        """Return the feedforward for the setpoint `setpoint_mm`, which moves at `rate_mm_per_s`.
 
-        `direction` is that in which the phase is to go (+1: it rises).
+        `direction` is that of the phase (+1: the phase rises).
         """
         target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s)
         rate_c_per_s = target.k_per_mm * rate_mm_per_s
@@ -165,5 +170,5 @@ class DisplacementFeedforward:
         return Feedforward(target.temperature_c, power_w - estimate.disturbance_w)
 
     def hold(self, estimate: WireEstimate, temperature_c: float) -> Feedforward:
-        """The feedforward for a wire that is to go to a temperature and stay."""
+        """Return the feedforward that takes the wire to a constant temperature."""
         return Feedforward(temperature_c, self._balance.power_w(temperature_c, 0.0, 0.0) - estimate.disturbance_w)

@@ -1,9 +1,10 @@
-"""When the wire must leave for the other branch: it needs time to cross its hysteresis before the reference reverses.
+"""The preview of reversals: it decides when the wire begins to cross its hysteresis, before the reference reverses.
 
-At a turning point the temperature must go from one branch to the other: many kelvin in which the wire hardly moves.
-Cooling is limited by the surroundings. A wire that waits for the reference is late by the whole way; a wire that leaves
-too early misses the peak. The preview lets it leave when both errors are equal, which gives the smallest largest error:
-the model computes the way at zero (or full) power at some points, and each is compared with the reference.
+At a reversal the temperature must change by many kelvin, from one branch to the other, and meanwhile the wire hardly
+moves. The surroundings limit the cooling. A wire that reverses together with the reference is late by the whole time of
+this crossing. A wire that reverses too early does not reach the peak of the reference. The preview begins the reversal
+when both errors are equal, which makes the larger error as small as possible. For this, it simulates the crossing at
+zero power (on the way to heating: at full power), and compares the wire with the reference at some points.
 """
 
 from __future__ import annotations
@@ -18,21 +19,21 @@ from smadrive.hysteresis import HysteresisState, InverseFeedforward
 from smadrive.wire.wire_model import WireModel, WireState
 
 POINTS = 28
-"""Points of the way at which wire and reference are compared."""
+"""Number of points of the crossing at which the wire is compared with the reference."""
 
 HORIZON = 0.6
-"""How far ahead a reversal is considered, in time constants of the wire."""
+"""Duration of the simulated crossing, in time constants of the wire."""
 
 MISSED = 0.01
-"""Largest fraction of the stroke by which the peak may be missed, however late the wire then is (steps)."""
+"""Largest error before the peak, as a fraction of the stroke. It holds even if the wire is then late, as at a step."""
 
 BEYOND = 0.01
-"""A wire beyond the meeting point by this fraction of the stroke has crossed its hysteresis earlier than expected."""
+"""A wire that is beyond the meeting point by this fraction of the stroke has crossed its hysteresis too early."""
 
 
 @dataclass(frozen=True, slots=True)
 class Reversal:
-    """The wire has left for the other branch and meets the reference at `meets_s`; `direction` is that of its phase."""
+    """A reversal that has begun. The wire meets the reference at `meets_s`; `direction` is that of the phase."""
 
     meets_s: float
     meets_mm: float
@@ -40,13 +41,17 @@ class Reversal:
     direction: int
 
     def is_over(self, time_s: float, hysteresis: HysteresisState, travel_mm: float) -> bool:
-        """Whether the reference has come to the meeting point, or the wire is beyond it already."""
+        """Return True if the reference has reached the meeting point, or the wire has passed this point."""
         beyond = self.direction * (hysteresis.y - self.meets_mm) / travel_mm
         return time_s >= self.meets_s or beyond > BEYOND
 
 
 class _Crossing(NamedTuple):
-    """A wire that leaves now: when it meets the reference, its largest errors before and after the peak (stroke)."""
+    """A reversal that begins now.
+
+    `meets_s` is the time at which the wire meets the reference. `early` and `late` are the largest errors before and
+    after the peak of the reference, in strokes.
+    """
 
     meets_s: float
     early: float
@@ -54,12 +59,12 @@ class _Crossing(NamedTuple):
 
     @property
     def is_due(self) -> bool:
-        """Whether leaving later would cost more than leaving now."""
+        """True if a later beginning would give a larger error than a beginning now."""
         return self.late >= self.early and self.late > 0.0 and self.early <= MISSED
 
 
 class ReversalPreview:
-    """Decides for one wire when it leaves its branch."""
+    """Decides when the reversals of one wire begin."""
 
     def __init__(self, wire: WireModel) -> None:
         self._wire = wire
@@ -69,7 +74,7 @@ class ReversalPreview:
     def update(
         self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, limit_w: float
     ) -> Reversal | None:
-        """The reversal to begin now, at `time_s`; None while the wire should go on in `direction` (of its phase)."""
+        """Return the reversal that must begin now, at `time_s`, or None if the phase must continue in `direction`."""
         upward = direction / self._wire.travel_mm > 0
         reverses_s = reference.next_reversal_s(time_s, 1 if upward else -1)
         if reverses_s > time_s + 0.5 * self._horizon_s:
@@ -84,7 +89,7 @@ class ReversalPreview:
     def _shortfalls(
         self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, limit_w: float
     ) -> Iterator[tuple[float, float]]:
-        """Times, and by how much (stroke) a wire that leaves now is then behind the reference in `direction`."""
+        """Simulate a wire that reverses now; yield times, and by how many strokes it is behind the reference."""
         state = WireState(estimate.temperature_c, estimate.hysteresis)
         power_w = (limit_w if direction < 0 else 0.0) + estimate.disturbance_w
         step_s, ahead = self._horizon_s / POINTS, direction / self._wire.travel_mm
@@ -97,8 +102,8 @@ class ReversalPreview:
 def _crossing(shortfalls: Iterable[tuple[float, float]], reverses_s: float) -> _Crossing:
     """Follow the wire until it meets the reference after the peak at `reverses_s`.
 
-    It falls short of the reference before the peak, and until the reference has come down to it; from then on it is
-    late, until it has caught up.
+    First the wire is too early: it falls short of the reference, until the reference has reversed and reached the wire.
+    Then the wire is late, until it has caught up with the reference.
     """
     early = late = time_s = 0.0
     for time_s, short in shortfalls:

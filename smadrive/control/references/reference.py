@@ -1,8 +1,8 @@
 """The displacement setpoint as a function of time.
 
-A reference is a piecewise linear table in time, given by its samples or by a shape (see shapes). `with_approach` puts a
-smooth path before it, from the present displacement to the beginning of the reference. The metrics leave the approach
-out.
+A reference is a piecewise linear table in time, given by its samples or by a shape (see shapes.py). `with_approach`
+puts a smooth path before the reference, from the present displacement to its beginning. The metrics do not count this
+approach.
 """
 
 from __future__ import annotations
@@ -20,27 +20,30 @@ from smadrive.numerics.piecewise_linear import PiecewiseLinear
 
 Array = NDArray[np.float64]
 
+WHERE = "reference"
+"""The place that the errors name."""
+
 TABLE_STEP_S = 0.02
-"""Step of the tables of curved shapes: at most a loop period, with errors below that of any thermocouple."""
+"""Step of the tables of curved shapes, s. It is not longer than a loop period, and its errors are negligible."""
 
 LONGEST_S = 86_400.0
-"""A day. At 20 Hz its feasibility check takes some three minutes and 1.3 GB; both grow with the length."""
+"""The longest reference: a day. At 20 Hz its feasibility check takes about three minutes and 1.3 GB of memory."""
 
 SHORTEST_S = 0.1
-"""The shortest reference, and the shortest swing: every wire is slower."""
+"""The shortest reference, and the shortest half swing, s. Every wire is slower."""
 
 FARTHEST_MM = 1e5
-"""The length of the longest wire that a wire file may describe."""
+"""The largest displacement of a reference, mm: the length of the longest wire that a wire file may describe."""
 
 TRAVEL_SLACK = 0.005
-"""Share of the travel by which a reference may exceed it: the noise of the sensor that measured the travel."""
+"""A reference may exceed the travel of the wire by this share of it, the noise of the sensor that measured it."""
 
 
 @dataclass(frozen=True)
 class Reference:
-    """Displacement setpoint over time; the approach ends, and the metrics begin, at `scored_from_s`.
+    """Displacement setpoint over time. At `scored_from_s` the approach ends and the metrics begin.
 
-    An `endless` reference continues there whenever its table has ended.
+    When the table of an `endless` reference ends, the reference continues at `scored_from_s`.
     """
 
     times_s: Array
@@ -52,26 +55,35 @@ class Reference:
     def from_samples(cls, times_s: ArrayLike, displacement_mm: ArrayLike) -> Reference:
         """The reference through the samples, with straight lines between them.
 
-        DataError for NaN, lengths that differ, time that does not increase, less than `SHORTEST_S` or more than
-        `LONGEST_S`, and values beyond `FARTHEST_MM`.
+        DataError for a value that is NaN or beyond `FARTHEST_MM`, for columns of different lengths, for a time that
+        does not increase, and for a reference shorter than `SHORTEST_S` or longer than `LONGEST_S`.
         """
         times = np.asarray(times_s, dtype=np.float64)
         values = np.asarray(displacement_mm, dtype=np.float64)
         if times.shape != values.shape or times.ndim != 1 or times.size < 2:
-            raise DataError(f"reference: needs two columns of one length >= 2, got {times.shape} and {values.shape}")
+            raise DataError(
+                "needs two columns of the same length, with 2 samples at least",
+                where=WHERE,
+                value=(times.shape, values.shape),
+            )
         for name, column in (("time_s", times), ("displacement_mm", values)):
             bad = np.flatnonzero(~np.isfinite(column))
             if bad.size:
-                raise DataError(
-                    f"reference: {name} of sample {bad[0] + 1} is {column[bad[0]]}: every value must be finite"
-                )
+                where, cure = f"{WHERE}: {name} of sample {bad[0] + 1}", "correct or remove the sample"
+                raise DataError("not finite", where=where, value=float(column[bad[0]]), cure=cure)
         farthest = int(np.argmax(np.abs(values)))
         check_displacement(f"displacement_mm of sample {farthest + 1}", float(values[farthest]))
         check_length(float(times.max()) - float(times.min()))
         backwards = np.flatnonzero(np.diff(times) <= 0)
         if backwards.size:
             n = int(backwards[0])
-            raise DataError(f"reference: time goes from {times[n]:g} s to {times[n + 1]:g} s: it must increase")
+            raise DataError(
+                "not after the sample before",
+                where=f"{WHERE}: time_s of sample {n + 2}",
+                value=f"{times[n + 1]:g} s",
+                limit=f"{times[n]:g} s",
+                cure="sort the samples by time",
+            )
         return cls(times - times[0], values)
 
     @property
@@ -89,7 +101,7 @@ class Reference:
         return max(0, int((time_s - self.scored_from_s) // self.cycle_s)) if self.endless else 0
 
     def value_mm(self, time_s: float) -> float:
-        """The setpoint at `time_s`, mm; before and after the table its first and its last value."""
+        """Return the setpoint at `time_s`, mm. Before the table the first value holds, after the table the last one."""
         return self._table.at(time_s - self._begun_s(time_s))
 
     @cached_property
@@ -98,7 +110,7 @@ class Reference:
 
     @cached_property
     def _reversals(self) -> tuple[list[float], list[float]]:
-        """Times and new directions of the reversals; of an endless reference those of two cycles."""
+        """Times of the reversals and the directions after them. For an endless reference they cover two cycles."""
         times, values = self.times_s, self.displacement_mm
         if self.endless:
             again = times > self.scored_from_s
@@ -110,7 +122,7 @@ class Reference:
         return times[changes].tolist(), moves[changes].tolist()
 
     def next_reversal_s(self, time_s: float, direction: int) -> float:
-        """The time of the next reversal after `time_s`, against `direction`; inf when there is none."""
+        """Return the time of the next reversal after `time_s` that ends a movement in `direction`, inf without one."""
         times_s, directions = self._reversals
         begun_s = self._begun_s(time_s)
         for number in range(bisect_right(times_s, time_s - begun_s), len(times_s)):
@@ -119,13 +131,13 @@ class Reference:
         return inf
 
     def _begun_s(self, time_s: float) -> float:
-        """The time by which the table, without the approach, is shifted at `time_s`."""
+        """Return the duration of the cycles that are completed at `time_s`."""
         return self.cycle(time_s) * self.cycle_s if self.endless else 0.0
 
     def check_within(self, ends_mm: tuple[float, float]) -> None:
-        """ConfigError when the reference leaves the travel of the wire; its ends are `ends_mm`, in any order.
+        """Raise ConfigError when the reference leaves the travel of the wire, from one of `ends_mm` to the other.
 
-        The approach may leave it: it begins at the present displacement, and the wire follows it as far as it can.
+        The approach may leave the travel: it begins at the present displacement, which the model may not reach.
         """
         low, high = min(ends_mm), max(ends_mm)
         slack = TRAVEL_SLACK * (high - low)
@@ -133,12 +145,15 @@ class Reference:
         for name, value in (("lowest", scored_mm.min()), ("highest", scored_mm.max())):
             if not low - slack <= value <= high + slack:
                 raise ConfigError(
-                    f"reference: its {name} value is {value:.6g} mm; the identified wire reaches from {low:.6g} to "
-                    f"{high:.6g} mm: keep the reference within"
+                    "outside the travel of the identified wire",
+                    where=f"{WHERE}: {name} value",
+                    value=f"{value:.6g} mm",
+                    limit=f"{low:.6g} to {high:.6g} mm",
+                    cure="keep the reference within this travel",
                 )
 
     def without_end(self, return_s: float) -> Reference:
-        """The reference, repeated without end; if its ends differ, it returns to its beginning within `return_s`."""
+        """Repeat the reference without end. If its ends differ, each cycle ends with a way back of `return_s`."""
         begins_mm, ends_mm = self.value_mm(self.scored_from_s), float(self.displacement_mm[-1])
         if begins_mm == ends_mm:
             return replace(self, endless=True)
@@ -152,7 +167,7 @@ class Reference:
         )
 
     def with_approach(self, from_mm: float, approach_s: float) -> Reference:
-        """The same reference after a minimum-jerk approach from `from_mm` lasting `approach_s`."""
+        """Return the same reference after a minimum-jerk approach from `from_mm` that lasts `approach_s`."""
         if approach_s <= 0:
             return self
         path_mm = _minimum_jerk(from_mm, float(self.displacement_mm[0]), approach_s)
@@ -165,34 +180,36 @@ class Reference:
 
 
 def _minimum_jerk(from_mm: float, to_mm: float, within_s: float) -> Array:
-    """The smoothest path between two points at rest, tabulated."""
+    """Return a table of the smoothest (minimum-jerk) path between two points at rest."""
     s = np.linspace(0.0, 1.0, max(3, int(within_s / TABLE_STEP_S)))
     return from_mm + (to_mm - from_mm) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
 
 
 def check_displacement(name: str, value_mm: float) -> None:
-    """DataError when the displacement exceeds the longest wire, or is NaN."""
+    """Raise DataError when the displacement exceeds the length of the longest wire, or is NaN."""
     if not abs(value_mm) <= FARTHEST_MM:
         raise DataError(
-            f"reference: {name} is {value_mm:g}, it must be finite and within {FARTHEST_MM:g} mm: is it in millimetres?"
+            "farther than any wire moves",
+            where=f"{WHERE}: {name}",
+            value=f"{value_mm:g} mm",
+            limit=f"±{FARTHEST_MM:g} mm",
+            cure="is it in millimetres?",
         )
 
 
 def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONGEST_S) -> None:
-    """DataError when a reference is shorter than `SHORTEST_S`, longer than `longest_s`, or has too many `pieces`.
+    """Raise DataError for a reference shorter than `SHORTEST_S`, longer than `longest_s`, or of too many `pieces`.
 
-    Call it before the table is made.
+    `pieces` is the number of its straight lines. Call this function before the table is made, which may be too large
+    for the memory.
     """
+    value = f"{duration_s:g} s"
     if duration_s < SHORTEST_S:
-        raise DataError(
-            f"reference: it lasts {duration_s:g} s, the shortest that can be run is {SHORTEST_S:g} s: "
-            "slow it down; is its time in seconds?"
-        )
-    most = longest_s / TABLE_STEP_S
+        cure = "slow it down; is its time in seconds?"
+        raise DataError("too short", where=WHERE, value=value, limit=f"{SHORTEST_S:g} s", cure=cure)
     if duration_s > longest_s:
-        raise DataError(
-            f"reference: it lasts {duration_s:g} s, the longest that can be run here is {longest_s:g} s: shorten it, "
-            "or lower its cycles; is its time in seconds?"
-        )
+        cure = "shorten it, or lower its cycles; is its time in seconds?"
+        raise DataError("too long", where=WHERE, value=value, limit=f"{longest_s:g} s", cure=cure)
+    most = longest_s / TABLE_STEP_S
     if pieces > most:
-        raise DataError(f"reference: it has {pieces:g} pieces, at most {most:g} can be here: lower their number")
+        raise DataError("too many samples", where=WHERE, value=pieces, limit=most, cure="lower their number")

@@ -1,7 +1,7 @@
 """References described in one line by a shape: `sine:low_mm=2,high_mm=9,period_s=56,cycles=2`.
 
 Each shape is a function of this file, and its keyword arguments are the keys of the line. The positional argument
-`longest_s` is not a key: a longer reference is rejected before its table is made.
+`longest_s` is not a key: it is the longest duration, and a longer reference is rejected before its table is made.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ from smadrive.control.references.reference import (
     LONGEST_S,
     SHORTEST_S,
     TABLE_STEP_S,
+    WHERE,
     Reference,
     check_displacement,
     check_length,
@@ -22,42 +23,43 @@ from smadrive.control.references.reference import (
 from smadrive.errors import ConfigError, DataError
 from smadrive.files.number_text import parse_number
 from smadrive.files.spelling import suggestion, suggestion_or_list
+from smadrive.numerics.arrays import FloatArray
 
 ROUNDING = 1e-9
-"""Relative rounding error that is allowed in a quotient of keys when it is compared with a bound or a whole number."""
+"""Allowed relative rounding error when a quotient of keys is compared with a bound or a whole number."""
 
 
 def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
-    """The reference that the line describes.
+    """Return the reference that the line `spec` describes.
 
-    ConfigError for an unknown shape, and for unknown or missing keys; it lists the shapes or keys. DataError for a
-    reference that lasts longer than `longest_s`.
+    ConfigError for an unknown shape, and for unknown or missing keys; the error lists the shapes or keys. DataError for
+    a reference that lasts longer than `longest_s`.
     """
+    where = f"{WHERE} '{spec}'"
     shape, _, arguments = spec.partition(":")
     make = SHAPES.get(shape)
     if make is None:
-        raise ConfigError(
-            f"reference '{spec}': '{shape}' is neither a shape nor a CSV file; {suggestion_or_list(shape, SHAPES)}"
-        )
+        what, cure = f"'{shape}' is neither a shape nor a CSV file", suggestion_or_list(shape, SHAPES)
+        raise ConfigError(what, where=where, cure=cure)
     given = [(key.strip(), value) for key, _, value in (part.partition("=") for part in arguments.split(",") if part)]
     keys = {name: key for name, key in signature(make).parameters.items() if key.kind is key.KEYWORD_ONLY}
     wrong = _wrong_keys([key for key, _ in given], keys)
     if wrong:
         key_list = ", ".join(_key_text(key) for key in keys.values())
-        raise ConfigError(f"reference '{spec}': {wrong}; the keys of '{shape}' are {key_list}")
+        raise ConfigError(wrong, where=where, cure=f"use the keys of '{shape}': {key_list}")
     try:
         return make(longest_s, **{key: parse_number(value) for key, value in given})
     except ValueError as error:
-        raise ConfigError(f"reference '{spec}': {error}") from None
+        raise ConfigError(str(error), where=where) from None
 
 
 def _wrong_keys(given: Sequence[str], keys: Mapping[str, Parameter]) -> str:
-    """A description of the first unknown, doubled or missing key; empty when the keys are right."""
+    """Describe the first unknown, repeated or missing key; the text is empty when the keys are right."""
     for key in given:
         if key not in keys:
             return f"unknown key '{key}'; {suggestion(key, keys)}".removesuffix("; ")
         if given.count(key) > 1:
-            return f"'{key}' is given more than once: which one is meant?"
+            return f"key '{key}' is given more than once"
     missing = [name for name, key in keys.items() if key.default is key.empty and name not in given]
     return f"missing: {', '.join(missing)}" if missing else ""
 
@@ -97,26 +99,20 @@ def staircase(
     dwell_s: float = 10.0,
     rise_s: float = 2.0,
 ) -> Reference:
-    """`steps` equal steps up and down again; each level is held for `dwell_s`, each rise takes `rise_s`."""
+    """`steps` equal steps up, then as many down. Each level is held for `dwell_s`, each rise or fall takes `rise_s`."""
     _check(low_mm=low_mm, high_mm=high_mm, steps=steps, dwell_s=dwell_s, rise_s=rise_s)
     _check_pace(2 * steps * (dwell_s + rise_s) + dwell_s, 2 * steps, longest_s)
     up = np.linspace(low_mm, high_mm, _multiple("steps", steps, of=1.0) + 1)
-    levels = np.concatenate((up, up[-2::-1]))
-    starts = np.arange(levels.size) * (dwell_s + rise_s)
-    times = np.column_stack((starts, starts + dwell_s)).ravel()
-    return Reference.from_samples(times, np.repeat(levels, 2))
+    return _held(np.concatenate((up, up[-2::-1])), dwell_s, every_s=dwell_s + rise_s)
 
 
 def steps(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, dwell_s: float = 10.0, cycles: float = 2.0
 ) -> Reference:
-    """Jumps up and down between `low_mm` and `high_mm`, each held for `dwell_s`. A wire needs them smoothed."""
+    """Jumps up and down between `low_mm` and `high_mm`; each level is held for `dwell_s`. A wire needs `--smooth`."""
     _check(low_mm=low_mm, high_mm=high_mm, dwell_s=dwell_s, cycles=cycles)
     _check_pace((2 * cycles + 1) * dwell_s, 2 * cycles, longest_s)
-    levels = np.where(np.arange(_multiple("cycles", cycles, of=0.5) + 1) % 2 == 0, low_mm, high_mm)
-    starts = np.arange(levels.size) * dwell_s
-    times = np.column_stack((starts, starts + dwell_s - TABLE_STEP_S)).ravel()
-    return Reference.from_samples(times, np.repeat(levels, 2))
+    return _held(_alternating(low_mm, high_mm, cycles), dwell_s - TABLE_STEP_S, every_s=dwell_s)
 
 
 def trapezoid(
@@ -128,13 +124,10 @@ def trapezoid(
     dwell_s: float = 5.0,
     cycles: float = 2.0,
 ) -> Reference:
-    """Up within `rise_s`, hold for `dwell_s`, down within `rise_s`, hold for `dwell_s`; straight lines."""
+    """Straight lines between `low_mm` and `high_mm`. Each line takes `rise_s`, and each level is held for `dwell_s`."""
     _check(low_mm=low_mm, high_mm=high_mm, rise_s=rise_s, dwell_s=dwell_s, cycles=cycles)
     _check_pace(2 * cycles * (dwell_s + rise_s) + dwell_s, 2 * cycles, longest_s)
-    levels = np.where(np.arange(_multiple("cycles", cycles, of=0.5) + 1) % 2 == 0, low_mm, high_mm)
-    starts = np.arange(levels.size) * (dwell_s + rise_s)
-    times = np.column_stack((starts, starts + dwell_s)).ravel()
-    return Reference.from_samples(times, np.repeat(levels, 2))
+    return _held(_alternating(low_mm, high_mm, cycles), dwell_s, every_s=dwell_s + rise_s)
 
 
 def chirp(
@@ -155,36 +148,51 @@ def chirp(
     return Reference.from_samples(times, low_mm + (high_mm - low_mm) * 0.5 * (1.0 - np.cos(2.0 * np.pi * turns)))
 
 
+def _alternating(low_mm: float, high_mm: float, cycles: float) -> FloatArray:
+    """Return the levels low, high, low, ... of so many cycles."""
+    return np.where(np.arange(_multiple("cycles", cycles, of=0.5) + 1) % 2 == 0, low_mm, high_mm)
+
+
+def _held(levels_mm: FloatArray, hold_s: float, *, every_s: float) -> Reference:
+    """Return a reference with a new level every `every_s`, held for `hold_s`, and straight lines between the levels."""
+    starts = np.arange(levels_mm.size) * every_s
+    times = np.column_stack((starts, starts + hold_s)).ravel()
+    return Reference.from_samples(times, np.repeat(levels_mm, 2))
+
+
 def _check(**keys: float) -> None:
-    """ConfigError for a value that is not positive, DataError for an impossible displacement; it may be negative."""
+    """Raise DataError for an impossible displacement, and ConfigError for another value that is not positive."""
     for name, value in keys.items():
         if name.endswith("_mm"):
             check_displacement(name, value)
         elif not value > 0:
-            raise ConfigError(f"reference: {name} must be positive, it is {value:g}")
+            raise ConfigError("not positive", where=f"{WHERE}: {name}", value=value)
 
 
 def _multiple(name: str, value: float, *, of: float) -> int:
-    """The quotient of `value` and `of`. ConfigError when it is not whole: a level is held for its whole dwell."""
+    """Return value / of. ConfigError when the quotient is not whole, because a level is held for its whole dwell."""
     count = round(value / of)
     if abs(value / of - count) > ROUNDING * count:
         near = " or ".join(f"{of * whole:g}" for whole in (int(value / of), int(value / of) + 1) if whole)
-        raise ConfigError(f"reference: {name} must be a multiple of {of:g}, it is {value:g}: choose {near}")
+        raise ConfigError(f"not a multiple of {of:g}", where=f"{WHERE}: {name}", value=value, cure=f"choose {near}")
     return count
 
 
 def _check_pace(duration_s: float, pieces: float, longest_s: float) -> None:
-    """DataError when the shape or one of its `pieces` is shorter than `SHORTEST_S`, or the shape too long.
+    """Raise DataError when a shape is too short or too long, or one of its `pieces` is shorter than `SHORTEST_S`.
 
-    A piece is half a swing, or a level. The table and the loop would turn shorter pieces into a slow alias; at
-    `SHORTEST_S` a swing still has ten steps of the table. Call it before the table is made.
+    A piece is half a swing, or a level. From shorter pieces the steps of the table would make an alias, a slower swing.
+    A piece of `SHORTEST_S` still has five steps. Call this function before the table is made.
     """
     check_length(duration_s, longest_s=longest_s)
     most = duration_s / SHORTEST_S
     if pieces > most * (1.0 + ROUNDING):
         raise DataError(
-            f"reference: it has {pieces:g} pieces, at most {most:g} can be in its {duration_s:g} s, {SHORTEST_S:g} s "
-            "each: lower their number, or slow it down; is its time in seconds?"
+            "its half swings or levels are too short",
+            where=WHERE,
+            value=f"{pieces:g} in {duration_s:g} s",
+            limit=f"{most:g} of {SHORTEST_S:g} s each",
+            cure="lower their number, or slow it down; is its time in seconds?",
         )
 
 

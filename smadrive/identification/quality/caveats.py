@@ -1,7 +1,7 @@
-"""Reasons to distrust an identified model, as sentences beside its metrics.
+"""Reasons to distrust an identified model, one sentence each.
 
-A certificate is about the rules of a model. The model can still be wrong about the wire: it may miss the record, or
-bridge a gap of the record. The metrics alone do not show this.
+A certificate is about the rules of a model. A certified model can still be wrong about the wire: it may not reproduce
+the record, or guess the output in a gap of the record. The metrics alone do not show this.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ _BRIDGED = 20.0  # % of the output span that a branch may move between two neigh
 
 
 def misses_record(rms_percent: float) -> tuple[str, ...]:
-    """A caveat when the model misses the record that it was fitted to."""
+    """Return a caveat when the model reproduces its own record badly."""
     if rms_percent <= _POOR:
         return ()
-    missed = f"it misses its own record by {rms_percent:.1f} % RMS of the output span, where wires are met to 1 or 2 %"
+    missed = f"the model misses its own record by {rms_percent:.1f} % RMS of the output span; usual are 1 to 2 %"
     return (f"{missed}: look at the plot, and record one wire under one load",)
 
 
 def bridges_gaps(model: HysteresisModel, record: Record) -> tuple[str, ...]:
-    """A caveat for each branch with a large step between neighbouring inputs of its direction."""
+    """Return a caveat for each branch with a large step of the output between two neighbouring inputs of the record."""
     found = []
     for name, rising, branch in (("rising", True, model.engine.heating), ("falling", False, model.engine.cooling)):
         reached = np.flatnonzero(record.rising == rising)
@@ -39,19 +39,19 @@ def bridges_gaps(model: HysteresisModel, record: Record) -> tuple[str, ...]:
         widest = int(np.argmax(steps))
         percent = 100 * steps[widest] / record.output_span
         if percent > _BRIDGED:
-            stretch = f"between {visited[widest]:.4g} and {visited[widest + 1]:.4g} of {name} input"
+            gap = f"between the inputs {visited[widest]:.4g} and {visited[widest + 1]:.4g}"
             found.append(
-                f"{stretch} it moves by {percent:.0f} % of the output span, where the record has no sample: a guess; "
-                "record that stretch, or more slowly"
+                f"on {name} input the model guesses {percent:.0f} % of the output span, because the record has no "
+                f"sample {gap}: record this part, or record more slowly"
             )
     return tuple(found)
 
 
 def undetermined(branch: str, mixture: GaussianMixture, errors: MixtureErrors) -> tuple[str, ...]:
-    """A caveat when the weight of a Gaussian is less than twice its standard error."""
+    """Return a caveat when the weight of a Gaussian is less than twice its standard error."""
     count = len(mixture.weights)
     weight, error = min(zip(mixture.weights, errors.weights, strict=True), key=lambda one: one[0] / max(one[1], 1e-12))
     if weight >= 2 * error:
         return ()
     doubt = f"a weight of {weight:.2f} is known to ±{2 * error:.2g} only; use fewer components, or record inner loops"
-    return (f"the record does not tell the {count} Gaussians of its {branch} branch apart: {doubt}",)
+    return (f"the record does not determine the {count} Gaussians of the {branch} branch: {doubt}",)

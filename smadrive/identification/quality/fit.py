@@ -1,6 +1,6 @@
-"""How well an identified model reproduces its record.
+"""Metrics of an identified model on its record.
 
-All figures are in per cent of the output's span in the record (peak to peak), of the difference predicted - measured.
+The metrics are those of the residual, predicted - measured, in percent of the output span of the record (peak to peak).
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ ModelT = TypeVar("ModelT", bound="HysteresisModel")
 
 @dataclass(frozen=True, slots=True)
 class Fit(Generic[ModelT]):
-    """An identified model and its figures.
+    """An identified model and its metrics.
 
-    path       input without false reversals, as the model saw it
-    predicted  the model's output on that path, from `y0`
+    path       input of the record without false reversals
+    predicted  output of the model on this path, from `y0`
     residual   predicted - measured, one per sample, in the unit of y
     caveats    reasons to distrust the model, one sentence each
     """
@@ -53,22 +53,22 @@ class Fit(Generic[ModelT]):
 
     @property
     def metrics(self) -> dict[str, float]:
-        """`rms_percent` and `max_percent`, as a wire's file keeps them."""
+        """`rms_percent` and `max_percent` by name, for the file of a wire."""
         return {"rms_percent": self.rms_percent, "max_percent": self.max_percent}
 
     @property
     def y0(self) -> float:
-        """Output at the first sample from which the model was run."""
+        """Output of the model at the first sample, from which the simulation starts."""
         return float(self.predicted[0])
 
 
 def rms_percent(residual: FloatArray, span: float) -> float:
-    """Root mean square of `residual` in per cent of `span`."""
+    """Return the root mean square of `residual` in percent of `span`."""
     return float(100 * np.sqrt(np.mean(np.square(residual))) / span)
 
 
 def judge(model: ModelT, record: Record, y0: float) -> Fit[ModelT]:
-    """Run `model` along the path of `record` from output y0 and compare.
+    """Simulate `model` along the path of `record` from output y0, and compare it with the record.
 
     Raises IdentificationError when the model explains less than half of the output's variance.
     """
@@ -77,8 +77,8 @@ def judge(model: ModelT, record: Record, y0: float) -> Fit[ModelT]:
     explained = 1 - float(np.var(residual) / np.var(record.y))
     if explained < _EXPLAINED:
         cure = (
-            "check that both columns belong to one wire; if the wire expands more than it transforms, subtract the "
-            "slope of its hot end times the input from the output"
+            "check that both columns belong to one wire; if its thermal expansion exceeds its transformation, subtract "
+            "the slope of the hot end, times the input, from the output"
         )
         value, limit = f"{100 * explained:.0f} %", f"{100 * _EXPLAINED:.0f} %"
         what = "does not follow the input: a loop explains too little of its variance"

@@ -1,14 +1,15 @@
 """Training and validation: a fit to every other sample, validated on the samples between.
 
 Only outputs are hidden from the fit. The state of the wire depends on the whole path of the input, so the fit follows
-the path of the whole record. Both halves keep its turning points, and neither is validated on them. (A step of the
-models is exact for any size: samples between turning points can be left out without changing the path.)
+the path of the whole record. Each fit also uses all turning points of the record, and the validation leaves them out.
+(Samples between turning points can be left out without a change of the path, because the models step exactly over any
+distance.)
 
 Where the output jumps between two samples, on steep and sparsely sampled parts of a loop, no fit can predict the values
 between them. The error of linear interpolation between the fitted neighbours measures how large this effect is.
 
-Neighbouring samples of one record share its drift and its loop, so hold-out finds rules that follow single samples. The
-error of a model on another loop needs another record.
+Hold-out finds rules that follow single samples. It does not show the error on another loop, because neighbouring
+samples of one record share the loop and the drift; that error needs another record.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ if TYPE_CHECKING:
 
 
 class Identify(Protocol):
-    """A fit of v and y with a dead band against false reversals, such as identify_tsfuzzy."""
+    """A function that fits a model to v and y with a given dead band, such as identify_tsfuzzy."""
 
     def __call__(self, v: FloatArray, y: FloatArray, *, dead_band: float) -> Fit[HysteresisModel]:
         """See identify_tsfuzzy."""
@@ -41,9 +42,9 @@ class Identify(Protocol):
 class HoldOut:
     """RMS errors of one half of a record, % of the output span.
 
-    training_percent     of the samples fitted
-    validation_percent   of those between, which the fit has not seen
-    neighbours_percent   of straight lines through the samples fitted, at those between
+    training_percent     error of the fit at the fitted samples
+    validation_percent   error of the fit at the samples between, which the fit did not use
+    neighbours_percent   error of straight lines through the fitted samples, at the samples between
     """
 
     training_percent: float
@@ -52,14 +53,14 @@ class HoldOut:
 
     @property
     def ratio(self) -> float:
-        """Validation over training: 1 for a fit that says as much of samples it has not seen."""
+        """Validation error over training error. It is 1 if the fit is as good at samples that it did not use."""
         return self.validation_percent / self.training_percent
 
 
 def hold_out(v: ArrayLike, y: ArrayLike, identify: Identify) -> tuple[HoldOut, HoldOut]:
-    """Fit the even samples of a record and judge on the odd ones, then the other way round.
+    """Fit the even samples of a record and validate on the odd samples, then the other way round.
 
-    Raises what `identify` raises for half a record.
+    v and y are (samples,). Raises the errors of `identify` when it cannot fit half of the record.
     """
     inputs, outputs = paired_vectors(v, y)
     whole = prepare(inputs, outputs, None)

@@ -1,10 +1,11 @@
-"""How well a record determines the parameters of a least-squares fit.
+"""Standard errors of the parameters of a least-squares fit.
 
     cov θ = G C Gᵀ        C = s² (JᵀJ)⁺        s² = |r|²/(n - p) · (1 + ρ)/(1 - ρ)
 
-J = ∂r/∂x at the minimum, G = ∂θ/∂x from the fit's variables to the parameters wanted, n samples, p variables. Residuals
-of a model that is not quite the wire resemble their neighbours; with a correlation ρ of neighbours n samples tell as
-much as n (1 - ρ)/(1 + ρ) independent ones. The pseudo-inverse leaves out what the parameters do not depend on.
+J = ∂r/∂x is the Jacobian at the minimum, and G = ∂θ/∂x leads from the variables x of the fit to the parameters θ. There
+are n samples and p variables. No model is exact, so neighbouring residuals are correlated. With the correlation ρ, n
+samples contain as much information as n (1 - ρ)/(1 + ρ) independent samples. The pseudo-inverse leaves out directions
+of x that do not change the residuals.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ _RANK = 1e-12  # relative, of the normal matrix with its diagonal scaled to one
 
 @dataclass(frozen=True, slots=True)
 class MixtureErrors:
-    """Standard errors of a branch's Gaussians, one per component; means and sigmas in the unit of v."""
+    """Standard errors of the Gaussians of a branch, one per component. Those of means and sigmas have the unit of v."""
 
     weights: tuple[float, ...]
     means: tuple[float, ...]
@@ -38,7 +39,10 @@ class DuhemErrors:
 
 
 def standard_errors(jacobian: FloatArray, parameter_slopes: FloatArray, residual: FloatArray) -> FloatArray:
-    """Standard errors of θ: jacobian (rows, p), parameter_slopes G (parameters, p), residual by sample in time."""
+    """Return the standard errors of θ, shape (parameters,).
+
+    `jacobian` J is (rows, p), `parameter_slopes` G is (parameters, p), `residual` is (samples,) in the order of time.
+    """
     scale = np.sqrt(np.maximum(np.sum(jacobian**2, axis=0), 1e-300))
     inverse = np.linalg.pinv((jacobian / scale).T @ (jacobian / scale), rcond=_RANK, hermitian=True)
     freedom = max(len(residual) - jacobian.shape[1], 1)
@@ -49,6 +53,6 @@ def standard_errors(jacobian: FloatArray, parameter_slopes: FloatArray, residual
 
 
 def neighbour_correlation(residual: FloatArray) -> float:
-    """Correlation of each residual with the next."""
+    """Return the correlation of each residual with the next one, 0 for residuals of zero."""
     power = float(residual @ residual)
     return float(residual[1:] @ residual[:-1]) / power if power > 0 else 0.0

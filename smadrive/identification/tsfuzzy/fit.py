@@ -1,12 +1,14 @@
 """Identification of a T-S fuzzy Duhem model by its simulated output.
 
-Unknown are the rates p, q ≥ 0 of every rule (see sensitivity), the centres of the sets, scale, offset and first state.
-A major loop alone cannot separate a from b, and free least squares then finds rules that expand. Here every trial model
-contracts and is bounded by construction. Its branches have slopes of the right sign over the whole range (see monotone)
-unless the wire itself reverses (see record_reversal). Where the record is silent the rules stay near those of a Duhem
-fit: each rule is tied to it about as weakly as one measured sample would tie it, and more tightly if leave-one-out
-finds that the samples do not confirm one another (see leave_one_out). The error of the simulated output is minimised,
-from several placements of the centres, with exact derivatives.
+The unknowns are the rates p, q ≥ 0 of every rule (see sensitivity.py), the centres of the sets, scale, offset and first
+state. A major loop alone does not determine both a and b, and a fit of free rules then finds rules that expand. Here
+every trial model contracts and is bounded by construction. The slopes of its branches have the right sign over the
+whole range (see monotone.py), unless the wire itself reverses (see record_reversal.py).
+
+Where the record has no samples, the rules stay near those of a Duhem fit. A tie pulls each rule towards the Duhem fit
+with the weight of about one measured sample. The tie becomes tighter if leave-one-out shows that the rules follow
+single samples (see leave_one_out.py). The fit minimises the error of the simulated output with exact derivatives, and
+starts from several placements of the centres.
 """
 
 from __future__ import annotations
@@ -56,12 +58,13 @@ def identify_tsfuzzy(
     fit_centres: bool = True,
     dead_band: float | None = None,
 ) -> Fit[TSFuzzyDuhem]:
-    """The T-S fuzzy Duhem model with two rules per set that reproduces the record best.
+    """Fit a T-S fuzzy Duhem model with two rules per set to a record.
 
-    v, y (samples,): input and output of one wire, preferably with reversals. `sets`: number of triangular sets, or
-    their centres; `fit_centres`: whether the centres may move. `dead_band`: radius of the reversal filter in the unit
-    of v, None: from the noise of v. Raises DataError for samples that cannot be used, IdentificationError when the
-    record does not determine a loop or the sets do not fit it. The caveats of the fit are reasons to distrust it.
+    v and y are input and output of one wire, both (samples,), preferably with inner loops. `sets` is the number of
+    triangular sets, or their centres; with `fit_centres` the centres may move. `dead_band` is the radius of the
+    reversal filter in the unit of v; without it the radius follows from the noise of v. The caveats of the result are
+    reasons to distrust the model. Raises DataError for samples that cannot be used, and IdentificationError when the
+    record does not determine a loop or the sets are unusable.
     """
     record = prepare(v, y, dead_band)
     placements = _placements(record, sets, fit_centres=fit_centres)
@@ -74,7 +77,7 @@ def identify_tsfuzzy(
 
 
 class _Solution:
-    """A minimum x of a problem, and its models after the remaining slopes of the wrong sign are removed."""
+    """A minimum x of a problem, and its model before and after slopes of the wrong sign are removed (trimmed)."""
 
     def __init__(self, problem: RuleProblem, x: FloatArray) -> None:
         self.problem, self.x = problem, x
@@ -82,7 +85,7 @@ class _Solution:
         self._trimmed: dict[float, tuple[TSFuzzyDuhem, float]] = {}
 
     def again(self, problem: RuleProblem) -> _Solution:
-        """The solution of a modified problem, from this one on."""
+        """Return the solution of a modified problem, started from this solution."""
         return _Solution(problem, problem.solve(self.x, *_POLISH).x)
 
     @cached_property
@@ -95,7 +98,7 @@ class _Solution:
         return self.problem.model(self.x)
 
     def trimmed(self, depth: float) -> tuple[TSFuzzyDuhem, float]:
-        """The model without slopes of the wrong sign to this depth of the loop, and its misfit."""
+        """Return the model without slopes of the wrong sign to this depth of the loop, and its misfit."""
         if depth not in self._trimmed:
             model = monotone(self._model, depth, self.problem.reversals)
             self._trimmed[depth] = model, self.problem.record.misfit(model, self.y0)
@@ -103,14 +106,14 @@ class _Solution:
 
     @cached_property
     def deepest(self) -> tuple[TSFuzzyDuhem, float]:
-        """The model trimmed as deep in the loop as that costs little, at least its branches; and its misfit."""
+        """The model trimmed to the greatest depth that raises the misfit little (at least 0), and its misfit."""
         *depths, last = [depth for depth in _DEPTHS if depth <= self.problem.depth]
         bearable = _AS_GOOD * self.misfit
         return self.trimmed(next((depth for depth in depths if self.trimmed(depth)[1] <= bearable), last))
 
 
 def _polished(start: _Solution) -> _Solution:
-    """The solution with slopes of the right sign, as deep in the loop as the record bears it."""
+    """Return the solution with slopes of the right sign, to the greatest depth of the loop with a small misfit."""
     bearable, solution = float(np.hypot(start.misfit, MATERIAL)), start
     for depth in _DEPTHS:
         solution = start.again(replace(start.problem, monotony=1.0, depth=depth))
@@ -120,9 +123,9 @@ def _polished(start: _Solution) -> _Solution:
 
 
 def _validated(solution: _Solution) -> _Solution:
-    """The solution under the loosest tie to the Duhem fit that passes leave-one-out, as far as the record bears it.
+    """Return the solution with the loosest tie to the Duhem fit that passes leave-one-out and has a small misfit.
 
-    If no bearable tie passes, the solution with the least ratio.
+    If no such solution passes, return the one with the smallest ratio of leave-one-out error to training error.
     """
     bearable, tried = float(np.hypot(solution.misfit, MATERIAL)), []
     for tied in takewhile(lambda one: one.misfit <= bearable, _ever_tighter(solution)):
@@ -133,7 +136,7 @@ def _validated(solution: _Solution) -> _Solution:
 
 
 def _ever_tighter(solution: _Solution) -> Iterator[_Solution]:
-    """The solution, then those under tighter and tighter ties to the Duhem fit."""
+    """Yield the solution, then solutions with tighter and tighter ties to the Duhem fit."""
     loose = solution.problem.prior
     yield solution
     for tie in _TIES:
@@ -142,9 +145,9 @@ def _ever_tighter(solution: _Solution) -> Iterator[_Solution]:
 
 
 def _monotone(solution: _Solution) -> _Solution:
-    """The solution under the least weight of slopes of the wrong sign that allows their removal at little cost.
+    """Return the solution with the smallest weight of wrong slopes after which trimming raises the misfit little.
 
-    Where more weight costs more than that, the solution that is best after the removal.
+    If a larger weight itself raises the misfit more, return the solution with the smallest misfit after trimming.
     """
     as_good, tried = _AS_GOOD * solution.misfit, []
     for weighted in _ever_heavier(solution):
@@ -158,7 +161,7 @@ def _monotone(solution: _Solution) -> _Solution:
 
 
 def _ever_heavier(solution: _Solution) -> Iterator[_Solution]:
-    """The solution, then those under heavier and heavier weights of slopes of the wrong sign."""
+    """Yield the solution, then solutions with larger and larger weights of slopes of the wrong sign."""
     yield solution
     for weight in (*_HEAVIER, *_HEAVIEST):
         solution = solution.again(replace(solution.problem, monotony=weight))
@@ -166,7 +169,7 @@ def _ever_heavier(solution: _Solution) -> Iterator[_Solution]:
 
 
 def _plainest_duhem(record: Record) -> Fit[DuhemModel]:
-    """The fit with the fewest Gaussians per branch that fit well: more follow noise or cross where it is silent."""
+    """Return the fit with the fewest Gaussians per branch that is good enough. More of them would follow the noise."""
     plain = fit_duhem(record, components=1)
     nothing_left = max(_NOTHING_LEFT, 100 * record.noise / _CLEARLY_BETTER)
     for components in range(2, _MOST_COMPONENTS + 1):
@@ -183,7 +186,10 @@ def _plainest_duhem(record: Record) -> Fit[DuhemModel]:
 
 
 def _placements(record: Record, sets: int | Sequence[float], *, fit_centres: bool) -> list[FloatArray]:
-    """Centres to start from: the given ones, even ones, or (when they may move) ones where the output changes."""
+    """Return the centres to start from: the given ones, or evenly spaced ones if they are fixed.
+
+    Centres that may move start where the output changes most.
+    """
     lower, upper = record.input_range
     if not isinstance(sets, int | np.integer):
         return [_given_centres(sets, lower, upper)]

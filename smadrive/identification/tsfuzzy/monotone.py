@@ -1,15 +1,17 @@
-"""Slopes of the right sign: the condition for a unique inverse, in the fit and exactly on its result.
+"""Slopes of the right sign, which a unique inverse needs: derivatives for the fit, and the correction of its result.
 
-The slope is affine in w. So it has the right sign over the whole loop between the branches H (heating) and C (cooling)
-wherever it has the right sign on the far branch:
+The slope is affine in w. H is the heating branch of the major loop, C its cooling branch. The slope has the right sign
+everywhere between the branches if it has the right sign on the opposite branch:
 
     heating:  p(v) - (p + q)(v) C(v) ≥ 0           cooling:  q(v) - (p + q)(v) (1 - H(v)) ≥ 0
 
-that is S ≥ C and R ≤ H. The loop is the closed one over the whole range, which a full sweep up and down maps onto
-itself, whether a record covers it or not. Inner loops that stay flat after a reversal need less: slopes then have the
-right sign to a `depth` of the loop, 1 for all of it, 0 for the branches alone, with H + depth (C - H) in place of C and
-C - depth (C - H) in place of H. The fit penalises slopes of the wrong sign. Those that remain are removed from its
-result: q of the heating rules and p of the cooling rules shrink.
+that is S ≥ C and R ≤ H. The loop is the closed loop over the whole range, which a full sweep up and down maps onto
+itself, even if the record does not cover it. A wire with inner loops that stay flat after a reversal cannot fulfil this
+condition. Then the slopes have the right sign only to a `depth` of the loop: 1 means the whole loop, 0 only the
+branches, with H + depth (C - H) in place of C and C - depth (C - H) in place of H.
+
+The fit penalises slopes of the wrong sign. `monotone` removes the remaining ones from its result: it makes q of the
+heating rules and p of the cooling rules smaller.
 """
 
 from __future__ import annotations
@@ -28,7 +30,7 @@ _MARGIN = 3e-3  # of a rule's share: a rule that shrinks a little too much need 
 
 
 class Loop(NamedTuple):
-    """The closed loop at nodes: both branches, and how a state at the ends of the range decays along each."""
+    """The closed loop at the nodes: both branches, and the decay of a deviation at the ends of the range along them."""
 
     heating: FloatArray
     cooling: FloatArray
@@ -40,20 +42,20 @@ class Loop(NamedTuple):
 
     @property
     def width(self) -> FloatArray:
-        """Distance of the branches; trial branches may cross."""
+        """Distance of the branches, never negative although the branches of a trial model may cross."""
         return np.abs(self.cooling - self.heating)
 
     def highest(self, depth: float) -> FloatArray:
-        """The greatest state to a depth of the loop seen from its lower branch: 0 that branch, 1 the other."""
+        """Return the largest state at this depth of the loop, counted from the lower branch (depth 0) to the upper."""
         return np.minimum(self.heating, self.cooling) + depth * self.width
 
     def lowest(self, depth: float) -> FloatArray:
-        """The least state to a depth of the loop seen from its upper branch."""
+        """Return the smallest state at this depth of the loop, counted from the upper branch (depth 0) to the lower."""
         return np.maximum(self.heating, self.cooling) - depth * self.width
 
 
 def closed_loop(tables: RuleTables) -> Loop:
-    """The closed loop of trial rules at the nodes of their tables."""
+    """Return the closed loop of trial rules at the nodes of their tables."""
     up, down = tables.up, tables.down
     rise, fall = np.exp(up.exponent), np.exp(down.exponent - down.exponent[-1])
     bottom = (down.target[0] + (up.target[-1] - 1) * fall[0]) / (1 - rise[-1] * fall[0])
@@ -63,7 +65,7 @@ def closed_loop(tables: RuleTables) -> Loop:
 
 
 def least_slopes(tables: RuleTables, depth: float) -> FloatArray:
-    """The least slope of heating and of cooling to this depth of the loop at every node, (2, nodes)."""
+    """Return the smallest slope on heating and on cooling, to this depth of the loop, at every node: (2, nodes)."""
     loop = closed_loop(tables)
     p_heating, q_heating, p_cooling, q_cooling = tables.rates_at_nodes
     return np.array(
@@ -75,7 +77,7 @@ def least_slopes(tables: RuleTables, depth: float) -> FloatArray:
 
 
 def least_slope_derivatives(tables: RuleTables, depth: float) -> FloatArray:
-    """Their derivatives with respect to RuleRates in order, (2, nodes, 5 sets)."""
+    """Return the derivatives of `least_slopes` with respect to the fields of RuleRates, (2, nodes, 5 · sets)."""
     loop, mu, sets = closed_loop(tables), tables.at_nodes, len(tables.rates.centres)
     d_heating, d_cooling = _branch_derivatives(tables, loop)
     crossed = loop.crossed[:, None]
@@ -97,7 +99,7 @@ def least_slope_derivatives(tables: RuleTables, depth: float) -> FloatArray:
 
 
 def _branch_derivatives(tables: RuleTables, loop: Loop) -> tuple[FloatArray, FloatArray]:
-    """∂H and ∂C at the nodes: those of the tabulated solutions, and of where the closed loop starts."""
+    """Return ∂H and ∂C at the nodes, from those of the tabulated solutions and of the ends of the closed loop."""
     up, down = tables.sensitivities
     rise, fall = loop.rise_decay[:, None], loop.fall_decay[:, None]
     d_rise, d_fall = rise * up.exponent, fall * (down.exponent - down.exponent[-1])
@@ -111,9 +113,9 @@ def _branch_derivatives(tables: RuleTables, loop: Loop) -> tuple[FloatArray, Flo
 
 
 def monotone(model: TSFuzzyDuhem, depth: float = 1.0, reversals: RecordReversals = NOWHERE) -> TSFuzzyDuhem:
-    """`model` without slopes of the wrong sign to this depth of the loop, by the least shrinking of q and p.
+    """Return `model` without slopes of the wrong sign to this depth of the loop.
 
-    Rules that are active where the wire itself reverses stay as they are.
+    q and p are reduced no more than needed. Rules that are active where the wire itself reverses stay as they are.
     """
     p_heating, q_heating = model.heating_law[1], -model.heating_law[0] - model.heating_law[1]
     p_cooling, q_cooling = -model.cooling_law[1], model.cooling_law[0] + model.cooling_law[1]
@@ -143,9 +145,9 @@ def monotone(model: TSFuzzyDuhem, depth: float = 1.0, reversals: RecordReversals
 
 
 def _largest_share(mu: FloatArray, gain: FloatArray, loss: FloatArray, far: FloatArray, turns: Mask) -> FloatArray:
-    """Share of each rule's loss that leaves gain (1 - far) - loss far ≥ 0 at all nodes where the rule is active.
+    """Return the share of each rule's loss that can stay: gain (1 - far) - loss far ≥ 0 at all nodes of the rule.
 
-    Only rules that have the wrong sign themselves shrink: otherwise their neighbours' targets would run ahead of them.
+    Only rules that have the wrong sign themselves get a share below 1, so that they change before their neighbours.
     """
     room, need = (mu @ gain) * (1 - far), (mu @ loss) * far
     short = need > room

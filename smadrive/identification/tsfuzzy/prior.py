@@ -1,6 +1,7 @@
-"""The prior of the rules, for the parts of the input where a record is silent: the local laws of a Duhem fit.
+"""The prior of the rules: the local laws of a Duhem fit. It determines the rules where the record has no samples.
 
-Each rule may stray from it at about the cost of one sample off by the noise, so that data, where there are any, decide.
+A rule that differs from the prior costs about as much as one sample whose error is the noise. So the samples decide
+wherever the record has samples.
 """
 
 from __future__ import annotations
@@ -25,7 +26,7 @@ _TIE_FLOOR = 2e-6  # tie to the Duhem fit for a record without noise, in output 
 
 
 class Prior:
-    """The rates p and q of a Duhem model as functions of v, tabulated; in units of one per input span."""
+    """The rates p and q of a Duhem model, tabulated over v, per input span."""
 
     def __init__(self, fit: Fit[DuhemModel], record: Record) -> None:
         lower, upper = record.input_range
@@ -44,24 +45,25 @@ class Prior:
         self.weight = max(record.noise, _TIE_MISFIT * fit.rms_percent / 100, _TIE_FLOOR)
 
     def tied(self, factor: float) -> Self:
-        """The same, tied `factor` times as tightly."""
+        """Return the same prior with a tie that is `factor` times as tight."""
         closer = copy(self)
         closer.weight = factor * self.weight
         return closer
 
     def at(self, centres: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Rates (4, sets) and their derivatives with respect to v."""
+        """Return the rates at the centres, (4, sets), and their derivatives with respect to v."""
         return _interpolate(centres, self.grid, self.rates), _interpolate(centres, self.grid, self._slopes)
 
     def reach(self, centres: FloatArray) -> FloatArray:
-        """How far rates (4, sets) may stray before it costs as much as one sample off by the noise."""
+        """Return the difference of each rate (4 · sets,) that costs as much as one sample whose error is the noise."""
         pairs = _interpolate(centres, self.grid, self.rates).reshape(2, 2, -1)
         return np.ravel(np.repeat(_STRAY * pairs.sum(axis=1) + _STRAY_LEAST, 2, axis=0))
 
     def slope_tie(self, v: FloatArray) -> FloatArray:
-        """Weights of slopes of the wrong sign at inputs v, (2, len(v)): tied like the rates, and more near saturation.
+        """Return the weights of slopes of the wrong sign at inputs v, (2, len(v)).
 
-        There the state hardly moves, so a slope of the wrong sign costs no fit, but it can stop an inverse.
+        They are those of the rates, and larger near saturation. There the state hardly moves, so a slope of the wrong
+        sign hardly changes the misfit, but it can stop an inverse.
         """
         pairs = _interpolate(v, self.grid, self.rates).reshape(2, 2, -1)
         far = np.array([self.model.cooling.cdf(v), self.model.heating.cdf(v)])

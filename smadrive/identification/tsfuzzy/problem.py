@@ -1,7 +1,7 @@
 """The least-squares problem behind identify_tsfuzzy: unknowns, residuals and their exact derivatives.
 
-x: see unknowns
-r = (error of the simulated output; stray of the rates and gaps from the Duhem fit; slopes of the wrong sign)
+x: see unknowns.py
+r = (error of the simulated output; differences of the rates and gaps from the Duhem fit; slopes of the wrong sign)
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ _STRAY_GAP = 3.0  # how far the logarithms of the gaps may stray, in units of th
 
 
 class _Trial(NamedTuple):
-    """Variables, derivatives of their centres by the gaps' logits, tables of their rules, states at the samples."""
+    """A trial: variables x, derivatives of the centres by the logits, tables of the rules, states w at the samples."""
 
     x: FloatArray
     moves: FloatArray
@@ -46,7 +46,8 @@ class _Trial(NamedTuple):
 class RuleProblem:
     """Bounded least squares over x.
 
-    `monotony` scales the weight of slopes of the wrong sign, 0: they are free; to `depth` of the loop, see monotone.
+    `monotony` scales the weight of slopes of the wrong sign; with 0 these slopes are allowed. `depth` is the depth of
+    the loop to which slopes are examined, see monotone.py.
     """
 
     record: Record
@@ -63,7 +64,7 @@ class RuleProblem:
 
     @classmethod
     def near(cls, record: Record, prior: Prior, centres: FloatArray, fit_centres: bool) -> RuleProblem:
-        """The problem that starts from the Duhem fit's laws at `centres`."""
+        """Return the problem that starts from the laws of the Duhem fit at `centres`."""
         model, (lower, upper) = prior.model, record.input_range
         first = np.clip((record.mean_y[0] - model.offset) / model.scale, 0.0, 1.0)
         tail = [model.offset / record.output_span, (model.offset + model.scale) / record.output_span, float(first)]
@@ -87,7 +88,7 @@ class RuleProblem:
         return Unknowns(sets, sets + 1 if self.fit_centres else 0)
 
     def place(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Centres and their derivative with respect to the gaps' logits."""
+        """Return the centres, and their derivatives with respect to the logits of the gaps, (sets, gaps)."""
         unknowns = self.unknowns
         if not self.fit_centres:
             return self.centres, np.empty((unknowns.sets, 0))
@@ -99,7 +100,7 @@ class RuleProblem:
         return centres, (upper - lower) * np.cumsum(slope, axis=0)[:-1]
 
     def _trial(self, x: FloatArray) -> _Trial:
-        """The trial at x; the last one is kept, for the derivatives at the x of the residuals."""
+        """Return the trial at x. The latest trial is kept, because residuals and derivatives use the same x."""
         if not (self._latest and np.array_equal(self._latest[0].x, x)):
             centres, moves = self.place(x)
             p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
@@ -113,7 +114,7 @@ class RuleProblem:
         return x[self.unknowns.rates].reshape(4, -1) / (upper - lower)
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        """r(x)."""
+        """Return the residuals r(x)."""
         record, unknowns = self.record, self.unknowns
         _, _, tables, w = self._trial(x)
         output = x[BOTTOM] + (x[TOP] - x[BOTTOM]) * w
@@ -126,12 +127,12 @@ class RuleProblem:
         return np.concatenate([error, self.prior.weight * stray, self.prior.weight * shift, (weight * wrong).ravel()])
 
     def misfit(self, x: FloatArray) -> float:
-        """RMS of the output error, in output spans."""
+        """Return the RMS of the output error, in output spans."""
         error = self.residuals(x)[: len(self.record.v)]
         return float(np.sqrt(error @ error / self.record.count.sum()))
 
     def leave_one_out_ratio(self, x: FloatArray) -> float:
-        """Leave-one-out error over training error at the minimum x; see leave_one_out."""
+        """Return leave-one-out error over training error at the minimum x; see leave_one_out.py."""
         rates, (low, _) = self.unknowns.rates, self._bounds()
         free = np.ones(len(x), dtype=bool)
         free[rates] = x[rates] > low[rates]
@@ -139,14 +140,17 @@ class RuleProblem:
         return leave_one_out_ratio(self.residuals(x), jacobian, len(self.record.v), self.record.scatter)
 
     def _wrong_slopes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """How far the least slopes per input span fall below zero at the nodes, and their weights, (2, nodes)."""
+        """Return minus the smallest slopes per input span at the nodes, and their weights, both (2, nodes).
+
+        The weight of a slope of the right sign is 0.
+        """
         tables, (lower, upper) = self._trial(x).tables, self.record.input_range
         missing = -least_slopes(tables, self.depth) * (upper - lower)
         weight = self.monotony * np.sqrt(self.record.count.sum()) * self.prior.slope_tie(tables.nodes)
         return missing, np.where((missing > 0) & ~self.reversals.at(tables.nodes), weight, 0.0)
 
     def jacobian(self, x: FloatArray) -> Iterator[FloatArray]:
-        """∂r/∂x, in blocks of rows."""
+        """Yield ∂r/∂x in blocks of rows."""
         yield from self._error_derivatives(x).blocks()
         yield self._stray_derivatives(x)
         if self.monotony:
@@ -187,7 +191,7 @@ class RuleProblem:
         return rows
 
     def solve(self, start: FloatArray, iterations: int, tolerance: float) -> Minimum:
-        """Descend from `start` within the bounds."""
+        """Return the minimum found from `start` within the bounds of x; see `minimise`."""
         bounds = self._bounds()
         return minimise(self.residuals, self.jacobian, start, bounds, iterations=iterations, tolerance=tolerance)
 
@@ -201,7 +205,7 @@ class RuleProblem:
         return low, high
 
     def _output_bounds(self) -> tuple[list[float], list[float]]:
-        """Bounds of bottom, top and first state: outputs stay near those of the record and of the Duhem fit."""
+        """Return the bounds of bottom, top and first state. Outputs stay near those of the record and the Duhem fit."""
         ends = np.sort(self.start[[BOTTOM, TOP]])
         measured = self.record.mean_y / self.record.output_span
         lowest, highest = min(ends[0], measured.min()), max(ends[1], measured.max())
@@ -211,7 +215,7 @@ class RuleProblem:
         return [bottom[0], top[0], 0.0], [bottom[1], top[1], 1.0]
 
     def model(self, x: FloatArray) -> TSFuzzyDuhem:
-        """The model of x."""
+        """Return the model of the unknowns x."""
         p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
         return TSFuzzyDuhem(
             TriangularSets(tuple(self.place(x)[0].tolist())),
@@ -225,11 +229,11 @@ class RuleProblem:
         )
 
     def first_output(self, x: FloatArray) -> float:
-        """Output at the first sample."""
+        """Return the output at the first sample, in the unit of y."""
         return float(x[BOTTOM] + (x[TOP] - x[BOTTOM]) * x[FIRST_STATE]) * self.record.output_span
 
 
 def _gap_logits(centres: FloatArray, lower: float, upper: float) -> FloatArray:
-    """The softmax logits of the gaps lower-c1, c1-c2, ..., cn-upper, each at least a little above the least gap."""
+    """Return the softmax logits of the gaps lower-c1, c1-c2, ..., cn-upper, each a little above the smallest gap."""
     gaps = np.diff(np.concatenate([[lower], centres, [upper]])) / (upper - lower)
     return np.log(np.maximum(gaps - LEAST_GAP, 0.1 * LEAST_GAP))

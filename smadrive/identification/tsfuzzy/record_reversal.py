@@ -1,9 +1,10 @@
 """Stretches of a record in which the output moves against its input.
 
-A wire that only transforms has monotone branches; slopes of the wrong sign are then an artefact of the fit. A wire that
-also expands does reverse where it is saturated, and a fit must show it. The record decides, without a model: each of
-its runs is compared with the nearest monotone curve. The output reverses over the stretches that this curve replaces by
-a constant. They count only if the record is materially further from monotone curves than measurement errors explain.
+A wire that only transforms has monotone branches; slopes of the wrong sign are then an error of the fit. A wire that
+also expands reverses where it is saturated, and a fit must reproduce this reversal. The record decides, without a
+model: each monotone run of its input is compared with the nearest monotone curve of the output. Where this curve is
+constant but the output is not, the output reverses. These stretches count only if the record is further from monotone
+curves than measurement errors explain.
 """
 
 from __future__ import annotations
@@ -21,18 +22,18 @@ from smadrive.numerics.arrays import FloatArray
 Mask = NDArray[np.bool_]
 
 MATERIAL = 0.005
-"""Largest RMS departure from monotone curves, in output spans, that counts as a measurement error."""
+"""Largest RMS distance from monotone curves that counts as a measurement error, in output spans."""
 
 
 @dataclass(frozen=True, slots=True)
 class RecordReversals:
-    """Stretches (from, to) of the input over which the output reverses, on heating and on cooling."""
+    """Stretches (from, to) of the input where the output reverses, on heating and on cooling."""
 
     heating: tuple[tuple[float, float], ...] = ()
     cooling: tuple[tuple[float, float], ...] = ()
 
     def at(self, v: FloatArray) -> Mask:
-        """Whether the output reverses at inputs v, (2, len(v)): on heating, on cooling."""
+        """Return True for each of the inputs v where the output reverses, (2, len(v)): on heating, on cooling."""
         found = np.zeros((2, len(v)), dtype=bool)
         for row, stretches in enumerate((self.heating, self.cooling)):
             for start, end in stretches:
@@ -41,11 +42,11 @@ class RecordReversals:
 
 
 NOWHERE = RecordReversals()
-"""For a wire with monotone branches."""
+"""The result for a wire with monotone branches."""
 
 
 def find_record_reversals(record: Record) -> RecordReversals:
-    """The stretches of `record`; NOWHERE if its distance from monotone curves is within its noise."""
+    """Return the stretches of `record`, or NOWHERE if noise explains its distance from monotone curves."""
     rises = bool(np.corrcoef(record.v, record.mean_y)[0, 1] > 0)
     material = float(np.hypot(MATERIAL, record.noise))
     squares = 0.0
@@ -64,7 +65,7 @@ def find_record_reversals(record: Record) -> RecordReversals:
 
 
 def _runs(v: FloatArray) -> list[slice]:
-    """Monotone runs, turning points in both."""
+    """Return the monotone runs of v. A turning point belongs to the runs before and after it."""
     rising = v[1:] > v[:-1]
     corners = [0, *(np.flatnonzero(rising[1:] != rising[:-1]) + 1).tolist(), len(v) - 1]
     return [slice(start, end + 1) for start, end in pairwise(corners)]

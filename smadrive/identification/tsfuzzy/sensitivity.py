@@ -1,12 +1,13 @@
 """States of a T-S fuzzy Duhem model along a record, and their exact derivatives with respect to every rule.
 
-Rules with triangular sets are written by two non-negative rates, towards 1 and towards 0:
+Rules with triangular sets are described by two non-negative rates, p towards w = 1 and q towards w = 0:
 
     heating:  dw/dv =   p(v)(1 - w) - q(v) w        cooling:  dw/dv = -(p(v)(1 - w) - q(v) w)        p = Σ μ_i p_i, ...
 
-so contraction is p + q > 0 and boundedness comes with the signs. A derivative z = ∂w/∂θ obeys the same linear ODE with
-another drive, f = ∂(dw/dv)/∂θ; moving a centre c_i changes a piecewise linear law by ∂p/∂c_i = -p'(v) μ_i(v). With the
-closed form w = P + (w0 - P0) exp(Λ - Λ0) it is enough to tabulate ∂P and ∂Λ once per iteration.
+The model contracts if p + q > 0, and it is bounded because the rates are not negative. A derivative z = ∂w/∂θ obeys the
+same linear ODE with the drive f = ∂(dw/dv)/∂θ. Moving a centre c_i changes a piecewise linear law by
+∂p/∂c_i = -p'(v) μ_i(v). With the closed form w = P + (w0 - P0) exp(Λ - Λ0), the derivatives at all samples follow from
+tables of ∂P and ∂Λ, which are computed once per iteration.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ BINS = 240  # table cells of a trial model
 
 
 class RuleRates(NamedTuple):
-    """The rates p and q of both directions and the centres, one number per set each."""
+    """The rates p and q of both directions, and the centres; each field has one number per set."""
 
     p_heating: FloatArray
     q_heating: FloatArray
@@ -38,7 +39,7 @@ class RuleRates(NamedTuple):
 
 
 class Runs:
-    """The monotone runs of a path: where each starts and ends, and its direction."""
+    """The monotone runs of a path: start and end of each run, its direction, and the run of each move."""
 
     def __init__(self, v: FloatArray) -> None:
         self.v = v
@@ -50,14 +51,14 @@ class Runs:
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """∂P and ∂Λ of one branch at the nodes, (nodes, 5 · sets); columns ordered like RuleRates."""
+    """∂P (`target`) and ∂Λ (`exponent`) of one branch at the nodes, (nodes, 5 · sets), columns as in RuleRates."""
 
     target: FloatArray
     exponent: FloatArray
 
 
 class RuleTables:
-    """The branch engine of trial rules over [lower, upper]."""
+    """The branch engine of trial rules over [lower, upper], and its derivatives."""
 
     def __init__(self, rates: RuleRates, lower: float, upper: float) -> None:
         self.rates = rates
@@ -82,7 +83,7 @@ class RuleTables:
 
     @cached_property
     def sensitivities(self) -> tuple[Sensitivity, Sensitivity]:
-        """Of the heating and of the cooling branch."""
+        """Sensitivities of the heating branch and of the cooling branch."""
         return (
             self._sensitivity(self.up, self._up_maps, rising=True),
             self._sensitivity(self.down, self._down_maps, rising=False),
@@ -90,23 +91,24 @@ class RuleTables:
 
     @property
     def rates_at_nodes(self) -> list[FloatArray]:
-        """The four blended rates at the nodes."""
+        """The four blended rates at the nodes, in the order of RuleRates."""
         return [self.at_nodes @ rate for rate in self.rates[:4]]
 
     @property
     def slopes_at_nodes(self) -> list[FloatArray]:
-        """Their derivatives with respect to v."""
+        """Derivatives of `rates_at_nodes` with respect to v."""
         return [self._slopes(rate, self.nodes) for rate in self.rates[:4]]
 
     def states(self, runs: Runs, w_start: float) -> FloatArray:
-        """State w at every sample."""
+        """Return the state w at every sample, from w_start at the first sample."""
         return self.engine.trajectory(runs.v, w_start)
 
     def jacobian(self, runs: Runs, w: FloatArray) -> InterpolationMatrix:
-        """∂w at every sample, whose states are w, by (RuleRates in order, w at the start): (samples, 5 · sets + 1).
+        """Return ∂w at every sample, (samples, 5 · sets + 1). Columns: the fields of RuleRates, then w at the start.
 
-        With the excess e = w - P at the start of a run and its decay D since, ∂w = ∂P + D e ∂Λ + D (∂e - e ∂Λ at the
-        start): ∂P and ∂Λ blend two nodes each, the last bracket is one more row for each run.
+        `w` are the states at the samples. With the excess e = w - P at the start of a run, and its decay D since,
+        ∂w = ∂P + D e ∂Λ + D (∂e - e ∂Λ at the start). ∂P and ∂Λ are interpolated between two nodes each; the last
+        bracket is one more row for each run.
         """
         up, down = self.sensitivities
         rows = np.zeros((4 * len(self.nodes) + 1 + len(runs.starts), up.target.shape[1] + 1))
@@ -147,14 +149,14 @@ class RuleTables:
         return Sensitivity(target, exponent)
 
     def _slopes(self, rate: FloatArray, v: FloatArray) -> FloatArray:
-        """Derivative of the blended rate; zero on the shoulders."""
+        """Return the derivative of the blended rate with respect to v; it is zero on the shoulders."""
         slopes = np.concatenate([[0.0], np.diff(rate) / np.diff(self.rates.centres), [0.0]])
         return np.asarray(slopes[np.searchsorted(self.rates.centres, v)])
 
     def _matrix(
         self, v: FloatArray, rising: NDArray[np.bool_], excess: FloatArray, rows: FloatArray
     ) -> InterpolationMatrix:
-        """∂P + excess ∂Λ at inputs v, from rows: ∂P at the nodes, cooling then heating, and ∂Λ likewise."""
+        """Return ∂P + excess ∂Λ at inputs v. `rows` begin with ∂P of cooling and of heating, then ∂Λ of both."""
         nodes = len(self.nodes)
         cell = np.clip(np.searchsorted(self.nodes, v, side="right") - 1, 0, nodes - 2)
         share = (v - self.nodes[cell]) / (self.nodes[cell + 1] - self.nodes[cell])

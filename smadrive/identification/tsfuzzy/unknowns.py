@@ -1,6 +1,7 @@
 """Positions of the unknowns of the rule problem in its vector x.
 
-x = (rates p, q of every rule · span, logits of the gaps between centres if they move, bottom, top, first state)
+x = (rates p and q of every rule, times the input span; logits of the gaps between the centres, if the centres move;
+     bottom; top; first state)
 """
 
 from __future__ import annotations
@@ -8,18 +9,18 @@ from __future__ import annotations
 from typing import NamedTuple
 
 BOTTOM, TOP, FIRST_STATE = -3, -2, -1
-"""Output at w = 0 and at w = 1 in output spans, and the state w at the first sample."""
+"""Positions in x of the output at w = 0, of that at w = 1 (both in output spans), and of w at the first sample."""
 
 
 class Unknowns(NamedTuple):
-    """Slices of x for so many sets and gaps; `gaps` is 0 for centres that are given."""
+    """Slices of x for a number of `sets` and `gaps`. Fixed centres have 0 gaps."""
 
     sets: int
     gaps: int
 
     @property
     def rates(self) -> slice:
-        """P and q of the heating rules, then p and q of the cooling rules."""
+        """The rates: p and q of the heating rules, then p and q of the cooling rules."""
         return slice(0, 4 * self.sets)
 
     @property
@@ -29,7 +30,7 @@ class Unknowns(NamedTuple):
 
     @property
     def centres(self) -> slice:
-        """The columns of the centres in derivatives with respect to RuleRates; x has the logits in their place."""
+        """The columns of the centres in derivatives with respect to RuleRates. In x the logits stand here instead."""
         return slice(4 * self.sets, 5 * self.sets)
 
     @property

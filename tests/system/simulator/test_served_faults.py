@@ -45,7 +45,7 @@ gap_s = 0.01
 
 @pytest.fixture(params=["--pty", "--tcp", "--rtu-tcp"])
 def scripted(request, tmp_path):
-    """A function that moves the simulator's time, and its URL."""
+    """A function that moves the time of the simulator, and the URL of the simulator."""
     script = tmp_path / "faults.toml"
     script.write_text(FAULTS, encoding="utf-8")
     address = str(tmp_path / "port") if request.param == "--pty" else "0"

@@ -1,4 +1,4 @@
-"""Conformance on a serial line, byte by byte: requests that other servers were found to answer wrongly."""
+"""Conformance on a serial line, byte by byte: requests that other servers answer wrongly."""
 
 import pytest
 from served import served
@@ -23,7 +23,7 @@ def line(board):
 
 
 def answer(line, within_s=60.0, pause_s=0.2):
-    """All bytes until the line has been silent for `pause_s`."""
+    """Return all bytes that arrive until the line has been silent for `pause_s`."""
     data = line.read(line.clock.now_s() + within_s)
     while more := line.read(line.clock.now_s() + pause_s):
         data += more

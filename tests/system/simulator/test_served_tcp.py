@@ -40,7 +40,7 @@ def wire(thermometer):
 
 
 def answer(wire, quiet_s=5.0):
-    """The next frame; None after `quiet_s` without one."""
+    """Return the next frame, or None after `quiet_s` without a frame."""
     wire.settimeout(quiet_s)
     data = b""
     try:
@@ -188,7 +188,7 @@ def connected(url, count):
 
 
 def is_served(client):
-    """Whether a client gets a reply; False when its connection was closed."""
+    """Return True if a client gets a reply, and False if its connection was closed."""
     client.settimeout(5.0)
     try:
         client.sendall(mbap.seal(1, 1, READ))
@@ -236,7 +236,7 @@ def test_simulator_without_descriptors_goes_on_serving_its_clients():
 
 
 def test_simulator_serves_descriptors_beyond_the_limit_of_select():
-    """`select` accepts no descriptor from 1024 on; here other files have the first thousand."""
+    """`select` accepts no descriptor from 1024 on. Here other files use the first thousand descriptors."""
     with contextlib.ExitStack() as stack:
         taken = [os.open(os.devnull, os.O_RDONLY) for _ in range(1024)]
         stack.callback(lambda: [os.close(descriptor) for descriptor in taken])

@@ -1,4 +1,4 @@
-"""Random wires that the controller does not know, excited, identified and tracked.
+"""Random wires are excited, identified and tracked by a controller that does not know their parameters.
 
 These are a few of the many of tests/benchmarks/control.py.
 """

@@ -1,4 +1,4 @@
-"""The PI controller: regulates the wire it was designed for, and does not wind up."""
+"""The PI controller regulates its wire and does not wind up."""
 
 from math import exp
 
@@ -19,17 +19,17 @@ def run(feedback, setpoint_c, seconds, start_c=22.0, loss_error=1.0, dt_s=0.05):
     return temperature_c
 
 
-def test_a_wrong_heat_balance_leaves_no_lasting_error():
+def test_wrong_heat_balance_leaves_no_lasting_error():
     assert run(TemperatureFeedback(GAINS), 80.0, 60.0, loss_error=0.8) == pytest.approx(80.0, abs=0.05)
 
 
-def test_the_closed_loop_has_the_time_constant_it_was_given():
+def test_closed_loop_has_the_chosen_time_constant():
     slow_integral = PIGains.for_balance(WIRE, closed_loop_s=0.25, integral_s=1e9)
     after = run(TemperatureFeedback(slow_integral), 42.0, 0.5, start_c=41.0, dt_s=0.002)
     assert 42.0 - after == pytest.approx(exp(-0.5 * (1 / 0.25 + 1 / WIRE.time_constant_s)), rel=0.03)
 
 
-def test_a_long_saturation_leaves_the_integral_alone():
+def test_long_saturation_does_not_change_the_integral():
     feedback = TemperatureFeedback(GAINS)
     for _ in range(1000):
         assert feedback.update(-40.0, 0.5, 6.0, 0.05) == 0.0
@@ -37,7 +37,7 @@ def test_a_long_saturation_leaves_the_integral_alone():
     assert feedback.integral_w == 0.0
 
 
-def test_a_way_to_go_is_not_integrated_as_if_it_were_an_error():
+def test_large_error_counts_only_up_to_its_limit():
     feedback = TemperatureFeedback(GAINS)
     feedback.update(10.0, 0.5, 6.0, 1.0)
     assert feedback.integral_w == pytest.approx(GAINS.integral_w_per_k_s * INTEGRATED_C)

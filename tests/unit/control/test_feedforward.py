@@ -1,4 +1,4 @@
-"""The displacement feedforward: exact where it moves, patient where it waits, and the plain map beside it."""
+"""The displacement feedforward: targets while the wire moves, waits or is cold; the static map as baseline."""
 
 import numpy as np
 import pytest
@@ -27,13 +27,13 @@ FALLING = DuhemModel.gaussian(
 
 
 def at_rest(state, unexplained_w=0.0):
-    """The estimate of a wire that has long been at one temperature."""
+    """Return the estimate of a wire that has been at one temperature for a long time."""
     return WireEstimate(state.v, state.v, state, unexplained_w, Play(state.v))
 
 
 @pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
 @pytest.mark.parametrize("ahead", [+0.5, +3.0])
-def test_the_target_leads_the_model_to_the_wanted_displacement(model, ahead):
+def test_target_leads_the_model_to_the_setpoint(model, ahead):
     state = model.initial_state(90.0)
     wanted = state.y + float(np.sign(model.scale)) * ahead
     target = HysteresisInverse(model).target(state, wanted, direction=1)
@@ -42,13 +42,13 @@ def test_the_target_leads_the_model_to_the_wanted_displacement(model, ahead):
     assert (later.temperature_c - target.temperature_c) / 1e-4 == pytest.approx(target.k_per_mm, rel=1e-2)
 
 
-def test_a_wire_a_hair_ahead_waits_instead_of_turning_back():
+def test_wire_a_little_ahead_waits_and_does_not_reverse():
     state = LOOP.initial_state(90.0)
     waiting = HysteresisInverse(LOOP).target(state, state.y - 0.05, direction=1)
     assert 89.0 < waiting.temperature_c < 90.0
 
 
-def test_a_wire_far_ahead_is_driven_back_along_the_other_branch():
+def test_wire_far_ahead_reverses_along_the_other_branch():
     state = LOOP.initial_state(90.0)
     back = HysteresisInverse(LOOP).target(state, state.y - 1.0, direction=1)
     assert back.temperature_c < 80.0
@@ -56,7 +56,7 @@ def test_a_wire_far_ahead_is_driven_back_along_the_other_branch():
 
 
 @pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
-def test_a_wire_that_the_reference_will_soon_catch_up_with_is_not_driven_back(model):
+def test_wire_ahead_of_a_fast_reference_does_not_reverse(model):
     state = model.initial_state(90.0)
     setpoint_mm = state.y - 0.025 * model.scale
     waits = HysteresisInverse(model).target(state, setpoint_mm, 1, rate_mm_per_s=0.03 * model.scale)
@@ -73,7 +73,7 @@ def test_waiting_where_the_branch_is_flat_is_bounded():
 
 
 @pytest.mark.parametrize("model", [LOOP, FALLING], ids=["rising", "falling"])
-def test_a_wire_that_is_wanted_cold_gets_no_heat_whatever_the_noise_of_its_estimate(model):
+def test_noise_of_the_estimate_does_not_heat_a_wire_with_a_cold_setpoint(model):
     cold_mm, inverse = travel_mm(model)[0], HysteresisInverse(model)
     for share in (-0.003, -0.001, 0.0, 0.001, 0.003):
         state = model.initial_state(22.0, cold_mm + share * model.scale)
@@ -85,7 +85,7 @@ def test_a_wire_that_is_wanted_cold_gets_no_heat_whatever_the_noise_of_its_estim
     assert leaving.temperature_c > 50.0
 
 
-def test_the_power_holds_the_wanted_temperature_and_pays_for_the_transformation():
+def test_power_holds_the_temperature_and_supplies_the_latent_heat():
     state = LOOP.initial_state(90.0)
     feedforward = DisplacementFeedforward(HysteresisInverse(LOOP), WireModel(LOOP, WIRE))
     rate_mm_per_s = 0.4
@@ -95,7 +95,7 @@ def test_the_power_holds_the_wanted_temperature_and_pays_for_the_transformation(
     assert found.power_w == pytest.approx(expected_w, rel=0.02)
 
 
-def test_what_the_balance_does_not_explain_is_taken_off_the_power():
+def test_unexplained_power_is_subtracted():
     state = LOOP.initial_state(90.0)
     powers = [
         DisplacementFeedforward(HysteresisInverse(LOOP), WireModel(LOOP, WIRE))
@@ -106,7 +106,7 @@ def test_what_the_balance_does_not_explain_is_taken_off_the_power():
     assert powers[0] - powers[1] == pytest.approx(0.1)
 
 
-def test_the_plain_map_runs_between_the_branches():
+def test_static_map_runs_between_the_branches():
     sweep = np.concatenate((np.linspace(20, 130, 500), np.linspace(130, 20, 500)))
     plain = StaticMap(sweep, LOOP.simulate(sweep))
     state = LOOP.initial_state(20.0)
@@ -116,16 +116,17 @@ def test_the_plain_map_runs_between_the_branches():
     assert plain.target(state, -5.0, 1).k_per_mm == plain.target(state, 50.0, 1).k_per_mm == 0.0
 
 
-def test_the_plain_map_of_a_falling_output_falls():
+def test_static_map_of_a_falling_output_falls():
     sweep = np.concatenate((np.linspace(20, 130, 500), np.linspace(130, 20, 500)))
     plain = StaticMap(sweep, FALLING.simulate(sweep))
     state = FALLING.initial_state(20.0)
     assert plain.target(state, 1.0, 1).temperature_c > plain.target(state, 11.0, 1).temperature_c
 
 
-def test_a_plain_map_needs_two_columns():
-    with pytest.raises(DataError, match="two columns"):
+def test_static_map_of_different_lengths_is_rejected():
+    with pytest.raises(DataError) as error:
         StaticMap([1.0, 2.0], [1.0])
+    assert (error.value.where, error.value.value) == ("static map", ((2,), (1,)))
 
 
 def test_holding_a_temperature_takes_the_loss_and_no_more():

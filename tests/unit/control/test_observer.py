@@ -1,4 +1,4 @@
-"""The observer against a simulated wire whose heat balance it does not quite know."""
+"""The observer estimates a simulated wire whose true heat balance differs a little from that of the observer."""
 
 import dataclasses
 
@@ -48,20 +48,20 @@ def rms(values):
     return float(np.sqrt(np.mean(np.square(values))))
 
 
-def test_the_estimate_beats_the_thermocouple():
+def test_estimate_beats_the_thermocouple():
     wire, read, estimated, *_ = follow(TRUE, POWERS)
     assert rms(estimated - wire) < 0.5 * rms(read - wire)
     assert rms(estimated - wire) < 0.1
 
 
-def test_a_wrong_loss_becomes_a_disturbance_and_no_bias():
+def test_wrong_loss_becomes_a_disturbance_and_no_bias():
     wrong = dataclasses.replace(TRUE, loss_w_per_k=TRUE.loss_w_per_k * 1.15)
     wire, _, estimated, *_, unexplained = follow(wrong, np.full(1200, 0.85))
     assert abs(np.mean((estimated - wire)[-200:])) < 0.1
     assert unexplained[-1] == pytest.approx(0.15 * TRUE.loss_w_per_k * (wire[-1] - 22.0), rel=0.2)
 
 
-def test_the_phase_follows_the_wire_through_turning_points():
+def test_phase_follows_the_wire_through_turning_points():
     *_, displacement, estimated, _ = follow(TRUE, POWERS)
     assert rms(estimated - displacement) < 0.02 * 12
 
@@ -71,13 +71,13 @@ def test_lost_readings_are_bridged_by_the_heat_balance():
     assert rms((estimated - wire)[300:320]) < 0.3
 
 
-def test_it_starts_at_the_measured_displacement_when_there_is_one():
+def test_estimate_starts_at_a_measured_displacement():
     observer = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012)
     assert observer.start(80.0, 6.0).hysteresis.y == pytest.approx(6.0)
     assert observer.start(80.0, float("nan")).hysteresis.y == pytest.approx(LOOP.initial_state(80.0).y)
 
 
-def test_a_displacement_sensor_puts_the_phase_of_a_wrong_model_right():
+def test_displacement_sensor_corrects_the_phase_of_a_wrong_model():
     shifted = DuhemModel.gaussian(
         mu_heating=92, mu_cooling=70, sigma_heating=6, sigma_cooling=6, scale=12, input_range=(0, 160)
     )
@@ -87,13 +87,13 @@ def test_a_displacement_sensor_puts_the_phase_of_a_wrong_model_right():
     assert rms(seeing - displacement) < 0.005 * 12
 
 
-def test_a_displacement_sensor_makes_the_temperature_better_too():
+def test_displacement_sensor_improves_the_temperature():
     wire, _, blind, *_ = follow(TRUE, POWERS)
     _, _, seeing, *_ = follow(TRUE, POWERS, noise_mm=0.012)
     assert rms(seeing - wire) < rms(blind - wire)
 
 
-def test_an_observer_goes_on_from_the_estimate_of_another():
+def test_observer_continues_from_the_estimate_of_another():
     other = DuhemModel.gaussian(
         mu_heating=88, mu_cooling=70, sigma_heating=6, sigma_cooling=6, scale=12, input_range=(0, 160)
     )
@@ -103,7 +103,7 @@ def test_an_observer_goes_on_from_the_estimate_of_another():
     assert after.hysteresis.y == pytest.approx(before.hysteresis.y)
 
 
-def test_what_is_seen_never_leaves_what_the_model_can_be_in():
+def test_estimate_stays_within_the_states_of_the_model():
     observer = WireObserver(WireModel(LOOP, TRUE), DT_S, 0.1, 0.012)
     estimate = observer.start(22.0, float("nan"))
     for _ in range(100):

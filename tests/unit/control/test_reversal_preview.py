@@ -1,4 +1,4 @@
-"""Turning in time: neither so late that the wire lags, nor so early that it misses the peak."""
+"""The preview begins a reversal neither so late that the wire lags, nor so early that it misses the peak."""
 
 import numpy as np
 import pytest
@@ -23,14 +23,14 @@ PEAK_S = 10.0
 
 
 def peak(rate=0.4, model=LOOP):
-    """A triangle that turns at `PEAK_S`, at 70 % of the stroke."""
+    """A triangle that reverses at `PEAK_S`, at 70 % of the stroke."""
     top_mm = model.offset + 0.7 * model.scale
     down_mm = top_mm - np.sign(model.scale) * rate * PEAK_S
     return Reference.from_samples([0, PEAK_S, 2 * PEAK_S], [down_mm, top_mm, down_mm])
 
 
 def at(reference, time_s, model=LOOP):
-    """A wire that has followed the reference up to now along the heating branch."""
+    """A wire that has followed the reference along the heating branch up to this time."""
     phase = (reference.value_mm(time_s) - model.offset) / model.scale
     temperatures = np.linspace(60, 120, 6001)
     state = model.initial_state(float(temperatures[np.searchsorted(model.heating.cdf(temperatures), phase)]))
@@ -38,7 +38,7 @@ def at(reference, time_s, model=LOOP):
 
 
 def leaves_s(reference, model=LOOP):
-    """When the wire leaves the heating branch."""
+    """Return the time at which the wire leaves the heating branch."""
     preview = ReversalPreview(WireModel(model, BALANCE))
     for time_s in np.arange(8.0, PEAK_S + 0.01, 0.02).tolist():
         if turn := preview.update(at(reference, time_s, model), reference, time_s, 1, LIMIT_W):
@@ -47,7 +47,7 @@ def leaves_s(reference, model=LOOP):
 
 
 def largest_error(reference, leave_s):
-    """Of a wire that follows exactly until `leave_s` and then cools as fast as it can, until it meets the reference."""
+    """Return the largest error of a wire that leaves the reference at `leave_s` and cools until they meet again."""
     wire, estimate = WireModel(LOOP, BALANCE), at(reference, leave_s)
     state, time_s = WireState(estimate.temperature_c, estimate.hysteresis), leave_s
     early = late = error = 0.0
@@ -58,7 +58,7 @@ def largest_error(reference, leave_s):
     return max(early, late)
 
 
-def test_the_wire_leaves_before_the_peak_and_meets_the_reference_after_it():
+def test_wire_reverses_before_the_peak_and_meets_the_reference_after_the_peak():
     leave_s, turn = leaves_s(peak())
     assert PEAK_S - 0.8 < leave_s < PEAK_S - 0.1
     assert turn.meets_s > PEAK_S
@@ -66,7 +66,7 @@ def test_the_wire_leaves_before_the_peak_and_meets_the_reference_after_it():
     assert turn.meets_c < at(peak(), leave_s).temperature_c - 5.0
 
 
-def test_leaving_then_makes_the_largest_error_smallest():
+def test_time_of_the_reversal_minimises_the_largest_error():
     reference = peak()
     leave_s, _ = leaves_s(reference)
     chosen = largest_error(reference, leave_s)
@@ -74,17 +74,17 @@ def test_leaving_then_makes_the_largest_error_smallest():
     assert chosen < 1.1 * min(largest_error(reference, t) for t in np.arange(9.0, 10.0, 0.02).tolist())
 
 
-def test_a_displacement_that_falls_on_heating_turns_at_the_same_time():
+def test_displacement_that_falls_on_heating_reverses_at_the_same_time():
     assert leaves_s(peak(model=FALLING), FALLING)[0] == pytest.approx(leaves_s(peak())[0])
 
 
-def test_far_from_a_turn_nothing_turns():
+def test_no_reversal_begins_far_from_the_peak():
     reference = peak()
     preview = ReversalPreview(WireModel(LOOP, BALANCE))
     assert preview.update(at(reference, 5.0), reference, 5.0, 1, LIMIT_W) is None
 
 
-def test_a_turn_is_over_at_the_meeting_or_beyond_it():
+def test_reversal_is_over_at_or_beyond_the_meeting_point():
     _, turn = leaves_s(peak())
     before = at(peak(), 9.5).hysteresis
     assert not turn.is_over(turn.meets_s - 0.1, before, LOOP.scale)

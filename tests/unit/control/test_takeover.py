@@ -1,4 +1,4 @@
-"""One controller takes over from another while the wire moves: no jump of the command, and then its own way."""
+"""A controller takes over from another while the wire moves, without a jump of the command."""
 
 import pytest
 
@@ -34,7 +34,7 @@ def reading(time_s, temperature_c):
     return Measurement(time_s=time_s, temperature_c=temperature_c, current_a=0.26, voltage_v=4.0)
 
 
-def test_the_command_does_not_jump_and_comes_to_be_the_other_one():
+def test_command_does_not_jump_and_converges_to_that_of_the_new_controller():
     before = controller(wire())
     for tick in range(40):
         last = before.update(PERIOD_S * tick, reading(PERIOD_S * tick, 84.0), PERIOD_S)
@@ -54,7 +54,7 @@ def test_the_command_does_not_jump_and_comes_to_be_the_other_one():
     assert powers[-1][0] == pytest.approx(powers[-1][1], abs=0.01 * jump_w + 0.01)
 
 
-def test_a_command_at_its_limit_leaves_nothing_to_hand_over():
+def test_command_at_its_limit_leaves_no_difference():
     before, after = TemperatureFeedback(PIGains(0.1, 0.0)), TemperatureFeedback(PIGains(0.1, 0.0))
     assert before.update(-50.0, 0.0, 6.0, PERIOD_S) == 0.0
     after.take_over(before)
@@ -62,7 +62,7 @@ def test_a_command_at_its_limit_leaves_nothing_to_hand_over():
     assert after.update(0.0, 1.5, 6.0, PERIOD_S) == 1.5
 
 
-def test_the_estimate_goes_on_in_the_terms_of_the_new_model():
+def test_estimate_continues_with_the_new_model():
     before = controller(wire())
     for tick in range(40):
         believed = before.update(PERIOD_S * tick, reading(PERIOD_S * tick, 90.0), PERIOD_S)
@@ -73,7 +73,7 @@ def test_the_estimate_goes_on_in_the_terms_of_the_new_model():
     assert goes_on.estimated_mm == pytest.approx(believed.estimated_mm, abs=0.5)
 
 
-def test_a_share_of_the_feedforward_leaves_the_rest_to_the_feedback():
+def test_share_of_the_feedforward_leaves_the_rest_to_the_feedback():
     whole, half, quarter = (
         controller(wire(), share).update(0.0, reading(0.0, 84.0), PERIOD_S) for share in (1.0, 0.5, 0.25)
     )

@@ -1,11 +1,11 @@
-"""The displacement trim: integrates what the wire owes, and nothing else."""
+"""The displacement trim integrates the displacement error, but not while the wire crosses its hysteresis."""
 
 import pytest
 
 from smadrive.control.controllers.trim import FOLLOWS_C, SLOWER, DisplacementTrim
 
 
-def test_a_lasting_error_is_made_up_for_within_the_integral_time():
+def test_lasting_error_is_corrected_within_the_integral_time():
     trim_mm = 0.0
     for _ in range(20):
         trim_mm = DisplacementTrim(0.25).update(trim_mm, 0.1, 0.0, SLOWER * 0.25 / 20)
@@ -13,5 +13,5 @@ def test_a_lasting_error_is_made_up_for_within_the_integral_time():
 
 
 @pytest.mark.parametrize("error_c", [FOLLOWS_C + 0.01, -10.0, float("inf")])
-def test_a_wire_on_its_way_across_the_hysteresis_winds_nothing_up(error_c):
+def test_trim_is_constant_while_the_wire_crosses_the_hysteresis(error_c):
     assert DisplacementTrim(0.25).update(0.02, 0.5, error_c, 0.05) == 0.02

@@ -93,9 +93,10 @@ def test_special_file_is_not_replaced(tmp_path, make, kind, through_a_link):
     if through_a_link:
         path = tmp_path / "link"
         path.symlink_to(tmp_path / "special")
-    with pytest.raises(DataError, match=kind) as caught:
+    with pytest.raises(DataError) as caught:
         write(path)
     assert caught.value.where == str(path)
+    assert kind in caught.value.what
     assert (tmp_path / "special").stat().st_ino == before.st_ino
     assert not any("partial" in name for name in names(tmp_path))
 
@@ -104,17 +105,19 @@ def test_special_file_is_not_replaced(tmp_path, make, kind, through_a_link):
 def test_write_protected_file_is_not_replaced(tmp_path):
     (tmp_path / "f").write_text("old")
     (tmp_path / "f").chmod(0o444)
-    with pytest.raises(DataError, match="write-protected"):
+    with pytest.raises(DataError) as caught:
         write(tmp_path / "f")
+    assert caught.value.where == str(tmp_path / "f")
+    assert (tmp_path / "f").read_text() == "old"
 
 
 def test_missing_folder_and_circular_links_are_errors(tmp_path):
-    with pytest.raises(DataError, match="No such file or directory"):
-        write(tmp_path / "no" / "f")
     (tmp_path / "a").symlink_to(tmp_path / "b")
     (tmp_path / "b").symlink_to(tmp_path / "a")
-    with pytest.raises(DataError, match="symbolic links"):
-        write(tmp_path / "a")
+    for path in (tmp_path / "no" / "f", tmp_path / "a"):
+        with pytest.raises(DataError) as caught:
+            write(path)
+        assert caught.value.where == str(path)
 
 
 FULL = """
@@ -144,9 +147,10 @@ def test_full_disk_leaves_the_old_file(tmp_path):
 
 @pytest.mark.parametrize("name", ["run.csv", "run", "run.toml", "run.h5.html"])
 def test_ending_of_another_kind_is_an_error(tmp_path, name):
-    with pytest.raises(DataError, match=r"\.h5 or \.hdf5 or \.nxs") as caught:
+    with pytest.raises(DataError) as caught:
         check_output(tmp_path / name, LOG)
     assert caught.value.where == str(tmp_path / name)
+    assert all(ending in caught.value.what for ending in LOG.endings)
     check_output(tmp_path / "run.H5", LOG)
 
 
@@ -155,9 +159,10 @@ def test_input_is_not_overwritten_under_any_name(tmp_path, link):
     (tmp_path / "a.csv").write_text("data")
     link(tmp_path / "a.csv", tmp_path / "b.csv")
     for name in ("a.csv", "b.csv"):
-        with pytest.raises(DataError, match="input") as caught:
+        with pytest.raises(DataError) as caught:
             check_output(tmp_path / name, TABLE, tmp_path / "absent.json", tmp_path / "a.csv")
         assert caught.value.where == str(tmp_path / name)
+        assert "input" in caught.value.what
     check_output(tmp_path / "c.csv", TABLE, tmp_path / "a.csv")
 
 
@@ -168,10 +173,12 @@ def test_record_is_never_overwritten_and_a_model_is(tmp_path):
     check_output(tmp_path / "f.json", MODEL)
     (tmp_path / "dangling.h5").symlink_to(tmp_path / "nothing")
     for name in ("f.h5", "dangling.h5"):
-        with pytest.raises(DataError, match="exists"):
+        with pytest.raises(DataError) as caught:
             check_output(tmp_path / name, LOG)
-        with pytest.raises(DataError, match="exists"), creating(tmp_path / name):
+        with pytest.raises(DataError) as caught_again, creating(tmp_path / name):
             pytest.fail("nothing may be written")
+        assert caught.value.where == caught_again.value.where == str(tmp_path / name)
+        assert caught.value.what == caught_again.value.what
     assert (tmp_path / "f.h5").read_text() == "old"
 
 

@@ -3,6 +3,7 @@
 import os
 
 import pytest
+from pydantic import ValidationError
 
 from smadrive.errors import ConfigError
 from smadrive.files.config import Section, load_config, read_toml
@@ -26,32 +27,34 @@ def load(tmp_path, text):
 def test_valid_file_loads_and_is_immutable(tmp_path):
     config = load(tmp_path, 'name = "x"\n[[parts]]\ncurrent_max_a = 0.5')
     assert config.parts[0].current_max_a == 0.5
-    with pytest.raises(Exception, match="frozen"):
+    with pytest.raises(ValidationError):
         config.name = "y"
 
 
 @pytest.mark.parametrize(
     ("text", "named"),
     [
-        ('nme = "x"\nparts = []', r"rig.toml: nme: unknown key; did you mean 'name'\? \(and 1 more\)"),
-        ('name = "x"\nparts = []\nprats = 1', "prats: unknown key; did you mean 'parts'?"),
-        ('name = "x"\n[[parts]]\ncurent_max_a = 1.0\ncurrent_max_a = 1.0', "did you mean 'current_max_a'"),
-        ('one = 1\nname = "x"\nparts = []\n[two]', "one, two: unknown key; known are: name, parts$"),
-        ('nme = "x"\nprats = 1', "nme: unknown key; did you mean 'name'.; prats: unknown key; did you mean 'parts'."),
-        ('name = "x"\n[[parts]]\ncurrent_max_a = "much"', "parts.0: current_max_a = 'much': put a number there"),
+        ('nme = "x"\nparts = []', ("nme: ", "'name'", "1 more")),
+        ('name = "x"\nparts = []\nprats = 1', ("prats: ", "'parts'")),
         (
-            'name = "x"\n[[parts]]\ncurrent_max_a = "0.15"',
-            "parts.0: current_max_a = '0.15': put a number there, without quotes",
+            'name = "x"\n[[parts]]\ncurent_max_a = 1.0\ncurrent_max_a = 1.0',
+            ("parts.0.curent_max_a: ", "'current_max_a'"),
         ),
-        ('name = "x"\n[[parts]]\ncurrent_max_a = true', "current_max_a = True: put a number there"),
-        ('name = "x"\n[[parts]]\ncurrent_max_a = nan', "finite number"),
-        ("name = ", "not valid TOML"),
-        ("name = " + "[\n" * 10_000, "rig.toml: nested too deeply for a config file"),
+        ('one = 1\nname = "x"\nparts = []\n[two]', ("one, two: ", "name, parts")),
+        ('nme = "x"\nprats = 1', ("nme: ", "'name'", "prats: ", "'parts'")),
+        ('name = "x"\n[[parts]]\ncurrent_max_a = "much"', ("parts.0: current_max_a = 'much'",)),
+        ('name = "x"\n[[parts]]\ncurrent_max_a = "0.15"', ("parts.0: current_max_a = '0.15'", "without quotes")),
+        ('name = "x"\n[[parts]]\ncurrent_max_a = true', ("current_max_a = True",)),
+        ('name = "x"\n[[parts]]\ncurrent_max_a = nan', ("parts.0.current_max_a: ", "nan")),
+        ("name = ", ("TOML",)),
+        ("name = " + "[\n" * 10_000, ("nested",)),
     ],
 )
-def test_error_names_the_key(tmp_path, text, named):
-    with pytest.raises(ConfigError, match=named) as caught:
+def test_error_names_file_and_key_in_one_line(tmp_path, text, named):
+    with pytest.raises(ConfigError) as caught:
         load(tmp_path, text)
+    assert caught.value.where == str(tmp_path / "rig.toml")
+    assert [part for part in named if part not in caught.value.what] == []
     assert "\n" not in str(caught.value)
 
 
@@ -61,9 +64,10 @@ def test_byte_order_mark_is_skipped(tmp_path):
 
 def test_pipe_is_an_error_at_once(tmp_path):
     os.mkfifo(tmp_path / "rig.toml")
-    with pytest.raises(ConfigError, match="a pipe") as caught:
+    with pytest.raises(ConfigError) as caught:
         load_config(tmp_path / "rig.toml", Outer)
     assert caught.value.where == str(tmp_path / "rig.toml")
+    assert "a pipe" in caught.value.what
 
 
 def test_missing_file_is_named(tmp_path):
@@ -84,12 +88,12 @@ def test_missing_file_is_named(tmp_path):
         'name = "a"\nname = "b"',
     ],
 )
-def test_file_out_of_bounds_is_refused_at_once(tmp_path, text):
+def test_file_out_of_bounds_is_rejected_at_once(tmp_path, text):
     with pytest.raises(ConfigError) as caught:
         load(tmp_path, text)
     assert len(str(caught.value)) < 600
 
 
-def test_path_with_a_null_character_is_refused(tmp_path):
+def test_path_with_a_null_character_is_rejected(tmp_path):
     with pytest.raises(ConfigError):
         read_toml(tmp_path / "a\0b.toml")

@@ -30,26 +30,39 @@ def test_byte_order_mark_is_no_part_of_the_first_name(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "named"),
+    ("text", "place", "named"),
     [
-        ("time_s,temperature_c\n0,20\n1,hot\n", "line 3, column 'temperature_c': 'hot'"),
-        ("time_s,temperature_c\n0,nan\n1,2\n", "line 2, column 'temperature_c': 'nan'"),
-        ("time_s,temperature_c\n0,inf\n1,2\n", "'inf'"),
-        ("time_s,temperature_c\n0,\n1,2\n", "line 2, column 'temperature_c': ''"),
-        ("time_s,temprature_c\n0,1\n1,2\n", "Did you mean 'temprature_c'"),
-        ("time_s,temperature_c\n0,1\n1\n", r"line 3: .* \(1, limit 2\)"),
-        ("time_s;temperature_c\n0,5;20,1\n1;21\n", "separated by ';'"),
-        ("time_s;temperature_c\n0;20\n1;21\n", "separated by ';'"),
-        ("time_s\ttemperature_c\n0\t20\n1\t21\n", r"separated by '\\t'"),
-        ("time_s,temperature_c\n", "no samples"),
-        ("", "no samples"),
+        ("time_s,temperature_c\n0,20\n1,hot\n", ", line 3, column 'temperature_c'", "'hot'"),
+        ("time_s,temperature_c\n0,nan\n1,2\n", ", line 2, column 'temperature_c'", "'nan'"),
+        ("time_s,temperature_c\n0,inf\n1,2\n", ", line 2, column 'temperature_c'", "'inf'"),
+        ("time_s,temperature_c\n0,\n1,2\n", ", line 2, column 'temperature_c'", "''"),
+        ("time_s,temprature_c\n0,1\n1,2\n", "", "'temperature_c'"),
+        ("time_s;temperature_c\n0,5;20,1\n1;21\n", "", "';'"),
+        ("time_s;temperature_c\n0;20\n1;21\n", "", "';'"),
+        ("time_s\ttemperature_c\n0\t20\n1\t21\n", "", r"'\t'"),
+        ("time_s,temperature_c\n", "", "no samples"),
+        ("", "", "no samples"),
     ],
 )
-def test_error_names_file_and_cell(tmp_path, text, named):
-    with pytest.raises(DataError, match=named) as caught:
+def test_error_names_file_and_cell(tmp_path, text, place, named):
+    with pytest.raises(DataError) as caught:
         table(tmp_path, text).column("temperature_c")
-    assert caught.value.where.startswith(str(tmp_path / "data.csv"))
+    assert caught.value.where == f"{tmp_path / 'data.csv'}{place}"
+    assert named in caught.value.what
     assert caught.value.cure
+
+
+def test_misspelled_column_is_suggested(tmp_path):
+    with pytest.raises(DataError) as caught:
+        table(tmp_path, "time_s,temprature_c\n0,1\n").column("temperature_c")
+    assert "'temprature_c'" in caught.value.cure
+
+
+def test_line_with_a_missing_cell_is_an_error(tmp_path):
+    with pytest.raises(DataError) as caught:
+        table(tmp_path, "time_s,temperature_c\n0,1\n1\n")
+    assert caught.value.where == f"{tmp_path / 'data.csv'}, line 3"
+    assert (caught.value.value, caught.value.limit) == (1, 2)
 
 
 def test_missing_binary_and_unwritable_files_are_errors(tmp_path):
@@ -57,16 +70,19 @@ def test_missing_binary_and_unwritable_files_are_errors(tmp_path):
         read_table(tmp_path / "absent.csv")
     assert caught.value.where == str(tmp_path / "absent.csv")
     (tmp_path / "data.csv").write_bytes(b"\xff\xfe\x00\x81")
-    with pytest.raises(DataError, match="cannot be read as CSV"):
+    with pytest.raises(DataError) as caught:
         read_table(tmp_path / "data.csv")
-    with pytest.raises(DataError, match="cannot be written"):
+    assert caught.value.where == str(tmp_path / "data.csv")
+    with pytest.raises(DataError) as caught:
         write_table(tmp_path / "no" / "out.csv", {}, {"x": np.zeros(1)})
+    assert caught.value.where == str(tmp_path / "no" / "out.csv")
 
 
 @pytest.mark.parametrize("cell", ["2_0", "٢٠", "²", "0x10", "1e300", "-2e12", "1,5".replace(",", "·"), "9" * 5000])
 def test_cell_without_a_usable_number_is_an_error(tmp_path, cell):
-    with pytest.raises(DataError, match="line 3, column 'temperature_c'"):
+    with pytest.raises(DataError) as caught:
         table(tmp_path, f"time_s,temperature_c\n0,20\n1,{cell}\n", encoding="utf-8").column("temperature_c")
+    assert caught.value.where.endswith("line 3, column 'temperature_c'")
 
 
 @pytest.mark.parametrize("cell", ["20", " 20.0 ", "+2e1", ".2E2", "20.", "200e-1"])
@@ -76,8 +92,9 @@ def test_every_usual_form_of_a_number_is_read(tmp_path, cell):
 
 @pytest.mark.parametrize("header", ["time_s,temperature_c,time_s", "time_s,temperature_c, time_s", ",temperature_c,"])
 def test_two_columns_of_one_name_are_an_error(tmp_path, header):
-    with pytest.raises(DataError, match="two columns"):
+    with pytest.raises(DataError) as caught:
         table(tmp_path, f"{header}\n0,20,1\n1,21,2\n")
+    assert repr(header.split(",")[0]) in caught.value.what
 
 
 def test_empty_columns_of_a_spreadsheet_are_skipped(tmp_path):
@@ -86,8 +103,9 @@ def test_empty_columns_of_a_spreadsheet_are_skipped(tmp_path):
 
 
 def test_error_names_the_line_of_the_file(tmp_path):
-    with pytest.raises(DataError, match="line 5"):
+    with pytest.raises(DataError) as caught:
         table(tmp_path, "time_s\n\n0\n\nhot\n").column("time_s")
+    assert caught.value.where == f"{tmp_path / 'data.csv'}, line 5, column 'time_s'"
 
 
 def test_table_that_looks_like_a_deep_toml_key_is_an_error_at_once(tmp_path):

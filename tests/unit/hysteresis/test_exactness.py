@@ -1,4 +1,4 @@
-"""The branch engine against an ODE solver, and its speed-free promises: step size and stepping form do not matter."""
+"""The branch engine agrees with an ODE solver, and its result does not depend on the step size or form of a step."""
 
 import itertools
 
@@ -12,7 +12,7 @@ from .conftest import MODELS
 
 
 def law(model, v, *, rising):
-    """a and b at v straight from the definition, not from the table."""
+    """Return a and b at v from the definition, without the table."""
     if isinstance(model, DuhemModel):
         return model.local_laws(np.array(v), rising=rising)
     a, b = model.heating_law if rising else model.cooling_law
@@ -21,7 +21,7 @@ def law(model, v, *, rising):
 
 
 def solve(model, turns, w):
-    """States at the turning points by DOP853, restarted at every kink of the law."""
+    """Return the states at the turning points by DOP853, restarted at every kink of the law."""
     kinks = np.empty(0) if isinstance(model, DuhemModel) else model.sets.kinks
     states = [w]
     for start, end in itertools.pairwise(turns):
@@ -84,14 +84,14 @@ def test_slope_is_the_derivative(model, turns):
             assert model.slope(state, direction) == pytest.approx(direction * moved / 1e-4, abs=1e-5 * abs(model.scale))
 
 
-def test_wires_side_by_side(model, turns):
+def test_batch_of_wires_equals_single_simulations(model, turns):
     paths = np.column_stack([turns, turns[::-1], 0.5 * (turns + turns[0])])
     together = model.simulate(paths)
     for wire in range(3):
         np.testing.assert_array_equal(together[:, wire], model.simulate(paths[:, wire]))
 
 
-def test_far_out_the_state_is_held(model):
+def test_state_is_constant_outside_the_range(model):
     lower, upper = model.input_range
     y = model.simulate([lower, 1e6, upper, -1e300, lower])
     assert np.isfinite(y).all()

@@ -1,4 +1,4 @@
-"""The inverse: what it says it reaches is reached, what it cannot reach saturates and is told."""
+"""The inverse: a reachable setpoint is reached, an unreachable one gives the end of the range and reachable = False."""
 
 import numpy as np
 import pytest
@@ -21,20 +21,20 @@ def test_round_trip(model):
     np.testing.assert_allclose(result.y, wanted, rtol=0, atol=1e-8 * abs(model.scale))
 
 
-def test_random_wanted_outputs(model):
+def test_random_setpoints_are_reached_or_reported_unreachable(model):
     wanted = outputs(model, np.random.default_rng(3).uniform(0.02, 0.98, 500))
     result = InverseFeedforward(model).trajectory(wanted, model.input_range[0])
     assert result.reachable.all()
     np.testing.assert_allclose(result.y, wanted, rtol=0, atol=1e-9 * abs(model.scale))
 
 
-def test_what_cannot_be_reached_saturates(model):
+def test_unreachable_setpoint_gives_the_end_of_the_range(model):
     result = InverseFeedforward(model).trajectory(outputs(model, [0.5, 1.3, -0.3]), model.input_range[0])
     assert result.reachable.tolist() == [True, False, False]
     assert result.v[1:].tolist() == [model.engine.upper, model.engine.lower]
 
 
-def test_an_output_already_reached_needs_no_move(model):
+def test_setpoint_at_the_present_output_needs_no_move(model):
     state = model.initial_state(0.5 * sum(model.input_range))
     assert InverseFeedforward(model).update(state, state.y) == (state.v, state.y, True)
 

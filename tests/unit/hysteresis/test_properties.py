@@ -1,4 +1,4 @@
-"""What makes it hysteresis, for any input: rate independence, local memory, containment, contraction, invertibility."""
+"""Properties of a hysteresis model for any input: rate independence, local memory, bounds, contraction, inverse."""
 
 import numpy as np
 import pytest
@@ -51,7 +51,7 @@ def test_rate_independence(model, path, repeats):
 
 @given(any_model, paths, paths)
 def test_local_memory(model, before, after):
-    """The future depends on the present (v, y) only, not on how the wire came there."""
+    """The future depends only on the present (v, y), not on the earlier path."""
     v = spread(model, [*before, *after])
     y = model.simulate(v)
     start = len(before) - 1
@@ -83,7 +83,7 @@ def test_certified_contraction_and_bounds(model, path, first, second):
 
 
 @given(any_duhem, paths, st.lists(st.floats(-0.1, 1.1), min_size=1, max_size=8))
-def test_inverse_is_right_about_what_it_reaches(model, path, wanted):
+def test_reachable_setpoint_is_reached(model, path, wanted):
     state = model.initial_state(spread(model, path)[0])
     for v in spread(model, path):
         state = model.step(state, v)
@@ -108,7 +108,7 @@ def test_inverse_of_inverse(path):
     np.testing.assert_allclose(reached, wanted, rtol=0, atol=1e-8 * abs(WIRE.scale))
 
 
-def test_a_periodic_input_has_one_attracting_loop():
+def test_periodic_input_has_one_attracting_loop():
     loop = np.tile([70.0, 97.0], 40)
     ends = [WIRE.simulate(loop, y0)[-2:] for y0 in (WIRE.offset, WIRE.offset + WIRE.scale)]
     np.testing.assert_allclose(ends[0], ends[1], atol=1e-9)

@@ -1,4 +1,4 @@
-"""The dead band: false reversals vanish, true ones stay, in real time as over a record."""
+"""The dead band removes false reversals and keeps true ones, in real time and over a record."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def test_noise_makes_no_reversals():
     assert len(turning_points(NOISY, 1.0)) == 4
 
 
-def test_neither_form_lags():
+def test_filtered_input_does_not_lag():
     assert np.mean((filter_reversals(NOISY, 1.0) - TRUTH)[100:700]) == pytest.approx(0, abs=0.2)
     assert np.mean((monotone_runs(NOISY, 1.0) - TRUTH)[100:700]) == pytest.approx(0, abs=0.02)
 
@@ -42,7 +42,7 @@ def test_turning_point_is_not_the_extreme_of_its_noise(samples):
     assert np.sqrt(np.mean(np.square(outward))) < 0.15
 
 
-def test_real_time_form_is_the_same():
+def test_real_time_filter_equals_the_filter_of_a_record():
     band = DeadBand(1.0)
     np.testing.assert_array_equal([band.update(v) for v in NOISY], filter_reversals(NOISY, 1.0))
 
@@ -51,12 +51,12 @@ def test_small_reversals_leave_the_output_constant():
     np.testing.assert_allclose(filter_reversals([0, 5, 4, 4.5, 6, 3.5, 4, 3], 1.0), [0, 5, 5, 5, 6, 3.5, 3.5, 3])
 
 
-def test_without_a_band_nothing_changes():
+def test_radius_of_zero_changes_nothing():
     np.testing.assert_array_equal(filter_reversals(NOISY, 0.0), NOISY)
     np.testing.assert_allclose(monotone_runs(NOISY, 0.0), NOISY, atol=1e-12)
 
 
-def test_constant_input():
+def test_constant_input_stays_constant():
     np.testing.assert_array_equal(monotone_runs(np.full(5, 3.0), 0.5), np.full(5, 3.0))
 
 

@@ -1,4 +1,4 @@
-"""Online adaptation of the rules: it follows a wire that changes, stays certified, and sees through a lying sensor."""
+"""Online adaptation of the rules: it follows a wire that changes, stays certified, and detects a faulty sensor."""
 
 from math import nan
 
@@ -32,7 +32,7 @@ def rules():
 
 
 def follow(rules, *, drift_c=0.0, drift=0.0, shown=lambda share, reached_mm: reached_mm, adaptation=None):
-    """Errors of the rules as they were and as they are, in percent of the stroke, and the adaptation."""
+    """Return the errors of the fixed and of the adapted rules, in percent of the stroke, and the adaptation."""
     rng = np.random.default_rng(1)
     path_c = 80.0 + (16.0 + 6.0 * np.sin(TIMES_S / 53.0)) * np.sin(2 * np.pi * TIMES_S / PERIOD_S - 1.5)
     adaptation = adaptation or Adaptation(rules, 0.1)
@@ -56,19 +56,19 @@ def rms(errors):
     return float(np.sqrt(np.mean(errors**2)))
 
 
-def test_a_drift_is_followed_with_a_third_of_the_error_at_most_and_certificates_all_the_way(rules):
+def test_drift_is_followed_with_a_third_of_the_error_and_certified_rules(rules):
     fixed, adapted, adaptation = follow(rules, drift_c=3.0, drift=-0.05)
     assert rms(fixed) > 5.0
     assert rms(adapted) < rms(fixed) / 3.0
     assert adaptation.lying is None
 
 
-def test_a_wire_that_does_not_change_is_left_alone(rules):
+def test_constant_wire_keeps_its_rules(rules):
     fixed, adapted, _ = follow(rules)
     assert rms(adapted) < max(1.1 * rms(fixed), 0.5)
 
 
-def test_a_stuck_sensor_ends_it_and_nothing_is_learnt_from_it(rules):
+def test_stuck_sensor_ends_the_adaptation_and_changes_no_rule(rules):
     held = []
 
     def stuck(share, reached_mm):
@@ -76,11 +76,11 @@ def test_a_stuck_sensor_ends_it_and_nothing_is_learnt_from_it(rules):
         return held[0]
 
     fixed, adapted, adaptation = follow(rules, shown=stuck)
-    assert "stands while the wire travels" in adaptation.lying
+    assert adaptation.lying
     assert rms(adapted[-1200:]) < rms(fixed[-1200:]) + 1.0
 
 
-def test_spikes_are_not_believed(rules):
+def test_spikes_are_rejected(rules):
     rng = np.random.default_rng(2)
     fixed, adapted, adaptation = follow(
         rules, shown=lambda share, reached_mm: reached_mm + (6.0 * rng.normal() if rng.random() < 0.03 else 0.0)
@@ -89,13 +89,13 @@ def test_spikes_are_not_believed(rules):
     assert rms(adapted) < rms(fixed) + 1.0
 
 
-def test_a_sensor_that_slipped_ends_it(rules):
+def test_displaced_sensor_ends_the_adaptation(rules):
     fixed, adapted, adaptation = follow(rules, shown=lambda share, reached_mm: reached_mm + 4.0 * (share > 0.5))
-    assert "further off" in adaptation.lying
+    assert adaptation.lying
     assert rms(adapted[-1200:]) < rms(fixed[-1200:]) + 1.0
 
 
-def test_without_a_sensor_nothing_happens(rules):
+def test_missing_displacement_changes_no_rule(rules):
     adaptation = Adaptation(rules, 0.1)
     for v in (20.0, 80.0, 100.0, nan, 60.0):
         adaptation.update(v, nan)

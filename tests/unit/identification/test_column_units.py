@@ -1,4 +1,4 @@
-"""Columns whose numbers belie the unit of their name."""
+"""Columns whose numbers do not fit the unit of their name."""
 
 import numpy as np
 import pytest
@@ -7,18 +7,17 @@ from smadrive.identification.column_units import unit_doubts
 
 
 @pytest.mark.parametrize(
-    ("name", "ends", "told"),
+    ("name", "ends", "unit"),
     [
-        ("temperature_c", (293.0, 393.0), "goes from 293 to 393, which looks like kelvin"),
-        ("displacement_mm", (0.001, 0.012), "moves by 0.011 in all, which looks like metres"),
-        ("displacement_mm", (0.0, 12_000.0), "looks like micrometres"),
+        ("temperature_c", (293.0, 393.0), "kelvin"),
+        ("displacement_mm", (0.001, 0.012), " metres"),
+        ("displacement_mm", (0.0, 12_000.0), "micrometres"),
     ],
 )
-def test_another_unit_is_doubted_with_the_cure(name, ends, told):
+def test_another_unit_is_doubted_by_its_name(name, ends, unit):
     (doubt,) = unit_doubts(name, np.linspace(*ends, 50))
     assert doubt.startswith(name)
-    assert told in doubt
-    assert "convert it to" in doubt
+    assert unit in doubt
 
 
 @pytest.mark.parametrize(
@@ -33,5 +32,5 @@ def test_another_unit_is_doubted_with_the_cure(name, ends, told):
         ("displacement_m", (0.0, 0.004)),
     ],
 )
-def test_what_a_wire_can_have_and_what_tells_no_unit_is_not_doubted(name, ends):
+def test_usual_values_and_names_without_a_unit_are_not_doubted(name, ends):
     assert unit_doubts(name, np.linspace(*ends, 50)) == ()

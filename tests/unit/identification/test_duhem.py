@@ -1,4 +1,4 @@
-"""Identification of a Duhem model: its parameters, and how well the record tells them."""
+"""Identification of a Duhem model: its parameters and their standard errors."""
 
 import numpy as np
 import pytest
@@ -47,13 +47,13 @@ def test_standard_errors_are_the_spread_of_repeated_records():
     assert fits[0].standard_errors.heating.weights == (0.0,)
 
 
-def test_components_that_are_not_there_are_told_apart_badly():
-    """Two Gaussians on a record of one: weights that could be anything say so."""
+def test_superfluous_components_have_large_standard_errors():
+    """Two Gaussians are fitted to a record of one. Their weights have large standard errors."""
     errors = identify_duhem(PATH, noisy(0), components=2).standard_errors
     assert max(errors.heating.weights + errors.cooling.weights) > 0.1
 
 
-def test_residuals_alike_count_for_less():
+def test_correlated_residuals_count_as_fewer_samples():
     slow, white = np.sin(np.arange(1000) / 50), np.random.default_rng(0).standard_normal(1000)
     assert neighbour_correlation(slow) > 0.99
     assert abs(neighbour_correlation(white)) < 0.1

@@ -1,4 +1,4 @@
-"""Measured wires, where the data folder is at hand: it lies beside the project and is not part of it."""
+"""Fits of measured wires. The tests need a data folder beside the project, which is not part of the project."""
 
 from pathlib import Path
 
@@ -38,7 +38,7 @@ def columns(name):
         ("nitihf_isobaric/300MPa", 1.0, 10.0),
     ],
 )
-def test_twenty_two_rules(name, rms_percent, max_percent):
+def test_fit_with_twenty_two_rules_is_accurate(name, rms_percent, max_percent):
     fit = identify_tsfuzzy(*columns(name))
     assert len(fit.model.rules) == 22
     assert fit.rms_percent <= rms_percent
@@ -53,14 +53,14 @@ def halves(request):
     return request.param, hold_out(*columns(request.param), identify_tsfuzzy)
 
 
-def test_samples_between_those_fitted_are_met_as_well(halves, request):
+def test_validation_error_is_near_the_training_error(halves, request):
     name, both = halves
     if name in CLIFFS:  # what lies between two samples there, neighbours do not tell
         request.applymarker(pytest.mark.xfail(reason=CLIFFS[name]))
     assert max(half.ratio for half in both) <= 1.2
 
 
-def test_samples_between_those_fitted_are_met_as_well_or_better_than_their_neighbours_tell(halves):
+def test_validation_error_is_that_of_training_or_below_that_of_neighbours(halves):
     _, both = halves
     assert all(half.ratio <= 1.2 or half.validation_percent < half.neighbours_percent for half in both)
 

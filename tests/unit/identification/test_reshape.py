@@ -32,12 +32,12 @@ def rules():
     return identify_tsfuzzy(PATH, duhem(SHAPE).simulate(PATH), sets=11).model
 
 
-def test_the_shape_is_that_of_the_gaussians():
+def test_shape_is_that_of_the_gaussians():
     assert shape_of(duhem(SHAPE)) == pytest.approx(SHAPE, abs=0.02)
 
 
 @pytest.mark.parametrize("move", MOVES)
-def test_a_duhem_model_moves_exactly(move):
+def test_duhem_model_moves_exactly(move):
     moved = reshaped(duhem(SHAPE), SHAPE._replace(**move))
     assert moved.simulate(PATH) == pytest.approx(duhem(SHAPE._replace(**move)).simulate(PATH), abs=0.02)
 

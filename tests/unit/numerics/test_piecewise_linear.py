@@ -1,4 +1,4 @@
-"""A polyline is what numpy's interpolation makes of the same corners, to the last bit."""
+"""The piecewise linear function agrees with numpy's interpolation to the last bit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from smadrive.numerics.piecewise_linear import PiecewiseLinear
 
 
 @pytest.mark.parametrize("corners", [2, 3, 50])
-def test_it_is_numpys_interpolation_to_the_last_bit(corners):
+def test_value_equals_numpys_interpolation_to_the_last_bit(corners):
     random = np.random.default_rng(corners)
     times_s, values = np.cumsum(random.uniform(0.01, 3.0, corners)), random.normal(40.0, 20.0, corners)
     line = PiecewiseLinear(times_s, values)
@@ -17,5 +17,5 @@ def test_it_is_numpys_interpolation_to_the_last_bit(corners):
     assert [line.at(time_s) for time_s in asked_s.tolist()] == np.interp(asked_s, times_s, values).tolist()
 
 
-def test_a_leg_that_takes_no_time_is_passed_over():
+def test_leg_of_no_length_is_skipped():
     assert PiecewiseLinear([0.0, 0.0, 2.0], [5.0, 5.0, 9.0]).at(1.0) == 7.0

@@ -18,7 +18,7 @@ def wire(scale):
 
 
 @given(turns=st.lists(st.floats(20, 140), min_size=2, max_size=8), scale=st.sampled_from([12.0, -3.0]))
-def test_wherever_a_wire_has_been_it_is_within_its_band(turns, scale):
+def test_wire_of_any_history_is_within_its_band(turns, scale):
     model = wire(scale)
     placed = DisplacementBand(model)
     v = np.concatenate([np.linspace(a, b, 30) for a, b in pairwise(turns)])
@@ -38,14 +38,14 @@ def test_cold_and_hot_wires_have_a_narrow_band(scale):
         assert high - low < 2.5 * MARGIN * abs(scale)
 
 
-def test_the_nearest_displacement_is_on_a_branch_or_between_them():
+def test_nearest_displacement_is_on_a_branch_or_between_them():
     placed = DisplacementBand(wire(12.0))
     assert placed.nearest_mm(22.0, 1.5) == pytest.approx(1.0, abs=1e-3)
     assert placed.nearest_mm(130.0, 1.5) == pytest.approx(13.0, abs=1e-3)
     assert placed.nearest_mm(80.0, 5.0) == 5.0
 
 
-def test_beyond_the_models_range_the_ends_hold():
+def test_band_is_constant_beyond_the_range_of_the_model():
     placed = DisplacementBand(wire(12.0))
     assert placed.band_mm(-50.0) == placed.band_mm(20.0 - UNSURE_C)
     assert placed.band_mm(500.0) == placed.band_mm(140.0 + UNSURE_C)

@@ -22,7 +22,7 @@ def sample(n=0, temperature_c=60.0, current_a=0.2, in_force_a=0.2, armed=True, *
 
 
 def trips_after(samples, limits=LIMITS, setpoint_mm=nan, band=None):
-    """How many samples it took to trip, and on what; None when it never did."""
+    """Return the number of samples until the trip, and its fault; None without a trip."""
     supervisor = Supervisor(limits, displacement_band=band)
     for n, one in enumerate(samples, start=1):
         if trip := supervisor.update(one, setpoint_mm):
@@ -30,7 +30,7 @@ def trips_after(samples, limits=LIMITS, setpoint_mm=nan, band=None):
     return None
 
 
-def test_a_healthy_wire_never_trips():
+def test_healthy_wire_never_trips():
     assert trips_after([sample(n) for n in range(1000)]) is None
 
 
@@ -42,26 +42,26 @@ def test_over_temperature_needs_two_of_three():
     )
 
 
-def test_an_invalid_thermocouple_needs_three_of_five():
+def test_invalid_thermocouple_needs_three_of_five():
     bad = sample(temperature_c=nan, temperature_fault="thermocouple_open")
     assert trips_after([bad, bad, sample(), sample(), sample(), sample(), bad]) is None
     assert trips_after([bad, bad, sample(), bad]) == (4, Fault.SENSOR_INVALID)
 
 
-def test_the_current_must_be_the_commanded_one():
+def test_current_must_be_the_commanded_one():
     assert trips_after([sample(current_a=0.1)] * 10) == (4, Fault.CURRENT_MISMATCH)
     assert trips_after([sample(current_a=0.1, in_force_a=0.0)] * 10) == (4, Fault.UNEXPECTED_HEATING)
 
 
 @pytest.mark.parametrize("unknown", [{"current_a": nan}, {"voltage_v": nan}, {"voltage_v": inf}])
-def test_an_unknown_power_needs_three_of_five(unknown):
+def test_unknown_power_needs_three_of_five(unknown):
     bad = sample()._replace(**unknown)
     assert trips_after([bad, bad, sample(), sample(), sample(), sample(), bad]) is None
     assert trips_after([bad, bad, sample(), bad]) == (4, Fault.POWER_UNKNOWN)
 
 
-def test_a_sample_of_unknown_power_counts_as_the_one_before():
-    """A wire that is heated hard, with a bead that fell off: every other sample lacks the voltage."""
+def test_sample_of_unknown_power_keeps_the_previous_power():
+    """The wire is heated hard, the bead has fallen off, and every other sample has no voltage."""
     balance = HeatBalance(0.0298, 0.014, 0.83, 22.0, 16.5, -0.12, 0.15)
     tripped = []
     for lacking in (False, True):
@@ -79,7 +79,7 @@ def test_a_sample_of_unknown_power_counts_as_the_one_before():
 
 
 @pytest.mark.parametrize("limit", [{"displacement_max_mm": 10.0}, {"tracking_max_mm": 1.0}])
-def test_a_displacement_that_has_a_limit_and_is_lost_trips(limit):
+def test_lost_displacement_with_a_limit_trips(limit):
     limits = replace(LIMITS, tracking_for_s=2.0, **limit)
     seen, lost = [sample(n, displacement_mm=5.0) for n in range(10)], [sample(n) for n in range(10, 100)]
     assert trips_after(seen + lost, limits, setpoint_mm=5.0) == (51, Fault.DISPLACEMENT_UNKNOWN)
@@ -88,17 +88,17 @@ def test_a_displacement_that_has_a_limit_and_is_lost_trips(limit):
     assert trips_after(seen + lost) is None
 
 
-def test_a_current_that_is_unknown_does_not_arm():
+def test_unknown_current_prevents_arming():
     with pytest.raises(SafetyError):
         Supervisor(LIMITS).check_may_arm(sample(current_a=nan, in_force_a=0.0))
 
 
-def test_a_device_that_limits_the_current_and_says_so_is_no_mismatch():
+def test_current_below_the_command_at_a_reported_limit_is_no_mismatch():
     assert trips_after([sample(current_a=0.1, device_limits=("temperature",))] * 10) is None
     assert trips_after([sample(current_a=0.4, device_limits=("temperature",))] * 10) == (4, Fault.CURRENT_MISMATCH)
 
 
-def test_a_fault_of_the_device_trips_at_once():
+def test_fault_of_the_device_trips_at_once():
     assert trips_after([sample(device_faults=("watchdog",))]) == (1, Fault.DEVICE_FAULT)
 
 
@@ -112,7 +112,7 @@ def test_silence_is_a_fault_after_its_limit():
     assert "rate_hz or a larger stale_after_s" in str(trip)
 
 
-def test_silence_is_a_fault_even_when_it_was_broken_before_anyone_looked():
+def test_silence_is_a_fault_even_if_a_late_measurement_ends_it():
     assert trips_after([sample(0), sample(5), sample(12)]) == (3, Fault.STALE_DATA)
 
 
@@ -122,7 +122,7 @@ def test_silence_from_the_beginning_counts_too():
     assert supervisor.check_fresh(10.4) is not None
 
 
-def test_the_first_fault_is_latched():
+def test_first_fault_is_latched():
     supervisor = Supervisor(LIMITS)
     supervisor.update(sample(device_faults=("watchdog",)), nan)
     for n in range(10):
@@ -131,7 +131,7 @@ def test_the_first_fault_is_latched():
     assert trip.fault is Fault.DEVICE_FAULT
 
 
-def test_a_trip_tells_number_cause_value_limit_and_remedy():
+def test_trip_text_has_number_cause_value_limit_and_remedy():
     supervisor = Supervisor(LIMITS)
     for n in range(2):
         trip = supervisor.update(sample(n, temperature_c=125.04), nan)
@@ -158,21 +158,21 @@ def test_fault_numbers_are_unique():
         (sample(temperature_c=130.0), "130.0 °C", "temperature_max_c = 120 °C", Fault.OVER_TEMPERATURE.remedy),
     ],
 )
-def test_arming_is_refused_with_the_cure(measurement, value, limit, cure):
+def test_arming_is_rejected_with_the_cure(measurement, value, limit, cure):
     with pytest.raises(SafetyError) as error:
         Supervisor(LIMITS).check_may_arm(measurement)
     assert (error.value.value, error.value.limit, error.value.cure) == (value, limit, cure)
 
 
-def test_a_device_that_stops_heating_by_itself_is_noticed():
+def test_device_that_stops_heating_by_itself_trips():
     assert trips_after([sample(), sample(armed=False), sample(armed=False)]) == (3, Fault.DISARMED)
 
 
-def test_a_wire_that_reads_colder_than_any_room_has_its_thermocouple_reversed():
+def test_temperature_below_its_minimum_trips():
     assert trips_after([sample(temperature_c=-25.0)] * 5) == (3, Fault.UNDER_TEMPERATURE)
 
 
-def test_a_source_that_settles_slowly_may_be_anywhere_between_its_last_commands():
+def test_current_of_a_slow_source_may_lie_between_its_last_commands():
     slow = SafetyLimits(120.0, settle_s=0.5)
     ramp = [sample(n, current_a=0.02 * n, in_force_a=0.02 * (n + 8)) for n in range(100)]
     assert trips_after(ramp) == (4, Fault.CURRENT_MISMATCH)
@@ -183,7 +183,7 @@ def test_a_source_that_settles_slowly_may_be_anywhere_between_its_last_commands(
     assert 20 <= count <= 25
 
 
-def test_a_voltage_limit_excuses_a_little_less_current_but_not_a_broken_wire():
+def test_voltage_limit_explains_less_current_but_not_a_broken_wire():
     at_limit = {"device_limits": ("voltage",), "in_force_a": 0.4}
     assert trips_after([sample(current_a=0.3, **at_limit)] * 10) is None
     assert trips_after([sample(current_a=0.0, **at_limit)] * 10) == (4, Fault.CURRENT_MISMATCH)
@@ -196,7 +196,7 @@ def test_displacement_has_its_own_limits():
     assert trips_after([sample(displacement_mm=nan)] * 10, limits) is None
 
 
-def test_a_wire_that_does_not_follow_for_too_long_has_lost_its_reference():
+def test_wire_that_does_not_follow_for_too_long_trips():
     limits = SafetyLimits(120.0, tracking_max_mm=1.0, tracking_for_s=2.0)
     strayed = [sample(n, displacement_mm=3.5) for n in range(100)]
     back = [sample(n, displacement_mm=3.5 if n % 30 else 4.5) for n in range(100)]
@@ -205,14 +205,14 @@ def test_a_wire_that_does_not_follow_for_too_long_has_lost_its_reference():
     assert trips_after(strayed, limits) is None
 
 
-def test_a_loop_that_is_always_late_is_stopped():
+def test_loop_that_is_always_late_trips():
     supervisor = Supervisor(LIMITS)
     assert all(supervisor.check_deadline(n % 15 > 0, 0.05 * n) is None for n in range(1000))
     trips = [supervisor.check_deadline(True, 0.05 * n) for n in range(20)]
     assert trips[-1].fault is Fault.DEADLINES_MISSED
 
 
-def test_arming_is_refused_while_current_flows():
+def test_arming_is_rejected_while_current_flows():
     with pytest.raises(SafetyError) as error:
         Supervisor(LIMITS).check_may_arm(sample(current_a=0.3, in_force_a=0.0))
     assert (error.value.value, error.value.cure) == ("0.300 A", Fault.UNEXPECTED_HEATING.remedy)
@@ -220,7 +220,7 @@ def test_arming_is_refused_while_current_flows():
 
 @pytest.fixture
 def band():
-    """Rises by 12 mm at 90 °C, falls at 69 °C."""
+    """The band of a wire that rises by 12 mm at 90 °C and falls at 69 °C."""
     model = DuhemModel.gaussian(
         mu_heating=90.0, mu_cooling=69.0, sigma_heating=5.0, sigma_cooling=5.0, scale=12.0, input_range=(20.0, 140.0)
     )
@@ -228,22 +228,20 @@ def band():
 
 
 @pytest.mark.parametrize(("temperature_c", "displacement_mm"), [(115.0, 0.0), (30.0, 12.0), (80.0, 999.0)])
-def test_a_displacement_that_the_wire_cannot_have_is_a_fault_when_no_lag_excuses_it_any_more(
-    band, temperature_c, displacement_mm
-):
+def test_displacement_outside_the_band_trips_after_the_lag_of_the_thermocouple(band, temperature_c, displacement_mm):
     samples = [sample(n, temperature_c=temperature_c, displacement_mm=displacement_mm) for n in range(100)]
     after, fault = trips_after(samples, band=band)
     assert fault is Fault.DISPLACEMENT_IMPLAUSIBLE
     assert 0.05 * after == pytest.approx(LIMITS.misplaced_for_s, abs=0.2)
 
 
-def test_a_displacement_that_is_wrong_for_a_while_or_not_measured_is_none(band):
+def test_displacement_outside_the_band_for_a_short_time_or_not_measured_does_not_trip(band):
     there = [sample(n, temperature_c=80.0, displacement_mm=999.0 if n % 50 else 6.0) for n in range(500)]
     assert trips_after(there, band=band) is None
     assert trips_after([sample(n, temperature_c=115.0) for n in range(500)], band=band) is None
 
 
-def test_a_sensor_without_its_zero_is_not_armed(band):
+def test_sensor_without_its_zero_prevents_arming(band):
     rest = {"current_a": 0.0, "in_force_a": 0.0, "temperature_c": 22.0}
     Supervisor(LIMITS, displacement_band=band).check_may_arm(sample(displacement_mm=0.5, **rest))
     with pytest.raises(SafetyError) as error:

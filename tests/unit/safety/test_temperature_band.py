@@ -1,4 +1,4 @@
-"""The reading against the heat that went in: no healthy wire is ever refused, and no sensor can hide a hot one."""
+"""The reading against the heat input: no healthy wire trips, and no faulty sensor hides a hot wire."""
 
 from dataclasses import replace
 from math import sin
@@ -47,7 +47,7 @@ def supervised(balance, uncertainty=NOMINAL, maximum_c=135.0):
 
 
 def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c):
-    """Heat, and show the supervisor what `read` makes of the reading; the trip, if any."""
+    """Heat the wire, and pass its reading through `read` to the supervisor; return the trip or None."""
     supervisor.check_may_arm(Measurement(0.0, wire.reading_c, 0.0, 0.0))
     for n, power_w in enumerate(powers_w, start=1):
         reading_c = read(n, wire.heat(power_w))
@@ -67,8 +67,8 @@ def run(supervisor, wire, powers_w, read=lambda _n, reading_c: reading_c):
     ambient_c=st.floats(15.0, 29.0),
     powers=st.lists(st.tuples(st.floats(0.0, 1.3), st.integers(1, 80)), min_size=3, max_size=12),
 )
-def test_no_healthy_wire_of_unknown_parameters_is_refused(capacity, loss, latent, sigma, lag_s, ambient_c, powers):
-    """Powers up to what holds the hottest wire at its limit, with bursts far above."""
+def test_healthy_wire_of_any_allowed_parameters_does_not_trip(capacity, loss, latent, sigma, lag_s, ambient_c, powers):
+    """The powers go up to the power that holds the hottest wire at its limit, with bursts far above."""
     true = replace(
         NOMINAL_BALANCE,
         heat_capacity_j_per_k=NOMINAL_BALANCE.heat_capacity_j_per_k * capacity,
@@ -91,7 +91,7 @@ def test_no_healthy_wire_of_unknown_parameters_is_refused(capacity, loss, latent
     ],
     ids=["fell off", "reversed", "drifting up"],
 )
-def test_a_lying_thermocouple_is_found_out(read, fault, uncertainty):
+def test_wrong_reading_trips(read, fault, uncertainty):
     powers_w = [1.0] * 100 + [0.0] * 400
     trip = run(supervised(NOMINAL_BALANCE, uncertainty, 400.0), Wire(NOMINAL_BALANCE), powers_w, read)
     assert trip is not None
@@ -99,8 +99,8 @@ def test_a_lying_thermocouple_is_found_out(read, fault, uncertainty):
 
 
 @pytest.mark.parametrize("uncertainty", [NOMINAL, IDENTIFIED])
-def test_a_frozen_thermocouple_is_found_out_before_the_wire_is_hot(uncertainty):
-    """It freezes while the wire is driven as hard as the rig allows: six watts, a hundred kelvin per second."""
+def test_frozen_reading_trips_before_the_wire_is_too_hot(uncertainty):
+    """The reading freezes while the rig heats with its full power: 6 W, about 100 K/s."""
     wire, frozen_c = Wire(NOMINAL_BALANCE), []
 
     def read(n, reading_c):
@@ -113,14 +113,14 @@ def test_a_frozen_thermocouple_is_found_out_before_the_wire_is_hot(uncertainty):
     assert wire.temperature_c < 130.0
 
 
-def test_a_wire_that_must_be_too_hot_trips_whatever_is_read():
+def test_wire_that_must_be_too_hot_trips_at_any_reading():
     wire = Wire(NOMINAL_BALANCE)
     trip = run(supervised(NOMINAL_BALANCE, IDENTIFIED), wire, [2.5] * 200, lambda n, c: c if n < 10 else 70 + sin(n))
     assert trip.fault in (Fault.OVER_TEMPERATURE, Fault.READS_TOO_COLD)
     assert wire.temperature_c < 220.0
 
 
-def test_heat_that_nobody_measures_is_found_out():
+def test_unmeasured_heat_trips():
     wire = Wire(NOMINAL_BALANCE)
     trip = run(supervised(NOMINAL_BALANCE), wire, [0.0] * 200, lambda _n, _c: wire.heat(2.0))
     assert trip.fault is Fault.READS_TOO_HOT

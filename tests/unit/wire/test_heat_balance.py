@@ -12,7 +12,7 @@ from smadrive.wire.heat_balance import HeatBalance
 WIRE = HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15)
 
 
-def test_a_step_is_the_exact_solution_of_the_heat_balance():
+def test_step_is_the_exact_solution_of_the_heat_balance():
     def rate(_, state):
         wire, reading = state
         return [
@@ -36,7 +36,7 @@ def test_latent_heat_slows_the_wire_as_a_larger_capacity_would():
     assert WIRE.step(60.0, 2.0, slope_per_k, 0.1) == pytest.approx(heavier.step(60.0, 2.0, 0.0, 0.1))
 
 
-def test_the_inverse_gives_the_power_that_holds_a_ramp():
+def test_inverse_gives_the_power_that_holds_a_ramp():
     temperature, dt_s = 40.0, 1e-4
     for _ in range(1000):
         temperature = WIRE.step(temperature, WIRE.power_w(temperature, 5.0, 0.0), 0.0, dt_s)
@@ -49,7 +49,7 @@ def test_current_heats_with_the_resistance_of_the_phase():
     assert WIRE.current_a(-3.0, phase=0.5) == 0.0
 
 
-def test_a_thermocouple_without_lag_reads_the_wire():
+def test_thermocouple_without_lag_reads_the_wire():
     assert dataclasses.replace(WIRE, thermocouple_lag_s=0.0).step_thermocouple(20.0, 50.0, 51.0, 0.05) == 51.0
 
 

@@ -1,4 +1,4 @@
-"""The identified wire: heat and transformation together, whatever the step."""
+"""The wire model steps heat and transformation together, and its result does not depend on the step."""
 
 import numpy as np
 import pytest
@@ -21,14 +21,14 @@ def run(power_w, start_c, seconds, steps):
 
 
 @pytest.mark.parametrize(("power_w", "start_c"), [(5.0, 30.0), (1.1, 80.0), (0.0, 110.0)])
-def test_a_long_step_ends_where_many_short_ones_end(power_w, start_c):
+def test_long_step_ends_where_many_short_ones_end(power_w, start_c):
     long, short = run(power_w, start_c, 0.4, 1), run(power_w, start_c, 0.4, 2000)
     assert long.temperature_c == pytest.approx(short.temperature_c, abs=0.1)
     assert long.hysteresis.w == pytest.approx(short.hysteresis.w, abs=0.005)
 
 
-def test_the_heat_that_goes_in_is_found_again():
-    """What is neither stored nor transformed is lost to the room."""
+def test_heat_is_conserved():
+    """Heat that is neither stored nor used by the transformation is lost to the surroundings."""
     state, lost_j = WireState(30.0, WIRE.model.initial_state(30.0)), 0.0
     for _ in range(4000):
         after = WIRE.step(state, 2.0, 5e-4)
@@ -39,7 +39,7 @@ def test_the_heat_that_goes_in_is_found_again():
     assert stored_j + transformed_j + lost_j == pytest.approx(2.0 * 2.0, rel=1e-3)
 
 
-def test_the_slope_is_that_of_the_phase_also_where_displacement_falls_on_heating():
+def test_slope_is_that_of_the_phase_also_where_displacement_falls_on_heating():
     falling = DuhemModel.gaussian(
         mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=-12, offset=12, input_range=(0, 160)
     )
@@ -49,7 +49,7 @@ def test_the_slope_is_that_of_the_phase_also_where_displacement_falls_on_heating
 
 
 @pytest.mark.parametrize("power_w", [0.0, 0.3, 1.4, 5.0])
-def test_a_state_outside_the_branches_gives_no_heat(power_w):
+def test_state_outside_the_branches_gives_no_heat(power_w):
     centres = np.linspace(40.0, 120.0, 41)
     pull = np.full(41, 0.1)
     up, down = (0.5 + 0.5 * np.tanh((centres - middle_c) / 6.0) for middle_c in (90.0, 69.0))
@@ -71,8 +71,8 @@ def test_a_state_outside_the_branches_gives_no_heat(power_w):
             assert min(start_c, settled_c) <= after_c <= max(start_c, settled_c)
 
 
-def test_a_model_that_uses_a_part_of_its_state_takes_the_same_heat():
-    """An identified model may have a scale beyond the stroke, its state then staying below 1."""
+def test_model_that_uses_a_part_of_its_state_takes_the_same_heat():
+    """An identified model may have a scale larger than the stroke. Its state then stays below 1."""
     sets = TriangularSets(tuple(np.linspace(40.0, 120.0, 41)))
     whole = TSFuzzyDuhem.from_duhem(WIRE.model, sets)
     (a_up, b_up), (a_down, b_down) = whole.heating_law, whole.cooling_law

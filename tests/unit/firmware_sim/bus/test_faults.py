@@ -1,4 +1,4 @@
-"""Every fault of the bus, seen by the client: a typed error at once or at the deadline, then correct values."""
+"""Every fault of the bus gives the client a typed error, at once or at the deadline, and then correct values."""
 
 import pytest
 

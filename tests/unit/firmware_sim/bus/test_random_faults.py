@@ -49,7 +49,7 @@ def test_proved_reads_are_correct_despite_undetectable_faults(config, numbered):
 
 
 def test_oracle_finds_wrong_values_of_a_client_without_memory(config, monkeypatch):
-    """The same fuzz against a client that forgets outstanding replies, which accepts wrong values."""
+    """The same faults act on a client that forgets outstanding replies. This client accepts wrong values."""
     monkeypatch.setattr(Outstanding, "add", lambda *_: None)
     figures, _ = fuzzed(config, 1, numbered=False, exchanges=2000)
     assert figures.wrong

@@ -26,7 +26,7 @@ def name_of(profile):
 
 @pytest.fixture
 def connect(config):
-    """A simulated device of `model`, and the driver that knows its `family`."""
+    """A function that returns a simulated device of `model`, and its driver, which knows only the `family`."""
 
     def make(model, family=None):
         clock = VirtualClock()

@@ -25,7 +25,7 @@ def until(plant, current_a, done, limit_s=60.0):
 
 
 def test_wire_cools_in_the_time_of_the_vendor_table(plant):
-    """Vendor: 2.0 s. That is one time constant without transformation, or the return of half the stroke with it."""
+    """The vendor gives 2.0 s: one time constant without transformation, or the return of half the stroke."""
     wire = CONFIG.wire
     assert wire.heat_capacity_j_per_k / wire.loss_w_per_k == pytest.approx(2.0, rel=0.25)
     until(plant, 0.41, lambda p: p.phase > 0.99)

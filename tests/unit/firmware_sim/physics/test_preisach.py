@@ -22,7 +22,7 @@ PATHS = st.lists(st.floats(20.0, 140.0), min_size=1, max_size=12)
 
 
 def walk(model, path, start_v=22.0, steps=1):
-    """The phases at the ends of the legs of `path`."""
+    """Return the phases at the turning points of `path`."""
     state, v, phases = model.start(start_v), start_v, []
     for target in path:
         for v1 in np.linspace(v, target, steps + 1)[1:].tolist():
@@ -58,7 +58,7 @@ def test_small_steps_end_like_one_large_step(path):
 @settings(deadline=None)
 @given(PATHS, st.floats(40.0, 90.0), st.floats(60.0, 120.0))
 def test_minor_loop_closes_and_is_wiped_out(path, inner_low, inner_high):
-    """Back at its highest point the wire goes on as without the excursion below it."""
+    """When the wire is back at its highest point, it continues as without the minor loop."""
     top = 125.0 if inner_high > 100.0 else 100.0
     outer = [*path, 10.0, top, 75.0]
     excursion = [min(inner_high, top), max(inner_low, 75.0), top]
@@ -74,7 +74,7 @@ def test_minor_loops_are_congruent():
 
 
 def test_duhem_model_of_the_same_branches_behaves_differently():
-    """Otherwise the simulator would test a driver on its own equations."""
+    """A Duhem model cannot reproduce the plane. Otherwise the driver would be tested on its own equations."""
     duhem = Duhem(Transformation(**BRANCHES))
     path = [92.0, 72.0, 92.0]
     before, after = (walk(PLANE, path)[i] for i in (0, 2))

@@ -100,16 +100,18 @@ def test_second_component_transforms_at_its_own_temperatures():
 
 
 @pytest.mark.parametrize(
-    ("change", "keys"),
+    ("change", "named"),
     [
-        ({"kind": "preisahc"}, "kind: "),
-        ({"kind": "preisach"}, "'preisach'.*correlation"),
-        ({"correlation": 0.5}, "'preisach'.*correlation"),
-        ({"kind": "two-component"}, "'two-component'.*second"),
-        ({"kind": "preisach", "correlation": 1.0}, r"correlation: .*\b1\b"),
-        ({"range_c": (10.0, 5.0)}, "range_c"),
+        ({"kind": "preisahc"}, ("kind: ",)),
+        ({"kind": "preisach"}, ("'preisach'", "correlation")),
+        ({"correlation": 0.5}, ("'preisach'", "correlation")),
+        ({"kind": "two-component"}, ("'two-component'", "second")),
+        ({"kind": "preisach", "correlation": 1.0}, ("correlation: ", " 1 ")),
+        ({"range_c": (10.0, 5.0)}, ("range_c",)),
     ],
 )
-def test_kind_without_its_key_is_rejected(change, keys):
-    with pytest.raises(ConfigError, match=keys):
+def test_kind_without_its_key_is_rejected(change, named):
+    with pytest.raises(ConfigError) as error:
         validate(BRANCHES | change, Transformation, "sim.toml")
+    assert error.value.where == "sim.toml"
+    assert all(part in error.value.what for part in named)

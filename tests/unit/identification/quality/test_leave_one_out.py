@@ -1,4 +1,4 @@
-"""Leave-one-out from leverages, against leaving samples out; and the split of a record in training and validation."""
+"""Leave-one-out from leverages equals fits without single samples; the split for training and validation."""
 
 from functools import partial
 
@@ -18,7 +18,7 @@ WIRE = DuhemModel.mixture(  # knees and a cliff, as drawn wire has
 )
 
 
-def test_a_linear_fit_is_left_out_exactly():
+def test_linear_fit_is_left_out_exactly():
     rng = np.random.default_rng(3)
     rows, y, tie = rng.standard_normal((30, 4)), rng.standard_normal(30), 0.3 * np.eye(4)
 
@@ -37,7 +37,7 @@ def test_a_linear_fit_is_left_out_exactly():
 
 
 def test_steep_and_sparse_samples_are_not_followed_one_by_one():
-    """The cliffs hold a handful of samples: free rules would fit each of them and say nothing of those between."""
+    """The steep parts have only a few samples: free rules would fit each of them, and be wrong between them."""
     v = np.concatenate([np.linspace(25, 135, 220), np.linspace(135, 25, 220)])
     rng = np.random.default_rng(12)
     y = WIRE.simulate(v) + 0.004 * rng.standard_normal(440)
@@ -45,8 +45,8 @@ def test_steep_and_sparse_samples_are_not_followed_one_by_one():
         assert half.ratio < 1.25  # 1.42 with free rules
 
 
-def test_figures_of_a_split():
-    """Fit, path and neighbours of either half, the turning points in both."""
+def test_split_gives_the_errors_of_both_halves():
+    """Both halves contain the turning points."""
     v = np.concatenate([np.linspace(25, 135, 200), np.linspace(134.5, 25, 201)])
     seen = []
 
@@ -62,7 +62,7 @@ def test_figures_of_a_split():
         assert half.ratio == pytest.approx(1, abs=0.3)
 
 
-def test_lines_between_neighbours_tell_what_no_fit_can_know():
+def test_lines_between_neighbours_measure_the_error_of_sparse_samples():
     v = np.concatenate([np.linspace(25, 135, 120), np.linspace(134.5, 25, 121)])
     rising = np.arange(len(v)) < 120
     jump = np.where(rising, v > 90.3, v > 70.3) * -4.0

@@ -1,4 +1,4 @@
-"""Identification of rules: accuracy on loops it has not seen, noise, gaps in the data, certificates by construction."""
+"""Identification of rules: accuracy on loops outside the record, noise, gaps in the data, certificates."""
 
 import numpy as np
 import pytest
@@ -28,7 +28,7 @@ def paper_record():
 
 
 @pytest.mark.parametrize(("fit_centres", "limit_percent"), [(False, 0.5), (True, 0.15)])
-def test_papers_case_on_unseen_loops(paper_record, fit_centres, limit_percent):
+def test_fit_of_the_papers_model_predicts_other_loops(paper_record, fit_centres, limit_percent):
     fit = identify_tsfuzzy(*paper_record, fit_centres=fit_centres)
     assert len(fit.model.rules) == 22
     rng = np.random.default_rng(77)
@@ -60,7 +60,7 @@ def test_noise_on_both_columns(noisy_record, noisy_fit):
     assert noisy_fit.certificate.holds
 
 
-def test_what_a_noisy_fit_produces_it_can_invert(noisy_fit):
+def test_fit_of_a_noisy_record_can_be_inverted(noisy_fit):
     fit = noisy_fit
     assert fit.certificate.invertible_share >= 0.99
     inverted = InverseFeedforward(fit.model).trajectory(fit.predicted, fit.path[0], fit.y0)
@@ -68,7 +68,7 @@ def test_what_a_noisy_fit_produces_it_can_invert(noisy_fit):
     np.testing.assert_allclose(inverted.y, fit.predicted, rtol=0, atol=1e-8 * abs(fit.model.scale))
 
 
-def test_a_loop_with_a_gap_is_still_certified(noisy_record):
+def test_fit_of_a_record_with_a_gap_is_certified(noisy_record):
     v, y, noisy_v, noise = noisy_record
     kept = ~((v > 85) & (v < 118))
     fit = identify_tsfuzzy(noisy_v[kept], (y + noise)[kept])
@@ -78,7 +78,7 @@ def test_a_loop_with_a_gap_is_still_certified(noisy_record):
     assert w.max() <= 1 + 1e-9
 
 
-def test_a_branch_so_narrow_that_its_density_underflows_is_fitted():
+def test_branch_so_narrow_that_its_density_underflows_is_fitted():
     """Far from such a branch the local law is 0 = 0: it has no equilibrium there."""
     true = DuhemModel.gaussian(
         mu_heating=85.0, mu_cooling=60.0, sigma_heating=0.3, sigma_cooling=3.0, scale=1.0, input_range=(20.0, 84.9)

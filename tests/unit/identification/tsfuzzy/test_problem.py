@@ -18,8 +18,8 @@ WIRE = DuhemModel.gaussian(
 
 
 @pytest.mark.parametrize("fit_centres", [True, False])
-def test_every_block_of_the_jacobian(fit_centres):
-    """Output errors, more of them than one block holds, ties, and slopes of the wrong sign."""
+def test_every_block_of_the_jacobian_agrees_with_differences(fit_centres):
+    """The rows are output errors (in more than one block), ties, and slopes of the wrong sign."""
     corners = [30, *(135, 35) * 6, 110, 40, 100, 70, 120, 30]
     v = np.interp(np.linspace(0, len(corners) - 1, 6000), np.arange(len(corners)), corners)
     record = prepare(v, WIRE.simulate(v), 0.0)

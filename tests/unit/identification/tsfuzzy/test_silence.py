@@ -1,4 +1,4 @@
-"""Where a record is silent, rules go on as wire does: branches run on the right way over the whole range, and meet."""
+"""Where a record has no samples, the branches of the rules continue in the right direction over the whole range."""
 
 import numpy as np
 import pytest
@@ -14,7 +14,7 @@ WIRE = DuhemModel.gaussian(
 
 
 def excitation(start, low, high):
-    """Two major loops and shrinking ones, as an experiment runs them, `start` being the wire as it is found."""
+    """Return the path of an experiment: two major loops, then shrinking loops. `start` is the first temperature."""
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     inner = [middle + sign * half * share for share in (0.8, 0.5, 0.3) for sign in (1, -1)]
     corners = np.array([start, high, low, high, low, *inner, low, high, low])
@@ -28,7 +28,7 @@ def measured(v, y):
 
 
 def branches(model):
-    """Output along a sweep over the whole range and back, from the cold end of the loop."""
+    """Return the output along a sweep over the whole range and back, from the cold end of the loop."""
     lower, upper = model.input_range
     sweep = np.linspace(lower, upper, 400)
     y = model.simulate(np.concatenate([sweep, sweep[::-1]]))
@@ -36,7 +36,7 @@ def branches(model):
 
 
 def flat_where_it_turns(path):
-    """A Preisach wire: relays between pairs of temperatures. Inside the loop it stands still before it turns back."""
+    """A Preisach wire: relays between pairs of temperatures. After a reversal inside the loop it first stands still."""
     spread = 12 * np.linspace(-1, 1, 25)
     heats, cools = np.meshgrid(88 + spread, 70 + spread)
     weight = np.exp(-(((heats - 88) / 6) ** 2) - ((cools - 70) / 6) ** 2) * (heats > cools)
@@ -49,8 +49,8 @@ def flat_where_it_turns(path):
 
 
 @pytest.mark.parametrize("wire", [WIRE.simulate, flat_where_it_turns], ids=["duhem", "preisach"])
-def test_below_the_coldest_turning_point_the_wire_comes_back(wire):
-    """The experiment begins 18 K below where it turns: down there nothing was ever measured on cooling."""
+def test_wire_returns_to_its_start_below_the_coldest_turning_point(wire):
+    """The experiment begins 18 K below its lowest turning point, so it has no samples on cooling below this point."""
     v = excitation(22.0, 40.0, 120.0)
     y = wire(v)
     fit = identify_tsfuzzy(*measured(v, y))
@@ -65,7 +65,7 @@ def test_below_the_coldest_turning_point_the_wire_comes_back(wire):
 @settings(max_examples=8, deadline=None)
 @given(st.floats(20.0, 60.0), st.floats(40.0, 95.0), st.floats(5.0, 33.0), st.sampled_from([True, False]))
 def test_branches_are_monotone_whatever_is_missing(low, start, width, rising):
-    """Neither the part below the turning point nor a gap in one direction lets a branch turn."""
+    """No branch reverses, neither below the lowest turning point nor in a gap of one direction."""
     v = excitation(20.0, low, 122.0)
     moves = np.diff(v, prepend=v[0])
     kept = ~((v > start) & (v < start + width) & ((moves > 0) == rising))
