@@ -76,6 +76,7 @@ class Rig:
         trace_folder: Path | None = None,
     ) -> None:
         self.config = config
+        self._where = f"rig '{config.name}'"
         wire = load_data_sheet(config.wire)
         check_limits(config, wire)
         self.nominal_balance = wire.heat_balance()
@@ -101,7 +102,7 @@ class Rig:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Enter the safe state, then close the ports. An error of the block stays the error that is raised."""
+        """Enter the safe state, then close the ports. An error of the block stays the raised one."""
         self._on_exit.__exit__(kind, error, trace)
 
     @property
@@ -188,11 +189,6 @@ class Rig:
         """Let the wire cool for `duration_s` with the heater off."""
         self.enter_safe_state()
         self.clock.sleep_until(self.clock.now_s() + duration_s)
-
-    @property
-    def _where(self) -> str:
-        """The name of the rig in error messages."""
-        return f"rig '{self.config.name}'"
 
     def _check_thermometer(self, balance: HeatBalance) -> None:
         """Raise ConfigError if the wire can overheat between two temperature readings."""

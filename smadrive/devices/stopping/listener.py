@@ -20,6 +20,8 @@ from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of,
 from smadrive.errors import BusyError, StoppedError
 
 BACKLOG = 16
+MOST_ASKERS = 64
+"""Further ones wait in the backlog until the driver has ended."""
 
 
 class StopListener:
@@ -31,8 +33,10 @@ class StopListener:
 
     def __init__(self, where: str) -> None:
         self._where = where
-        self._requested = False
+        self._requested = self._is_closing = False
+        self._mutex = threading.Lock()
         self._selector = selectors.DefaultSelector()
+        self._listening: list[socket.socket] = []
         self._askers: list[socket.socket] = []
         self._thread: threading.Thread | None = None
 
@@ -41,11 +45,12 @@ class StopListener:
         if not IS_POSSIBLE:
             return
         for line in lines:
-            self._selector.register(_listening(line), selectors.EVENT_READ, line)
-        if not self._selector.get_map():
+            self._listening.append(_listening(line))
+            self._selector.register(self._listening[-1], selectors.EVENT_READ, line)
+        if not self._listening:
             return
-        self._end, end = socket.socketpair()
-        self._selector.register(end, selectors.EVENT_READ, None)
+        self._end, self._ended = socket.socketpair()
+        self._selector.register(self._ended, selectors.EVENT_READ, None)
         self._thread = threading.Thread(target=self._serve, name="emergency stop", daemon=True)
         self._thread.start()
 
@@ -57,7 +62,11 @@ class StopListener:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         """Stop listening, and close the connections of the askers; StoppedError if one of them ended the block."""
-        self._close()
+        try:
+            self._close()
+        except (KeyboardInterrupt, SystemExit) as late:  # its request came when the block had already ended
+            error = late
+            self._close()
         if self._requested and isinstance(error, KeyboardInterrupt | SystemExit):
             stopped = StoppedError("stopped by `smadrive off`", where=self._where)
             for note in getattr(error, "__notes__", ()):
@@ -65,14 +74,14 @@ class StopListener:
             raise stopped from error
 
     def _close(self) -> None:
+        with self._mutex:
+            self._is_closing = True
         if self._thread is not None:
             self._end.close()
             self._thread.join()
-        for key in self._selector.get_map().values():
-            assert isinstance(key.fileobj, socket.socket)
-            key.fileobj.close()
-        for asker in self._askers:
-            asker.close()
+            self._ended.close()
+        for one in (*self._listening, *self._askers):
+            one.close()
         self._selector.close()
 
     def _serve(self) -> None:
@@ -88,11 +97,19 @@ class StopListener:
             asker, _ = listening.accept()
             if peer_of(asker).may_open(line):
                 self._askers.append(asker)
-                self._requested = True
-                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+                if len(self._askers) == MOST_ASKERS:  # else their descriptors would be exhausted
+                    self._selector.unregister(listening)
+                self._interrupt()
             else:
                 with asker:
                     asker.sendall(REFUSED)
+
+    def _interrupt(self) -> None:
+        """Interrupt the driver, unless it has been interrupted already, or ends."""
+        with self._mutex:
+            if not (self._requested or self._is_closing):
+                self._requested = True
+                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
 
 def _listening(line: str) -> socket.socket:

@@ -10,25 +10,11 @@ import programs
 import pytest
 from marks import exhaustive
 from served import PATIENT, served
-from supply_rig import RIG
+from supply_rig import DRIVER, RIG, patient
 
 from smadrive.files.shipped import configs_dir
 from smadrive.hysteresis import DuhemModel, save_model
 
-DRIVER = """
-import sys, time
-from smadrive.rig.rig import Rig
-from smadrive.rig.config import load_rig
-with Rig(load_rig(sys.argv[1])) as rig:
-    rig.heater.arm(rig.config.limits.watchdog_s)
-    for tick in range(100_000):
-        rig.heater.exchange(0.3)
-        if tick == 2:
-            print("heating", flush=True)
-        while sys.argv[2] == "hangs" and tick > 4:
-            pass
-        time.sleep(0.05)
-"""
 SWITCHED_ON = {"board": "armed", "supply": "output on"}
 SWITCHED_OFF = {"board": ("disarmed", "heater off"), "supply": ("output off",)}
 WIRE = DuhemModel.gaussian(
@@ -91,10 +77,7 @@ def heated(request, tmp_path):
         served("--profile", "riden-rd60xx", "--rtu-tcp", "0") as (process, url),
         served("--profile", "delta-dtb") as (_, reader_url),
     ):
-        text = RIG.format(supply=url + PATIENT, reader=reader_url + PATIENT)
-        text = text.replace("watchdog_s = 1.0", "watchdog_s = 10.0").replace(
-            "stale_after_s = 1.0", "stale_after_s = 10.0"
-        )
+        text = patient(RIG.format(supply=url + PATIENT, reader=reader_url + PATIENT))
         (tmp_path / "rig.toml").write_text(text)
         yield Heated("supply", process, tmp_path / "rig.toml")
 

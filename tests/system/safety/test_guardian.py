@@ -15,7 +15,7 @@ from urllib.parse import urlsplit
 import programs
 import pytest
 from marks import exhaustive
-from supply_rig import RIG
+from supply_rig import DRIVER, RIG
 
 from smadrive.devices.guardian.client import GuardianClient
 from smadrive.devices.guardian.task import GuardedDevice, Task
@@ -24,20 +24,6 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 
 SIMULATOR = [sys.executable, "-m", "firmware_sim.cli", "flexinol-lt-0.15mm"]
-DRIVER = """
-import sys, time
-from smadrive.rig.rig import Rig
-from smadrive.rig.config import load_rig
-with Rig(load_rig(sys.argv[1])) as rig:
-    rig.heater.arm(1.0)
-    for tick in range(10_000):
-        rig.heater.exchange(0.3)
-        if tick == 2:
-            print("heating", flush=True)
-        if tick == 4 and sys.argv[2] == "crash":
-            raise ZeroDivisionError
-        time.sleep(0.1)
-"""
 ASKS_AGAIN = """
 import sys, time
 from smadrive.rig.rig import Rig

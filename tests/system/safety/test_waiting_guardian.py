@@ -13,7 +13,7 @@ import programs
 import pytest
 from marks import exhaustive
 from served import COMMAND
-from supply_rig import RIG
+from supply_rig import DRIVER, RIG, patient
 
 from smadrive.devices.guardian.duty import waiting_duties
 from smadrive.devices.guardian.search import AGREEING, PortSearch
@@ -26,27 +26,8 @@ from smadrive.devices.state.lock import Role, lines_of, lock_line
 from smadrive.files.shipped import configs_dir
 from tests.conftest import RUN, guardians_of
 
-DRIVER = """
-import sys, time
-from smadrive.rig.rig import Rig
-from smadrive.rig.config import load_rig
-with Rig(load_rig(sys.argv[1])) as rig:
-    rig.heater.arm(1.0)
-    for tick in range(10_000):
-        rig.heater.exchange(0.3)
-        if tick == 2:
-            print("heating", flush=True)
-        time.sleep(0.1)
-"""
-
-
 PATIENT = "?latency_ms=2000"
 """Option of an address: a reply may be late on a busy machine."""
-
-
-def patient(rig):
-    """Return the rig file with limits so long that only an ended driver exceeds them, even on a busy machine."""
-    return rig.replace("watchdog_s = 1.0", "watchdog_s = 10.0").replace("stale_after_s = 1.0", "stale_after_s = 10.0")
 
 
 @pytest.fixture

@@ -2,15 +2,19 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
 import time
+from contextlib import ExitStack, suppress
+from pathlib import Path
 
 import programs
 import pytest
 
-from smadrive.devices.stopping.listener import StopListener
+from smadrive.devices.stopping.endpoint import address_of
+from smadrive.devices.stopping.listener import BACKLOG, MOST_ASKERS, StopListener
 from smadrive.devices.stopping.request import stop_driver
 from smadrive.errors import BusyError
 
@@ -117,6 +121,18 @@ def test_several_askers_all_wait_for_the_end(driver, line):
         asker.join()
     assert process.communicate()[0] == "driver\n"
     assert all(stopped is None or not stopped.killed for stopped in results)
+
+
+def test_many_connections_leave_the_driver_its_descriptors(driver, line):
+    process = driver("hangs")
+    with ExitStack() as stack:
+        for _ in range(MOST_ASKERS + 3 * BACKLOG):
+            asker = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+            asker.setblocking(False)
+            with suppress(BlockingIOError):
+                asker.connect(address_of(line))
+        assert len(list(Path(f"/proc/{process.pid}/fd").iterdir())) < MOST_ASKERS + 20
+        assert process.poll() is None
 
 
 def test_second_driver_of_a_line_is_refused(line):

@@ -25,7 +25,7 @@ def test_change_is_put_in_force_without_a_jump(rig):
     ("act", "values", "reason"),
     [
         ("shape", {"key": "mu_heating", "value": 60.0}, "must exceed mu_cooling"),
-        ("shape", {"key": "mu_heating", "value": 134.9}, "would need"),
+        ("shape", {"key": "mu_heating", "value": 134.9}, "above temperature_max_c"),
         ("shape", {"key": "mu_heating", "value": 140.0}, "temperature_max_c"),
         ("shape", {"key": "scale", "value": 5.0}, "reference: highest value: "),
         ("feedback", {"key": "closed_loop_s", "value": 0.0}, "greater than 0"),
