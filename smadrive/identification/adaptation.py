@@ -6,19 +6,21 @@ are simple bounds, and every step keeps them:
     θ = (p, q of the heating rules, p, q of the cooling rules, ln scale)      p, q ≥ 0, p heating ≥ λ, q cooling ≥ λ
 
 The measured temperature drives the model, and with it the sensitivities z = ∂w/∂θ, which obey the same linear law. The
-error of the displacement corrects θ as in a Kalman filter whose state θ is a random walk:
+error of the displacement corrects θ as in a Kalman filter:
 
-    e = y - offset - scale w      ψ = ∂y/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P,  P += Q |dv|
+    e = y - offset - scale w      ψ = ∂y/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P
 
-Likely changes of a wire are that its branches shift or widen, and that its scale drifts. P begins as the covariance of
-such changes, and Q is a share of this covariance. So the filter forgets only along these directions, and only while the
-wire travels. P never exceeds its initial value. Errors within the dead zone count as noise and change nothing.
+Likely changes of a wire are that its branches shift or widen, and that its scale drifts. P begins as their covariance
+P₀. While the wire travels, the filter forgets: θ is an Ornstein-Uhlenbeck process around its initial value θ₀,
+
+    θ - θ₀ *= ρ      P = ρ² P + (1 - ρ²) P₀      ρ² = exp(-|dv| / forgetting_c)
+
+So P never exceeds P₀, and θ returns to θ₀ in a direction that the samples do not determine: scale and hot rules trade
+off until the wire reaches its hot end. Errors within the dead zone count as noise and change nothing.
 
 A sample with a jump, or with an error larger than any likely change, is not used. The adaptation ends, and θ returns to
 an earlier value, if the sensor shows no travel while the wire travels, or if its errors stay too large. No parameter
 moves further from its initial value than `limit` standard deviations of the likely changes.
-
-The scale and the rules of the hot end can be distinguished only if the wire reaches its hot end.
 """
 
 from __future__ import annotations
@@ -50,7 +52,7 @@ class AdaptationSettings:
     drift_c        likely shift of a branch, K (standard deviation)
     drift          likely change of the scale and of the width of a branch, as a share (standard deviation)
     free           likely change of a single rule, as a share of the largest rate of the rules around it
-    forgetting_c   travel in K after which the parameters are as uncertain as at the beginning, without new samples
+    forgetting_c   travel in K over which the knowledge from samples fades to 1/e
     limit          largest distance of a parameter from its initial value, in standard deviations of the likely changes
     """
 
@@ -59,7 +61,7 @@ class AdaptationSettings:
     drift_c: float = 3.0
     drift: float = 0.05
     free: float = 0.03
-    forgetting_c: float = 1500.0
+    forgetting_c: float = 600.0
     limit: float = 5.0
 
 
@@ -85,7 +87,7 @@ class Adaptation:
         self._settings = settings or AdaptationSettings()
         self._base = model
         self._sets = len(model.sets.centres)
-        self._theta = _theta(model)
+        self._theta = self._initial = _theta(model)
         lower, upper = model.input_range
         self._prior = _prior(model, self._settings)
         reach = self._settings.limit * np.sqrt(np.diag(self._prior))
@@ -137,7 +139,7 @@ class Adaptation:
         self._move(v)
         if self.lying is None and isfinite(displacement_mm) and travel:
             self._since_believed_c += travel
-            self._covariance += (travel / self._settings.forgetting_c) * self._prior
+            self._forget(travel)
             self._learn(displacement_mm)
             self._watch(displacement_mm)
 
@@ -168,6 +170,12 @@ class Adaptation:
         self._z[first : first + sets] += (1.0 - middle_w) * length * weights
         self._z[first + sets : first + 2 * sets] -= middle_w * length * weights
 
+    def _forget(self, travel: float) -> None:
+        """Forget over this travel. A convex combination of certified rules is certified, too."""
+        kept = exp(-travel / self._settings.forgetting_c)
+        self._theta = self._initial + kept**0.5 * (self._theta - self._initial)
+        self._covariance = kept * self._covariance + (1.0 - kept) * self._prior
+
     def _learn(self, displacement_mm: float) -> None:
         """Make one step of the filter, unless the error is within the dead zone or the sample is rejected."""
         settings, stroke = self._settings, abs(self._base.scale)
@@ -187,14 +195,6 @@ class Adaptation:
         beyond = error - np.copysign(settings.dead_zone, error)
         self._theta = np.clip(self._theta + gain * beyond, self._low, self._high)
         self._covariance -= np.outer(gain, direction)
-        self._hold_covariance()
-
-    def _hold_covariance(self) -> None:
-        """Reduce each variance to at most its initial value; correlations stay."""
-        excess = np.sqrt(np.diag(self._prior) / np.maximum(np.diag(self._covariance), 1e-300))
-        if excess.min() < 1.0:
-            shrink = np.minimum(excess, 1.0)
-            self._covariance *= np.outer(shrink, shrink)
 
     @property
     def predicted_mm(self) -> float:
