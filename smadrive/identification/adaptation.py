@@ -80,7 +80,7 @@ STUCK_TRAVEL, STUCK_RANGE = 0.04, 0.1
 class Adaptation:
     """Adapts the rules of one wire: `update` takes a sample, `model` returns the present rules.
 
-    `lying` is the reason why the adaptation has ended: a fault of the sensor. It is None while the adaptation works.
+    `sensor_fault` is the reason why the adaptation has ended. It is None while the adaptation works.
     """
 
     def __init__(self, model: TSFuzzyDuhem, noise_c: float, settings: AdaptationSettings | None = None) -> None:
@@ -102,7 +102,7 @@ class Adaptation:
         self._z = np.zeros(4 * self._sets)
         self._disbelieved, self._believed_error, self._since_believed_c = 0, 0.0, 0.0
         self._predicted = self._measured = (0.0, 0.0)
-        self.lying: str | None = None
+        self.sensor_fault: str | None = None
         self._marked = deque([self._theta], TRUSTED_MARKS)
 
     @property
@@ -137,7 +137,7 @@ class Adaptation:
             return
         travel = abs(v - self._v)
         self._move(v)
-        if self.lying is None and isfinite(displacement_mm) and travel:
+        if self.sensor_fault is None and isfinite(displacement_mm) and travel:
             self._since_believed_c += travel
             self._forget(travel)
             self._learn(displacement_mm)
@@ -221,7 +221,7 @@ class Adaptation:
         self._marked.append(self._theta)
 
     def _end(self, why: str) -> None:
-        self.lying = why
+        self.sensor_fault = why
         self._theta = self._marked[0]
 
 

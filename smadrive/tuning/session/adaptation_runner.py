@@ -76,10 +76,10 @@ class AdaptationRunner:
         if tuning.change != ADAPTED and tuning is not self._started_from:
             self.switch(True, tuning)
         self._adaptation.update(wire_c, tick.measurement.displacement_mm)
-        if self._adaptation.lying is None:
+        if self._adaptation.sensor_fault is None:
             return None
         self._ended, self._adaptation = self._adaptation, None
-        return f"adaptation ended: {self._ended.lying}; the rules from before the fault are put in force"
+        return f"adaptation ended: {self._ended.sensor_fault}; the rules from before the fault are put in force"
 
     def _wire_c(self, measurement: Measurement) -> float:
         """Return the wire temperature, estimated only from heat balance and thermocouple. Return NaN if unknown."""

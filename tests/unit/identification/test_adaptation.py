@@ -60,7 +60,7 @@ def test_drift_is_followed_with_a_third_of_the_error_and_certified_rules(rules):
     fixed, adapted, adaptation = follow(rules, drift_c=3.0, drift=-0.05)
     assert rms(fixed) > 5.0
     assert rms(adapted) < rms(fixed) / 3.0
-    assert adaptation.lying is None
+    assert adaptation.sensor_fault is None
 
 
 def test_constant_wire_keeps_its_rules(rules):
@@ -76,7 +76,7 @@ def test_stuck_sensor_ends_the_adaptation_and_changes_no_rule(rules):
         return held[0]
 
     fixed, adapted, adaptation = follow(rules, shown=stuck)
-    assert adaptation.lying
+    assert adaptation.sensor_fault
     assert rms(adapted[-1200:]) < rms(fixed[-1200:]) + 1.0
 
 
@@ -85,13 +85,13 @@ def test_spikes_are_rejected(rules):
     fixed, adapted, adaptation = follow(
         rules, shown=lambda share, reached_mm: reached_mm + (6.0 * rng.normal() if rng.random() < 0.03 else 0.0)
     )
-    assert adaptation.lying is None
+    assert adaptation.sensor_fault is None
     assert rms(adapted) < rms(fixed) + 1.0
 
 
 def test_displaced_sensor_ends_the_adaptation(rules):
     fixed, adapted, adaptation = follow(rules, shown=lambda share, reached_mm: reached_mm + 4.0 * (share > 0.5))
-    assert adaptation.lying
+    assert adaptation.sensor_fault
     assert rms(adapted[-1200:]) < rms(fixed[-1200:]) + 1.0
 
 

@@ -71,7 +71,7 @@ class ChangeQueue:
         """
         if self.is_busy or self._tunings.comparison.is_on:
             return False
-        self._queue(ChangeJob(None, "", adaptation.lying is not None, Adapted(adaptation)))
+        self._queue(ChangeJob(None, "", adaptation.sensor_fault is not None, Adapted(adaptation)))
         return True
 
     def update(self, live: SwappableController | None, now_s: float) -> Iterator[str]:
