@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
@@ -39,10 +40,25 @@ POINTS = 3000
 """A line has at most about this many points: more than a page has pixels."""
 
 
-def panels(heights: Sequence[float], width: float = 9.0) -> tuple[Figure, list[Axes]]:
+NOTEBOOK_STYLE: Any = {**STYLE, "svg.fonttype": "none", "path.simplify_threshold": 1.0}
+"""Texts stay texts and lines lose what no pixel shows, so that a notebook with its plots stays small."""
+
+
+class PlotFigure(Figure):
+    """A figure that a notebook shows as a vector drawing, without pyplot and without a backend."""
+
+    def _repr_svg_(self) -> str:
+        """Return the figure as SVG."""
+        buffer = io.StringIO()
+        with mpl.rc_context(NOTEBOOK_STYLE):
+            self.savefig(buffer, format="svg", metadata={"Date": None})
+        return buffer.getvalue()
+
+
+def panels(heights: Sequence[float], width: float = 9.0) -> tuple[PlotFigure, list[Axes]]:
     """A figure of panels one above the other, which share their time axis; heights in inches."""
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(width, sum(heights) + 0.5), layout="constrained")
+        figure = PlotFigure(figsize=(width, sum(heights) + 0.5), layout="constrained")
         axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=list(heights))
     return figure, list(axes[:, 0])
 

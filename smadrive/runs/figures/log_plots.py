@@ -25,8 +25,8 @@ from smadrive.runs.plots import (
     panels,
 )
 from smadrive.runs.report import Plot
-from smadrive.runs.run_metadata import reference_of, rig_config_of, wire_of
-from smadrive.runs.run_metrics import error_percent, is_virtual, tracking_caveats
+from smadrive.runs.run_metadata import rig_config_of, wire_of
+from smadrive.runs.run_metrics import error_percent, has_setpoint, is_virtual, scored_from_s, tracking_caveats
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ PLANE_POINTS = 6000
 
 def log_plots(log: Log) -> Iterator[Plot]:
     """The plots of the log; those without data are left out."""
-    if "reference" in log.metadata:
+    if has_setpoint(log):
         yield _tracking(log)
     yield _heat(log)
     if np.isfinite(log.column_with_gaps("displacement_mm")).any():
@@ -71,7 +71,7 @@ def draw_error(ax: Axes, log: Log, colour: str) -> None:
     """Draw the scored error; the approach, which is not scored, is shaded."""
     line(ax, log.column("time_s"), error_percent(log), color=colour, lw=0.9)
     ax.axhline(0.0, color=SETPOINT, lw=0.6)
-    ax.axvspan(0.0, reference_of(log).scored_from_s, color="#f0f2f5", lw=0)
+    ax.axvspan(0.0, scored_from_s(log), color="#f0f2f5", lw=0)
     ax.set_ylabel("error / % of stroke")
 
 
