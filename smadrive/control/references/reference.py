@@ -15,6 +15,8 @@ from math import inf
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smadrive.display.card import card
+from smadrive.display.line_plot import Curve, line_plot
 from smadrive.errors import ConfigError, DataError
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
 
@@ -36,7 +38,7 @@ TRAVEL_SLACK = 0.005
 """Share of the travel by which a reference may exceed it: the noise of the sensor that measured the travel."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Reference:
     """Displacement setpoint over time; the approach ends, and the metrics begin, at `scored_from_s`.
 
@@ -73,6 +75,15 @@ class Reference:
             n = int(backwards[0])
             raise DataError(f"reference: time goes from {times[n]:g} s to {times[n + 1]:g} s: it must increase")
         return cls(times - times[0], values)
+
+    def __repr__(self) -> str:
+        low_mm, high_mm = float(self.displacement_mm.min()), float(self.displacement_mm.max())
+        length = "endless" if self.endless else f"{self.duration_s:.4g} s"
+        return f"Reference({length}, {low_mm:.4g} to {high_mm:.4g} mm)"
+
+    def _repr_html_(self) -> str:
+        setpoint = Curve(self.times_s.tolist(), self.displacement_mm.tolist(), "setpoint", "#1d6fb8")
+        return card(repr(self), (), line_plot([setpoint], "time / s", "displacement / mm"))
 
     @property
     def duration_s(self) -> float:

@@ -5,8 +5,14 @@ from __future__ import annotations
 import matplotlib as mpl
 import numpy as np
 
+from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.wire import AnyFit
-from smadrive.runs.plots import COOLING, ESTIMATED, FAINT, HEATING, STYLE, PlotFigure, legend, line
+from smadrive.runs.figures.log_plots import draw_branches
+from smadrive.runs.plots import COOLING, ESTIMATED, FAINT, HEATING, STYLE, PlotFigure, legend, line, panels
+
+
+DOTS = 1000
+"""About the number of recorded samples that a plot of the loop shows."""
 
 
 def loop_figure(fit: AnyFit, axes: tuple[str, str]) -> PlotFigure:
@@ -14,11 +20,21 @@ def loop_figure(fit: AnyFit, axes: tuple[str, str]) -> PlotFigure:
     with mpl.rc_context(STYLE):
         figure = PlotFigure(figsize=(9.0, 4.5), layout="constrained")
         ax = figure.subplots()
-    ax.plot(fit.path, fit.predicted - fit.residual, ".", color=FAINT, ms=3, label="record")
+    every = max(1, fit.path.size // DOTS)
+    ax.plot(fit.path[::every], (fit.predicted - fit.residual)[::every], ".", color=FAINT, ms=3, label="record")
     moves = np.diff(fit.path, prepend=fit.path[0])
     for name, chosen, color in (("heating", moves >= 0, HEATING), ("cooling", moves < 0, COOLING)):
         ax.plot(fit.path, np.where(chosen, fit.predicted, np.nan), color=color, label=f"model, {name}")
     ax.set(xlabel=axes[0], ylabel=axes[1])
+    legend(ax)
+    return figure
+
+
+def model_figure(model: HysteresisModel) -> PlotFigure:
+    """Draw the major loop of the model of a wire."""
+    figure, (ax,) = panels((4.0,))
+    draw_branches(ax, model)
+    ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")
     legend(ax)
     return figure
 

@@ -113,14 +113,14 @@ def _plane(log: Log) -> Plot:
     figure.colorbar(dots, ax=ax, label="time / s", pad=0.01, aspect=30).outline.set_visible(False)
     caption = "Measured displacement over the estimated temperature of the wire."
     if "wire" in log.metadata:
-        _branches(ax, wire_of(log).model)
+        draw_branches(ax, wire_of(log).model)
         caption += " Lines: the major loop of the model; the minor loops lie inside it."
         legend(ax)
     ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")
     return Plot("Temperature and displacement", figure, caption)
 
 
-def _branches(ax: Axes, model: HysteresisModel) -> None:
+def draw_branches(ax: Axes, model: HysteresisModel) -> None:
     """Draw the major loop, cut to the range in which its branches differ."""
     up = np.linspace(*model.input_range, 800)
     loop = model.simulate(np.concatenate((up, up[::-1])))
