@@ -11,7 +11,7 @@ WIDTH, HEIGHT = 420, 210
 LEFT, RIGHT, TOP, BOTTOM = 48, 10, 22, 36
 """Margins around the axes, in pixels."""
 
-POINTS = 200
+POINTS = 300
 """A curve is drawn with at most about so many points."""
 
 TICKS = 5

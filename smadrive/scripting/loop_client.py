@@ -58,7 +58,10 @@ class RemoteTracebackError(Exception):
 
 
 class LoopClient:
-    """A new process for the loop. `call` sends it a request; `end` ends it."""
+    """A new process for the loop. `call` sends it a request; `end` ends it.
+
+    `is_death_raised`: the script has got the error that the process has died.
+    """
 
     def __init__(self) -> None:
         self._connection, theirs = Pipe()
@@ -68,6 +71,7 @@ class LoopClient:
         self._replies: dict[int, Result | Failure] = {}
         self._arrived = threading.Event()
         self._is_lost = False
+        self.is_death_raised = False
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", MODULE, str(theirs.fileno())],
             stdin=subprocess.DEVNULL,
@@ -142,6 +146,7 @@ class LoopClient:
                 show(self._progress)
 
     def _death(self) -> LoopProcessError:
+        self.is_death_raised = True
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(ENDS_WITHIN_S)
         return LoopProcessError(

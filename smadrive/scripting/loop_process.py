@@ -7,6 +7,7 @@ do not reach it: the script passes an interruption on (script_link.py).
 from __future__ import annotations
 
 import sys
+from contextlib import nullcontext
 from typing import Any
 
 import cloudpickle
@@ -78,12 +79,15 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
         case ExciteRequest(log_file=log_file):
             return _counts(excite(log_file, rig, link.watch))
         case TrackRequest(log_file=log_file, reference=reference, wire=wire, smooth=smooth):
-            return _counts(track(log_file, rig, plan_tracking(rig, reference, wire, smooth=smooth), link.watch))
+            with link.at_once():  # the simulation of a long reference takes minutes
+                plan = plan_tracking(rig, reference, wire, smooth=smooth)
+            return _counts(track(log_file, rig, plan, link.watch))
         case DriveRequest(log_file=log_file, controller=controller, duration_s=duration_s, wire=wire):
-            own = OwnController(controller, duration_s)
+            own = OwnController(controller, duration_s, link.at_once)
             return _counts(drive(log_file, rig, own, own.name, wire, link.watch), own.controller)
         case CoolDownRequest(duration_s=duration_s):
-            return rig.cool_down(duration_s)
+            with nullcontext() if _is_virtual(rig) else link.at_once():
+                return rig.cool_down(duration_s)
         case SwitchOffRequest():
             return rig.enter_safe_state()
         case ClearFaultsRequest():

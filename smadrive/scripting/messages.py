@@ -120,6 +120,10 @@ class RunProgress(NamedTuple):
     events: tuple[RunEvent, ...]
 
 
+class ScriptEndedError(SystemExit):
+    """The script has gone, or has ended this process."""
+
+
 class Result(NamedTuple):
     """The reply to a request that was carried out."""
 

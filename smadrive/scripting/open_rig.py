@@ -101,7 +101,8 @@ class OpenRig:
         if not self.is_open:
             return
         try:
-            self._client.call(CloseRequest())
+            if not self._client.is_death_raised:
+                self._client.call(CloseRequest())
         finally:
             self._finalizer()
 

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
 from math import isfinite, isnan
 from typing import Any
 
 from smadrive.control.controllers.temperature import Command
 from smadrive.errors import ConfigError, ControllerError
 from smadrive.measurement import Measurement
+from smadrive.scripting.messages import ScriptEndedError
 
 RETURN_A_COMMAND = "return smadrive.Command(commanded_a=…) from update"
 
@@ -17,11 +20,17 @@ class OwnController:
 
     The run lasts `duration_s`, or as long as the attribute `duration_s` of the controller says. ControllerError when
     `update` returns something else than a command, or a current that is no finite number. Errors that `update` raises
-    pass unchanged.
+    pass unchanged. `update` runs in a block of `at_once`, in which an interruption may act at any place.
     """
 
-    def __init__(self, controller: Any, duration_s: float | None) -> None:
+    def __init__(
+        self,
+        controller: Any,
+        duration_s: float | None,
+        at_once: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
         self.controller = controller
+        self._at_once = at_once
         self._duration_s = duration_s
 
     @property
@@ -37,7 +46,10 @@ class OwnController:
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Return the checked command of the controller."""
         try:
-            command = self.controller.update(time_s, measurement, dt_s)
+            with self._at_once():
+                command = self.controller.update(time_s, measurement, dt_s)
+        except ScriptEndedError:
+            raise
         except SystemExit:
             raise ControllerError("update called exit", where=self.name, cure="raise an error instead") from None
         if not isinstance(command, Command):

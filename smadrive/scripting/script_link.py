@@ -1,8 +1,9 @@
 """The end of the link that the process of the loop holds: requests in, replies and progress out, signals.
 
 A thread receives. It turns an interruption, and the end of the script however it came, into a signal for the main
-thread, because a signal reaches the loop at any moment, also inside a controller of the user. So a run that is
-interrupted from the script ends as one that is interrupted by Ctrl-C: at zero current, confirmed.
+thread. A run ends by it at its next tick, not in the middle of an exchange with a device, and then as a run that is
+interrupted by Ctrl-C does: at zero current, confirmed. Where no device is used and much time may pass, as in a
+controller of the user, the signal acts at once.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from smadrive.errors import ControllerError, SmadriveError
 from smadrive.rig.rig import Record
 from smadrive.runs.run_log import TickRecorder
 from smadrive.safety.shutdown import carry, shutdown_of
-from smadrive.scripting.messages import END, INTERRUPT, NUMBER_BYTES, Failure, Result, RunProgress
+from smadrive.scripting.messages import END, INTERRUPT, NUMBER_BYTES, Failure, Result, RunProgress, ScriptEndedError
 
 LOOK_S = 0.5
 """How often the process looks whether its script still exists: a child of the script may keep the socket open."""
@@ -46,6 +47,8 @@ class ScriptLink:
         self._requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
         self._number = 0
         self._is_interruptible = self._is_ending = False
+        self._acts_at_once = True
+        self._pending: type[BaseException] | None = None
         self._loop_thread = threading.main_thread().ident or 0
         signal.signal(signal.SIGINT, self._interrupt)
         for ending in (signal.SIGTERM, signal.SIGHUP):
@@ -53,28 +56,47 @@ class ScriptLink:
         threading.Thread(target=self._listen, name="link to the script", daemon=True).start()
 
     def request(self) -> Any:
-        """Wait for the next request and return it. Raises what unpickling it raises."""
+        """Wait for the next request and return it. ScriptEndedError at the end, and whatever unpickling raises."""
+        if self._is_ending:
+            raise ScriptEndedError
         message = self._requests.get()
         self._number = int.from_bytes(message[1 : 1 + NUMBER_BYTES])
         return pickle.loads(message[1 + NUMBER_BYTES :])  # noqa: S301 (of the same user)
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
-        """Let an interruption by the script raise KeyboardInterrupt in the block, once."""
+        """Let an interruption, or the end of the script, end the block at its next `check` or `at_once`."""
+        self._pending = None
+        self._acts_at_once, self._is_interruptible = False, True
         try:
-            self._is_interruptible = True
             yield
         finally:
-            self._is_interruptible = False
+            self._acts_at_once, self._is_interruptible = True, False
+
+    @contextmanager
+    def at_once(self) -> Iterator[None]:
+        """Let a signal end this block at any place: it may take long, and uses no device."""
+        self._acts_at_once = True
+        try:
+            self.check()
+            yield
+        finally:
+            self._acts_at_once = False
+
+    def check(self) -> None:
+        """Raise what a signal asked for: KeyboardInterrupt or ScriptEndedError. The code of a user may drop either."""
+        if self._pending is not None:
+            raise self._pending
 
     @contextmanager
     def watch(self, recorder: TickRecorder, duration_s: float) -> Iterator[Record]:
-        """Yield the function that records each tick, and reports some of them to the script."""
+        """Yield the function that records each tick, and reports some of them to the script. It may `check`."""
         sent_s = -inf
 
         def record(tick: Tick) -> None:
             nonlocal sent_s
             recorder.tick(tick)
+            self.check()
             if time.monotonic() - sent_s >= PROGRESS_S:
                 sent_s = time.monotonic()
                 self._report(RunProgress(tick, duration_s, tuple(recorder.latest)))
@@ -119,14 +141,19 @@ class ScriptLink:
         return b"" if os.getppid() == self._script else END
 
     def _interrupt(self, _number: int, _frame: FrameType | None) -> None:
-        if self._is_interruptible:
-            self._is_interruptible = False
-            raise KeyboardInterrupt
+        if self._is_interruptible and not self._is_ending:
+            self._act(KeyboardInterrupt)
 
     def _end(self, _number: int, _frame: FrameType | None) -> None:
         if not self._is_ending:
             self._is_ending = True
-            raise SystemExit
+            self._act(ScriptEndedError)
+
+    def _act(self, kind: type[BaseException]) -> None:
+        """Let the next `check` raise it, or raise it now."""
+        self._pending = kind
+        if self._acts_at_once:
+            raise kind
 
 
 def _dumped(number: int, error: BaseException, text: str) -> bytes:
