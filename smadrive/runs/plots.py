@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
@@ -44,6 +45,11 @@ NOTEBOOK_STYLE: Any = {**STYLE, "svg.fonttype": "none", "path.simplify_threshold
 """Texts stay texts and lines lose what no pixel shows, so that a notebook with its plots stays small."""
 
 
+_COORDINATES = re.compile(r' (?:d|x|y)="[^"]*"')
+_DIGITS = re.compile(r"(\.\d\d)\d+")
+"""A hundredth of a point is enough: more than half of a drawing are digits."""
+
+
 class PlotFigure(Figure):
     """A figure that a notebook shows as a vector drawing, without pyplot and without a backend."""
 
@@ -52,7 +58,7 @@ class PlotFigure(Figure):
         buffer = io.StringIO()
         with mpl.rc_context(NOTEBOOK_STYLE):
             self.savefig(buffer, format="svg", metadata={"Date": None})
-        return buffer.getvalue()
+        return _COORDINATES.sub(lambda found: _DIGITS.sub(r"\1", found.group()), buffer.getvalue())
 
 
 def panels(heights: Sequence[float], width: float = 9.0) -> tuple[PlotFigure, list[Axes]]:

@@ -179,7 +179,7 @@ class OpenRig:
     def _run(self, title: str, request: Any, path: Path) -> Run:
         self._check_open()
         try:
-            with shown_progress(f"{title}, {path.name}:") as show:
+            with shown_progress(f"{title}, {path.name}") as show:
                 driven: DrivenRun = self._client.call(request, show)
         except BaseException as error:
             if os.path.lexists(path):

@@ -38,7 +38,7 @@ def progress_text(title: str, progress: RunProgress) -> str:
         quantity(measured.displacement_mm, 2, "mm"),
         quantity(measured.current_a, 3, "A"),
     )
-    return f"{title} {time_s:.1f}{length} s · {' · '.join(values)}"
+    return f"{title}: {time_s:.1f}{length} s · {' · '.join(values)}"
 
 
 def share_done(progress: RunProgress) -> float:

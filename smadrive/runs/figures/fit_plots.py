@@ -10,7 +10,7 @@ from smadrive.identification.wire import AnyFit
 from smadrive.runs.figures.log_plots import draw_branches
 from smadrive.runs.plots import COOLING, ESTIMATED, FAINT, HEATING, STYLE, PlotFigure, legend, line, panels
 
-DOTS = 1000
+DOTS = 700
 """About the number of recorded samples that a plot of the loop shows."""
 
 
