@@ -70,6 +70,7 @@ class LoopClient:
         self._progress: RunProgress | None = None
         self._replies: dict[int, Result | Failure] = {}
         self._arrived = threading.Event()
+        self._one_call = threading.Lock()
         self._is_lost = False
         self.is_death_raised = False
         self._process = subprocess.Popen(
@@ -99,9 +100,9 @@ class LoopClient:
         the process has died. ControllerError when a controller cannot be transferred.
         """
         message = _pickled(request)
-        self._number += 1
-        self._progress = None
-        with CountedInterrupts() as interrupts:
+        with self._one_call, CountedInterrupts() as interrupts:
+            self._number += 1
+            self._progress = None
             self._send(REQUEST + self._number.to_bytes(NUMBER_BYTES) + message)
             reply = self._reply(interrupts, show)
         if interrupts.count and not isinstance(reply, Failure):

@@ -8,12 +8,14 @@ from __future__ import annotations
 
 import sys
 from contextlib import nullcontext
+from traceback import walk_tb
 from typing import Any
 
 import cloudpickle
 
 from smadrive.clock import MonotonicClock, VirtualClock
 from smadrive.control.loop import LoopMetrics
+from smadrive.errors import ControllerError
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import drive, excite, plan_tracking, track
 from smadrive.scripting.messages import (
@@ -67,8 +69,15 @@ def _is_last(link: ScriptLink, rig: Rig) -> bool:
             value = carried_out(request, rig, link)
         link.reply(value)
     except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 (the script gets it)
-        link.fail(error, is_own_code=request is None or isinstance(request, DriveRequest))
+        link.fail(error, is_own_code=request is None or _is_of_controller(error))
     return False
+
+
+def _is_of_controller(error: BaseException) -> bool:
+    """Whether the code of the user raised it: a rejected command says everything by itself."""
+    frames = (frame for frame, _ in walk_tb(error.__traceback__))
+    is_below = any(frame.f_code is OwnController.update.__code__ for frame in frames)
+    return is_below and not isinstance(error, ControllerError)
 
 
 def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:

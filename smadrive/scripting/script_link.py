@@ -109,7 +109,7 @@ class ScriptLink:
 
     def fail(self, error: BaseException, *, is_own_code: bool) -> None:
         """Send the error that ended the request, with its traceback if code of the user may have raised it."""
-        is_plain = isinstance(error, SmadriveError | KeyboardInterrupt) and not is_own_code
+        is_plain = isinstance(error, KeyboardInterrupt) or (isinstance(error, SmadriveError) and not is_own_code)
         text = "" if is_plain else "".join(traceback.format_exception(error))
         self._send(_dumped(self._number, error, text))
 

@@ -42,6 +42,15 @@ class Warm:
         return smadrive.Command(0.2, setpoint_mm=0.5)
 
 
+class Hot:
+    """Heats as much as the rig allows."""
+
+    duration_s = 60.0
+
+    def update(self, time_s, measurement, dt_s):
+        return smadrive.Command(1.0)
+
+
 class Fussy(Exception):
     """An error that can be pickled, but not restored."""
 
@@ -221,6 +230,10 @@ def test_trip_arrives_with_its_number_and_its_record(wire, tmp_path):
         assert caught.value.number == Fault.OVER_DISPLACEMENT.number
         assert shutdown_of(caught.value).confirmed
         assert caught.value.__cause__ is None
+        rig.clear_faults()
+        with pytest.raises(TripError) as driven:
+            rig.drive(Hot(), wire, tmp_path / "hot.h5")
+        assert driven.value.__cause__ is None
         with pytest.raises(SafetyError, match="the last run tripped"):
             rig.track(SINE, wire)
     run = smadrive.read_log(tmp_path / "tripped.h5")
