@@ -73,8 +73,9 @@ def _in_terminal(title: str, console: Console) -> Iterator[Show]:
 
     def show(progress: RunProgress) -> None:
         done = round(BAR * share_done(progress))
-        bar = Text("━" * done, "green").append("━" * (BAR - done), "dim")
-        line = Text(no_wrap=True, overflow="ellipsis").append(bar).append(f"  {progress_text(title, progress)}")
+        line = Text(no_wrap=True, overflow="ellipsis")
+        line.append("━" * done, "green").append("━" * (BAR - done), "dim")
+        line.append(f"  {progress_text(title, progress)}")
         with suppress(OSError):
             live.update(line, refresh=True)
 

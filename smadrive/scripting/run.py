@@ -164,7 +164,9 @@ class Run:
         return [*facts, ("ended by", self.log.ended_by)] if self.log.ended_by else facts
 
     def __repr__(self) -> str:
-        return f"Run({self.kind}, {self.log_file}, {', '.join(f'{name} {value}' for name, value in self.facts())})"
+        facts = (f"{name} {value}" for name, value in self.facts())
+        warnings = (f"warning: {caveat}" for caveat in self.caveats)
+        return f"Run({', '.join((self.kind, str(self.log_file), *facts, *warnings))})"
 
     def _repr_html_(self) -> str:
         title = f"{self.kind[0].upper()}{self.kind[1:]}, {self.log_file.name}"

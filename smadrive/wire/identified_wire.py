@@ -61,7 +61,9 @@ class IdentifiedWire:
         ]
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({', '.join(f'{name} {value}' for name, value in self.facts())})"
+        facts = (f"{name} {value}" for name, value in self.facts())
+        warnings = (f"warning: {caveat}" for caveat in self.caveats)
+        return f"{type(self).__name__}({', '.join((*facts, *warnings))})"
 
     def _repr_html_(self) -> str:
         title = f"Identified wire, from {Path(self.source).name}" if self.source else "Identified wire"

@@ -8,6 +8,8 @@ from pathlib import Path
 import nbformat
 import pytest
 
+import smadrive
+
 ROOT = Path(__file__).parents[3]
 GUIDE = (ROOT / "docs" / "python.md").read_text()
 SNIPPETS = re.findall(r"```python\n(.*?)```", GUIDE, re.DOTALL)
@@ -79,6 +81,11 @@ def test_stored_outputs_are_small_and_name_no_machine(notebook):
     counts = re.findall(r'"execution_count": (\S+?),?\n', text)
     assert set(counts) == {"null"}
     assert "image/svg+xml" in text
+
+
+@pytest.mark.parametrize("name", smadrive.__all__)
+def test_guide_names_every_public_name(name):
+    assert f"`{name}`" in GUIDE or f"`{name}." in GUIDE
 
 
 def test_guide_links_every_notebook():

@@ -24,6 +24,9 @@ from smadrive.scripting.loop_client import LoopClient
 
 RIGS = Path(__file__).parents[3] / "configs" / "rigs"
 
+PATIENCE = "watchdog_s = 5.0\nstale_after_s = 5.0"
+"""Limits that a busy machine keeps."""
+
 SCRIPT = """
 import os, sys, time
 import smadrive
@@ -72,19 +75,20 @@ def rig_file(request, tmp_path):
     if request.param == "in-process":
         yield RIGS / "in-process.toml"
         return
-    with on_a_port(tmp_path) as path:
+    with on_a_port(tmp_path) as (path, _):
         yield path
 
 
 @contextlib.contextmanager
-def on_a_port(tmp_path):
-    """The rig file of a board that `firmware-sim` serves in real time."""
-    with served() as (_, url):
+def on_a_port(tmp_path, limits=PATIENCE):
+    """The rig file of a board that `firmware-sim` serves in real time, and the process of that."""
+    with served() as (simulator, url):
         text = (RIGS / "simulated.toml").read_text()
         shipped = tomllib.loads(text)["devices"][0]["url"]
         path = tmp_path / "rig.toml"
-        path.write_text(text.replace(shipped, url.split("?")[0] + PATIENT))
-        yield path
+        text = text.replace(shipped, url.split("?")[0] + PATIENT).replace("watchdog_s = 0.5", limits)
+        path.write_text(text)
+        yield path, simulator
 
 
 @contextlib.contextmanager
@@ -154,15 +158,15 @@ def test_killed_script_ends_the_run_although_its_child_keeps_the_link_open(ident
 
 
 def test_killed_loop_is_an_error_and_the_watchdog_switches_off(identified, tmp_path):
-    with on_a_port(tmp_path) as rig_file:
+    with on_a_port(tmp_path, "watchdog_s = 0.5\nstale_after_s = 5.0") as (rig_file, simulator):
         with heating(rig_file, identified.wire_file, tmp_path) as (script, loop):
             os.kill(loop, signal.SIGKILL)
             printed, errors = script.communicate()
         assert "LoopProcessError" in printed
         assert "the record of the run up to its end: run.h5" in printed
         assert "signal SIGKILL" in errors
+        assert any("watchdog" in line for line in simulator.stderr)  # it has switched off before the next driver comes
         with Rig(load_rig(str(rig_file))) as rig:
-            wait_for(lambda: rig.measure().device_faults)
             assert rig.measure().device_faults == ("watchdog",)
             assert rig.measure().current_a < 0.01
     log = read_log(tmp_path / "run.h5")
@@ -180,7 +184,7 @@ def test_terminated_loop_ends_its_run_confirmed(rig_file, identified, tmp_path):
 
 
 def test_stopped_script_does_not_stop_the_loop(identified, tmp_path):
-    with on_a_port(tmp_path) as rig_file, heating(rig_file, identified.wire_file, tmp_path) as (script, _):
+    with on_a_port(tmp_path) as (rig_file, _), heating(rig_file, identified.wire_file, tmp_path) as (script, _):
         script.send_signal(signal.SIGSTOP)
         for _ in range(3):
             assert script.stdout.readline().startswith("heating")

@@ -88,6 +88,7 @@ def test_identified_wire_drives_the_rig(rig, wire):
 
 def test_wire_comes_from_every_form_of_its_record(wire, tmp_path):
     run = smadrive.read_log("excitation.h5")
+    assert isinstance(wire, smadrive.IdentifiedWire)
     assert (wire.heat_balance is None, Path(wire.source).name) == (False, "excitation.h5")
     assert smadrive.identify("excitation.h5").fit.rms_percent == wire.fit.rms_percent
     temperature_c, displacement_mm = run["estimated_c"][::4], run["displacement_mm"][::4]
