@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Iterator
 from functools import cached_property
 from math import isfinite
 from pathlib import Path
@@ -73,6 +74,9 @@ class Run:
     def keys(self) -> tuple[str, ...]:
         """Return the names of the columns: a run can be read as a mapping."""
         return self.columns
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
 
     def __contains__(self, name: object) -> bool:
         return name in self.log.columns

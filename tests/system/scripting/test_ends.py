@@ -15,7 +15,7 @@ from marks import exhaustive
 from served import PATIENT, served
 
 import smadrive
-from smadrive.errors import LoopProcessError
+from smadrive.errors import UNCONFIRMED, LoopProcessError
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
@@ -172,6 +172,17 @@ def test_killed_loop_is_an_error_and_the_watchdog_switches_off(identified, tmp_p
     log = read_log(tmp_path / "run.h5")
     assert log.end_time == ""
     assert log.column("commanded_a").max() == 0.2
+
+
+def test_lost_device_is_a_trip_that_says_that_off_is_unconfirmed(identified, tmp_path):
+    with (
+        on_a_port(tmp_path, "watchdog_s = 0.5") as (rig_file, simulator),
+        heating(rig_file, identified.wire_file, tmp_path) as (script, _),
+    ):
+        simulator.kill()
+        printed, _ = script.communicate()
+    assert f"TripError; {UNCONFIRMED}" in printed
+    assert "TripError: fault" in read_log(tmp_path / "run.h5").ended_by
 
 
 def test_terminated_loop_ends_its_run_confirmed(rig_file, identified, tmp_path):

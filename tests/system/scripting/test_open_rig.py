@@ -106,6 +106,7 @@ def test_wire_comes_from_every_form_of_its_record(wire, tmp_path):
     ]
     assert len({form.fit.rms_percent for form in forms}) == 1
     assert all(form.heat_balance is None for form in forms)
+    assert dict(run).keys() == set(run)
     assert "units" in run.to_xarray()["displacement_mm"].attrs
 
 
@@ -267,7 +268,7 @@ MISTAKES = [
     ("reference", lambda rig, wire: rig.track("sin:low_mm=2", wire), ConfigError, "did you mean 'sine'?"),
     ("reference", lambda rig, wire: rig.track("sine:low_mm=2", wire), ConfigError, "missing: high_mm, period_s"),
     ("reference", lambda rig, wire: rig.track(_sine(high_mm=40), wire), ConfigError, "reaches from"),
-    ("reference", lambda rig, wire: rig.track(_sine(period_s=1), wire), ConfigError, "slow it down"),
+    ("reference", lambda rig, wire: rig.track(_sine(period_s=1), wire), ConfigError, "cools no faster"),
     ("log", lambda rig, wire: rig.excite(7), ConfigError, "log: of the wrong type (int)"),
     ("log", lambda rig, wire: rig.excite("l.csv"), DataError, "the name of a log ends in .h5"),
     ("log", lambda rig, wire: rig.excite("excitation.h5"), DataError, "a record is never overwritten"),
