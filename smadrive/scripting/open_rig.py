@@ -25,8 +25,8 @@ from smadrive.scripting.arguments import (
     rig_of,
     wire_of_argument,
 )
-from smadrive.scripting.loop_client import LoopClient
-from smadrive.scripting.messages import (
+from smadrive.scripting.loop.loop_client import LoopClient
+from smadrive.scripting.loop.messages import (
     ClearFaultsRequest,
     CloseRequest,
     CoolDownRequest,
@@ -39,7 +39,7 @@ from smadrive.scripting.messages import (
     SwitchOffRequest,
     TrackRequest,
 )
-from smadrive.scripting.own_controller import check_controller
+from smadrive.scripting.loop.own_controller import check_controller
 from smadrive.scripting.progress import shown_progress
 from smadrive.scripting.run import Run
 from smadrive.wire.wire_model import travel_mm

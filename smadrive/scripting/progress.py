@@ -19,8 +19,8 @@ from rich.live import Live
 from rich.text import Text
 
 from smadrive.display.card import FONT, quantity
-from smadrive.scripting.loop_client import Show, show_nothing
-from smadrive.scripting.messages import RunProgress
+from smadrive.scripting.loop.loop_client import Show, show_nothing
+from smadrive.scripting.loop.messages import RunProgress
 
 BAR = 30
 """Length of the bar in a terminal, in characters."""

@@ -20,7 +20,7 @@ from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.log.reader import read_log
 from smadrive.safety.shutdown import CONFIRMED
-from smadrive.scripting.loop_client import LoopClient
+from smadrive.scripting.loop.loop_client import LoopClient
 
 RIGS = Path(__file__).parents[3] / "configs" / "rigs"
 

@@ -1,7 +1,9 @@
 """A script's rig: measure, excite, identify, track, drive, read again; mistakes are errors of one sentence."""
 
+import importlib
 import math
 import os
+import sys
 import threading
 from pathlib import Path
 
@@ -153,6 +155,38 @@ def test_own_controller_runs_supervised_and_comes_back_with_what_it_saw(rig, wir
     assert math.isfinite(run.rms_percent)
     with pytest.raises(DataError, match="a controller of the user ran"):
         replay(run.log)
+
+
+MODULE = """
+import smadrive
+from helper import CURRENT_A
+
+class Edited:
+    duration_s = 0.5
+    def update(self, time_s, measurement, dt_s):
+        return smadrive.Command(CURRENT_A)
+"""
+
+
+def test_reloaded_module_of_the_user_runs_as_it_was_reloaded(rig, wire, tmp_path, monkeypatch):
+    monkeypatch.syspath_prepend(tmp_path)
+    (tmp_path / "edited.py").write_text(MODULE)
+    for current_a in (0.1, 0.15):
+        (tmp_path / "helper.py").write_text(f"CURRENT_A = {current_a}  # {'x' * int(1000 * current_a)}")
+        for name in ("helper", "edited"):
+            sys.modules.pop(name, None)
+        importlib.invalidate_caches()
+        run = rig.drive(importlib.import_module("edited").Edited(), wire)
+        assert max(run["commanded_a"]) == current_a
+
+
+def test_module_that_cannot_be_copied_travels_by_name(wire, tmp_path, monkeypatch):
+    text = MODULE.replace("from helper import CURRENT_A", "import threading\nCURRENT_A = 0.1\nLOCK = threading.Lock()")
+    (tmp_path / "locked.py").write_text(text.replace("return", "with LOCK: return"))
+    monkeypatch.syspath_prepend(tmp_path)
+    controller = importlib.import_module("locked").Edited()
+    with smadrive.open_rig("in-process") as opened:  # which searches where the script searches now
+        assert opened.drive(controller, wire, tmp_path / "locked.h5").ticks == 11
 
 
 def test_current_of_an_own_controller_is_clamped(rig, wire):

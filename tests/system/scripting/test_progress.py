@@ -15,7 +15,7 @@ from smadrive.control.controllers.temperature import Command
 from smadrive.control.loop import Tick
 from smadrive.measurement import Measurement
 from smadrive.runs.log.reader import read_log
-from smadrive.scripting.messages import RunProgress
+from smadrive.scripting.loop.messages import RunProgress
 from smadrive.scripting.progress import is_notebook, progress_text, share_done
 
 EXCITE = "import smadrive\nwith smadrive.open_rig('in-process') as rig: rig.excite()"

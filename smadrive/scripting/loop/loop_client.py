@@ -20,15 +20,14 @@ from contextlib import suppress
 from multiprocessing import Pipe
 from typing import Any
 
-import cloudpickle
-
-from smadrive.errors import ControllerError, LoopProcessError
+from smadrive.errors import LoopProcessError
 from smadrive.interrupts import ABORTS_AT
 from smadrive.numerics.blas_threads import ONE_THREAD
-from smadrive.scripting.counted_interrupts import CountedInterrupts
-from smadrive.scripting.messages import END, INTERRUPT, NUMBER_BYTES, REQUEST, Failure, Result, RunProgress
+from smadrive.scripting.loop.counted_interrupts import CountedInterrupts
+from smadrive.scripting.loop.messages import END, INTERRUPT, NUMBER_BYTES, REQUEST, Failure, Result, RunProgress
+from smadrive.scripting.loop.transfer import pickled
 
-MODULE = "smadrive.scripting.loop_process"
+MODULE = "smadrive.scripting.loop.loop_process"
 
 LOOK_S = 0.05
 """How often a waiting script looks for an interruption."""
@@ -99,7 +98,7 @@ class LoopClient:
         KeyboardInterrupt after an interruption, when the process has confirmed the heater off. LoopProcessError when
         the process has died. ControllerError when a controller cannot be transferred.
         """
-        message = _pickled(request)
+        message = pickled(request)
         with self._one_call, CountedInterrupts() as interrupts:
             self._number += 1
             self._progress = None
@@ -175,16 +174,6 @@ class LoopClient:
         finally:
             self._is_lost = True
             self._arrived.set()
-
-
-def _pickled(request: Any) -> bytes:
-    """Return the request with everything that it needs. ControllerError when it cannot be pickled."""
-    try:
-        message: bytes = cloudpickle.dumps(request)
-    except Exception as error:
-        cure = "open files, ports and threads in its update, not before"
-        raise ControllerError("cannot be transferred", where="controller", value=str(error), cure=cure) from error
-    return message
 
 
 def _status(code: int | None) -> str:

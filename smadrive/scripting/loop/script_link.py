@@ -30,7 +30,15 @@ from smadrive.errors import ControllerError, SmadriveError
 from smadrive.rig.rig import Record
 from smadrive.runs.run_log import TickRecorder
 from smadrive.safety.shutdown import carry, shutdown_of
-from smadrive.scripting.messages import END, INTERRUPT, NUMBER_BYTES, Failure, Result, RunProgress, ScriptEndedError
+from smadrive.scripting.loop.messages import (
+    END,
+    INTERRUPT,
+    NUMBER_BYTES,
+    Failure,
+    Result,
+    RunProgress,
+    ScriptEndedError,
+)
 
 LOOK_S = 0.5
 """How often the process looks whether its script still exists: a child of the script may keep the socket open."""

@@ -18,7 +18,7 @@ from smadrive.control.loop import LoopMetrics
 from smadrive.errors import ControllerError
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import drive, excite, plan_tracking, track
-from smadrive.scripting.messages import (
+from smadrive.scripting.loop.messages import (
     AnyScriptRequest,
     ClearFaultsRequest,
     CloseRequest,
@@ -32,8 +32,8 @@ from smadrive.scripting.messages import (
     SwitchOffRequest,
     TrackRequest,
 )
-from smadrive.scripting.own_controller import OwnController
-from smadrive.scripting.script_link import ScriptLink
+from smadrive.scripting.loop.own_controller import OwnController
+from smadrive.scripting.loop.script_link import ScriptLink
 from smadrive.tuning.link.real_time import use_real_time_scheduling
 
 

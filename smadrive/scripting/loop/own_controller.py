@@ -10,7 +10,7 @@ from typing import Any
 from smadrive.control.controllers.temperature import Command
 from smadrive.errors import ConfigError, ControllerError
 from smadrive.measurement import Measurement
-from smadrive.scripting.messages import ScriptEndedError
+from smadrive.scripting.loop.messages import ScriptEndedError
 
 RETURN_A_COMMAND = "return smadrive.Command(commanded_a=…) from update"
 

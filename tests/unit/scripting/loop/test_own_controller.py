@@ -9,7 +9,7 @@ import pytest
 from smadrive.control.controllers.temperature import Command
 from smadrive.errors import ConfigError, ControllerError
 from smadrive.measurement import Measurement
-from smadrive.scripting.own_controller import OwnController, check_controller
+from smadrive.scripting.loop.own_controller import OwnController, check_controller
 
 SAMPLE = Measurement(0.0, 25.0, 0.0, 0.0)
 
