@@ -19,11 +19,15 @@ The class says where the cause lies; the message names what is wrong, where, the
     │   ├── TripError           a latched trip
     │   ├── TakenOverError      the guardian has taken over the heater
     │   ├── StoppedError        `smadrive off` has stopped the driver
-    │   └── FrontSilentError    no process answers OFF of the tuning page
+    │   ├── FrontSilentError    no process answers OFF of the tuning page
+    │   └── LoopProcessError    the process of the loop died
+    ├── ControllerError         a controller of the user does not do its part   exit code 2
     └── IdentificationError     the data do not determine the model             exit code 5
 """
 
 from __future__ import annotations
+
+from typing import Any
 
 UNCONFIRMED = "the heater could NOT be confirmed off"
 CUT = (
@@ -58,12 +62,21 @@ class SmadriveError(Exception):
         self.limit = limit
         self.cure = cure
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickle with every attribute and note: an error crosses from one process to another as it is."""
+        return _restored, (type(self), self.args), self.__dict__
+
     def __str__(self) -> str:
         facts = [] if self.value is None else [_text(self.value)]
         facts += [] if self.limit is None else [f"limit {_text(self.limit)}"]
         text = f"{self.where}: {self.what}" if self.where else self.what
         text += f" ({', '.join(facts)})" if facts else ""
         return f"{_sentence(text)} {_sentence(self.cure[0].upper() + self.cure[1:])}" if self.cure else text
+
+
+def _restored(kind: type[SmadriveError], arguments: tuple[object, ...]) -> SmadriveError:
+    """Return an error without its attributes, which the unpickler sets."""
+    return kind.__new__(kind, *arguments)
 
 
 def _text(value: object) -> str:
@@ -160,6 +173,16 @@ class StoppedError(SafetyError):
 
 class FrontSilentError(SafetyError):
     """The front process of the tuning page does not answer, so OFF on the page has no effect."""
+
+
+class LoopProcessError(SafetyError):
+    """The process that ran the loop of a script died. Watchdog or guardian switch the heater off."""
+
+
+class ControllerError(SmadriveError):
+    """A controller of the user returned something else than a command, or raised what cannot be transferred."""
+
+    exit_code = 2
 
 
 class IdentificationError(SmadriveError):

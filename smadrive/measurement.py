@@ -5,6 +5,8 @@ from __future__ import annotations
 from math import nan
 from typing import NamedTuple
 
+from smadrive.display.card import card, quantity
+
 
 class Measurement(NamedTuple):
     """One sample of the wire, in engineering units. A quantity that was not measured, or is invalid, is NaN.
@@ -39,3 +41,21 @@ class Measurement(NamedTuple):
     def limits(self) -> tuple[str, ...]:
         """Every limit that holds the output back, the device's first."""
         return self.device_limits + self.host_limits
+
+    def facts(self) -> tuple[tuple[str, str], ...]:
+        """Return the quantities as a person reads them: names and values with units; no faults, no row of them."""
+        temperature = self.temperature_fault or quantity(self.temperature_c, 2, "°C")
+        faults = ((", ".join(self.device_faults), "faults"), (", ".join(self.limits), "limited by"))
+        return (
+            ("temperature", temperature),
+            ("displacement", quantity(self.displacement_mm, 4, "mm")),
+            ("current", self.supply_fault or quantity(self.current_a, 4, "A")),
+            ("voltage", self.supply_fault or quantity(self.voltage_v, 3, "V")),
+            *((name, text) for text, name in faults if text),
+        )
+
+    def __repr__(self) -> str:
+        return f"Measurement({', '.join(f'{name} {value}' for name, value in self.facts())})"
+
+    def _repr_html_(self) -> str:
+        return card("Measurement", self.facts())

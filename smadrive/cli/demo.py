@@ -13,7 +13,7 @@ import typer
 
 from smadrive.cli.identify import fit_result
 from smadrive.cli.output import AsJson, Output, make_empty_folder
-from smadrive.cli.run import APPROACH_S, HEADER, table_row
+from smadrive.cli.run import HEADER, table_row
 from smadrive.cli.views.demo_report import write_demo_report
 from smadrive.cli.views.run_view import watched
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse, StaticMap
@@ -23,6 +23,7 @@ from smadrive.control.references.shapes import sine
 from smadrive.identification.wire import WireFit, identify_wire
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
+from smadrive.runs.experiments import APPROACH_S
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_log import TickRecorder, record_excitation, record_tracking
 from smadrive.runs.run_metadata import excitation_record

@@ -9,16 +9,15 @@ import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.views.run_view import watched
+from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
 from smadrive.errors import TripError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import LOG
-from smadrive.identification.excitation import check_may_excite
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
+from smadrive.runs.experiments import excite
 from smadrive.runs.log.reader import read_log
-from smadrive.runs.run_log import record_excitation
 from smadrive.runs.run_metrics import tripped_loop_metrics
 
 
@@ -44,15 +43,7 @@ def main(
 
 def _excite(log_file: Path, rig: Rig, *, quiet: bool) -> LoopMetrics:
     """Excite the wire and record the run in `log_file`; show the run unless `quiet`. TripError after a trip."""
-    measured = rig.measure()
-    limit_a = rig.config.limits.current_max_a
-    excitation = rig.excitation(measured.temperature_c)
-    check_may_excite(excitation, rig.nominal_balance, limit_a, measured)
-    with (
-        record_excitation(log_file, rig, excitation) as recorder,
-        watched(recorder, "exciting", excitation.duration_s, limit_a, quiet=quiet) as record,
-    ):
-        return rig.excite(excitation, record)
+    return excite(log_file, rig, shown("exciting", rig.config.limits.current_max_a, quiet=quiet))
 
 
 def _print_metrics(log_file: Path, metrics: LoopMetrics, output: Output, *, tripped: str | None) -> None:

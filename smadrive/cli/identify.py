@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from enum import StrEnum
 from pathlib import Path
 from typing import Annotated
@@ -12,17 +12,12 @@ import typer
 
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.views.fit_report import write_fit_report
-from smadrive.errors import DataError
 from smadrive.files.atomic import check_output
-from smadrive.files.csv_table import read_table
-from smadrive.files.kinds import LOG, MODEL, PAGE, TABLE
+from smadrive.files.kinds import MODEL, PAGE
 from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
-from smadrive.identification.column_units import unit_doubts
 from smadrive.identification.thermal import ThermalFit
-from smadrive.identification.wire import AnyFit, identify_hysteresis, identify_wire
-from smadrive.runs.log.reader import read_log
-from smadrive.runs.run_metadata import excitation_caveats, excitation_record, nominal_balance
-from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.identification.wire import AnyFit
+from smadrive.runs.record_fit import fit_file
 
 
 class Kind(StrEnum):
@@ -48,11 +43,10 @@ def main(
     if plot is not None:
         check_output(plot, PAGE, data)
     with output.progress(f"fitting {data.name}"):
-        result = _identify(data, (input_column, output_column), kind, sets)
+        result = fit_file(data, (input_column, output_column), kind.value, sets)
     fit, thermal = result.fit, result.thermal
-    balance = None if thermal is None else thermal.balance
     replaced = model_file.exists()
-    IdentifiedWire(fit.model, balance, result.caveats, fit.metrics, str(data)).save(model_file)
+    result.wire(str(data)).save(model_file)
     if plot is not None:
         write_fit_report(plot, fit, result.caveats, str(data), result.axes)
     _print_fit(output, fit, thermal, result.caveats)
@@ -65,36 +59,6 @@ def main(
             **({} if thermal is None else {"heat_balance": asdict(thermal.balance), "within": thermal.within}),
         }
     )
-
-
-@dataclass(frozen=True)
-class _Identified:
-    """The result of the command: the fit of the model, caveats, and the axis labels of its plot.
-
-    `thermal` is the fit of the heat balance. It is None for a CSV. `caveats` are reasons to distrust the fits.
-    """
-
-    fit: AnyFit
-    thermal: ThermalFit | None
-    caveats: tuple[str, ...]
-    axes: tuple[str, str]
-
-
-def _identify(data: Path, columns: tuple[str, str], kind: Kind, sets: int) -> _Identified:
-    if LOG.has_ending(data):
-        log = read_log(data)
-        wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets)
-        caveats = (*log.caveats, *excitation_caveats(log), *wire.hysteresis.caveats)
-        return _Identified(wire.hysteresis, wire.thermal, caveats, ("wire temperature, °C", "displacement, mm"))
-    if not TABLE.has_ending(data):
-        raise DataError(
-            "neither a log nor a CSV", where=data, cure="give the log (.h5) of `smadrive excite`, or a .csv"
-        )
-    table = read_table(data)
-    v, y = (table.column(name) for name in columns)
-    doubts = [doubt for name, values in zip(columns, (v, y), strict=True) for doubt in unit_doubts(name, values)]
-    fit = identify_hysteresis(v, y, kind.value, sets)
-    return _Identified(fit, None, (*doubts, *fit.caveats), columns)
 
 
 def fit_result(fit: AnyFit, kind: str, model_file: Path) -> dict[str, object]:

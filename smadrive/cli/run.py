@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import asdict
-from math import isfinite, isnan
+from math import isnan
 from pathlib import Path
 from typing import Annotated
 
@@ -12,32 +11,19 @@ import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.views.run_view import watched
-from smadrive.control.feasibility import Feasibility, simulate_run
-from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
-from smadrive.control.references.reference import Reference
-from smadrive.control.references.shapes import SHAPES, parse_reference
+from smadrive.control.references.shapes import SHAPES
 from smadrive.errors import ConfigError, TripError
 from smadrive.files.atomic import check_output
-from smadrive.files.csv_table import read_table
-from smadrive.files.kinds import LOG, TABLE
-from smadrive.hysteresis import HysteresisModel
-from smadrive.measurement import Measurement
+from smadrive.files.kinds import LOG
 from smadrive.rig.config import RigConfig, load_rig
-from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
+from smadrive.runs.experiments import plan_tracking, read_reference, track
 from smadrive.runs.log.reader import Log, read_log
-from smadrive.runs.run_log import record_tracking, reference_text
 from smadrive.runs.run_metrics import TrackingMetrics, tracking_caveats, tracking_metrics, tripped_loop_metrics
-from smadrive.safety.supervisor import check_thermocouple
 from smadrive.wire.identified_wire import load_wire
-from smadrive.wire.wire_model import WireModel, WireState, travel_mm
-
-APPROACH_S = 10.0
-"""Duration of the approach, in which the wire moves to the beginning of the reference. The approach is not scored."""
-
-NOT_ADAPTED = "adapt = true under [feedback] has an effect only in `smadrive tune`: this run does not change the rules"
+from smadrive.wire.wire_model import travel_mm
 
 HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")
 
@@ -73,54 +59,16 @@ def main(
     given.check_within(travel_mm(identified.model))
     try:
         with Rig(config, trace_folder=trace) as open_rig:
-            wire = WireModel(identified.model, identified.heat_balance or open_rig.nominal_balance)
-            given, simulated = _simulated(open_rig, given, wire)
-            simulated.check(config.limits.temperature_max_c, smooth=smooth)
-            model_caveats = [f"{path.name}: {caveat}" for caveat in identified.caveats]
-            caveats = (*simulated.caveats, *model_caveats, *([NOT_ADAPTED] if config.feedback.adapt else []))
-            output.warn(caveats)
-            loop = _track(log_file, open_rig, wire, given, simulated.nearest, caveats, quiet=output.quiet)
+            plan = plan_tracking(open_rig, given, identified, smooth=smooth)
+            output.warn(plan.caveats)
+            watch = shown("tracking", config.limits.current_max_a, quiet=output.quiet)
+            loop = track(log_file, open_rig, plan, watch)
     except TripError as trip:
         try:
             _print_metrics(read_log(log_file), None, output, tripped=str(trip))
         finally:
             raise trip  # also when the output cannot be written
     _print_metrics(read_log(log_file), loop, output, tripped=None)
-
-
-def _simulated(rig: Rig, given: Reference, wire: WireModel) -> tuple[Reference, Feasibility]:
-    """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated."""
-    measured = rig.measure()
-    check_thermocouple(measured)
-    start_mm = start_displacement_mm(wire.model, measured)
-    given = given.with_approach(start_mm, APPROACH_S)
-    rig.check_balance(wire.balance)
-    start = WireState(measured.temperature_c, wire.model.initial_state(measured.temperature_c, start_mm))
-    return given, simulate_run(given, wire, HysteresisInverse(wire.model), tracking_settings(rig.config), start)
-
-
-def _track(
-    log_file: Path,
-    rig: Rig,
-    wire: WireModel,
-    given: Reference,
-    nearest: Reference,
-    caveats: tuple[str, ...],
-    *,
-    quiet: bool,
-) -> LoopMetrics:
-    """Track `nearest`, the reference nearest to `given` that the wire can follow; show the run unless `quiet`.
-
-    TripError after a trip.
-    """
-    experiment = nearest, wire.model, wire.balance, HysteresisInverse(wire.model)
-    with (
-        record_tracking(
-            log_file, rig, *experiment, given_reference=reference_text(given), caveats=json.dumps(caveats)
-        ) as recorder,
-        watched(recorder, "tracking", nearest.duration_s, rig.config.limits.current_max_a, quiet=quiet) as record,
-    ):
-        return rig.track(*experiment, record)
 
 
 def _print_metrics(log: Log, loop: LoopMetrics | None, output: Output, *, tripped: str | None) -> None:
@@ -131,22 +79,6 @@ def _print_metrics(log: Log, loop: LoopMetrics | None, output: Output, *, trippe
     output.warn(caveats)
     output.say(f"log: {log.path}")
     output.result({**asdict(metrics), "caveats": caveats, "tripped": tripped})
-
-
-def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
-    """Return the measured displacement. Without a sensor, return that of the model for a wire that was cold before."""
-    if isfinite(measured.displacement_mm):
-        return measured.displacement_mm
-    return model.initial_state(measured.temperature_c).y
-
-
-def read_reference(text: str) -> Reference:
-    """Return the reference in a CSV file, or that of a text such as `sine:low_mm=2,high_mm=9,period_s=56`."""
-    path = Path(text)
-    if TABLE.has_ending(path) or path.is_file():
-        table = read_table(path)
-        return Reference.from_samples(table.column("time_s"), table.column("displacement_mm"))
-    return parse_reference(text)
 
 
 def table_row(name: str, metrics: TrackingMetrics) -> tuple[str, ...]:

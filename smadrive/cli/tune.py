@@ -12,7 +12,7 @@ import typer
 
 from smadrive.cli.options import RigFile
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.run import model_file, read_reference
+from smadrive.cli.run import model_file
 from smadrive.cli.views.tune_view import TuneView, watched
 from smadrive.clock import VirtualClock
 from smadrive.control.references.reference import Reference
@@ -21,6 +21,7 @@ from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
+from smadrive.runs.experiments import read_reference
 from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.link.real_time import use_real_time_scheduling
 from smadrive.tuning.processes import BuilderProcess, TuningPage

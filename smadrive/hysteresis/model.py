@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from smadrive.display.card import card
+from smadrive.display.line_plot import Curve, line_plot
 from smadrive.errors import DataError, ModelError
 from smadrive.numerics.arrays import FloatArray, finite_array
 
@@ -22,6 +24,10 @@ if TYPE_CHECKING:
 
     from smadrive.hysteresis.branch import BranchEngine
     from smadrive.hysteresis.certificate import Certificate
+
+
+LOOP_POINTS = 200
+"""Points of each branch in the plot of a model."""
 
 
 class HysteresisState(NamedTuple):
@@ -105,9 +111,44 @@ class HysteresisModel:
         w = self.engine.move(state.w, state.v, v1)
         return HysteresisState(v1, self.offset + self.scale * w, w)
 
+    def facts(self) -> list[tuple[str, str]]:
+        """Return what a person asks first: names and values."""
+        (low, high), certificate = self.input_range, self.certificate()
+        ends = sorted(round(self.initial_state(end).y / self.scale, 9) * self.scale for end in (low, high))
+        verdict = "yes" if certificate.holds else f"no: {', '.join(certificate.shortcomings)}"
+        return [
+            ("kind", type(self).__name__),
+            *([("rules", str(len(self.rules)))] if hasattr(self, "rules") else []),
+            ("input", f"{low:.4g} to {high:.4g}"),
+            ("output", f"{ends[0]:.4g} to {ends[1]:.4g}"),
+            ("certified", verdict),
+        ]
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({', '.join(f'{name} {value}' for name, value in self.facts()[1:])})"
+
+    def _repr_html_(self) -> str:
+        return card("Hysteresis model", self.facts(), loop_plot(self))
+
     def slope(self, state: HysteresisState, direction: int) -> float:
         """Return dy/dv = scale · (a w + b) at the state, for an input that rises (direction > 0) or falls."""
         return self.scale * self.engine.slope(state.w, state.v, direction > 0)
+
+
+def loop_plot(model: HysteresisModel, input_name: str = "input", output_name: str = "output") -> str:
+    """Return the major loop of `model` as inline SVG."""
+    low, high = model.input_range
+    rising = np.linspace(low, high, LOOP_POINTS)
+    outputs = model.simulate(np.concatenate((rising, rising[::-1])))
+    heating, cooling = outputs[:LOOP_POINTS], outputs[LOOP_POINTS:]
+    return line_plot(
+        [
+            Curve(rising.tolist(), heating.tolist(), "heating", "#c8323c"),
+            Curve(rising[::-1].tolist(), cooling.tolist(), "cooling", "#1d6fb8"),
+        ],
+        input_name,
+        output_name,
+    )
 
 
 def check_output_map(scale: float, offset: float, input_range: tuple[float, float]) -> tuple[float, float]:

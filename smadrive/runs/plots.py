@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import io
+import re
 from collections.abc import Sequence
 from itertools import pairwise
 from typing import Any
@@ -39,13 +41,33 @@ POINTS = 3000
 """Largest number of points of a line, roughly. A page has fewer pixels."""
 
 
-def panels(heights: Sequence[float], width: float = 9.0) -> tuple[Figure, list[Axes]]:
+NOTEBOOK_STYLE: Any = {**STYLE, "svg.fonttype": "none", "path.simplify_threshold": 1.0}
+"""Texts stay texts and lines lose what no pixel shows, so that a notebook with its plots stays small."""
+
+
+_COORDINATES = re.compile(r' (?:d|x|y)="[^"]*"')
+_DIGITS = re.compile(r"(\.\d\d)\d+")
+"""A hundredth of a point is enough: more than half of a drawing are digits."""
+
+
+class PlotFigure(Figure):
+    """A figure that a notebook shows as a vector drawing, without pyplot and without a backend."""
+
+    def _repr_svg_(self) -> str:
+        """Return the figure as SVG."""
+        buffer = io.StringIO()
+        with mpl.rc_context(NOTEBOOK_STYLE):
+            self.savefig(buffer, format="svg", metadata={"Date": None})
+        return _COORDINATES.sub(lambda found: _DIGITS.sub(r"\1", found.group()), buffer.getvalue())
+
+
+def panels(heights: Sequence[float], width: float = 9.0) -> tuple[PlotFigure, list[Axes]]:
     """Return a figure and its panels, which stand one above the other and share their time axis.
 
     `heights` and `width` are in inches.
     """
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(width, sum(heights) + 0.5), layout="constrained")
+        figure = PlotFigure(figsize=(width, sum(heights) + 0.5), layout="constrained")
         axes = figure.subplots(len(heights), 1, sharex=True, squeeze=False, height_ratios=list(heights))
     return figure, list(axes[:, 0])
 

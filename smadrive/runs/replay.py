@@ -22,6 +22,7 @@ from smadrive.measurement import Measurement
 from smadrive.rig.controllers import excitation_controller, tracking_controller
 from smadrive.runs.columns import fields_of
 from smadrive.runs.log.reader import Log
+from smadrive.runs.run_log import OWN_CONTROLLER
 from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, wire_of
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import travel_mm
@@ -101,6 +102,9 @@ def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
         if wire is not None:
             raise DataError("an excitation uses no model", where=log.path, cure="replay it without --model")
         return excitation_controller(config, excitation_of(log), nominal_balance(log))
+    if log.metadata.get("kind") == OWN_CONTROLLER:
+        what = "a controller of the user ran, which a log does not hold"
+        raise DataError(what, where=log.path, cure="call its update with the rows of the log, in Python")
     if wire is None and log.metadata.get("inverse") != "hysteresis":
         what = "the run used a plain map, which a log does not hold"
         raise DataError(what, where=log.path, cure="give --model to replay it with a model")

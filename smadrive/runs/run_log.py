@@ -28,6 +28,9 @@ from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
 
 _row = row_getter(COLUMNS)
+OWN_CONTROLLER = "own controller"
+"""The kind of a run whose controller is not of smadrive; its log cannot be replayed."""
+
 _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 
 
@@ -83,6 +86,11 @@ def record_tracking(
         "inverse": "hysteresis" if isinstance(inverse, HysteresisInverse) else "plain map",
     }
     return _open(path, rig, {**metadata, **notes}, reference.duration_s)
+
+
+def record_controller(path: Path, rig: Rig, wire: IdentifiedWire, name: str, duration_s: float) -> TickRecorder:
+    """Return the open log of a run of an own controller, called `name`, on the identified wire."""
+    return _open(path, rig, {"kind": OWN_CONTROLLER, "controller": name, "wire": wire.text()}, duration_s)
 
 
 def reference_text(reference: Reference) -> str:

@@ -22,15 +22,26 @@ FEW_MISSING = 0.03
 """Largest share of missing samples of a working sensor. A larger share gives a warning about the metrics."""
 
 
+def has_setpoint(log: Log) -> bool:
+    """Whether the run had displacement setpoints: a tracking run, or an own controller that returned some."""
+    is_own = "wire" in log.metadata and bool(np.isfinite(log.column_with_gaps("setpoint_mm")).any())
+    return "reference" in log.metadata or is_own
+
+
+def scored_from_s(log: Log) -> float:
+    """Return the time at which the metrics begin: the end of the approach. An own controller has none."""
+    return reference_of(log).scored_from_s if "reference" in log.metadata else 0.0
+
+
 def error_percent(log: Log) -> Array:
     """Return setpoint minus displacement of every row, in % of the stroke.
 
     The error is NaN during the approach, and where no displacement was measured. DataError when the log is not of a
-    tracking run.
+    run on an identified wire.
     """
     cold_mm, hot_mm = travel_mm(wire_of(log).model)
     error_mm = log.column_with_gaps("setpoint_mm") - log.column_with_gaps("displacement_mm")
-    is_scored = log.column("time_s") >= reference_of(log).scored_from_s
+    is_scored = log.column("time_s") >= scored_from_s(log)
     return np.where(is_scored, 100.0 * error_mm / abs(hot_mm - cold_mm), nan)
 
 
@@ -82,7 +93,7 @@ def _texts(values: Iterable[Any]) -> tuple[str, ...]:
 
 
 def _sample_caveats(log: Log) -> tuple[str, ...]:
-    error = error_percent(log)[log.column("time_s") >= reference_of(log).scored_from_s]
+    error = error_percent(log)[log.column("time_s") >= scored_from_s(log)]
     if error.size == 0:
         return ("the tracking error is unknown: the run ended in its approach, which is not scored",)
     missing = int(np.count_nonzero(np.isnan(error)))
@@ -120,7 +131,7 @@ def run_metrics(log: Log) -> RunMetrics:
     time_s = log.column("time_s")
     if time_s.size == 0:
         raise DataError("no tick was recorded", where=log.path, cure="record the run again")
-    error = error_percent(log) if "reference" in log.metadata else np.array([nan])
+    error = error_percent(log) if has_setpoint(log) else np.array([nan])
     power_w = log.column_with_gaps("current_a") * log.column_with_gaps("voltage_v")
     return RunMetrics(
         log.text("kind"),

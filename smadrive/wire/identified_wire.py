@@ -6,20 +6,23 @@ The file is a model file. Its provenance holds the heat balance, the caveats and
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from smadrive.display.card import card
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem, save_model
+from smadrive.hysteresis.model import loop_plot
 from smadrive.hysteresis.model_file import Fields, model_text, parse_model, read_model
 from smadrive.wire.heat_balance import PARAMETERS, BalanceSource, HeatBalance
-from smadrive.wire.wire_model import WireModel
+from smadrive.wire.wire_model import WireModel, travel_mm
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class IdentifiedWire:
     """An identified wire.
 
@@ -36,7 +39,38 @@ class IdentifiedWire:
     metrics: Mapping[str, float] = field(default_factory=dict)
     source: str = ""
 
-    def save(self, path: Path) -> None:
+    def facts(self) -> list[tuple[str, str]]:
+        """Return what a person asks first: names and values with units."""
+        cold_mm, hot_mm = travel_mm(self.model)
+        low_c, high_c = self.model.input_range
+        facts = [
+            self.model.facts()[0],
+            ("identified", f"from {low_c:.4g} to {high_c:.4g} °C"),
+            ("stroke", f"{abs(hot_mm - cold_mm):.3g} mm"),
+        ]
+        if self.metrics:
+            facts.append(("RMS error of the fit", f"{self.metrics['rms_percent']:.2f} % of the span"))
+        facts.append(self.model.facts()[-1])
+        if self.heat_balance is None:
+            return [*facts, ("heat balance", "not identified: that of the data sheet is used")]
+        return [
+            *facts,
+            ("time constant", f"{self.heat_balance.time_constant_s:.2f} s"),
+            ("latent heat", f"{self.heat_balance.latent_heat_j:.3g} J"),
+            ("cold resistance", f"{self.heat_balance.resistance_cold_ohm:.3g} Ω"),
+        ]
+
+    def __repr__(self) -> str:
+        facts = (f"{name} {value}" for name, value in self.facts())
+        warnings = (f"warning: {caveat}" for caveat in self.caveats)
+        return f"{type(self).__name__}({', '.join((*facts, *warnings))})"
+
+    def _repr_html_(self) -> str:
+        title = f"Identified wire, from {Path(self.source).name}" if self.source else "Identified wire"
+        plot = loop_plot(self.model, "wire temperature / °C", "displacement / mm")
+        return card(title, self.facts(), plot, self.caveats)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
         """Write the wire's file, with the time of writing. ModelError for a model that has no file format."""
         provenance: dict[str, Any] = {
             "source": self.source,
@@ -59,7 +93,7 @@ class IdentifiedWire:
         return WireModel(self.model, self.heat_balance)
 
 
-def load_wire(path: Path | str) -> IdentifiedWire:
+def load_wire(path: str | os.PathLike[str]) -> IdentifiedWire:
     """Load a wire from a file. ModelError for a file that holds no wire, CertificateError for an uncertified model."""
     return parse_wire(read_model(Path(path)), str(path))
 

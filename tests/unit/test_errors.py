@@ -1,8 +1,10 @@
 """The message of an error is composed of its parts."""
 
+import pickle
+
 import pytest
 
-from smadrive.errors import ConfigError
+from smadrive.errors import ConfigError, ControllerError, ExceptionReply, TripError
 
 
 @pytest.mark.parametrize(
@@ -25,3 +27,21 @@ def test_message_has_the_parts_that_are_given(parts, message):
 
 def test_question_needs_no_full_stop():
     assert str(ConfigError("which one?", cure="choose")) == "which one? Choose."
+
+
+@pytest.mark.parametrize(
+    "error",
+    [
+        ConfigError("too short", where="a.toml", value=0.5, limit=2, cure="raise it"),
+        TripError("fault 11: too far", 11, cure="mend it"),
+        ExceptionReply("rejected", 2, where="register 5", value=7),
+        ControllerError("returned something else", where="Warm", value="None"),
+    ],
+    ids=lambda error: type(error).__name__,
+)
+def test_error_crosses_processes_with_its_attributes_and_notes(error):
+    error.add_note("the heater is off")
+    restored = pickle.loads(pickle.dumps(error))  # noqa: S301
+    assert type(restored) is type(error)
+    assert str(restored) == str(error)
+    assert vars(restored) == vars(error)

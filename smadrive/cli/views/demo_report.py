@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from smadrive.cli.views.log_plots import NOT_SCORED, draw_error
 from smadrive.identification.wire import WireFit
+from smadrive.runs.figures.log_plots import NOT_SCORED, draw_error
 from smadrive.runs.log.reader import Log
 from smadrive.runs.plots import (
     COOLING,

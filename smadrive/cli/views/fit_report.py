@@ -5,36 +5,28 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
-import matplotlib as mpl
-import numpy as np
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
-
 from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.identification.duhem import DuhemFit
 from smadrive.identification.wire import AnyFit
-from smadrive.runs.plots import COOLING, ESTIMATED, FAINT, HEATING, STYLE, legend, line
+from smadrive.runs.figures.fit_plots import loop_figure, residual_figure
 from smadrive.runs.report import Banner, Grid, Listing, PagePart, Plot, Tiles, write_report
-
-Array = NDArray[np.float64]
 
 
 def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: str, axes: tuple[str, str]) -> None:
     """Write the page. `axes` names input and output with their units; `caveats` are those of the fit and the record."""
-    measured = fit.predicted - fit.residual
     parts: list[PagePart] = [
         _verdict(fit),
         *(Banner("warning", f"Warning: {caveat}.") for caveat in caveats),
         _metrics(fit),
-        Plot("The loop", _loop(fit, measured, axes), "Grey: the record. Colours: the model on the same input."),
+        Plot("The loop", loop_figure(fit, axes), "Grey: the record. Colours: the model on the same input."),
         Plot(
             "Residuals",
-            _residuals(fit, axes[0]),
+            residual_figure(fit, axes[0]),
             "Model minus record, along the record and over the input. Structure here is an error of the model.",
         ),
         *_parameters(fit),
     ]
-    write_report(path, f"Hysteresis identified from {Path(source).name}", f"{len(measured)} samples.", parts)
+    write_report(path, f"Hysteresis identified from {Path(source).name}", f"{len(fit.residual)} samples.", parts)
 
 
 def _verdict(fit: AnyFit) -> Banner:
@@ -54,31 +46,6 @@ def _metrics(fit: AnyFit) -> Tiles:
             (f"{100 * certificate.invertible_share:.1f} %", "of the loop has one input for each output; best is 100 %"),
         ]
     )
-
-
-def _loop(fit: AnyFit, measured: Array, axes: tuple[str, str]) -> Figure:
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 4.5), layout="constrained")
-        ax = figure.subplots()
-    ax.plot(fit.path, measured, ".", color=FAINT, ms=3, label="record")
-    moves = np.diff(fit.path, prepend=fit.path[0])
-    for name, chosen, color in (("heating", moves >= 0, HEATING), ("cooling", moves < 0, COOLING)):
-        ax.plot(fit.path, np.where(chosen, fit.predicted, np.nan), color=color, label=f"model, {name}")
-    ax.set(xlabel=axes[0], ylabel=axes[1])
-    legend(ax)
-    return figure
-
-
-def _residuals(fit: AnyFit, input_name: str) -> Figure:
-    percent = 100 * fit.residual / fit.output_span
-    with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(9.0, 3.2), layout="constrained")
-        along, over = figure.subplots(1, 2, sharey=True)
-    line(along, np.arange(len(percent), dtype=np.float64), percent, color=ESTIMATED, lw=0.8)
-    along.set(xlabel="sample", ylabel="error, % of span")
-    over.plot(fit.path, percent, ".", color=ESTIMATED, ms=3)
-    over.set(xlabel=input_name)
-    return figure
 
 
 def _parameters(fit: AnyFit) -> list[PagePart]:

@@ -8,14 +8,19 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
-from smadrive.cli.views.log_plots import log_plots
 from smadrive.errors import UNCONFIRMED
+from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import Log
 from smadrive.runs.report import Banner, Grid, Listing, PagePart, Tiles, write_report
+from smadrive.runs.run_log import OWN_CONTROLLER
 from smadrive.runs.run_metadata import rig_config_of
-from smadrive.runs.run_metrics import RunMetrics, is_virtual, run_metrics, tracking_caveats
+from smadrive.runs.run_metrics import RunMetrics, has_setpoint, is_virtual, run_metrics, tracking_caveats
 
-TITLES = {"excitation": "identification experiment", "tracking": "tracking run"}
+TITLES = {
+    "excitation": "identification experiment",
+    "tracking": "tracking run",
+    OWN_CONTROLLER: "run of an own controller",
+}
 
 
 def write_log_report(path: Path, log: Log) -> RunMetrics:
@@ -53,7 +58,7 @@ def _state(log: Log, summary: RunMetrics) -> Banner:
 
 def _caveats(log: Log) -> Iterator[Banner]:
     """Yield the reasons to distrust the content or the metrics, as `run` prints them on the terminal."""
-    tracking = tracking_caveats(log) if "reference" in log.metadata else ()
+    tracking = tracking_caveats(log) if has_setpoint(log) else ()
     for caveat in (*log.caveats, *tracking):
         yield Banner("warning", f"Warning: {caveat}.")
 
@@ -88,7 +93,7 @@ def _provenance(log: Log) -> Grid:
         *((f"address of {device.name}", device.url) for device in rig_config_of(log).devices),
         ("versions", versions),
         ("machine", log.text("machine")),
-        *((name, log.metadata[name]) for name in ("inverse", "seed", "title") if name in log.metadata),
+        *((name, log.metadata[name]) for name in ("inverse", "controller", "seed", "title") if name in log.metadata),
     ]
     return Grid(("", ""), rows, "Provenance", texts=True)
 

@@ -17,6 +17,7 @@ from rich.live import Live
 from rich.text import Text
 
 from smadrive.control.loop import Tick
+from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
 
 DRAWN_PER_S = 5
@@ -104,6 +105,11 @@ def watched(
 
     with drawing(view, console):
         yield record
+
+
+def shown(title: str, current_max_a: float, *, quiet: bool) -> Watch:
+    """Return the display of an experiment (see `watched`)."""
+    return lambda recorder, duration_s: watched(recorder, title, duration_s, current_max_a, quiet=quiet)
 
 
 @contextmanager

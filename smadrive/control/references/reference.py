@@ -15,6 +15,8 @@ from math import inf
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smadrive.display.card import card
+from smadrive.display.line_plot import Curve, line_plot
 from smadrive.errors import ConfigError, DataError
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
 
@@ -39,7 +41,7 @@ TRAVEL_SLACK = 0.005
 """A reference may exceed the travel of the wire by this share of it, the noise of the sensor that measured it."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Reference:
     """Displacement setpoint over time. At `scored_from_s` the approach ends and the metrics begin.
 
@@ -85,6 +87,15 @@ class Reference:
                 cure="sort the samples by time",
             )
         return cls(times - times[0], values)
+
+    def __repr__(self) -> str:
+        low_mm, high_mm = float(self.displacement_mm.min()), float(self.displacement_mm.max())
+        length = "endless" if self.endless else f"{self.duration_s:.4g} s"
+        return f"Reference({length}, {low_mm:.4g} to {high_mm:.4g} mm)"
+
+    def _repr_html_(self) -> str:
+        setpoint = Curve(self.times_s.tolist(), self.displacement_mm.tolist(), "setpoint", "#1d6fb8")
+        return card(repr(self), (), line_plot([setpoint], "time / s", "displacement / mm"))
 
     @property
     def duration_s(self) -> float:

@@ -23,7 +23,7 @@ _EXPLAINED = 0.5  # least share of the output's variance that a dependence on th
 ModelT = TypeVar("ModelT", bound="HysteresisModel")
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Fit(Generic[ModelT]):
     """An identified model and its metrics.
 
@@ -50,6 +50,11 @@ class Fit(Generic[ModelT]):
     def max_percent(self) -> float:
         """Largest residual, % of the output span."""
         return float(100 * np.max(np.abs(self.residual)) / self.output_span)
+
+    def __repr__(self) -> str:
+        certified = "certified" if self.certificate.holds else "not certified"
+        samples = f"{len(self.residual)} samples"
+        return f"Fit({self.rms_percent:.3g} % RMS, {self.max_percent:.3g} % at most, {samples}, {certified})"
 
     @property
     def metrics(self) -> dict[str, float]:

@@ -40,7 +40,7 @@ class RunEvent(NamedTuple):
     message: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Log:
     """The content of a log file.
 
@@ -56,6 +56,10 @@ class Log:
     end_time: str
     version: str
     has_checksums: bool = True
+
+    def __repr__(self) -> str:
+        rows = len(next(iter(self.columns.values()), ()))
+        return f"Log({self.path}, {self.metadata.get('kind', 'unknown')}, {rows} rows of {len(self.columns)} columns)"
 
     @property
     def ended_by(self) -> str:

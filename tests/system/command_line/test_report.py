@@ -14,7 +14,6 @@ import pytest
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
 from smadrive.cli.views.demo_report import _error_plot
-from smadrive.cli.views.log_plots import log_plots
 from smadrive.cli.views.log_report import write_log_report
 from smadrive.clock import VirtualClock
 from smadrive.control.feedforward.displacement import HysteresisInverse
@@ -26,6 +25,7 @@ from smadrive.files.csv_table import read_table
 from smadrive.hysteresis import DuhemModel
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
+from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_log import record_excitation, record_tracking
 from smadrive.runs.run_metrics import tracking_metrics

@@ -33,6 +33,15 @@ def test_library_example_runs():
     assert "all reachable: True" in done.stdout
 
 
+def test_script_with_a_rig_runs(tmp_path):
+    (example,) = blocks("py")
+    (tmp_path / "script.py").write_text(example)
+    command = [sys.executable, "-W", "error", "script.py"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.endswith("% RMS of the stroke\n")
+
+
 @pytest.mark.parametrize("link", re.findall(r"\]\((?!http)([^)#]+)\)", TEXT))
 def test_link_exists(link):
     assert (ROOT / link).exists()

@@ -53,6 +53,23 @@ with Rig(load_rig(sys.argv[1])) as rig:
         except TakenOverError:
             assert not rig.heater.clear_faults().armed
 """
+SCRIPTED = """
+import sys, smadrive
+from smadrive.hysteresis import DuhemModel
+
+class Warm:
+    duration_s = float("inf")
+    said = False
+    def update(self, time_s, measurement, dt_s):
+        if time_s > 1.0 and not self.said:
+            self.said = True
+            print("heating", flush=True)
+        return smadrive.Command(0.2)
+
+loop = dict(mu_heating=90, mu_cooling=69, sigma_heating=5, sigma_cooling=5, scale=12, input_range=(20, 140))
+with smadrive.open_rig(sys.argv[1]) as rig:
+    rig.drive(Warm(), smadrive.IdentifiedWire(DuhemModel.gaussian(**loop)), sys.argv[1] + ".h5")
+"""
 LOSES_REPLIES = "".join(f"[[faults]]\nat_s = {at_s}\nname = 'drop'\nreplies = 2\n" for at_s in range(20, 100, 3))
 
 
@@ -138,6 +155,17 @@ def test_guardian_switches_off_for_a_driver_that_cannot(tmp_path, fate):
         assert "heater off, confirmed by read-back" in said
         if fate == "stopped":
             assert "the guardian has taken over" in said.replace("\n", " ")
+
+
+def test_the_guardian_switches_off_behind_the_loop_of_a_script(tmp_path):
+    with driven(tmp_path, script=SCRIPTED) as (script, supply):
+        (loop,) = children(script.pid)
+        os.kill(loop, signal.SIGKILL)
+        assert supply.stderr.readline().endswith("output off\n")
+        said = script.communicate(timeout=300)[1]
+        assert "LoopProcessError" in said
+        assert "taking over" in said
+        assert "heater off, confirmed by read-back" in said
 
 
 @contextlib.contextmanager

@@ -25,8 +25,8 @@ from smadrive.runs.plots import (
     panels,
 )
 from smadrive.runs.report import Plot
-from smadrive.runs.run_metadata import reference_of, rig_config_of, wire_of
-from smadrive.runs.run_metrics import error_percent, is_virtual, tracking_caveats
+from smadrive.runs.run_metadata import rig_config_of, wire_of
+from smadrive.runs.run_metrics import error_percent, has_setpoint, is_virtual, scored_from_s, tracking_caveats
 
 Array = NDArray[np.float64]
 
@@ -38,7 +38,7 @@ PLANE_POINTS = 6000
 
 def log_plots(log: Log) -> Iterator[Plot]:
     """Yield the plots of the log. Plots without data are left out."""
-    if "reference" in log.metadata:
+    if has_setpoint(log):
         yield _tracking(log)
     yield _heat(log)
     if np.isfinite(log.column_with_gaps("displacement_mm")).any():
@@ -71,7 +71,7 @@ def draw_error(ax: Axes, log: Log, colour: str) -> None:
     """Draw the tracking error. The approach, which is not scored, is shaded."""
     line(ax, log.column("time_s"), error_percent(log), color=colour, lw=0.9)
     ax.axhline(0.0, color=SETPOINT, lw=0.6)
-    ax.axvspan(0.0, reference_of(log).scored_from_s, color="#f0f2f5", lw=0)
+    ax.axvspan(0.0, scored_from_s(log), color="#f0f2f5", lw=0)
     ax.set_ylabel("error / % of stroke")
 
 
@@ -113,14 +113,14 @@ def _plane(log: Log) -> Plot:
     figure.colorbar(dots, ax=ax, label="time / s", pad=0.01, aspect=30).outline.set_visible(False)
     caption = "Measured displacement over the estimated temperature of the wire."
     if "wire" in log.metadata:
-        _branches(ax, wire_of(log).model)
+        draw_branches(ax, wire_of(log).model)
         caption += " Lines: the major loop of the model; the minor loops lie inside it."
         legend(ax)
     ax.set(xlabel="wire temperature / °C", ylabel="displacement / mm")
     return Plot("Temperature and displacement", figure, caption)
 
 
-def _branches(ax: Axes, model: HysteresisModel) -> None:
+def draw_branches(ax: Axes, model: HysteresisModel) -> None:
     """Draw the major loop, cut to the range in which its branches differ."""
     up = np.linspace(*model.input_range, 800)
     loop = model.simulate(np.concatenate((up, up[::-1])))

@@ -1,0 +1,130 @@
+"""The experiments of commands, scripts and notebooks: excitation, tracking, and the run of an own controller.
+
+Each experiment is checked before the wire is heated, and recorded in a log. `Watch` lets the caller show the run.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from contextlib import AbstractContextManager
+from dataclasses import dataclass
+from math import isfinite
+from pathlib import Path
+
+from smadrive.control.controllers.temperature import Controller
+from smadrive.control.feasibility import Feasibility, simulate_run
+from smadrive.control.feedforward.displacement import HysteresisInverse
+from smadrive.control.loop import LoopMetrics
+from smadrive.control.references.reference import Reference
+from smadrive.control.references.shapes import parse_reference
+from smadrive.files.csv_table import read_table
+from smadrive.files.kinds import TABLE
+from smadrive.hysteresis import HysteresisModel
+from smadrive.identification.excitation import check_may_excite
+from smadrive.measurement import Measurement
+from smadrive.rig.controllers import tracking_settings
+from smadrive.rig.rig import Record, Rig
+from smadrive.runs.run_log import TickRecorder, record_controller, record_excitation, record_tracking, reference_text
+from smadrive.safety.supervisor import check_thermocouple
+from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.wire_model import WireModel, WireState
+
+APPROACH_S = 10.0
+"""Duration of the approach, in which the wire moves to the beginning of the reference. The approach is not scored."""
+
+NOT_ADAPTED = "adapt = true under [feedback] has an effect in `smadrive tune` alone: this run does not change the rules"
+
+Watch = Callable[[TickRecorder, float], AbstractContextManager[Record]]
+"""Takes the open log and the duration of the run. Yields the function that records, and may show, each tick."""
+
+
+@dataclass(frozen=True)
+class PlannedTracking:
+    """A tracking run that was simulated on the model of its wire.
+
+    `given` is the reference with its approach, `nearest` the one that the run tracks: `given` itself if the wire can
+    follow it. `caveats` are reasons to distrust the run, one sentence each.
+    """
+
+    given: Reference
+    nearest: Reference
+    wire: WireModel
+    caveats: tuple[str, ...]
+
+
+def excite(log_file: Path, rig: Rig, watch: Watch) -> LoopMetrics:
+    """Run the identification experiment of `rig` and record it in `log_file`. TripError after a trip."""
+    measured = rig.measure()
+    excitation = rig.excitation(measured.temperature_c)
+    check_may_excite(excitation, rig.nominal_balance, rig.config.limits.current_max_a, measured)
+    with (
+        record_excitation(log_file, rig, excitation) as recorder,
+        watch(recorder, excitation.duration_s) as record,
+    ):
+        return rig.excite(excitation, record)
+
+
+def plan_tracking(rig: Rig, given: Reference, identified: IdentifiedWire, *, smooth: bool) -> PlannedTracking:
+    """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated.
+
+    ConfigError when the wire cannot follow `given`. With `smooth` the run tracks the nearest reference instead.
+    """
+    wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance)
+    given, simulated = _simulated(rig, given, wire)
+    simulated.check(rig.config.limits.temperature_max_c, smooth=smooth)
+    source = Path(identified.source).name
+    of_the_model = (f"{source}: {caveat}" if source else caveat for caveat in identified.caveats)
+    not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
+    return PlannedTracking(given, simulated.nearest, wire, (*simulated.caveats, *of_the_model, *not_adapted))
+
+
+def track(log_file: Path, rig: Rig, plan: PlannedTracking, watch: Watch) -> LoopMetrics:
+    """Run `plan` and record it in `log_file`. TripError after a trip."""
+    experiment = plan.nearest, plan.wire.model, plan.wire.balance, HysteresisInverse(plan.wire.model)
+    given, caveats = reference_text(plan.given), json.dumps(plan.caveats)
+    with (
+        record_tracking(log_file, rig, *experiment, given_reference=given, caveats=caveats) as recorder,
+        watch(recorder, plan.nearest.duration_s) as record,
+    ):
+        return rig.track(*experiment, record)
+
+
+def drive(
+    log_file: Path, rig: Rig, controller: Controller, name: str, identified: IdentifiedWire, watch: Watch
+) -> LoopMetrics:
+    """Run an own controller on the identified wire and record it in `log_file`. TripError after a trip."""
+    balance = identified.heat_balance or rig.nominal_balance
+    wire = IdentifiedWire(identified.model, balance)
+    with (
+        record_controller(log_file, rig, wire, name, controller.duration_s) as recorder,
+        watch(recorder, controller.duration_s) as record,
+    ):
+        return rig.drive(controller, balance, record, identified.model)
+
+
+def read_reference(text: str) -> Reference:
+    """Return the reference in a CSV file, or that of a text such as `sine:low_mm=2,high_mm=9,period_s=56`."""
+    path = Path(text)
+    if TABLE.has_ending(path) or path.is_file():
+        table = read_table(path)
+        return Reference.from_samples(table.column("time_s"), table.column("displacement_mm"))
+    return parse_reference(text)
+
+
+def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
+    """Return the measured displacement. Without a sensor, return that of the model for a wire that was cold before."""
+    if isfinite(measured.displacement_mm):
+        return measured.displacement_mm
+    return model.initial_state(measured.temperature_c).y
+
+
+def _simulated(rig: Rig, given: Reference, wire: WireModel) -> tuple[Reference, Feasibility]:
+    """Return `given` with its approach, and its simulation."""
+    measured = rig.measure()
+    check_thermocouple(measured)
+    start_mm = start_displacement_mm(wire.model, measured)
+    given = given.with_approach(start_mm, APPROACH_S)
+    rig.check_balance(wire.balance)
+    start = WireState(measured.temperature_c, wire.model.initial_state(measured.temperature_c, start_mm))
+    return given, simulate_run(given, wire, HysteresisInverse(wire.model), tracking_settings(rig.config), start)

@@ -1,0 +1,66 @@
+"""A fit to a record, wherever the record stands: a log, a CSV file, columns in memory."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smadrive.errors import DataError
+from smadrive.files.csv_table import read_table
+from smadrive.files.kinds import LOG, TABLE
+from smadrive.identification.column_units import unit_doubts
+from smadrive.identification.thermal import ThermalFit
+from smadrive.identification.wire import AnyFit, Kind, identify_hysteresis, identify_wire
+from smadrive.runs.log.reader import Log, read_log
+from smadrive.runs.run_metadata import excitation_caveats, excitation_record, nominal_balance
+from smadrive.wire.identified_wire import IdentifiedWire
+
+
+@dataclass(frozen=True)
+class RecordFit:
+    """The fit of the hysteresis, and that of the heat balance, which needs a log.
+
+    `caveats` are reasons to distrust the fits. `axes` are the labels of input and output.
+    """
+
+    fit: AnyFit
+    thermal: ThermalFit | None
+    caveats: tuple[str, ...]
+    axes: tuple[str, str]
+
+    def wire(self, source: str) -> IdentifiedWire:
+        """Return the identified wire; `source` names the record."""
+        balance = None if self.thermal is None else self.thermal.balance
+        return IdentifiedWire(self.fit.model, balance, self.caveats, self.fit.metrics, source)
+
+
+def fit_file(path: Path, columns: tuple[str, str], kind: Kind, sets: int) -> RecordFit:
+    """Fit the record in a log, or the two `columns` of a CSV file. DataError for another kind of file."""
+    if LOG.has_ending(path):
+        return fit_log(read_log(path), kind, sets)
+    if not TABLE.has_ending(path):
+        raise DataError(
+            "neither a log nor a CSV", where=path, cure="give the log (.h5) of `smadrive excite`, or a .csv"
+        )
+    table = read_table(path)
+    v, y = (table.column(name) for name in columns)
+    return fit_columns(v, y, columns, kind, sets)
+
+
+def fit_log(log: Log, kind: Kind, sets: int) -> RecordFit:
+    """Fit heat balance and hysteresis to the log of an excitation."""
+    wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind, sets=sets)
+    caveats = (*log.caveats, *excitation_caveats(log), *wire.hysteresis.caveats)
+    return RecordFit(wire.hysteresis, wire.thermal, caveats, ("wire temperature, °C", "displacement, mm"))
+
+
+def fit_columns(
+    v: NDArray[np.float64], y: NDArray[np.float64], names: tuple[str, str], kind: Kind, sets: int
+) -> RecordFit:
+    """Fit the hysteresis of output `y` on input `v`; their `names` tell their units."""
+    fit = identify_hysteresis(v, y, kind, sets)
+    doubts = (*unit_doubts(names[0], v), *unit_doubts(names[1], y))
+    return RecordFit(fit, None, (*doubts, *fit.caveats), names)

@@ -1,0 +1,59 @@
+"""The arguments of a script as the types that the loop needs. ConfigError names what was given instead."""
+
+from __future__ import annotations
+
+import os
+from itertools import count
+from pathlib import Path
+from typing import Literal
+
+from smadrive.control.references.reference import Reference
+from smadrive.errors import ConfigError
+from smadrive.files.atomic import check_output
+from smadrive.files.kinds import LOG
+from smadrive.rig.config import RigConfig, load_rig
+from smadrive.runs.experiments import read_reference
+from smadrive.wire.identified_wire import IdentifiedWire, load_wire
+
+PathText = str | os.PathLike[str]
+ReferenceLike = Reference | PathText
+WireLike = IdentifiedWire | PathText
+
+
+def rig_of(rig: RigConfig | PathText) -> RigConfig:
+    """Return the rig: a shipped name, the path of a rig file, or a RigConfig."""
+    if isinstance(rig, RigConfig):
+        return rig
+    return load_rig(os.fspath(path_text(rig, "rig", "a shipped name, the path of a rig file, or a RigConfig")))
+
+
+def wire_of_argument(wire: WireLike) -> IdentifiedWire:
+    """Return the identified wire, or the one in a file. ModelError, CertificateError for a file that is none."""
+    if isinstance(wire, IdentifiedWire):
+        return IdentifiedWire(wire.model, wire.heat_balance, wire.caveats, wire.metrics, wire.source)
+    return load_wire(path_text(wire, "wire", "the result of smadrive.identify or load_wire, or the path of its file"))
+
+
+def reference_of_argument(reference: ReferenceLike) -> Reference:
+    """Return the reference: a shape, a text as on the command line, or the path of a CSV file."""
+    if isinstance(reference, Reference):
+        return reference
+    wanted = "a shape such as smadrive.sine(…), a text such as 'sine:low_mm=…', or the path of a CSV file"
+    return read_reference(os.fspath(path_text(reference, "reference", wanted)))
+
+
+def new_log(log: PathText | None, kind: Literal["excitation", "run"]) -> Path:
+    """Return the path of a log to write; without one KIND.h5, or the next unused KIND-2.h5, in the present folder."""
+    if log is None:
+        names = (f"{kind}.h5" if number == 1 else f"{kind}-{number}.h5" for number in count(1))
+        return next(Path(name) for name in names if not os.path.lexists(name))
+    path = Path(path_text(log, "log", "the path of a file to write, such as 'run.h5'"))
+    check_output(path, LOG)
+    return path
+
+
+def path_text(value: object, name: str, wanted: str) -> PathText:
+    """Return a path or text. ConfigError for another type, with what is `wanted` instead."""
+    if isinstance(value, str | os.PathLike):
+        return value
+    raise ConfigError("of the wrong type", where=name, value=type(value).__qualname__, cure=f"pass {wanted}")

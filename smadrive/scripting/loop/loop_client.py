@@ -1,0 +1,182 @@
+"""The script's end of the link to the process of its loop: starts it, sends requests, waits, ends it.
+
+While a request is carried out, Ctrl-C (in a notebook: the interruption of the kernel) is not an exception at any place
+of the script. It is passed on to the process, which ends the run at zero current. KeyboardInterrupt is raised when the
+process has confirmed that. A thread receives, so that a busy script delays nothing, and nothing is lost in a message
+that was read half.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from contextlib import suppress
+from multiprocessing import Pipe
+from typing import Any
+
+from smadrive.errors import LoopProcessError
+from smadrive.interrupts import ABORTS_AT
+from smadrive.numerics.blas_threads import ONE_THREAD
+from smadrive.scripting.loop.counted_interrupts import CountedInterrupts
+from smadrive.scripting.loop.messages import END, INTERRUPT, NUMBER_BYTES, REQUEST, Failure, Result, RunProgress
+from smadrive.scripting.loop.transfer import pickled
+
+MODULE = "smadrive.scripting.loop.loop_process"
+
+LOOK_S = 0.05
+"""How often a waiting script looks for an interruption."""
+
+ENDS_WITHIN_S = 30.0
+"""The process is killed when it has not ended after this time; switching off tries for a shorter time."""
+
+OBEYS_WITHIN_S = 10.0
+"""After `ABORTS_AT` interruptions the process has this time before it is killed."""
+
+Show = Callable[[RunProgress], None]
+
+
+def show_nothing(_progress: RunProgress) -> None:
+    """Show no progress."""
+
+
+class RemoteTracebackError(Exception):
+    """The traceback of an error in the process of the loop, as its cause."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(text)
+        self._text = text
+
+    def __str__(self) -> str:
+        return f"\n{self._text}"
+
+
+class LoopClient:
+    """A new process for the loop. `call` sends it a request; `end` ends it.
+
+    `is_death_raised`: the script has got the error that the process has died.
+    """
+
+    def __init__(self) -> None:
+        self._connection, theirs = Pipe()
+        self._script = os.getpid()
+        self._number = 0
+        self._progress: RunProgress | None = None
+        self._replies: dict[int, Result | Failure] = {}
+        self._arrived = threading.Event()
+        self._one_call = threading.Lock()
+        self._is_lost = False
+        self.is_death_raised = False
+        self._process = subprocess.Popen(
+            [sys.executable, "-P", "-m", MODULE, str(theirs.fileno())],
+            stdin=subprocess.DEVNULL,
+            pass_fds=[theirs.fileno()],
+            env={**os.environ, **ONE_THREAD},
+            start_new_session=True,  # Ctrl-C is for the script, which passes it on
+        )
+        theirs.close()
+        threading.Thread(target=self._listen, name="link to the loop", daemon=True).start()
+
+    @property
+    def pid(self) -> int:
+        """The process id of the loop."""
+        return self._process.pid
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the process has gone."""
+        return self._is_lost
+
+    def call(self, request: Any, show: Show = show_nothing) -> Any:
+        """Return the result of a request, or raise its error; `show` gets the progress of a run meanwhile.
+
+        KeyboardInterrupt after an interruption, when the process has confirmed the heater off. LoopProcessError when
+        the process has died. ControllerError when a controller cannot be transferred.
+        """
+        message = pickled(request)
+        with self._one_call, CountedInterrupts() as interrupts:
+            self._number += 1
+            self._progress = None
+            self._send(REQUEST + self._number.to_bytes(NUMBER_BYTES) + message)
+            reply = self._reply(interrupts, show)
+        if interrupts.count and not isinstance(reply, Failure):
+            raise KeyboardInterrupt
+        if isinstance(reply, Failure):
+            raise reply.error from (RemoteTracebackError(reply.traceback) if reply.traceback else None)
+        return reply.value
+
+    def end(self) -> None:
+        """End the process, which switches off before it ends; kill it when it does not end. Nothing is raised."""
+        if os.getpid() != self._script:  # a forked process of the script
+            return
+        self._send(END)
+        try:
+            self._process.wait(ENDS_WITHIN_S)
+        except subprocess.TimeoutExpired:
+            self.kill()
+
+    def kill(self) -> None:
+        """Kill the process. Watchdog or guardian switch the heater off."""
+        self._process.kill()
+        self._process.wait()
+
+    def _reply(self, interrupts: CountedInterrupts, show: Show) -> Result | Failure:
+        passed_on, give_up_s = 0, float("inf")
+        while True:
+            is_lost = self._is_lost  # before the look at the replies: the last one may be there
+            if (reply := self._replies.pop(self._number, None)) is not None:
+                return reply
+            if is_lost:
+                raise self._death()
+            while passed_on < interrupts.count:
+                passed_on += 1
+                self._send(INTERRUPT + self._number.to_bytes(NUMBER_BYTES))
+            if passed_on >= ABORTS_AT:
+                give_up_s = min(give_up_s, time.monotonic() + OBEYS_WITHIN_S)
+            if time.monotonic() > give_up_s:
+                self.kill()
+            self._arrived.wait(LOOK_S)
+            self._arrived.clear()
+            if self._progress is not None:
+                show(self._progress)
+
+    def _death(self) -> LoopProcessError:
+        self.is_death_raised = True
+        with suppress(subprocess.TimeoutExpired):
+            self._process.wait(ENDS_WITHIN_S)
+        return LoopProcessError(
+            "it has died; the watchdog of the device, or the guardian, switches the heater off",
+            where="process of the loop",
+            value=_status(self._process.returncode),
+            cure="confirm that with `smadrive off RIG`, then open the rig again",
+        )
+
+    def _send(self, message: bytes) -> None:
+        with suppress(OSError):  # it has gone: the listening thread notes that
+            self._connection.send_bytes(message)
+
+    def _listen(self) -> None:
+        try:
+            while True:
+                number, message = pickle.loads(self._connection.recv_bytes())  # noqa: S301 (of the same user)
+                if isinstance(message, RunProgress):
+                    self._progress = message
+                else:
+                    self._replies[number] = message
+                    self._arrived.set()
+        except (EOFError, OSError):
+            pass
+        finally:
+            self._is_lost = True
+            self._arrived.set()
+
+
+def _status(code: int | None) -> str:
+    if code is None:
+        return "it does not answer"
+    return f"signal {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"

@@ -1,0 +1,120 @@
+"""The process of the loop: it opens the rig, carries out the requests of the script, and switches off at the end.
+
+However the script ends, this process ends its run at zero current, confirmed, and then itself. Signals of the terminal
+do not reach it: the script passes an interruption on (script_link.py).
+"""
+
+from __future__ import annotations
+
+import sys
+from contextlib import nullcontext
+from traceback import walk_tb
+from typing import Any
+
+import cloudpickle
+
+from smadrive.clock import MonotonicClock, VirtualClock
+from smadrive.control.loop import LoopMetrics
+from smadrive.errors import ControllerError
+from smadrive.rig.rig import Rig
+from smadrive.runs.experiments import drive, excite, plan_tracking, track
+from smadrive.scripting.loop.messages import (
+    AnyScriptRequest,
+    ClearFaultsRequest,
+    CloseRequest,
+    CoolDownRequest,
+    DrivenRun,
+    DriveRequest,
+    ExciteRequest,
+    MeasureRequest,
+    OpenedRig,
+    OpenRequest,
+    SwitchOffRequest,
+    TrackRequest,
+)
+from smadrive.scripting.loop.own_controller import OwnController
+from smadrive.scripting.loop.script_link import ScriptLink
+from smadrive.tuning.link.real_time import use_real_time_scheduling
+
+
+def serve(link: ScriptLink) -> None:
+    """Open the rig of the first request, carry out the others until a CloseRequest. Every request gets a reply."""
+    try:
+        opening: OpenRequest = link.request()
+        sys.path[:] = opening.module_path
+        with Rig(opening.config) as rig:
+            link.reply(OpenedRig({name: str(one) for name, one in rig.identities.items()}, _is_virtual(rig)))
+            if isinstance(rig.clock, MonotonicClock):
+                use_real_time_scheduling()
+            while not _is_last(link, rig):
+                pass
+    except Exception as error:  # noqa: BLE001 (the script gets it)
+        link.fail(error, is_own_code=False)
+    else:
+        link.reply(None)
+
+
+def _is_virtual(rig: Rig) -> bool:
+    return isinstance(rig.clock, VirtualClock)
+
+
+def _is_last(link: ScriptLink, rig: Rig) -> bool:
+    """Carry out one request, and reply; True for a CloseRequest, which is answered after the rig is closed."""
+    request: Any = None
+    try:
+        request = link.request()
+        if isinstance(request, CloseRequest):
+            return True
+        with link.interruptible():
+            value = carried_out(request, rig, link)
+        link.reply(value)
+    except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 (the script gets it)
+        link.fail(error, is_own_code=request is None or _is_of_controller(error))
+    return False
+
+
+def _is_of_controller(error: BaseException) -> bool:
+    """Whether the code of the user raised it: a rejected command says everything by itself."""
+    frames = (frame for frame, _ in walk_tb(error.__traceback__))
+    is_below = any(frame.f_code is OwnController.update.__code__ for frame in frames)
+    return is_below and not isinstance(error, ControllerError)
+
+
+def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
+    """Return the result of a request to the open rig. Raises what ended it."""
+    match request:
+        case MeasureRequest():
+            return rig.measure()
+        case ExciteRequest(log_file=log_file):
+            return _counts(excite(log_file, rig, link.watch))
+        case TrackRequest(log_file=log_file, reference=reference, wire=wire, smooth=smooth):
+            with link.at_once():  # the simulation of a long reference takes minutes
+                plan = plan_tracking(rig, reference, wire, smooth=smooth)
+            return _counts(track(log_file, rig, plan, link.watch))
+        case DriveRequest(log_file=log_file, controller=controller, duration_s=duration_s, wire=wire):
+            own = OwnController(controller, duration_s, link.at_once)
+            return _counts(drive(log_file, rig, own, own.name, wire, link.watch), own.controller)
+        case CoolDownRequest(duration_s=duration_s):
+            with nullcontext() if _is_virtual(rig) else link.at_once():
+                return rig.cool_down(duration_s)
+        case SwitchOffRequest():
+            return rig.enter_safe_state()
+        case ClearFaultsRequest():
+            return rig.clear_faults()
+
+
+def _counts(loop: LoopMetrics, controller: Any = None) -> DrivenRun:
+    return DrivenRun(loop.ticks, loop.missed_deadlines, controller if _is_transferable(controller) else None)
+
+
+def _is_transferable(controller: Any) -> bool:
+    """Whether the controller can be sent back: after its run it may hold an open file, for instance."""
+    try:
+        cloudpickle.dumps(controller)
+    except Exception:  # noqa: BLE001 (pickling runs code of the user)
+        return False
+    return True
+
+
+if __name__ == "__main__":
+    serve(ScriptLink(int(sys.argv[1])))

@@ -1,0 +1,137 @@
+"""The messages between a script and the process of its loop.
+
+The script sends requests; each gets one reply, a result or a failure. During a run the process also sends its progress.
+The messages are pickled: both ends belong to one user and share one pair of sockets that nobody else can reach.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from smadrive.control.loop import Tick
+from smadrive.control.references.reference import Reference
+from smadrive.rig.config import RigConfig
+from smadrive.runs.log.reader import RunEvent
+from smadrive.wire.identified_wire import IdentifiedWire
+
+REQUEST, INTERRUPT, END = b"R", b"I", b"E"
+"""The first byte of a message to the process: a request, the end of the run of that request, the end of the process."""
+
+NUMBER_BYTES = 8
+"""The number of a request follows the first byte."""
+
+
+@dataclass(frozen=True)
+class OpenRequest:
+    """Open the rig. Modules are searched for on `module_path`, that of the script."""
+
+    config: RigConfig
+    module_path: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class MeasureRequest:
+    """Measure once, at zero current."""
+
+
+@dataclass(frozen=True)
+class ExciteRequest:
+    """Run the identification experiment."""
+
+    log_file: Path
+
+
+@dataclass(frozen=True)
+class TrackRequest:
+    """Track a reference on an identified wire."""
+
+    log_file: Path
+    reference: Reference
+    wire: IdentifiedWire
+    smooth: bool
+
+
+@dataclass(frozen=True)
+class DriveRequest:
+    """Run an own controller on an identified wire; `duration_s` is None when the controller has one."""
+
+    log_file: Path
+    controller: Any
+    duration_s: float | None
+    wire: IdentifiedWire
+
+
+@dataclass(frozen=True)
+class CoolDownRequest:
+    """Let the wire cool with the heater off."""
+
+    duration_s: float
+
+
+@dataclass(frozen=True)
+class SwitchOffRequest:
+    """Switch the heater off, confirmed."""
+
+
+@dataclass(frozen=True)
+class ClearFaultsRequest:
+    """Clear the latched faults of the devices and the trip latch."""
+
+
+@dataclass(frozen=True)
+class CloseRequest:
+    """Switch off, confirmed, close the ports and end the process."""
+
+
+AnyScriptRequest = (
+    MeasureRequest
+    | ExciteRequest
+    | TrackRequest
+    | DriveRequest
+    | CoolDownRequest
+    | SwitchOffRequest
+    | ClearFaultsRequest
+)
+"""The requests to an open rig."""
+
+
+class OpenedRig(NamedTuple):
+    """The result of an OpenRequest: the devices as text by their names, and whether time is virtual."""
+
+    identities: dict[str, str]
+    is_virtual: bool
+
+
+class DrivenRun(NamedTuple):
+    """The result of a run: the counts of its loop, and the own controller as it is after the run."""
+
+    ticks: int
+    missed_deadlines: int
+    controller: Any = None
+
+
+class RunProgress(NamedTuple):
+    """The progress of a run of `duration_s`: its latest tick and its latest events."""
+
+    tick: Tick
+    duration_s: float
+    events: tuple[RunEvent, ...]
+
+
+class ScriptEndedError(SystemExit):
+    """The script has gone, or has ended this process."""
+
+
+class Result(NamedTuple):
+    """The reply to a request that was carried out."""
+
+    value: Any
+
+
+class Failure(NamedTuple):
+    """The reply to a request that failed; `traceback` is empty where the error says everything."""
+
+    error: BaseException
+    traceback: str

@@ -1,0 +1,103 @@
+"""A controller of the user in the loop: its duration and its commands are checked before they are used."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from contextlib import AbstractContextManager, nullcontext
+from math import isfinite, isnan
+from typing import Any
+
+from smadrive.control.controllers.temperature import Command
+from smadrive.errors import ConfigError, ControllerError
+from smadrive.measurement import Measurement
+from smadrive.scripting.loop.messages import ScriptEndedError
+
+RETURN_A_COMMAND = "return smadrive.Command(commanded_a=…) from update"
+
+
+class OwnController:
+    """Any object with `update(time_s, measurement, dt_s) -> Command`, as the loop needs it.
+
+    The run lasts `duration_s`, or as long as the attribute `duration_s` of the controller says. ControllerError when
+    `update` returns something else than a command, or a current that is no finite number. Errors that `update` raises
+    pass unchanged. `update` runs in a block of `at_once`, in which an interruption may act at any place.
+    """
+
+    def __init__(
+        self,
+        controller: Any,
+        duration_s: float | None,
+        at_once: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
+        self.controller = controller
+        self._at_once = at_once
+        self._duration_s = duration_s
+
+    @property
+    def name(self) -> str:
+        """The class of the controller."""
+        return type(self.controller).__qualname__
+
+    @property
+    def duration_s(self) -> float:
+        """Duration of the run, in s; an attribute of the controller may change it during the run."""
+        return self._duration_s if self._duration_s is not None else float(self.controller.duration_s)
+
+    def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
+        """Return the checked command of the controller."""
+        try:
+            with self._at_once():
+                command = self.controller.update(time_s, measurement, dt_s)
+        except ScriptEndedError:
+            raise
+        except SystemExit:
+            raise ControllerError("update called exit", where=self.name, cure="raise an error instead") from None
+        if not isinstance(command, Command):
+            what = "update returned something else than a command"
+            raise ControllerError(what, where=self.name, value=_shown(command), cure=RETURN_A_COMMAND)
+        numbers = Command(*(self._number(name, value) for name, value in command._asdict().items()))
+        if not isfinite(numbers.commanded_a):
+            what = "the commanded current is not a finite number"
+            raise ControllerError(what, where=self.name, value=numbers.commanded_a, cure="check its computation")
+        return numbers
+
+    def _number(self, name: str, value: object) -> float:
+        """Return a part of a command as a float. ControllerError when it is no number."""
+        try:
+            return float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            what = f"{name} of its command is not a number"
+            raise ControllerError(what, where=self.name, value=_shown(value), cure="return numbers") from None
+
+
+def check_controller(controller: object, duration_s: object) -> None:
+    """ConfigError when the object is no controller, or when nothing says how long its run lasts."""
+    name = type(controller).__qualname__
+    if isinstance(controller, type):
+        raise ConfigError("a class, not an object", where="controller", value=controller.__qualname__, cure="call it")
+    if not callable(getattr(controller, "update", None)):
+        cure = "give it update(time_s, measurement, dt_s), which returns a smadrive.Command"
+        raise ConfigError("no controller", where="controller", value=name, cure=cure)
+    given = getattr(controller, "duration_s", None) if duration_s is None else duration_s
+    if given is None:
+        cure = "pass duration_s=…, or give the controller this attribute"
+        raise ConfigError("the length of the run is unknown", where="duration_s", value=name, cure=cure)
+    if not _is_duration(given):
+        cure = "give it in seconds; math.inf runs until it is interrupted"
+        raise ConfigError("not a positive number", where="duration_s", value=_shown(given), cure=cure)
+
+
+def _is_duration(value: Any) -> bool:
+    try:
+        return float(value) > 0 and not isnan(value)
+    except (TypeError, ValueError):
+        return False
+
+
+def _shown(value: object) -> str:
+    """Return a short text of any value, whatever its repr does."""
+    try:
+        text = repr(value)
+    except Exception:  # noqa: BLE001 (the user's own class)
+        return type(value).__qualname__
+    return text if len(text) <= 60 else f"{text[:60]}…"

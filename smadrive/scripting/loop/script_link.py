@@ -1,0 +1,177 @@
+"""The end of the link that the process of the loop holds: requests in, replies and progress out, signals.
+
+A thread receives. It turns an interruption, and the end of the script however it came, into a signal for the main
+thread. A run ends by it at its next tick, not in the middle of an exchange with a device, and then as a run that is
+interrupted by Ctrl-C does: at zero current, confirmed. Where no device is used and much time may pass, as in a
+controller of the user, the signal acts at once.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import queue
+import select
+import signal
+import threading
+import time
+import traceback
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from math import inf
+from multiprocessing.connection import Connection
+from types import FrameType
+from typing import Any
+
+import cloudpickle
+
+from smadrive.control.loop import Tick
+from smadrive.errors import ControllerError, SmadriveError
+from smadrive.rig.rig import Record
+from smadrive.runs.run_log import TickRecorder
+from smadrive.safety.shutdown import carry, shutdown_of
+from smadrive.scripting.loop.messages import (
+    END,
+    INTERRUPT,
+    NUMBER_BYTES,
+    Failure,
+    Result,
+    RunProgress,
+    ScriptEndedError,
+)
+
+LOOK_S = 0.5
+"""How often the process looks whether its script still exists: a child of the script may keep the socket open."""
+
+PROGRESS_S = 0.1
+
+
+class ScriptLink:
+    """The link on the socket `descriptor` to the script, the parent process. Make it in the main thread."""
+
+    def __init__(self, descriptor: int) -> None:
+        self._connection: Connection[Any, Any] = Connection(descriptor)
+        self._script = os.getppid()
+        self._requests: queue.SimpleQueue[bytes] = queue.SimpleQueue()
+        self._number = 0
+        self._is_interruptible = self._is_ending = False
+        self._acts_at_once = True
+        self._pending: type[BaseException] | None = None
+        self._loop_thread = threading.main_thread().ident or 0
+        signal.signal(signal.SIGINT, self._interrupt)
+        for ending in (signal.SIGTERM, signal.SIGHUP):
+            signal.signal(ending, self._end)
+        threading.Thread(target=self._listen, name="link to the script", daemon=True).start()
+
+    def request(self) -> Any:
+        """Wait for the next request and return it. ScriptEndedError at the end, and whatever unpickling raises."""
+        if self._is_ending:
+            raise ScriptEndedError
+        message = self._requests.get()
+        self._number = int.from_bytes(message[1 : 1 + NUMBER_BYTES])
+        return pickle.loads(message[1 + NUMBER_BYTES :])  # noqa: S301 (of the same user)
+
+    @contextmanager
+    def interruptible(self) -> Iterator[None]:
+        """Let an interruption, or the end of the script, end the block at its next `check` or `at_once`."""
+        self._pending = None
+        self._acts_at_once, self._is_interruptible = False, True
+        try:
+            yield
+        finally:
+            self._acts_at_once, self._is_interruptible = True, False
+
+    @contextmanager
+    def at_once(self) -> Iterator[None]:
+        """Let a signal end this block at any place: it may take long, and uses no device."""
+        self._acts_at_once = True
+        try:
+            self.check()
+            yield
+        finally:
+            self._acts_at_once = False
+
+    def check(self) -> None:
+        """Raise what a signal asked for: KeyboardInterrupt or ScriptEndedError. The code of a user may drop either."""
+        if self._pending is not None:
+            raise self._pending
+
+    @contextmanager
+    def watch(self, recorder: TickRecorder, duration_s: float) -> Iterator[Record]:
+        """Yield the function that records each tick, and reports some of them to the script. It may `check`."""
+        sent_s = -inf
+
+        def record(tick: Tick) -> None:
+            nonlocal sent_s
+            recorder.tick(tick)
+            self.check()
+            if time.monotonic() - sent_s >= PROGRESS_S:
+                sent_s = time.monotonic()
+                self._report(RunProgress(tick, duration_s, tuple(recorder.latest)))
+
+        yield record
+
+    def reply(self, value: Any) -> None:
+        """Send the result of the request."""
+        self._send(cloudpickle.dumps((self._number, Result(value))))
+
+    def fail(self, error: BaseException, *, is_own_code: bool) -> None:
+        """Send the error that ended the request, with its traceback if code of the user may have raised it."""
+        is_plain = isinstance(error, KeyboardInterrupt) or (isinstance(error, SmadriveError) and not is_own_code)
+        text = "" if is_plain else "".join(traceback.format_exception(error))
+        self._send(_dumped(self._number, error, text))
+
+    def _report(self, progress: RunProgress) -> None:
+        """Send the progress, unless the script does not read: the loop never waits for it."""
+        if select.select((), (self._connection,), (), 0)[1]:
+            self._send(pickle.dumps((self._number, progress)))
+
+    def _send(self, message: bytes) -> None:
+        with suppress(OSError):  # the script has gone: the listening thread ends this process
+            self._connection.send_bytes(message)
+
+    def _listen(self) -> None:
+        while (message := self._received()) != END:
+            if message.startswith(INTERRUPT):
+                if int.from_bytes(message[1:]) == self._number:
+                    signal.pthread_kill(self._loop_thread, signal.SIGINT)
+            elif message:
+                self._requests.put(message)
+        signal.pthread_kill(self._loop_thread, signal.SIGTERM)
+
+    def _received(self) -> bytes:
+        """Return the next message; END when the script has gone, empty when nothing came for a while."""
+        try:
+            if self._connection.poll(LOOK_S):
+                return self._connection.recv_bytes()
+        except (EOFError, OSError):
+            return END
+        return b"" if os.getppid() == self._script else END
+
+    def _interrupt(self, _number: int, _frame: FrameType | None) -> None:
+        if self._is_interruptible and not self._is_ending:
+            self._act(KeyboardInterrupt)
+
+    def _end(self, _number: int, _frame: FrameType | None) -> None:
+        if not self._is_ending:
+            self._is_ending = True
+            self._act(ScriptEndedError)
+
+    def _act(self, kind: type[BaseException]) -> None:
+        """Let the next `check` raise it, or raise it now."""
+        self._pending = kind
+        if self._acts_at_once:
+            raise kind
+
+
+def _dumped(number: int, error: BaseException, text: str) -> bytes:
+    """Return the pickled failure; an error that cannot be transferred becomes a ControllerError with its text."""
+    try:
+        message: bytes = cloudpickle.dumps((number, Failure(error, text)))
+        pickle.loads(message)  # noqa: S301 (some errors can be pickled, but not restored)
+    except Exception:  # noqa: BLE001 (pickling runs code of the user)
+        substitute = ControllerError(f"{type(error).__qualname__}: {error}", where="own code")
+        if (outcome := shutdown_of(error)) is not None:
+            carry(substitute, outcome)
+        return pickle.dumps((number, Failure(substitute, text)))
+    return message

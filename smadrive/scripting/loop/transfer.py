@@ -1,0 +1,65 @@
+"""A request as bytes, with the code of the user that it needs.
+
+Classes and functions of a script, of a notebook and of the user's own modules travel with their code, as the script has
+them at this moment. So a controller in a module that was edited and reloaded runs as the notebook shows it, and not as
+the process of the loop imported it before. Installed packages travel by name.
+"""
+
+from __future__ import annotations
+
+import sys
+import sysconfig
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import cloudpickle
+
+from smadrive.errors import ControllerError
+
+_OURS = ("smadrive", "firmware_sim")
+_INSTALLED = tuple({str(Path(path).resolve()) for path in (*sysconfig.get_paths().values(), sys.base_prefix)})
+
+
+def pickled(request: Any) -> bytes:
+    """Return the request with everything that it needs. ControllerError when it cannot be pickled."""
+    try:
+        with _own_code_by_value():
+            message: bytes = cloudpickle.dumps(request)
+    except Exception:  # noqa: BLE001 (a module of the user may hold what cannot be copied: then it travels by name)
+        return _pickled_by_name(request)
+    return message
+
+
+def _pickled_by_name(request: Any) -> bytes:
+    try:
+        message: bytes = cloudpickle.dumps(request)
+    except Exception as error:
+        cure = "open files, ports and threads in its update, not before"
+        raise ControllerError("cannot be transferred", where="controller", value=str(error), cure=cure) from error
+    return message
+
+
+@contextmanager
+def _own_code_by_value() -> Iterator[None]:
+    """Let cloudpickle copy the code of the user's modules during the block."""
+    registered = cloudpickle.list_registry_pickle_by_value()
+    own = [module for module in tuple(sys.modules.values()) if _is_own(module) and module.__name__ not in registered]
+    for module in own:
+        cloudpickle.register_pickle_by_value(module)
+    try:
+        yield
+    finally:
+        for module in own:
+            cloudpickle.unregister_pickle_by_value(module)
+
+
+def _is_own(module: ModuleType) -> bool:
+    """Whether the module is a file of the user: neither installed, nor of Python, nor of smadrive."""
+    file = getattr(module, "__file__", None)
+    name = getattr(module, "__name__", "")
+    if not isinstance(file, str) or sys.modules.get(name) is not module or name.partition(".")[0] in _OURS:
+        return False
+    return not str(Path(file).resolve()).startswith(_INSTALLED)

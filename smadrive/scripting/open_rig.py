@@ -1,0 +1,225 @@
+"""A rig that a script has opened. Its loop runs in a process of its own (loop_process.py)."""
+
+from __future__ import annotations
+
+import os
+import sys
+import weakref
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Protocol, Self
+
+from smadrive.control.controllers.temperature import Command
+from smadrive.display.card import card
+from smadrive.errors import ConfigError
+from smadrive.measurement import Measurement
+from smadrive.rig.config import RigConfig
+from smadrive.runs.log.reader import read_log
+from smadrive.safety.shutdown import ShutdownOutcome, carry, shutdown_of
+from smadrive.scripting.arguments import (
+    PathText,
+    ReferenceLike,
+    WireLike,
+    new_log,
+    reference_of_argument,
+    rig_of,
+    wire_of_argument,
+)
+from smadrive.scripting.loop.loop_client import LoopClient
+from smadrive.scripting.loop.messages import (
+    ClearFaultsRequest,
+    CloseRequest,
+    CoolDownRequest,
+    DrivenRun,
+    DriveRequest,
+    ExciteRequest,
+    MeasureRequest,
+    OpenedRig,
+    OpenRequest,
+    SwitchOffRequest,
+    TrackRequest,
+)
+from smadrive.scripting.loop.own_controller import check_controller
+from smadrive.scripting.progress import shown_progress
+from smadrive.scripting.run import Run
+from smadrive.wire.wire_model import travel_mm
+
+
+class ScriptController(Protocol):
+    """A controller of the user: one command for each measurement; `time_s` counts from the start of the run."""
+
+    def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
+        """Return the command for the coming period of `dt_s`."""
+        ...
+
+
+class OpenRig:
+    """The devices of a rig, connected. A context manager: leaving it switches the heater off, confirmed.
+
+        with smadrive.open_rig("in-process") as rig:
+            run = rig.excite()
+
+    In a notebook it may stay open from cell to cell: call `close()` at the end. The loop, its supervisor and its log
+    belong to a process of their own. A busy script delays no tick; Ctrl-C, the interruption of a kernel, and the end of
+    the script, however it comes, end a run at zero current. Errors of that process are raised here.
+    """
+
+    def __init__(self, config: RigConfig) -> None:
+        self.config = config
+        self._client = LoopClient()
+        self._finalizer = weakref.finalize(self, self._client.end)
+        try:
+            opened: OpenedRig = self._client.call(OpenRequest(config, tuple(sys.path)))
+        except BaseException:
+            self._finalizer()
+            raise
+        self._identities, self.is_virtual = opened
+
+    def __enter__(self) -> Self:
+        """Return the open rig."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close it. An error that ended the block stays the error that is raised."""
+        if error is None:
+            self.close()
+            return
+        try:
+            self.close()
+        except Exception as lost:  # noqa: BLE001 (the outcome becomes a note of the error that is raised)
+            carry(error, shutdown_of(lost) or ShutdownOutcome(lost))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether `close` has not been called yet."""
+        return self._finalizer.alive
+
+    def close(self) -> None:
+        """Switch off, confirmed, close the ports and end the process of the loop. Raises when it is not confirmed."""
+        if not self.is_open:
+            return
+        try:
+            if not self._client.is_death_raised:
+                self._client.call(CloseRequest())
+        finally:
+            self._finalizer()
+
+    def measure(self) -> Measurement:
+        """Return one measurement at zero current."""
+        measurement: Measurement = self._call(MeasureRequest())
+        return measurement
+
+    def excite(self, log: PathText | None = None) -> Run:
+        """Run the identification experiment of the rig file and record it. The wire is heated.
+
+            run = rig.excite("excitation.h5")
+
+        Without `log` the name is excitation.h5, or the next unused number. TripError after a trip.
+        """
+        path = new_log(log, "excitation")
+        return self._run("exciting", ExciteRequest(path.absolute()), path)
+
+    def track(
+        self, reference: ReferenceLike, wire: WireLike, log: PathText | None = None, *, smooth: bool = False
+    ) -> Run:
+        """Track a displacement reference by the inverse of the identified wire.
+
+            run = rig.track(smadrive.sine(low_mm=2, high_mm=9, period_s=56), wire, "run.h5")
+
+        The run is simulated on the model before the wire is heated. ConfigError when the wire cannot follow; with
+        `smooth` the run tracks the nearest reference that it can follow. TripError after a trip.
+        """
+        path = new_log(log, "run")
+        identified, given = wire_of_argument(wire), reference_of_argument(reference)
+        given.check_within(travel_mm(identified.model))
+        return self._run("tracking", TrackRequest(path.absolute(), given, identified, bool(smooth)), path)
+
+    def drive(
+        self,
+        controller: ScriptController,
+        wire: WireLike,
+        log: PathText | None = None,
+        *,
+        duration_s: float | None = None,
+    ) -> Run:
+        """Run a controller of your own on the wire, fully supervised, for `duration_s`.
+
+            class Warm:
+                def update(self, time_s, measurement, dt_s):
+                    return smadrive.Command(0.2 if measurement.temperature_c < 60 else 0.1)
+
+            run = rig.drive(Warm(), wire, duration_s=20)
+
+        `update` is called once a tick, in the process of the loop, on a copy of the controller: `run.controller` is
+        that copy after the run. The current is clamped to the limits of the rig. With `setpoint_mm` in its commands the
+        run has tracking errors. Without `duration_s` the controller must have this attribute. An error that `update`
+        raises ends the run at zero current and is raised here. ControllerError when it returns no command.
+        """
+        check_controller(controller, duration_s)
+        path = new_log(log, "run")
+        length_s = None if duration_s is None else float(duration_s)
+        request = DriveRequest(path.absolute(), controller, length_s, wire_of_argument(wire))
+        return self._run("driving", request, path)
+
+    def cool_down(self, duration_s: float) -> None:
+        """Let the wire cool with the heater off."""
+        self._call(CoolDownRequest(float(duration_s)))
+
+    def off(self) -> None:
+        """Switch the heater off, confirmed by read-back; raises when it is not confirmed."""
+        self._call(SwitchOffRequest())
+
+    def clear_faults(self) -> Measurement:
+        """Clear the latched faults and the trip latch; SafetyError names a fault that persists."""
+        measurement: Measurement = self._call(ClearFaultsRequest())
+        return measurement
+
+    def _run(self, title: str, request: Any, path: Path) -> Run:
+        self._check_open()
+        try:
+            with shown_progress(f"{title}, {path.name}") as show:
+                driven: DrivenRun = self._client.call(request, show)
+        except BaseException as error:
+            if os.path.lexists(path):
+                error.add_note(f"the record of the run up to its end: {path}")
+            raise
+        return Run(read_log(path), missed_deadlines=driven.missed_deadlines, controller=driven.controller)
+
+    def _call(self, request: Any) -> Any:
+        self._check_open()
+        return self._client.call(request)
+
+    def _check_open(self) -> None:
+        if not self.is_open:
+            raise ConfigError("the rig is closed", where=f"rig '{self.config.name}'", cure="open it again")
+
+    def facts(self) -> list[tuple[str, str]]:
+        """Return what a person asks first: names and values with units."""
+        limits = self.config.limits
+        return [
+            *((f"device {name}", identity) for name, identity in self._identities.items()),
+            ("wire", Path(self.config.wire).name.removesuffix(".toml")),
+            ("rate", f"{self.config.rate_hz:g} Hz{' in virtual time' if self.is_virtual else ''}"),
+            ("limits", f"{limits.current_max_a:g} A, {limits.temperature_max_c:g} °C"),
+            ("state", "open, heater off" if self.is_open else "closed"),
+        ]
+
+    def __repr__(self) -> str:
+        return f"OpenRig({self.config.name}, {', '.join(f'{name} {value}' for name, value in self.facts())})"
+
+    def _repr_html_(self) -> str:
+        return card(f"Rig: {self.config.name}", self.facts())
+
+
+def open_rig(rig: RigConfig | PathText) -> OpenRig:
+    """Open a rig: a shipped name, the path of a rig file, or a RigConfig. Nothing is heated.
+
+        with smadrive.open_rig("in-process") as rig:
+            print(rig.measure())
+
+    ConfigError for a rig file that cannot be used, TransportError when a port does not open, DeviceError when another
+    device answers.
+    """
+    return OpenRig(rig_of(rig))

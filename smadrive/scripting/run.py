@@ -1,0 +1,194 @@
+"""A recorded run, as scripts and notebooks hold it: metrics, columns, plots, xarray."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from functools import cached_property
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smadrive.display.card import card, quantity
+from smadrive.display.line_plot import Curve, line_plot
+from smadrive.errors import ConfigError
+from smadrive.files.spelling import suggestion_or_list
+from smadrive.runs.columns import COLUMNS
+from smadrive.runs.figures.log_plots import log_plots
+from smadrive.runs.log.reader import Log
+from smadrive.runs.log.reader import read_log as read_log_file
+from smadrive.runs.plots import MEASURED, PlotFigure
+from smadrive.runs.run_metrics import RunMetrics, has_setpoint, run_metrics, tracking_caveats
+from smadrive.scripting.arguments import path_text
+
+if TYPE_CHECKING:
+    import xarray
+
+TRIPPED = "TripError"
+"""The beginning of the cause of a run that a trip has ended."""
+
+FIGURES = {
+    "tracking": "Tracking",
+    "heat": "Heat",
+    "loop": "Temperature and displacement",
+    "timing": "Loop timing",
+}
+"""The figures of a run, and their titles in a report."""
+
+
+class Run:
+    """A run that was recorded in `log_file`.
+
+        run = rig.track(smadrive.sine(low_mm=2, high_mm=9, period_s=56), wire)
+        run.rms_percent, run.max_percent, run.trips
+        run["displacement_mm"]
+
+    `run[name]` is a column as a float64 array, NaN where nothing was measured; `columns` are their names. Errors are in
+    percent of the stroke, after the approach, NaN where the run has no setpoint. `log` holds events and metadata.
+    `controller` is the own controller as it was at the end of its run.
+    """
+
+    def __init__(self, log: Log, *, missed_deadlines: int | None = None, controller: Any = None) -> None:
+        self.log = log
+        self.controller = controller
+        self._missed_deadlines = missed_deadlines
+
+    @property
+    def log_file(self) -> Path:
+        """The log of the run."""
+        return self.log.path
+
+    @property
+    def kind(self) -> str:
+        """`excitation`, `tracking` or `own controller`."""
+        return self.log.text("kind")
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """The names of the columns."""
+        return tuple(name for name in COLUMNS if name in self.log.columns)
+
+    def keys(self) -> tuple[str, ...]:
+        """Return the names of the columns: a run can be read as a mapping."""
+        return self.columns
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.columns)
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.log.columns
+
+    def __getitem__(self, name: str) -> NDArray[np.float64]:
+        return self.log.column_with_gaps(name)
+
+    @cached_property
+    def metrics(self) -> RunMetrics:
+        """All metrics that the log holds."""
+        return run_metrics(self.log)
+
+    @property
+    def rms_percent(self) -> float:
+        """RMS of setpoint - displacement, in % of the stroke."""
+        return self.metrics.rms_percent
+
+    @property
+    def max_percent(self) -> float:
+        """Largest magnitude of setpoint - displacement, in % of the stroke."""
+        return self.metrics.max_percent
+
+    @property
+    def ticks(self) -> int:
+        """Number of recorded ticks."""
+        return self.metrics.ticks
+
+    @property
+    def missed_deadlines(self) -> int:
+        """Number of ticks that began too late, or were left out."""
+        return self.metrics.missed_deadlines if self._missed_deadlines is None else self._missed_deadlines
+
+    @property
+    def trips(self) -> int:
+        """Number of trips: 1 when a trip has ended the run."""
+        return int(self.log.ended_by.startswith(TRIPPED))
+
+    @property
+    def caveats(self) -> tuple[str, ...]:
+        """Reasons to distrust the metrics, one sentence each."""
+        return (*self.log.caveats, *(tracking_caveats(self.log) if has_setpoint(self.log) else ()))
+
+    def plot(self, figure: str | None = None) -> PlotFigure:
+        """Return a figure (matplotlib): 'tracking', 'heat', 'loop' or 'timing'; by default the one that tells most.
+
+        ConfigError when the run has no such figure.
+        """
+        plots = {plot.title: plot.figure for plot in log_plots(self.log)}
+        names = [name for name, title in FIGURES.items() if title in plots]
+        default = "tracking" if "tracking" in names else "loop" if "loop" in names else "heat"
+        name = default if figure is None else figure
+        if name not in names:
+            raise ConfigError(
+                "the run has no such figure", where="plot", value=name, cure=suggestion_or_list(name, names)
+            )
+        found = plots[FIGURES[name]]
+        assert isinstance(found, PlotFigure)
+        return found
+
+    def to_xarray(self) -> xarray.Dataset:
+        """Return the columns along `time_s`, with units and labels. ConfigError when xarray is not installed."""
+        try:
+            import xarray  # noqa: PLC0415 (not a dependency)
+        except ImportError:
+            raise ConfigError("xarray is not installed", where="to_xarray", cure="pip install xarray") from None
+        data = {
+            name: ("time_s", self[name], {"units": COLUMNS[name].unit, "long_name": COLUMNS[name].label})
+            for name in self.columns
+        }
+        time = data.pop("time_s")
+        return xarray.Dataset(data, {"time_s": time}, {"log_file": str(self.log_file), "kind": self.kind})
+
+    def facts(self) -> list[tuple[str, str]]:
+        """Return what a person asks first: names and values with units."""
+        metrics = self.metrics
+        facts = [("length", quantity(metrics.duration_s, 1, "s")), ("ticks", str(self.ticks))]
+        if isfinite(metrics.rms_percent):
+            facts += [
+                ("RMS error", f"{metrics.rms_percent:.2f} % of the stroke"),
+                ("largest error", f"{metrics.max_percent:.2f} %"),
+            ]
+        facts += [
+            ("hottest", quantity(metrics.temperature_max_c, 1, "°C")),
+            ("largest current", quantity(metrics.current_max_a, 3, "A")),
+            ("energy", quantity(metrics.energy_j, 0, "J")),
+            ("trips", str(self.trips)),
+            ("missed deadlines", str(self.missed_deadlines)),
+        ]
+        return [*facts, ("ended by", self.log.ended_by)] if self.log.ended_by else facts
+
+    def __repr__(self) -> str:
+        facts = (f"{name} {value}" for name, value in self.facts())
+        warnings = (f"warning: {caveat}" for caveat in self.caveats)
+        return f"Run({', '.join((self.kind, str(self.log_file), *facts, *warnings))})"
+
+    def _repr_html_(self) -> str:
+        title = f"{self.kind[0].upper()}{self.kind[1:]}, {self.log_file.name}"
+        return card(title, self.facts(), self._small_plot(), self.caveats)
+
+    def _small_plot(self) -> str:
+        """Displacement and setpoint over time, or the temperature when no displacement was measured."""
+        time_s = self["time_s"].tolist()
+        name = "displacement_mm" if np.isfinite(self["displacement_mm"]).any() else "temperature_c"
+        curves = [Curve(time_s, self[name].tolist(), "measured", MEASURED)]
+        if has_setpoint(self.log) and name == "displacement_mm":
+            curves.append(Curve(time_s, self["setpoint_mm"].tolist(), "setpoint", "currentColor", is_dashed=True))
+        return line_plot(curves, COLUMNS["time_s"].axis_label, COLUMNS[name].axis_label)
+
+
+def read_log(path: str | os.PathLike[str]) -> Run:
+    """Return the run that was recorded in a log (.h5). DataError when it is missing, damaged or not a log.
+
+    run = smadrive.read_log("run.h5")
+    """
+    return Run(read_log_file(Path(path_text(path, "path", "the path of a log"))))

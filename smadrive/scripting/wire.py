@@ -1,0 +1,130 @@
+"""Identification in a script: a run, a file, a table or two arrays in, an identified wire with its plot out."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smadrive.errors import ConfigError, DataError
+from smadrive.files.atomic import check_output
+from smadrive.files.kinds import MODEL
+from smadrive.files.spelling import suggestion_or_list
+from smadrive.identification.wire import AnyFit, Kind
+from smadrive.numerics.arrays import paired_vectors
+from smadrive.runs.figures.fit_plots import loop_figure, model_figure
+from smadrive.runs.plots import PlotFigure
+from smadrive.runs.record_fit import RecordFit, fit_columns, fit_file, fit_log
+from smadrive.scripting.arguments import path_text
+from smadrive.scripting.run import Run
+from smadrive.wire.identified_wire import IdentifiedWire
+from smadrive.wire.identified_wire import load_wire as load_wire_file
+
+INPUT, OUTPUT = "temperature_c", "displacement_mm"
+
+KINDS = ("tsfuzzy", "duhem")
+SETS = (3, 99)
+
+
+@dataclass(frozen=True, repr=False)
+class Wire(IdentifiedWire):
+    """An identified wire with its plot, and with its `fit` when this script has identified it.
+
+    wire = smadrive.identify(run)
+    wire.fit.rms_percent, wire.model, wire.heat_balance
+    wire.save("wire.json")
+    """
+
+    fit: AnyFit | None = None
+    axes: tuple[str, str] = ("wire temperature / °C", "displacement / mm")
+
+    def plot(self) -> PlotFigure:
+        """Return the loop as a figure (matplotlib): the record and the model on it; of a loaded wire the model."""
+        return model_figure(self.model) if self.fit is None else loop_figure(self.fit, self.axes)
+
+    def save(self, path: str | os.PathLike[str]) -> None:
+        """Write the wire's file (.json), with the time of writing. DataError when it cannot be written."""
+        check_output(Path(path), MODEL)
+        super().save(Path(path))
+
+
+def identify(
+    data: Any,
+    displacement_mm: Any = None,
+    *,
+    kind: Kind = "tsfuzzy",
+    sets: int = 11,
+    input: str = INPUT,  # noqa: A002 (as the option of the command is called)
+    output: str = OUTPUT,
+) -> Wire:
+    """Fit a hysteresis model to a record, and the heat balance of the wire if the record is that of an excitation.
+
+        wire = smadrive.identify(rig.excite())                        a run of this script
+        wire = smadrive.identify("excitation.h5")                     a log, or a CSV file
+        wire = smadrive.identify(frame)                               columns temperature_c and displacement_mm
+        wire = smadrive.identify(temperature_c, displacement_mm)      two arrays
+
+    `input` and `output` choose other columns of a CSV file, or of a table: anything with columns by name (a DataFrame,
+    a dict, an xarray.Dataset). `kind` is "tsfuzzy" or "duhem", `sets` the number of fuzzy sets.
+
+    DataError for a record that cannot be used, IdentificationError for one that does not determine the model.
+    """
+    _check_options(kind, sets)
+    record, source = _fitted(data, displacement_mm, (input, output), kind, sets)
+    wire = record.wire(source)
+    axes = ("wire temperature / °C", "displacement / mm") if record.thermal is not None else record.axes
+    return Wire(wire.model, wire.heat_balance, wire.caveats, wire.metrics, wire.source, record.fit, axes)
+
+
+def load_wire(path: str | os.PathLike[str]) -> Wire:
+    """Return the wire in a file (.json) of `smadrive identify` or `Wire.save`. ModelError, CertificateError.
+
+    wire = smadrive.load_wire("wire.json")
+    """
+    wire = load_wire_file(path_text(path, "path", "the path of a model file"))
+    return Wire(wire.model, wire.heat_balance, wire.caveats, wire.metrics, wire.source)
+
+
+def _check_options(kind: object, sets: object) -> None:
+    if kind not in KINDS:
+        raise ConfigError("unknown", where="kind", value=repr(kind), cure=suggestion_or_list(str(kind), KINDS))
+    if not isinstance(sets, int) or not SETS[0] <= sets <= SETS[1]:
+        limit = f"{SETS[0]} to {SETS[1]}"
+        raise ConfigError("not a number of fuzzy sets", where="sets", value=repr(sets), limit=limit)
+
+
+def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], kind: Kind, sets: int) -> tuple[RecordFit, str]:
+    """Return the fit, and the name of its record."""
+    if displacement_mm is not None:
+        v, y = paired_vectors(data, displacement_mm)
+        return fit_columns(v, y, columns, kind, sets), ""
+    if isinstance(data, Run):
+        _check_excitation(data)
+        return fit_log(data.log, kind, sets), str(data.log_file)
+    if isinstance(data, str | os.PathLike):
+        return fit_file(Path(data), columns, kind, sets), str(data)
+    if hasattr(data, "keys") and hasattr(data, "__getitem__"):
+        v, y = paired_vectors(*(_column(data, name) for name in columns))
+        return fit_columns(v, y, columns, kind, sets), ""
+    cure = "pass a run, the path of a log or CSV file, a table with columns by name, or two arrays"
+    raise ConfigError("no record", where="data", value=type(data).__qualname__, cure=cure)
+
+
+def _check_excitation(run: Run) -> None:
+    """DataError for a run that does not lead the wire through its loops."""
+    if run.kind != "excitation":
+        cure = "identify the run of rig.excite; to fit its columns anyway, pass run.to_xarray()"
+        raise DataError("not the log of an excitation", where=run.log_file, value=run.kind, cure=cure)
+
+
+def _column(table: Any, name: str) -> NDArray[np.float64]:
+    """Return a column of a table. DataError when the table has none of that name."""
+    names = [str(key) for key in table.keys()]  # noqa: SIM118 (a DataFrame iterates over its columns, others do not)
+    coordinates = [str(key) for key in getattr(table, "coords", ())]
+    if name not in [*names, *coordinates]:
+        raise DataError(f"no column '{name}'", where="data", cure=suggestion_or_list(name, names))
+    return np.asarray(table[name])

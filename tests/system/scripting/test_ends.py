@@ -1,0 +1,243 @@
+"""However a script or its loop ends, the run ends at zero current: interrupted, killed, stopped, hung, in real time."""
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import programs
+import pytest
+from marks import exhaustive
+from served import PATIENT, served
+
+import smadrive
+from smadrive.errors import UNCONFIRMED, LoopProcessError
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.log.reader import read_log
+from smadrive.safety.shutdown import CONFIRMED
+from smadrive.scripting.loop.loop_client import LoopClient
+
+RIGS = Path(__file__).parents[3] / "configs" / "rigs"
+
+PATIENCE = "watchdog_s = 5.0\nstale_after_s = 5.0"
+"""Limits that a busy machine keeps."""
+
+SCRIPT = """
+import os, sys, time
+import smadrive
+from smadrive.safety.shutdown import shutdown_of
+
+class Warm:
+    duration_s = float("inf")
+    said = 0.0
+    def update(self, time_s, measurement, dt_s):
+        if time_s > self.said + 1.0:
+            self.said = time_s
+            print("heating", os.getpid(), flush=True)
+            {fate}
+        return smadrive.Command(0.2)
+
+rig = smadrive.open_rig(sys.argv[1])
+try:
+    rig.drive(Warm(), sys.argv[2], "run.h5")
+except BaseException as error:
+    print(type(error).__name__, shutdown_of(error), *error.__notes__, sep="; ", flush=True)
+print("armed:", rig.measure().armed, flush=True)
+rig.close()
+"""
+HANGS = {
+    "waits": "time.sleep(1e6)",
+    "computes": "while True: pass",
+    "drops every exception": "try: time.sleep(1e6)\n            except: pass",
+}
+
+
+def lives(pid):
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
+
+
+def wait_for(condition):
+    while not condition():
+        time.sleep(0.05)
+
+
+@pytest.fixture(params=["in-process", exhaustive("served")])
+def rig_file(request, tmp_path):
+    """A rig file: simulated in the process of the loop in virtual time, or on a virtual serial port in real time."""
+    if request.param == "in-process":
+        yield RIGS / "in-process.toml"
+        return
+    with on_a_port(tmp_path) as (path, _):
+        yield path
+
+
+@contextlib.contextmanager
+def on_a_port(tmp_path, limits=PATIENCE):
+    """The rig file of a board that `firmware-sim` serves in real time, and the process of that."""
+    with served() as (simulator, url):
+        text = (RIGS / "simulated.toml").read_text()
+        shipped = tomllib.loads(text)["devices"][0]["url"]
+        path = tmp_path / "rig.toml"
+        text = text.replace(shipped, url.split("?")[0] + PATIENT).replace("watchdog_s = 0.5", limits)
+        path.write_text(text)
+        yield path, simulator
+
+
+@contextlib.contextmanager
+def heating(rig_file, wire_file, tmp_path, fate="pass"):
+    """A script whose run heats: its process, and the process id of its loop."""
+    command = [sys.executable, "-c", SCRIPT.format(fate=fate), str(rig_file), str(wire_file)]
+    with programs.Program(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as script:
+        said = script.stdout.readline().split()
+        assert said[:1] == ["heating"], script.communicate()
+        try:
+            yield script, int(said[1])
+        finally:
+            script.kill()
+            wait_for(lambda: not lives(int(said[1])))
+
+
+def assert_off(rig_file):
+    """The device itself is off, and not by its watchdog."""
+    with Rig(load_rig(str(rig_file))) as rig:
+        measurement = rig.measure()
+    assert not measurement.armed
+    assert measurement.device_faults == ()
+
+
+def assert_confirmed(log):
+    """The log is complete, and its last events say that an interruption ended the run."""
+    assert log.end_time
+    assert log.ended_by.startswith("interruption")
+    assert not any("NOT" in event.message for event in log.events), log.events
+
+
+@pytest.mark.parametrize("fate", ["pass", *HANGS.values()], ids=["runs", *HANGS])
+def test_interruption_ends_the_run_confirmed_and_reaches_the_script(rig_file, identified, tmp_path, fate):
+    with heating(rig_file, identified.wire_file, tmp_path, fate) as (script, _):
+        script.send_signal(signal.SIGINT)
+        printed, errors = script.communicate()
+    assert f"KeyboardInterrupt; {CONFIRMED}; the record of the run up to its end: run.h5\n" in printed
+    assert (printed.splitlines()[-1], script.returncode, errors) == ("armed: False", 0, "")
+    assert_confirmed(read_log(tmp_path / "run.h5"))
+
+
+@pytest.mark.parametrize("end", [signal.SIGKILL, signal.SIGTERM], ids=lambda end: end.name)
+def test_killed_script_ends_the_run_confirmed(rig_file, identified, tmp_path, end):
+    with heating(rig_file, identified.wire_file, tmp_path) as (script, loop):
+        script.send_signal(end)
+        script.communicate()
+        wait_for(lambda: not lives(loop))
+    assert_confirmed(read_log(tmp_path / "run.h5"))
+    assert_off(rig_file)
+
+
+def test_killed_script_ends_the_run_although_its_child_keeps_the_link_open(identified, tmp_path):
+    fork = "if os.fork() == 0: time.sleep(1e6)"
+    text = SCRIPT.format(fate="pass").replace("try:\n", f"{fork}\ntry:\n", 1)
+    command = [sys.executable, "-c", text, str(RIGS / "in-process.toml"), str(identified.wire_file)]
+    with programs.Program(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as script:
+        loop = int(script.stdout.readline().split()[1])
+        children = Path(f"/proc/{script.pid}/task/{script.pid}/children").read_text().split()
+        script.kill()
+        try:
+            wait_for(lambda: not lives(loop))
+        finally:
+            for child in map(int, children):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(child, signal.SIGKILL)
+    assert_confirmed(read_log(tmp_path / "run.h5"))
+
+
+def test_killed_loop_is_an_error_and_the_watchdog_switches_off(identified, tmp_path):
+    with on_a_port(tmp_path, "watchdog_s = 0.5\nstale_after_s = 5.0") as (rig_file, simulator):
+        with heating(rig_file, identified.wire_file, tmp_path) as (script, loop):
+            os.kill(loop, signal.SIGKILL)
+            printed, errors = script.communicate()
+        assert "LoopProcessError" in printed
+        assert "the record of the run up to its end: run.h5" in printed
+        assert "signal SIGKILL" in errors
+        assert any("watchdog" in line for line in simulator.stderr)  # it has switched off before the next driver comes
+        with Rig(load_rig(str(rig_file))) as rig:
+            assert rig.measure().device_faults == ("watchdog",)
+            assert rig.measure().current_a < 0.01
+    log = read_log(tmp_path / "run.h5")
+    assert log.end_time == ""
+    assert log.column("commanded_a").max() == 0.2
+
+
+def test_lost_device_is_a_trip_that_says_that_off_is_unconfirmed(identified, tmp_path):
+    with (
+        on_a_port(tmp_path, "watchdog_s = 0.5") as (rig_file, simulator),
+        heating(rig_file, identified.wire_file, tmp_path) as (script, _),
+    ):
+        simulator.kill()
+        printed, _ = script.communicate()
+    assert f"TripError; {UNCONFIRMED}" in printed
+    assert "TripError: fault" in read_log(tmp_path / "run.h5").ended_by
+
+
+def test_terminated_loop_ends_its_run_confirmed(rig_file, identified, tmp_path):
+    with heating(rig_file, identified.wire_file, tmp_path) as (script, loop):
+        os.kill(loop, signal.SIGTERM)
+        printed, _ = script.communicate()
+    assert "LoopProcessError" in printed
+    assert_confirmed(read_log(tmp_path / "run.h5"))
+    assert_off(rig_file)
+
+
+def test_stopped_script_does_not_stop_the_loop(identified, tmp_path):
+    with on_a_port(tmp_path) as (rig_file, _), heating(rig_file, identified.wire_file, tmp_path) as (script, _):
+        script.send_signal(signal.SIGSTOP)
+        for _ in range(3):
+            assert script.stdout.readline().startswith("heating")
+        script.send_signal(signal.SIGCONT)
+        script.send_signal(signal.SIGINT)
+        script.communicate()
+        assert_off(rig_file)
+    log = read_log(tmp_path / "run.h5")
+    assert_confirmed(log)
+    assert log.column("time_s")[-1] > 4.0
+
+
+def kill_and_measure(rig):
+    os.kill(rig._client.pid, signal.SIGKILL)
+    rig.measure()
+
+
+def test_idle_loop_that_is_killed_is_an_error_once():
+    rig = smadrive.open_rig("in-process")
+    with rig, pytest.raises(LoopProcessError) as caught:
+        kill_and_measure(rig)
+    assert caught.value.value == "signal SIGKILL"
+    assert not rig.is_open
+
+
+def test_forgotten_rig_ends_its_process():
+    rig = smadrive.open_rig("in-process")
+    loop = rig._client.pid
+    del rig
+    wait_for(lambda: not lives(loop))
+
+
+def test_script_that_ends_without_closing_leaves_no_process(tmp_path):
+    text = "import smadrive; rig = smadrive.open_rig('in-process'); print(rig._client.pid)"
+    done = programs.run([sys.executable, "-c", text], cwd=tmp_path, capture_output=True, text=True, check=True)
+    wait_for(lambda: not lives(int(done.stdout)))
+    assert done.stderr == ""
+
+
+def test_ended_client_is_ended_again_without_an_error():
+    client = LoopClient()
+    client.end()
+    client.end()
+    assert not lives(client.pid)
+    wait_for(lambda: client.is_lost)

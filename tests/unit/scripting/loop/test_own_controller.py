@@ -1,0 +1,107 @@
+"""A controller of the user: what is refused before the run, and during it."""
+
+from fractions import Fraction
+from math import inf, isnan, nan
+
+import numpy as np
+import pytest
+
+from smadrive.control.controllers.temperature import Command
+from smadrive.errors import ConfigError, ControllerError
+from smadrive.measurement import Measurement
+from smadrive.scripting.loop.own_controller import OwnController, check_controller
+
+SAMPLE = Measurement(0.0, 25.0, 0.0, 0.0)
+
+
+class Returns:
+    """A controller that returns what it is given."""
+
+    def __init__(self, value):
+        self.value = value
+
+    def update(self, time_s, measurement, dt_s):
+        return self.value
+
+
+class Unprintable:
+    def __repr__(self):
+        raise ZeroDivisionError
+
+
+class Timed(Returns):
+    duration_s = 5.0
+
+
+@pytest.mark.parametrize(
+    ("controller", "duration_s", "where"),
+    [
+        (3.0, 5.0, "controller"),
+        (None, 5.0, "controller"),
+        (Returns, 5.0, "controller"),
+        (lambda time_s: 0.0, 5.0, "controller"),
+        (Returns(1), None, "duration_s"),
+        (Returns(1), 0.0, "duration_s"),
+        (Returns(1), -1.0, "duration_s"),
+        (Returns(1), nan, "duration_s"),
+        (Returns(1), "long", "duration_s"),
+        (Returns(1), Unprintable(), "duration_s"),
+    ],
+)
+def test_what_is_no_controller_is_refused_in_one_sentence(controller, duration_s, where):
+    with pytest.raises(ConfigError) as refused:
+        check_controller(controller, duration_s)
+    assert refused.value.where == where
+    assert refused.value.cure
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize(("controller", "duration_s"), [(Returns(1), 5), (Timed(1), None), (Returns(1), inf)])
+def test_controller_with_a_duration_is_accepted(controller, duration_s):
+    check_controller(controller, duration_s)
+
+
+@pytest.mark.parametrize(
+    "value", [None, 0.2, "0.2", {"commanded_a": 0.2}, (0.2,), Unprintable(), Command("much"), Command(None)]
+)
+def test_what_is_no_command_is_an_error_that_names_it(value):
+    with pytest.raises(ControllerError) as caught:
+        OwnController(Returns(value), 5.0).update(0.0, SAMPLE, 0.05)
+    assert caught.value.where == "Returns"
+    assert len(str(caught.value)) < 200
+
+
+@pytest.mark.parametrize("current_a", [nan, inf, -inf])
+def test_current_that_is_not_finite_is_an_error(current_a):
+    with pytest.raises(ControllerError, match="not a finite number"):
+        OwnController(Returns(Command(current_a)), 5.0).update(0.0, SAMPLE, 0.05)
+
+
+@pytest.mark.parametrize("number", [np.float32(0.25), np.array(0.25), Fraction(1, 4), 0.25])
+def test_every_kind_of_number_becomes_a_float(number):
+    command = OwnController(Returns(Command(number, setpoint_mm=number)), 5.0).update(0.0, SAMPLE, 0.05)
+    assert command[:3:2] == (0.25, 0.25)
+    assert {type(value) for value in command} == {float}
+    assert isnan(command.setpoint_c)
+
+
+def test_errors_of_the_controller_pass_unchanged():
+    controller = OwnController(object(), 5.0)
+    with pytest.raises(AttributeError):
+        controller.update(0.0, SAMPLE, 0.05)
+
+
+def test_controller_that_calls_exit_does_not_end_the_process_without_a_word():
+    class Leaves:
+        def update(self, time_s, measurement, dt_s):
+            raise SystemExit
+
+    with pytest.raises(ControllerError, match="update called exit"):
+        OwnController(Leaves(), 5.0).update(0.0, SAMPLE, 0.05)
+
+
+def test_duration_follows_the_controller_unless_it_is_given():
+    timed = Timed(1)
+    own, fixed = OwnController(timed, None), OwnController(timed, 7.0)
+    timed.duration_s = 6.0
+    assert (own.duration_s, fixed.duration_s) == (6.0, 7.0)
