@@ -2,7 +2,6 @@
 
 import importlib
 import math
-import os
 import sys
 import threading
 from pathlib import Path
@@ -16,10 +15,7 @@ from smadrive.errors import (
     ConfigError,
     ControllerError,
     DataError,
-    IdentificationError,
-    ModelError,
     SafetyError,
-    SmadriveError,
     TripError,
 )
 from smadrive.rig.config import load_rig
@@ -62,20 +58,6 @@ class Fussy(Exception):
 
 class Traceable(Exception):
     """An error of the user's own."""
-
-
-@pytest.fixture(scope="module")
-def rig(tmp_path_factory):
-    before = Path.cwd()
-    os.chdir(tmp_path_factory.mktemp("logs"))
-    with smadrive.open_rig("in-process") as opened:
-        yield opened
-    os.chdir(before)
-
-
-@pytest.fixture(scope="module")
-def wire(rig):
-    return smadrive.identify(rig.excite())
 
 
 def test_identified_wire_drives_the_rig(rig, wire):
@@ -288,61 +270,3 @@ def test_closed_rig_refuses_and_closes_twice(tmp_path):
     with pytest.raises(ConfigError, match="the rig is closed") as refused:
         rig.measure()
     assert refused.value.cure == "open it again"
-
-
-MISTAKES = [
-    ("open", lambda rig, wire: smadrive.open_rig("in-proces"), ConfigError, "in-process"),
-    ("open", lambda rig, wire: smadrive.open_rig(3), ConfigError, "rig: of the wrong type (int)"),
-    ("wire", lambda rig, wire: rig.track(SINE, None), ConfigError, "wire: of the wrong type (NoneType)"),
-    ("wire", lambda rig, wire: rig.track(SINE, wire.model), ConfigError, "wire: of the wrong type (TSFuzzyDuhem)"),
-    ("wire", lambda rig, wire: rig.track(SINE, "excitation.h5"), ModelError, "is a log"),
-    ("wire", lambda rig, wire: rig.drive(Warm(), 3, duration_s=1), ConfigError, "wire: of the wrong type (int)"),
-    ("reference", lambda rig, wire: rig.track([1, 2, 3], wire), ConfigError, "reference: of the wrong type (list)"),
-    ("reference", lambda rig, wire: rig.track(wire, SINE), ConfigError, "of the wrong type"),
-    ("reference", lambda rig, wire: rig.track("sin:low_mm=2", wire), ConfigError, "did you mean 'sine'?"),
-    ("reference", lambda rig, wire: rig.track("sine:low_mm=2", wire), ConfigError, "missing: high_mm, period_s"),
-    ("reference", lambda rig, wire: rig.track(_sine(high_mm=40), wire), ConfigError, "reaches from"),
-    ("reference", lambda rig, wire: rig.track(_sine(period_s=1), wire), ConfigError, "cools no faster"),
-    ("log", lambda rig, wire: rig.excite(7), ConfigError, "log: of the wrong type (int)"),
-    ("log", lambda rig, wire: rig.excite("l.csv"), DataError, "the name of a log ends in .h5"),
-    ("log", lambda rig, wire: rig.excite("excitation.h5"), DataError, "a record is never overwritten"),
-    ("log", lambda rig, wire: rig.excite("no/folder/l.h5"), DataError, "cannot be written"),
-    ("controller", lambda rig, wire: rig.drive(Warm, wire, duration_s=1), ConfigError, "a class, not an object"),
-    ("controller", lambda rig, wire: rig.drive(Warm(), wire), ConfigError, "the length of the run is unknown"),
-    (
-        "controller",
-        lambda rig, wire: rig.drive(Warm(threading.Lock()), wire, duration_s=1),
-        ControllerError,
-        "transferred",
-    ),
-    ("data", lambda rig, wire: smadrive.identify(3), ConfigError, "data: no record (int)"),
-    ("data", lambda rig, wire: smadrive.identify([1.0, 2.0]), ConfigError, "data: no record (list)"),
-    ("data", lambda rig, wire: smadrive.identify([1.0, 2.0], [1.0]), DataError, "different numbers of samples"),
-    ("data", lambda rig, wire: smadrive.identify([1.0, 2.0], ["a", "b"]), DataError, "not numbers"),
-    ("data", lambda rig, wire: smadrive.identify([1.0, 2.0], [1.0, 2.0]), IdentificationError, "less than one full"),
-    ("data", lambda rig, wire: smadrive.identify(rig.drive(Warm(), wire, duration_s=1)), DataError, "not the log of"),
-    ("data", lambda rig, wire: smadrive.identify({"temperature": [1.0]}), DataError, "no column 'temperature_c'"),
-    ("data", lambda rig, wire: smadrive.identify("absent.csv"), DataError, "no such file"),
-    ("kind", lambda rig, wire: smadrive.identify("excitation.h5", kind="fuzy"), ConfigError, "kind: unknown ('fuzy')"),
-    ("sets", lambda rig, wire: smadrive.identify("excitation.h5", sets=2), ConfigError, "sets: not a number of fuzzy"),
-    ("path", lambda rig, wire: smadrive.load_wire(3), ConfigError, "path: of the wrong type (int)"),
-    ("path", lambda rig, wire: smadrive.read_log(None), ConfigError, "path: of the wrong type (NoneType)"),
-    ("path", lambda rig, wire: smadrive.read_log("absent.h5"), DataError, "no such file"),
-    ("save", lambda rig, wire: wire.save("wire.txt"), DataError, "the name of a model file ends in .json"),
-    ("column", lambda rig, wire: smadrive.read_log("excitation.h5")["displacement"], DataError, "displacement_mm"),
-]
-
-
-def _sine(**changed):
-    return smadrive.sine(**{"low_mm": 2, "high_mm": 9, "period_s": 20, **changed})
-
-
-@pytest.mark.parametrize(("act", "kind", "text"), [pytest.param(*case[1:], id=case[0]) for case in MISTAKES])
-def test_mistake_is_one_sentence_with_its_parts(rig, wire, act, kind, text):
-    with pytest.raises(SmadriveError) as caught:
-        act(rig, wire)
-    assert type(caught.value) is kind
-    assert text in str(caught.value)
-    assert caught.value.what
-    assert len(str(caught.value).splitlines()) == 1
-    assert not rig.measure().armed
