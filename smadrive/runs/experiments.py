@@ -33,7 +33,7 @@ from smadrive.wire.wire_model import WireModel, WireState
 APPROACH_S = 10.0
 """Duration of the approach, in which the wire moves to the beginning of the reference. The approach is not scored."""
 
-NOT_ADAPTED = "adapt = true under [feedback] has an effect in `smadrive tune` alone: this run does not change the rules"
+NOT_ADAPTED = "adapt = true under [feedback] has an effect only in `smadrive tune`: this run does not change the rules"
 
 Watch = Callable[[TickRecorder, float], AbstractContextManager[Record]]
 """Takes the open log and the duration of the run. Yields the function that records, and may show, each tick."""
