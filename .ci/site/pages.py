@@ -14,6 +14,9 @@ FILE_BLOCK = re.compile(r"^```(\w+) (\S+)$", re.MULTILINE)
 """A block of code that names the file which the reader is to write."""
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\[\]]*\])*)\]\(([^)\s]+)\)")
 MODULES = (
+    "smadrive.scripting.open_rig",
+    "smadrive.scripting.run",
+    "smadrive.scripting.wire",
     "smadrive.hysteresis",
     "smadrive.identification",
     "smadrive.wire.identified_wire",
