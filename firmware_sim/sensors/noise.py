@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 
 BLOCK = 512
 
 
-def deviations(seed: int) -> Iterator[float]:
-    """Yield Gaussian numbers of standard deviation 1 without end. The same seed gives the same numbers."""
-    generator = np.random.default_rng(seed)
-    while True:
-        yield from generator.standard_normal(BLOCK)[::-1].tolist()
+class Noise:
+    """Gaussian numbers of standard deviation 1 without end. The same seed gives the same numbers.
+
+    It is no generator function, because an interruption (Ctrl-C) in the middle of a generator function would end it.
+    """
+
+    def __init__(self, seed: int) -> None:
+        self._generator = np.random.default_rng(seed)
+        self._block: list[float] = []
+
+    def next(self) -> float:
+        """Return the next number."""
+        if not self._block:
+            self._block = self._generator.standard_normal(BLOCK).tolist()
+        return self._block.pop()

@@ -6,7 +6,7 @@ from math import exp
 
 from firmware_sim.config import SimConfig
 from firmware_sim.physics.plant import Plant
-from firmware_sim.sensors.noise import deviations
+from firmware_sim.sensors.noise import Noise
 from firmware_sim.sensors.sensor_faults import SensorFaults
 
 
@@ -22,7 +22,7 @@ class Sensors:
         self._noise_a, self._noise_v = sense.current_noise_a, sense.voltage_noise_v
         self._noise_mm = None if displacement is None else displacement.noise_mm
         self._plant = plant
-        self._noise = deviations(seed)
+        self._noise = Noise(seed)
         self._bead_c = plant.temperature_c
         self._since_conversion_s = 0.0
         self._shown_mm = plant.displacement_mm
@@ -56,7 +56,7 @@ class Sensors:
         """Return a noisy sample of the displacement, or None if the bench has no displacement sensor."""
         if self._noise_mm is None:
             return None
-        right_mm = self._plant.displacement_mm + self._noise_mm * next(self._noise)
+        right_mm = self._plant.displacement_mm + self._noise_mm * self._noise.next()
         self._shown_mm = self.faults.displacement.shown(right_mm, self._shown_mm)
         return self._shown_mm
 
@@ -71,12 +71,12 @@ class Sensors:
         self._bead_c = before_c + steady_c + (self._bead_c - before_c) * decay
 
     def _convert(self) -> None:
-        right_c = self._bead_c + self._noise_c * next(self._noise)
+        right_c = self._bead_c + self._noise_c * self._noise.next()
         shown_c = self.faults.thermocouple.shown(right_c, self.temperature_c, self.cold_junction_c)
         self.temperature_c = round(shown_c / self._quantum_c) * self._quantum_c
 
     def _sense_heater(self) -> None:
-        right_a = max(0.0, self._plant.current_a + self._noise_a * next(self._noise))
-        right_v = max(0.0, self._plant.voltage_v + self._noise_v * next(self._noise))
+        right_a = max(0.0, self._plant.current_a + self._noise_a * self._noise.next())
+        right_v = max(0.0, self._plant.voltage_v + self._noise_v * self._noise.next())
         self.current_a = self.faults.current.shown(right_a, self.current_a)
         self.voltage_v = self.faults.voltage.shown(right_v, self.voltage_v)
