@@ -18,11 +18,13 @@ The class says where the cause lies; the message names what is wrong, where, the
     ├── SafetyError             heating rejected, or stopped by the supervisor  exit code 4
     │   ├── TripError           a latched trip
     │   ├── TakenOverError      the guardian has taken over the heater
-    │   ├── StoppedError        `smadrive off` has stopped the driver
     │   ├── FrontSilentError    no process answers OFF of the tuning page
     │   └── LoopProcessError    the process of the loop died
     ├── ControllerError         a controller of the user does not do its part   exit code 2
     └── IdentificationError     the data do not determine the model             exit code 5
+
+    BaseException
+    └── StoppedError            `smadrive off` has stopped the driver           exit code 4
 """
 
 from __future__ import annotations
@@ -167,10 +169,6 @@ class TakenOverError(SafetyError):
     """The guardian has taken over the heater because the driver stood still; the heater may not be off yet."""
 
 
-class StoppedError(SafetyError):
-    """The driver was stopped by `smadrive off`. No trip is latched."""
-
-
 class FrontSilentError(SafetyError):
     """The front process of the tuning page does not answer, so OFF on the page has no effect."""
 
@@ -189,3 +187,13 @@ class IdentificationError(SmadriveError):
     """The data do not determine the requested model."""
 
     exit_code = 5
+
+
+class StoppedError(BaseException):
+    """`smadrive off` has stopped the driver. No trip is latched.
+
+    It is no Exception, as KeyboardInterrupt is none: a program that tries again after every error must not heat again
+    after an emergency stop.
+    """
+
+    exit_code = 4

@@ -35,12 +35,14 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
             "rig": off.rig,
             "devices": off.devices,
             "stopped_drivers": [asdict(driver) for driver in off.stopped],
-            "safe": not off.displaced,
+            "safe": not off.displaced and off.refused is None,
             "faults": off.latched,
             "waiting_guardians": waiting,
             "warnings": warnings,
         }
     )
+    if off.refused is not None:
+        raise off.refused
     if off.displaced:
         raise SafetyError(
             "another device was at the port before and may still heat",

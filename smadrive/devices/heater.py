@@ -15,6 +15,7 @@ from smadrive.devices.guardian.client import GuardianClient
 from smadrive.devices.heating.heat_source import HeaterLimits, HeatSource, Sample, Supplied
 from smadrive.devices.heating.zero_current import wait_for_zero_current
 from smadrive.devices.sensor import PolledSensor
+from smadrive.devices.stopping.listener import StopListener
 from smadrive.errors import ConfigError, ProtocolError, SafetyError, TakenOverError
 from smadrive.measurement import Measurement
 
@@ -39,6 +40,7 @@ class Heater:
         thermometer: PolledSensor | None = None,
         displacement: PolledSensor | None = None,
         guard: GuardianClient | None = None,
+        stop: StopListener | None = None,
     ) -> None:
         """Send nothing yet: call `connect()`. ConfigError when no device measures the temperature."""
         if thermometer is None and "temperature" not in source.measures:
@@ -53,6 +55,7 @@ class Heater:
         self._thermometer = thermometer
         self._displacement = displacement
         self._guard = guard
+        self._stop = stop
         self._temperature_c = nan
         self._sent_a = 0.0
 
@@ -107,6 +110,8 @@ class Heater:
         If the command is not a number, zero is sent and SafetyError is raised. After a wrong reply the temperature
         counts as unknown, so the next command is clamped to zero.
         """
+        if self._stop is not None:
+            self._stop.check()
         if self._guard is not None:
             self._guard.check()
         allowed_a, limits = self._allowed(current_a)

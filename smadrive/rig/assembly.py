@@ -17,9 +17,10 @@ from smadrive.devices.heating.supply import BenchSupply
 from smadrive.devices.heating.tclab import TCLab
 from smadrive.devices.heating.tclab_board import TCLabBoard
 from smadrive.devices.sensor import PolledSensor
-from smadrive.devices.state.key import DeviceKey, key_at
+from smadrive.devices.state.key import DeviceKey
+from smadrive.devices.stopping.listener import StopListener
 from smadrive.modbus.transports.transport import Transport
-from smadrive.rig.connections import Connections
+from smadrive.rig.connections import Connections, key_of
 from smadrive.rig.plan import PlannedDevice, RigPlan
 
 
@@ -31,7 +32,6 @@ class RigDevices(NamedTuple):
     clock       the clock that all devices share
     source      the device that heats
     port_key    key of that device before it has answered; None for a simulated device
-    lines       the locked lines
     """
 
     heater: Heater
@@ -39,7 +39,6 @@ class RigDevices(NamedTuple):
     clock: Clock
     source: Device | TCLabBoard
     port_key: DeviceKey | None
-    lines: tuple[str, ...]
 
     def key(self) -> DeviceKey | None:
         """Return the key of the device that heats, which has proved its identity; None for a simulated device."""
@@ -51,18 +50,20 @@ class RigDevices(NamedTuple):
 def open_devices(
     plan: RigPlan,
     stack: ExitStack,
+    stop: StopListener,
     clock: Clock | None,
     transports: Mapping[str, Transport],
     trace_folder: Path | None = None,
 ) -> RigDevices:
     """Open the devices of the plan without sending a request. `stack` closes the devices.
 
+    stop            listens for an emergency stop at every line that is locked
     transports      connections, by device name, that replace those of the rig file
     clock           clock that replaces that of the connections
     trace_folder    folder for traces of the traffic, one file for each connection
     ConfigError when a trace file cannot be written; TransportError when a port cannot be opened.
     """
-    connections = Connections(stack, trace_folder)
+    connections = Connections(stack, trace_folder, stop=stop)
     guard = _guard(plan, connections)
     devices = {
         device.name: connections.device(device, transports.get(device.name), None if device is plan.source else 0)
@@ -81,8 +82,9 @@ def open_devices(
         sensors.get("temperature"),
         sensors.get("displacement"),
         guard,
+        stop,
     )
-    return RigDevices(heater, devices, clock, source, port_key(plan.source), connections.locked_lines)
+    return RigDevices(heater, devices, clock, source, port_key(plan.source))
 
 
 def heat_source(planned: PlannedDevice, device: Device | TCLabBoard, clock: Clock) -> HeatSource:
@@ -99,7 +101,7 @@ def port_key(device: PlannedDevice) -> DeviceKey | None:
     """Return the key of the device by its port; None for a simulated device, which ends with this process."""
     if device.is_simulated:
         return None
-    return key_at(device.config.url, device.profile, device.config.unit_id)
+    return key_of(device)
 
 
 def _guard(plan: RigPlan, connections: Connections) -> GuardianClient | None:

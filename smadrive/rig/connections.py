@@ -10,8 +10,10 @@ from pathlib import Path
 
 from smadrive.devices.device import Device
 from smadrive.devices.heating.tclab_board import TCLabBoard
-from smadrive.devices.state.key import key_at
+from smadrive.devices.state.key import DeviceKey, key_at
 from smadrive.devices.state.lock import LineLock, Role, lines_of, lock_line
+from smadrive.devices.stopping.endpoint import names_of_line
+from smadrive.devices.stopping.listener import StopListener
 from smadrive.errors import BusyError, ConfigError
 from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.trace import TraceFile
@@ -26,15 +28,18 @@ class Connections:
 
     `access` is called at every use of a connection, if it was set before the connection was opened. Serial ports are
     locked, and so is the line of a device that heats. With the role of `off`, a line that another process has locked is
-    used, too.
+    used, too. `stop` listens for an emergency stop at every line as soon as it is locked.
     """
 
     access: PortAccess | None = None
 
-    def __init__(self, stack: ExitStack, trace_folder: Path | None, *, role: Role = Role.DRIVER) -> None:
+    def __init__(
+        self, stack: ExitStack, trace_folder: Path | None, *, role: Role = Role.DRIVER, stop: StopListener | None = None
+    ) -> None:
         self._stack = stack
         self._trace_folder = trace_folder
         self._role = role
+        self._stop = stop
         self._locks: dict[str, LineLock] = {}
         self._connected: list[Transport] = []
         self._clients: dict[str, ModbusClient] = {}
@@ -52,11 +57,6 @@ class Connections:
         client = self._client(device) if given is None else self._client_on(given, device)
         return Device(device.profile, client, device.config.unit_id, read_retries)
 
-    @property
-    def locked_lines(self) -> tuple[str, ...]:
-        """The lines that are locked."""
-        return tuple(self._locks)
-
     def locks_of(self, device: PlannedDevice) -> list[LineLock]:
         """Return the locks of the device's line, one for each name of the line."""
         return [self._locks[line] for line in line_names(device) if line in self._locks]
@@ -73,6 +73,8 @@ class Connections:
             try:
                 if line not in self._locks:
                     self._locks[line] = self._stack.enter_context(lock_line(line, self._role))
+                    if self._stop is not None:
+                        self._stop.listen(line, names_of_line(line, key_of(device)))
             except BusyError:
                 if self._role is not Role.OFF:
                     raise
@@ -124,4 +126,9 @@ def line_names(device: PlannedDevice) -> tuple[str, ...]:
     """Return the names of the line of a device; none for a simulated device."""
     if device.is_simulated:
         return ()
-    return lines_of(key_at(device.config.url, device.profile, device.config.unit_id))
+    return lines_of(key_of(device))
+
+
+def key_of(device: PlannedDevice) -> DeviceKey:
+    """Return the key of a device on a port, before the device has answered."""
+    return key_at(device.config.url, device.profile, device.config.unit_id)

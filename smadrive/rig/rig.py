@@ -89,10 +89,9 @@ class Rig:
     def __enter__(self) -> Self:
         """Open the ports, check the identity of every device in use, and enter the safe state."""
         with ExitStack() as stack:
-            listener = stack.enter_context(StopListener(self._where))
-            opened = open_devices(self._plan, stack, self._clock, self._transports, self._trace_folder)
+            self.stop = stack.enter_context(StopListener(self._where))
+            opened = open_devices(self._plan, stack, self.stop, self._clock, self._transports, self._trace_folder)
             self.heater, self.devices, self.clock = opened.heater, opened.by_name, opened.clock
-            listener.listen(opened.lines)
             self.heater.connect()
             self.latch = TripLatch(opened.key())
             stack.enter_context(ends_safe(self.heater.enter_safe_state))

@@ -22,12 +22,13 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import DeviceKey, Match
 from smadrive.devices.state.latch import TripLatch
 from smadrive.devices.state.lock import Role
+from smadrive.devices.stopping.endpoint import names_of_line
 from smadrive.devices.stopping.request import StoppedDriver, stop_driver
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.interrupts import HeldSignals
 from smadrive.rig.assembly import heat_source, port_key
 from smadrive.rig.config import DeviceConfig, OffConfig, load_off_config
-from smadrive.rig.connections import Connections, line_names
+from smadrive.rig.connections import Connections, key_of, line_names
 from smadrive.rig.plan import PlannedDevice, check_full_scales
 from smadrive.safety.shutdown import ShutdownOutcome, carry
 
@@ -40,6 +41,7 @@ class SwitchedOff:
     """The outcome of switching off.
 
     stopped      drivers that were stopped first
+    refused      the first error of a driver that could not be stopped, and may heat again
     devices      devices that confirmed their safe state; all devices that heat are among them
     latched      faults that stay latched
     warnings     failures after the heat sources were confirmed off
@@ -49,6 +51,7 @@ class SwitchedOff:
 
     rig: str
     stopped: tuple[StoppedDriver, ...]
+    refused: Exception | None
     devices: tuple[str, ...]
     latched: tuple[str, ...]
     warnings: tuple[str, ...]
@@ -95,7 +98,8 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
                 _clear(one)
     latched = () if clear_faults else tuple(fault for one in off for fault in _latched(one))
     names = (*(one.name for one in off), *others)
-    return SwitchedOff(config.name, stopped, names, latched, warnings, displaced, unreadable or other_failure)
+    failure = unreadable or other_failure
+    return SwitchedOff(config.name, stopped, refused, names, latched, warnings, displaced, failure)
 
 
 @contextmanager
@@ -127,10 +131,18 @@ def _planned(config: DeviceConfig) -> PlannedDevice:
 
 def _stop_drivers(devices: Iterable[PlannedDevice]) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
     """Stop the drivers that use the lines of these devices; return them, and the first error."""
-    names, no_names = _each(devices, line_names)
-    lines = dict.fromkeys(line for each in names for line in each)
-    stopped, failure = _each(lines, stop_driver)
-    return tuple(one for one in stopped if one is not None), no_names or failure
+    listed, unknown = _each(devices, _names_and_lines)
+    lines = {name: line for each in listed for name, line in each}
+    stopped, failure = _each(lines.items(), lambda one: stop_driver(one[1], one[0]))
+    return tuple(one for one in stopped if one is not None), unknown or failure
+
+
+def _names_and_lines(device: PlannedDevice) -> list[tuple[str, str]]:
+    """Return the names at which a driver of the device may listen, each with its line."""
+    if device.is_simulated:
+        return []
+    key = key_of(device)
+    return [(name, line) for line in line_names(device) for name in names_of_line(line, key)]
 
 
 def _check_complete(config: OffConfig, off: Iterable[_SourceOff], failure: Exception | None) -> None:

@@ -21,6 +21,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import NamedTuple, Self
 from urllib.parse import quote
+from weakref import WeakSet
 
 from smadrive.devices.state.folder import state_dir
 from smadrive.devices.state.key import DeviceKey
@@ -54,6 +55,7 @@ class LineLock:
     def __init__(self, line: str, descriptor: int) -> None:
         self.line = line
         self.descriptor = descriptor
+        _held.add(self)
 
     def hold_as(self, role: Role, pid: int) -> None:
         """Write the holder into the file."""
@@ -75,6 +77,18 @@ class LineLock:
         self.release()
 
 
+_held: WeakSet[LineLock] = WeakSet()
+
+
+def _release_inherited() -> None:
+    """Let a forked child hold no line: its parent is the driver."""
+    for lock in tuple(_held):
+        lock.release()
+
+
+os.register_at_fork(after_in_child=_release_inherited)
+
+
 def lines_of(key: DeviceKey) -> tuple[str, ...]:
     """Return the names of a device's line: a serial port has its present name, a network port may have several."""
     if key.port.startswith("serial:"):
@@ -91,7 +105,7 @@ def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> Lin
     give_up_s = time.monotonic() + within_s
     while (lock := _try_lock(line)) is None:
         holder = holder_of(line)
-        if _is_driving(holder) or time.monotonic() >= give_up_s:
+        if _is_driving(holder) or _starts_during_off(role, holder) or time.monotonic() >= give_up_s:
             raise _busy(line, holder)
         time.sleep(LOOK_AGAIN_S)
     lock.hold_as(role, os.getpid())
@@ -132,6 +146,11 @@ def _try_lock(line: str) -> LineLock | None:
         os.close(descriptor)
         return LineLock(line, NO_DESCRIPTOR)
     return LineLock(line, descriptor)
+
+
+def _starts_during_off(role: Role, holder: Holder | None) -> bool:
+    """Return True for a driver that starts while `smadrive off` switches off: it must not heat afterwards."""
+    return role is Role.DRIVER and holder is not None and holder.role is Role.OFF
 
 
 def _is_driving(holder: Holder | None) -> bool:

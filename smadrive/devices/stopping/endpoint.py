@@ -1,6 +1,7 @@
 """The address at which the driver of a line can be asked to stop, and the rights of the one who asks.
 
-The address is a Unix socket in Linux's abstract namespace, named by the line. So it exists exactly as long as its
+The address is a Unix socket in Linux's abstract namespace, named by the line; a serial port has one for each of its
+permanent names, too. So it exists exactly as long as its
 driver, it is the same for every user of the machine, and no permission of a folder can hide it. Elsewhere there is no
 such namespace: a driver cannot be asked to stop there.
 
@@ -21,6 +22,8 @@ from hashlib import sha256
 from pathlib import Path
 from typing import NamedTuple
 from urllib.parse import urlsplit
+
+from smadrive.devices.state.key import DeviceKey
 
 IS_POSSIBLE = sys.platform == "linux"
 """Whether this system has the namespace of the addresses."""
@@ -61,9 +64,17 @@ class PeerProcess(NamedTuple):
         return [self.group_id]
 
 
-def address_of(line: str) -> str:
-    """Return the address of the driver of this line."""
-    return f"\0smadrive/{sha256(line.encode()).hexdigest()[:32]}"
+def address_of(name: str) -> str:
+    """Return the address of the driver of the line that has this name."""
+    return f"\0smadrive/{sha256(name.encode()).hexdigest()[:32]}"
+
+
+def names_of_line(line: str, key: DeviceKey) -> tuple[str, ...]:
+    """Return the names at which the driver of a line listens: the line, and the permanent names of a serial port.
+
+    A link that leads to another port meanwhile still names the driver that was started by it.
+    """
+    return (line,) if port_path(line) is None else (line, *sorted(key.names))
 
 
 def peer_of(connection: socket.socket) -> PeerProcess:

@@ -1,12 +1,15 @@
-"""The driver's end of the emergency stop: it listens for requests, and interrupts the driver as Ctrl-C does.
+"""The driver's end of the emergency stop: it listens for requests, and ends the driver's use of the heater.
 
-An interruption (SIGINT) reaches a driver that waits for a reply, for a deadline or for anything else, and every program
-already ends at zero current after it. A thread waits for the requests, so the loop does not look for them. Requests
-during the switching off interrupt nothing: `HeldSignals` counts them.
+A request interrupts a driver in the main thread as Ctrl-C does (SIGINT). Every program already ends at zero current
+after that, whether it waits for a reply, for a deadline or for anything else. A driver that ignores the interruption,
+or uses its rig in another thread, is ended by `check`, which the heater calls before every exchange.
+
+Only the first request interrupts, so further ones cannot disturb the switching off.
 """
 
 from __future__ import annotations
 
+import os
 import selectors
 import signal
 import socket
@@ -15,6 +18,7 @@ from collections.abc import Iterable
 from contextlib import suppress
 from types import TracebackType
 from typing import Self
+from weakref import WeakSet
 
 from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, peer_of
 from smadrive.errors import BusyError, StoppedError
@@ -39,23 +43,34 @@ class StopListener:
         self._listening: list[socket.socket] = []
         self._askers: list[socket.socket] = []
         self._thread: threading.Thread | None = None
+        self._is_main = threading.current_thread() is threading.main_thread()
+        _listeners.add(self)
 
-    def listen(self, lines: Iterable[str]) -> None:
-        """Listen at the address of each line. BusyError when another driver listens there."""
+    @property
+    def requested(self) -> bool:
+        """True if a process has asked this driver to stop."""
+        return self._requested
+
+    def listen(self, line: str, names: Iterable[str]) -> None:
+        """Listen at the address of each name of `line`. BusyError when another driver listens there."""
         if not IS_POSSIBLE:
             return
-        for line in lines:
-            self._listening.append(_listening(line))
+        for name in names:
+            self._listening.append(_listening(name))
             self._selector.register(self._listening[-1], selectors.EVENT_READ, line)
-        if not self._listening:
-            return
-        self._end, self._ended = socket.socketpair()
-        self._selector.register(self._ended, selectors.EVENT_READ, None)
-        self._thread = threading.Thread(target=self._serve, name="emergency stop", daemon=True)
-        self._thread.start()
+        if self._listening and self._thread is None:
+            self._end, self._ended = socket.socketpair()
+            self._selector.register(self._ended, selectors.EVENT_READ, None)
+            self._thread = threading.Thread(target=self._serve, name="emergency stop", daemon=True)
+            self._thread.start()
+
+    def check(self) -> None:
+        """Raise StoppedError if a process has asked this driver to stop."""
+        if self._requested:
+            raise self._stopped()
 
     def __enter__(self) -> Self:
-        """Nothing is listened for yet; call `listen`."""
+        """Do nothing yet: `listen` begins."""
         return self
 
     def __exit__(
@@ -68,10 +83,18 @@ class StopListener:
             error = late
             self._close()
         if self._requested and isinstance(error, KeyboardInterrupt | SystemExit):
-            stopped = StoppedError("stopped by `smadrive off`", where=self._where)
+            stopped = self._stopped()
             for note in getattr(error, "__notes__", ()):
                 stopped.add_note(note)
             raise stopped from error
+
+    def close_inherited(self) -> None:
+        """Close the sockets in a forked child: the driver is its parent alone."""
+        for one in (*self._listening, *self._askers):
+            one.close()
+
+    def _stopped(self) -> StoppedError:
+        return StoppedError(f"{self._where}: stopped by `smadrive off`")
 
     def _close(self) -> None:
         with self._mutex:
@@ -109,21 +132,33 @@ class StopListener:
         with self._mutex:
             if not (self._requested or self._is_closing):
                 self._requested = True
-                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+                if self._is_main:
+                    signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
 
-def _listening(line: str) -> socket.socket:
+_listeners: WeakSet[StopListener] = WeakSet()
+
+
+def _close_inherited() -> None:
+    for listener in tuple(_listeners):
+        listener.close_inherited()
+
+
+os.register_at_fork(after_in_child=_close_inherited)
+
+
+def _listening(name: str) -> socket.socket:
     listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
     try:
-        listening.bind(address_of(line))
+        listening.bind(address_of(name))
     except OSError:
         listening.close()
-        raise _busy(line) from None
+        raise _busy(name) from None
     listening.listen(BACKLOG)
     listening.setblocking(False)
     return listening
 
 
-def _busy(line: str) -> BusyError:
-    """The error of a line that another driver, perhaps of another user, drives."""
-    return BusyError("busy, another driver has the line", where=line, cure="`smadrive off RIG` ends that driver")
+def _busy(name: str) -> BusyError:
+    """Return the BusyError for a line that another driver uses; that driver may belong to another user."""
+    return BusyError("busy, another driver uses the line", where=name, cure="`smadrive off RIG` ends that driver")

@@ -10,17 +10,21 @@ import os
 import select
 import signal
 import socket
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
+from pathlib import Path
 
+from smadrive.devices.state.lock import GUARDIAN_WITHIN_S
 from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, PeerProcess, address_of, peer_of, who_may_open
 from smadrive.errors import SafetyError
 
-ANSWERS_WITHIN_S = 3.0
+ANSWERS_WITHIN_S = 5.0
 """A driver that switches off at the first try has released its line after this time, on a busy machine too."""
 
 DIES_WITHIN_S = 5.0
 """A process that was killed has ended after this time."""
+
+GUARDIAN = b"smadrive.devices.guardian.process"
 
 
 @dataclass(frozen=True)
@@ -31,17 +35,18 @@ class StoppedDriver:
     killed: bool
 
 
-def stop_driver(line: str, within_s: float = ANSWERS_WITHIN_S) -> StoppedDriver | None:
+def stop_driver(line: str, name: str, within_s: float = ANSWERS_WITHIN_S) -> StoppedDriver | None:
     """Ask the driver of `line` to stop, and wait until it has released the line; return None if there is no driver.
 
-    A driver that has not released the line after `within_s` is killed. SafetyError when this user may not stop it.
+    The driver is asked by one `name` of the line. A driver that has not released the line after `within_s` is killed,
+    and its guardian is awaited. SafetyError when this user may not stop the driver.
     """
     if not IS_POSSIBLE:
         return None
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
         connection.settimeout(within_s)
         try:
-            connection.connect(address_of(line))
+            connection.connect(address_of(name))
         except TimeoutError:  # its backlog is full: it is stopped or hung, and others have asked already
             raise SafetyError(
                 "its driver does not answer", where=line, cure="end that driver (kill -9), then run this again"
@@ -72,17 +77,36 @@ def _is_released(connection: socket.socket, driver: PeerProcess, line: str) -> b
 
 
 def _kill(driver: PeerProcess, line: str) -> None:
-    """Kill the driver and wait for its end; the descriptor cannot come to mean another process."""
-    with suppress(ProcessLookupError):
-        process = os.pidfd_open(driver.pid)
+    """Kill the driver, and wait for its end and for that of its guardians. A descriptor always means the same process.
+
+    The guardians may belong to another user, whose locks this process does not see.
+    """
+    with suppress(ProcessLookupError), ExitStack() as stack:
+        process = _opened(driver.pid, stack)
+        guardians = [_opened(pid, stack) for pid in _guardians_of(driver.pid)]
         try:
             signal.pidfd_send_signal(process, signal.SIGKILL)
             select.select((process,), (), (), DIES_WITHIN_S)
+            for guardian in guardians:
+                select.select((guardian,), (), (), GUARDIAN_WITHIN_S)
         except PermissionError:
             raise SafetyError(
                 f"its driver (process {driver.pid}) does not answer, and your user may not end it",
                 where=line,
                 cure=f"end it as its user or as root (`sudo kill -9 {driver.pid}`), then run this again",
             ) from None
-        finally:
-            os.close(process)
+
+
+def _opened(pid: int, stack: ExitStack) -> int:
+    """Return a descriptor of the process, which `stack` closes."""
+    descriptor = os.pidfd_open(pid)
+    stack.callback(os.close, descriptor)
+    return descriptor
+
+
+def _guardians_of(pid: int) -> list[int]:
+    """Return the guardians that this process has started."""
+    with suppress(OSError):
+        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
+        return [int(child) for child in children if GUARDIAN in Path(f"/proc/{child}/cmdline").read_bytes()]
+    return []

@@ -15,7 +15,7 @@ import cloudpickle
 
 from smadrive.clock import MonotonicClock, VirtualClock
 from smadrive.control.loop import LoopMetrics
-from smadrive.errors import ControllerError
+from smadrive.errors import ControllerError, StoppedError
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import drive, excite, plan_tracking, track
 from smadrive.scripting.loop.messages import (
@@ -43,14 +43,17 @@ def serve(link: ScriptLink) -> None:
         opening: OpenRequest = link.request()
         sys.path[:] = opening.module_path
         with Rig(opening.config) as rig:
+            link.stop_requested = lambda: rig.stop.requested
             link.reply(OpenedRig({name: str(one) for name, one in rig.identities.items()}, _is_virtual(rig)))
             if isinstance(rig.clock, MonotonicClock):
                 use_real_time_scheduling()
             while not _is_last(link, rig):
                 pass
-    except Exception as error:  # noqa: BLE001 (the script gets it)
+    except (Exception, StoppedError) as error:  # noqa: BLE001 (the script gets it)
+        link.finish()
         link.fail(error, is_own_code=False)
     else:
+        link.finish()
         link.reply(None)
 
 
@@ -68,7 +71,9 @@ def _is_last(link: ScriptLink, rig: Rig) -> bool:
         with link.interruptible():
             value = carried_out(request, rig, link)
         link.reply(value)
-    except (Exception, KeyboardInterrupt) as error:  # noqa: BLE001 (the script gets it)
+    except (Exception, KeyboardInterrupt) as error:
+        if rig.stop.requested:
+            raise KeyboardInterrupt from error
         link.fail(error, is_own_code=request is None or _is_of_controller(error))
     return False
 

@@ -25,8 +25,8 @@ from typing import Any
 
 import cloudpickle
 
-from smadrive.control.loop import Tick
-from smadrive.errors import ControllerError, SmadriveError
+from smadrive.control.loop import Tick, never
+from smadrive.errors import ControllerError, SmadriveError, StoppedError
 from smadrive.rig.rig import Record
 from smadrive.runs.run_log import TickRecorder
 from smadrive.safety.shutdown import carry, shutdown_of
@@ -56,6 +56,8 @@ class ScriptLink:
         self._number = 0
         self._is_interruptible = self._is_ending = False
         self._acts_at_once = True
+        self.stop_requested = never
+        """Called at an interruption. True means that `smadrive off` has sent it: it ends the rig, not only a run."""
         self._pending: type[BaseException] | None = None
         self._loop_thread = threading.main_thread().ident or 0
         signal.signal(signal.SIGINT, self._interrupt)
@@ -111,13 +113,19 @@ class ScriptLink:
 
         yield record
 
+    def finish(self) -> None:
+        """Ignore signals from now on: the rig is closed, and only the last reply is missing."""
+        self._is_ending = True
+
     def reply(self, value: Any) -> None:
         """Send the result of the request."""
         self._send(cloudpickle.dumps((self._number, Result(value))))
 
     def fail(self, error: BaseException, *, is_own_code: bool) -> None:
         """Send the error that ended the request, with its traceback if code of the user may have raised it."""
-        is_plain = isinstance(error, KeyboardInterrupt) or (isinstance(error, SmadriveError) and not is_own_code)
+        is_plain = isinstance(error, KeyboardInterrupt | StoppedError) or (
+            isinstance(error, SmadriveError) and not is_own_code
+        )
         text = "" if is_plain else "".join(traceback.format_exception(error))
         self._send(_dumped(self._number, error, text))
 
@@ -149,7 +157,7 @@ class ScriptLink:
         return b"" if os.getppid() == self._script else END
 
     def _interrupt(self, _number: int, _frame: FrameType | None) -> None:
-        if self._is_interruptible and not self._is_ending:
+        if (self._is_interruptible or self.stop_requested()) and not self._is_ending:
             self._act(KeyboardInterrupt)
 
     def _end(self, _number: int, _frame: FrameType | None) -> None:

@@ -15,6 +15,54 @@ from supply_rig import DRIVER, RIG, patient
 from smadrive.files.shipped import configs_dir
 from smadrive.hysteresis import DuhemModel, save_model
 
+TRIES_AGAIN = """
+import sys, time
+from smadrive.rig.rig import Rig
+from smadrive.rig.config import load_rig
+while True:
+    try:
+        with Rig(load_rig(sys.argv[1])) as rig:
+            rig.heater.arm(rig.config.limits.watchdog_s)
+            print("heating", flush=True)
+            while True:
+                rig.heater.exchange(0.3)
+                time.sleep(0.05)
+    except Exception as error:
+        print(type(error).__name__, flush=True)
+"""
+IN_A_THREAD = """
+import sys, threading, time
+from smadrive.errors import StoppedError
+from smadrive.rig.rig import Rig
+from smadrive.rig.config import load_rig
+def drive():
+    try:
+        with Rig(load_rig(sys.argv[1])) as rig:
+            rig.heater.arm(rig.config.limits.watchdog_s)
+            print("heating", flush=True)
+            while True:
+                rig.heater.exchange(0.3)
+                time.sleep(0.05)
+    except StoppedError as stopped:
+        print(stopped, flush=True)
+thread = threading.Thread(target=drive)
+thread.start()
+thread.join()
+"""
+SCRIPT = """
+import math, sys
+import smadrive
+class Warm:
+    duration_s = math.inf
+    def update(self, time_s, measurement, dt_s):
+        return smadrive.Command(0.3)
+try:
+    with smadrive.open_rig(sys.argv[1]) as rig:
+        print("open", flush=True)
+        rig.drive(Warm(), smadrive.load_wire("wire.json"))
+except BaseException as error:
+    print(type(error).__name__, flush=True)
+"""
 SWITCHED_ON = {"board": "armed", "supply": "output on"}
 SWITCHED_OFF = {"board": ("disarmed", "heater off"), "supply": ("output off",)}
 WIRE = DuhemModel.gaussian(
@@ -143,3 +191,46 @@ def test_command_that_is_stopped_ends_with_the_code_of_safety_and_latches_no_tri
     assert "stopped by `smadrive off`" in said
     assert "confirmed by read-back" in said
     assert (done["stopped_drivers"], done["faults"]) == ([{"pid": driver.pid, "killed": False}], [])
+
+
+@pytest.mark.parametrize("code", [TRIES_AGAIN, IN_A_THREAD], ids=["tries again after every error", "in a thread"])
+def test_program_that_is_stopped_does_not_heat_again(heated, code):
+    with heated.start("-c", code, str(heated.rig)) as driver:
+        assert driver.stdout.readline() == "heating\n"
+        done = heated.off()
+        printed, said = driver.communicate()
+    assert "stopped by `smadrive off`" in printed + said
+    assert "heating" not in printed
+    assert done["stopped_drivers"] == [{"pid": driver.pid, "killed": False}]
+
+
+@pytest.mark.parametrize("heated", ["board"], indirect=True)
+def test_script_on_an_open_rig_is_stopped(heated):
+    save_model(WIRE, heated.rig.parent / "wire.json")
+    with heated.start("-c", SCRIPT, str(heated.rig)) as script:
+        assert script.stdout.readline() == "open\n"
+        assert heated.is_switched_on()
+        done = heated.off()
+        printed, said = script.communicate()
+    assert printed == "StoppedError\n", said
+    assert not any(stopped["killed"] for stopped in done["stopped_drivers"])
+
+
+def test_driver_is_stopped_although_its_link_leads_to_another_device(tmp_path):
+    """As when an adapter is plugged in again, and another one gets the link of a udev rule."""
+    text = (configs_dir() / "rigs" / "simulated.toml").read_text()
+    link = tmp_path / "link"
+    rig = text.replace(tomllib.loads(text)["devices"][0]["url"], f"serial://{link}{PATIENT}")
+    (tmp_path / "rig.toml").write_text(rig)
+    with served() as (first, first_url), served() as (_, second_url):
+        link.symlink_to(first_url.removeprefix("serial://").partition("?")[0])
+        heated = Heated("board", first, tmp_path / "rig.toml")
+        with heated.drive() as driver:
+            assert driver.stdout.readline() == "heating\n"
+            assert heated.is_switched_on()
+            link.unlink()
+            link.symlink_to(second_url.removeprefix("serial://").partition("?")[0])
+            done = heated.off()
+            assert heated.is_switched_off()
+            driver.communicate()
+    assert [stopped["pid"] for stopped in done["stopped_drivers"]] == [driver.pid]

@@ -1,5 +1,6 @@
 """A request to stop: the driver is interrupted, and the asker waits until its line is free."""
 
+import multiprocessing
 import os
 import signal
 import socket
@@ -13,6 +14,7 @@ from pathlib import Path
 import programs
 import pytest
 
+from smadrive.devices.state.lock import Role, lock_line
 from smadrive.devices.stopping.endpoint import address_of
 from smadrive.devices.stopping.listener import BACKLOG, MOST_ASKERS, StopListener
 from smadrive.devices.stopping.request import stop_driver
@@ -26,11 +28,11 @@ hangs = sys.argv[2] == "hangs"
 signal.signal(signal.SIGINT, signal.SIG_IGN if hangs else signal.default_int_handler)
 try:
     with StopListener('driver') as listener:
-        listener.listen([sys.argv[1]])
+        listener.listen(sys.argv[1], [sys.argv[1]])
         print("listens", flush=True)
         time.sleep(60)
 except StoppedError as stopped:
-    print(stopped.where, flush=True)
+    print(stopped, flush=True)
 except KeyboardInterrupt:
     print("interrupted", flush=True)
 """
@@ -42,7 +44,7 @@ os.setuid(4003)
 from smadrive.devices.stopping.request import stop_driver
 from smadrive.errors import SafetyError
 try:
-    stop_driver(sys.argv[1], 0.5)
+    stop_driver(sys.argv[1], sys.argv[1], 0.5)
 except SafetyError as error:
     print(error.where, error.cure, sep="\\n")
 """
@@ -76,15 +78,15 @@ def driver(line):
 
 
 def test_line_without_a_driver_needs_no_stop(line):
-    assert stop_driver(line) is None
+    assert stop_driver(line, line) is None
 
 
 def test_idle_driver_is_interrupted_and_has_released_its_line(driver, line):
     process = driver("idle")
-    stopped = stop_driver(line, 60.0)
+    stopped = stop_driver(line, line, 60.0)
     assert (stopped.pid, stopped.killed) == (process.pid, False)
-    assert process.communicate()[0] == "driver\n"
-    assert stop_driver(line) is None
+    assert process.communicate()[0] == "driver: stopped by `smadrive off`\n"
+    assert stop_driver(line, line) is None
 
 
 def test_interruption_without_a_request_is_none(driver):
@@ -102,24 +104,24 @@ def test_driver_that_does_not_answer_is_killed(driver, line, kind):
         process.send_signal(signal.SIGSTOP)
         killer = threading.Timer(0.2, process.kill)
         killer.start()
-    stopped = stop_driver(line, 0.5 if kind != "ended meanwhile" else 60.0)
+    stopped = stop_driver(line, line, 0.5 if kind != "ended meanwhile" else 60.0)
     assert (stopped.pid, stopped.killed) == (process.pid, kind != "ended meanwhile")
     assert process.wait() == -signal.SIGKILL
-    assert stop_driver(line) is None
+    assert stop_driver(line, line) is None
 
 
 def test_several_askers_all_wait_for_the_end(driver, line):
     process = driver("idle")
     process.send_signal(signal.SIGSTOP)
     results = []
-    askers = [threading.Thread(target=lambda: results.append(stop_driver(line, 60.0))) for _ in range(3)]
+    askers = [threading.Thread(target=lambda: results.append(stop_driver(line, line, 60.0))) for _ in range(3)]
     for asker in askers:
         asker.start()
     time.sleep(0.2)
     process.send_signal(signal.SIGCONT)
     for asker in askers:
         asker.join()
-    assert process.communicate()[0] == "driver\n"
+    assert process.communicate()[0] == "driver: stopped by `smadrive off`\n"
     assert all(stopped is None or not stopped.killed for stopped in results)
 
 
@@ -135,17 +137,31 @@ def test_many_connections_leave_the_driver_its_descriptors(driver, line):
         assert process.poll() is None
 
 
+def test_forked_child_of_a_driver_does_not_keep_its_line(line):
+    with StopListener("driver") as listener, lock_line(line, Role.DRIVER):
+        listener.listen(line, [line])
+        child = multiprocessing.get_context("fork").Process(target=time.sleep, args=(60,))
+        child.start()
+    try:
+        assert stop_driver(line, line) is None
+        with StopListener("driver") as again, lock_line(line, Role.DRIVER):
+            again.listen(line, [line])
+    finally:
+        child.kill()
+        child.join()
+
+
 def test_second_driver_of_a_line_is_refused(line):
     with StopListener("first") as first, StopListener("second") as second:
-        first.listen([line])
+        first.listen(line, [line])
         with pytest.raises(BusyError) as error:
-            second.listen([line])
+            second.listen(line, [line])
         assert error.value.where == line
 
 
 def test_listener_without_a_line_ends():
     with StopListener("driver") as listener:
-        listener.listen([])
+        listener.listen("", [])
 
 
 @pytest.mark.skipif(os.geteuid() != 0, reason="only root can start a program of another user")
