@@ -1,4 +1,4 @@
-"""smadrive: a driver that moves a shape-memory-alloy wire to the displacement that is set.
+"""smadrive: a driver that moves a shape-memory-alloy wire to a displacement setpoint.
 
-Subpackages hold the code; see docs/ for their map. This file imports nothing, so that `smadrive off` starts at once.
+docs/architecture.md describes the subpackages. This file imports nothing, so that `smadrive off` starts at once.
 """

@@ -37,7 +37,8 @@ def save_model(
 ) -> None:
     """Write `model` to `path`. `provenance` is any JSON object, such as source file, date and metrics of the fit.
 
-    Raises ModelError for values that JSON cannot hold, DataError when the file cannot be written.
+    ModelError for a type of model without a file format and for values that JSON cannot hold; DataError when the file
+    cannot be written.
     """
     text = model_text(model, provenance or {}, place=str(path))
     with replacing(Path(path)) as partial:
@@ -53,7 +54,10 @@ def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False)
 
 
 def read_model(path: str | os.PathLike[str]) -> str:
-    """Return the text of a model file. Raises ModelError for a file of another kind or without read access."""
+    """Return the text of a model file.
+
+    ModelError when the file cannot be read, is of another kind, or is larger than `MOST_BYTES`.
+    """
     check_kind(Path(path), MODEL)
     try:
         size = Path(path).stat().st_size
@@ -67,7 +71,7 @@ def read_model(path: str | os.PathLike[str]) -> str:
 
 
 def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: str) -> str:
-    """Return the text of a model file. Raises ModelError, which names `place`, for values that JSON cannot hold."""
+    """Return the text of a model file. ModelError as in `save_model`; it names `place`."""
     document = {
         "schema": SCHEMA_VERSION,
         **_describe(model),
@@ -187,7 +191,7 @@ def _build(fields: Fields) -> DuhemModel | TSFuzzyDuhem:
     ends = fields.numbers("input_range")
     if len(ends) != 2:
         where, cure = f"{fields.place}: input_range", "give the lower and the upper end"
-        raise ModelError("not two numbers", where=where, value=len(ends), limit=2, cure=cure)
+        raise ModelError("not two numbers", where=where, value=f"{len(ends)} numbers", cure=cure)
     scale, offset, input_range = fields.number("scale"), fields.number("offset"), (ends[0], ends[1])
     kind = fields.value("kind")
     try:
