@@ -102,7 +102,6 @@ def _check_length(path: Path, line: int, row: Sequence[str], header: Sequence[st
             "the line and the header differ in their number of cells",
             where=f"{path}, line {line}",
             value=f"line: {len(row)}, header: {len(header)}",
-            limit=len(header),
             cure="repair the line",
         )
 

@@ -146,7 +146,7 @@ def duhem_branches(
     """Return the heating and the cooling branch at the nodes of a grid, from the `grid_logs` of both mixtures.
 
     ModelError for branches that cross. With a finite `steepest`, the largest allowed rate |a|, branches may cross,
-    because the trial models of a fit may.
+    as those of the trial models of a fit.
     """
     log_gap, count = _log_gap(heating, cooling), len(nodes)
     crossed = ~np.isfinite(log_gap[:count])

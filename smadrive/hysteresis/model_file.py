@@ -99,7 +99,7 @@ def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> Du
     schema = fields.value("schema")
     if schema != SCHEMA_VERSION:
         where, cure = f"{place}: schema", f"identify the wire again: this version reads {SCHEMA_VERSION}"
-        raise ModelError("unknown version", where=where, value=shortened(schema), limit=SCHEMA_VERSION, cure=cure)
+        raise ModelError("unknown version", where=where, value=shortened(schema), cure=cure)
     model = _build(fields)
     certificate = model.certificate()
     if not (certificate.holds or allow_uncertified):
@@ -208,7 +208,7 @@ def _build(fields: Fields) -> DuhemModel | TSFuzzyDuhem:
             error.where = f"{fields.place}: {error.where}"
         raise
     where = f"{fields.place}: kind"
-    raise ModelError("unknown kind", where=where, value=shortened(kind), limit="'duhem' or 'tsfuzzy'")
+    raise ModelError("unknown kind", where=where, value=shortened(kind), cure="known are: 'duhem', 'tsfuzzy'")
 
 
 def _mixture(fields: Fields) -> GaussianMixture:
@@ -223,5 +223,5 @@ def _sets(fields: Fields) -> FuzzySets:
         return TrapezoidSets(centres, fields.number("flat"))
     if shape == "gaussian":
         return GaussianSets(centres, fields.number("width"))
-    where, allowed = f"{fields.place}: shape", "'triangular', 'trapezoid' or 'gaussian'"
-    raise ModelError("unknown shape", where=where, value=shortened(shape), limit=allowed)
+    where, cure = f"{fields.place}: shape", "known are: 'triangular', 'trapezoid', 'gaussian'"
+    raise ModelError("unknown shape", where=where, value=shortened(shape), cure=cure)

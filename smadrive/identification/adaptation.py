@@ -202,7 +202,7 @@ class Adaptation:
         return self._base.offset + self._scale * self._w
 
     def _watch(self, displacement_mm: float) -> None:
-        """End the adaptation if too many samples are rejected, or if the sensor shows too little of STUCK_TRAVEL."""
+        """End the adaptation if too many samples are rejected, or if the sensor stands still while the wire travels."""
         predicted_mm = self.predicted_mm
         self._predicted = min(self._predicted[0], predicted_mm), max(self._predicted[1], predicted_mm)
         self._measured = min(self._measured[0], displacement_mm), max(self._measured[1], displacement_mm)

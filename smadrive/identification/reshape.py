@@ -122,7 +122,8 @@ def _check(model: Model, shape: BranchShape) -> None:
         what = "must exceed mu_cooling, because a wire transforms later on heating"
         raise ModelError(what, where="mu_heating", value=shape.mu_heating, limit=shape.mu_cooling)
     if not shape.scale * model.scale > 0:
-        raise ModelError("zero, or of another sign than before", where="scale", value=shape.scale, limit=model.scale)
+        value = f"{shape.scale:g}, before {model.scale:g}"
+        raise ModelError("zero, or of another sign than before", where="scale", value=value)
 
 
 def _check_widths(*sigmas: float) -> None:

@@ -61,7 +61,7 @@ class HeatBalance:
                 raise ModelError("not finite", where=f"heat balance: {name}", value=value)
         if not self.resistance_change > -1:
             value = self.resistance_change
-            raise ModelError("the hot wire has no resistance", where=RESISTANCE_CHANGE, value=value, limit=-1)
+            raise ModelError("leaves the hot wire without resistance", where=RESISTANCE_CHANGE, value=value, limit=-1)
 
     @property
     def time_constant_s(self) -> float:

@@ -112,7 +112,7 @@ def _source(parameters: Fields) -> BalanceSource:
     try:
         return BalanceSource(source)
     except ValueError:
-        allowed = " or ".join(f"'{one}'" for one in BalanceSource)
+        sources = ", ".join(f"'{one}'" for one in BalanceSource)
         raise ModelError(
-            "unknown source", where=f"{parameters.place}: source", value=f"{source!r}", limit=allowed
+            "unknown source", where=f"{parameters.place}: source", value=f"{source!r}", cure=f"known are: {sources}"
         ) from None

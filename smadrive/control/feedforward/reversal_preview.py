@@ -100,7 +100,7 @@ class ReversalPreview:
     def _shortfalls(
         self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, limit_w: float
     ) -> Iterator[tuple[float, float]]:
-        """Simulate a wire that reverses now; yield each time, and by how many strokes the wire then falls short."""
+        """Simulate a wire that reverses now; yield times, and how many strokes it is then short of the reference."""
         state = WireState(estimate.temperature_c, estimate.hysteresis)
         power_w = (limit_w if direction < 0 else 0.0) + estimate.disturbance_w
         step_s, ahead = self._horizon_s / POINTS, direction / self._wire.travel_mm

@@ -109,9 +109,11 @@ class RuleTables:
     def jacobian(self, runs: Runs, w: FloatArray) -> InterpolationMatrix:
         """Return ∂w at every sample, shape (samples, 5 · sets + 1).
 
-        Columns: the fields of RuleRates, then w at the start. `w` are the states at the samples. With the excess e = w
-        - P at the start of a run, and its decay D since then, ∂w = ∂P + D e ∂Λ + D (∂e - e ∂Λ at the start). ∂P and ∂Λ
-        are interpolated between two nodes each; the last bracket is one more row for each run.
+        The columns are the fields of RuleRates, then w at the start. `w` are the states at the samples. For a run,
+
+            ∂w = ∂P + D e ∂Λ + D (∂e - e ∂Λ at the start)        e = w - P at the start,  D the decay of e since then
+
+        ∂P and ∂Λ are interpolated between two nodes each; the bracket is one more row for each run.
         """
         up, down = self.sensitivities
         rows = np.zeros((4 * len(self.nodes) + 1 + len(runs.starts), up.target.shape[1] + 1))
