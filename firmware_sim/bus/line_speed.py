@@ -15,7 +15,7 @@ from smadrive.modbus.transports.transport import SerialSettings
 
 
 class SlowLine:
-    """A serial line with these settings in front of `port`, which receives and sends at the speed of the line."""
+    """Delays the replies of `port` as a serial line with these settings does."""
 
     def __init__(self, port: Port, settings: SerialSettings) -> None:
         bits = 9 + (settings.parity != "N") + settings.stopbits  # start, data, parity, stop

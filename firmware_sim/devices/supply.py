@@ -61,7 +61,7 @@ class SupplyFirmware:
             self._protect(self._sensors.voltage_v / TRIP_MARGIN, self._sensors.current_a / TRIP_MARGIN)
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Accept every value within the limits of the registers."""
+        """Accept every write, because the register bank has checked the limits of the registers."""
 
     def write(self, values: Mapping[str, float]) -> None:
         """Set current, voltage, protections and output, as far as `values` contains them."""

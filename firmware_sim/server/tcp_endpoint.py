@@ -41,7 +41,9 @@ class TcpEndpoint:
             self.open()
         except OSError as error:
             raise ConfigError(
-                f"cannot listen at this address ({error.strerror})", where=f"--{scheme.replace('+', '-')} {address}"
+                f"cannot listen at this address ({error.strerror})",
+                where=f"--{scheme.replace('+', '-')} {address}",
+                cure="choose a free port of this machine",
             ) from None
         self.url = f"{scheme}://{self._address[0]}:{self._address[1]}"
 

@@ -46,7 +46,7 @@ class DuhemModel(HysteresisModel):
         start, end = max(lower, min(s[0] for s in spans)), min(upper, max(s[1] for s in spans))
         if start >= end:
             cure = f"widen it or check the units: the means are {heating.means + cooling.means}"
-            raise ModelError("no part of the loop", where="input_range", value=(lower, upper), cure=cure)
+            raise ModelError("contains no part of the loop", where="input_range", value=(lower, upper), cure=cure)
         _refuse_crossing(heating, cooling, lower, upper)
         self.heating = heating
         self.cooling = cooling

@@ -47,7 +47,7 @@ class SafetyLimits:
 
 
 class Supervisor:
-    """Checks each measurement and the time without one; the first fault is latched as `trip`.
+    """Checks each measurement, and the time since the last measurement; the first fault is latched as `trip`.
 
     `temperature_band` compares the reading with the heat input, and `displacement_band` the displacement with the model
     of the wire. Without a band its check is left out.

@@ -58,13 +58,13 @@ def identify_tsfuzzy(
     fit_centres: bool = True,
     dead_band: float | None = None,
 ) -> Fit[TSFuzzyDuhem]:
-    """Fit a T-S fuzzy Duhem model with two rules per set to a record.
+    """Fit a T-S fuzzy Duhem model with two rules per set to a record, and return the model with its metrics.
 
-    v and y are input and output of one wire, both (samples,), preferably with inner loops. `sets` is the number of
-    triangular sets, or their centres; with `fit_centres` the centres may move. `dead_band` is the radius of the
-    reversal filter in the unit of v; without it the radius follows from the noise of v. The caveats of the result are
-    reasons to distrust the model. Raises DataError for samples that cannot be used, and IdentificationError when the
-    record does not determine a loop or the sets are unusable.
+    v and y are input and output of one wire, both (samples,); the record should contain inner loops. `sets` is the
+    number of triangular sets, or their centres; with `fit_centres` the fit may move the centres. `dead_band` is the
+    radius of the reversal filter in the unit of v; without it the radius follows from the noise of v. The caveats of
+    the result are reasons to distrust the model. DataError for samples that cannot be used, and IdentificationError
+    when the record does not determine a loop or the sets are unusable.
     """
     record = prepare(v, y, dead_band)
     placements = _placements(record, sets, fit_centres=fit_centres)
