@@ -9,7 +9,7 @@
 The caller moves time: `advance_to` runs the bench in ticks of 10 ms. The same config, seed and calls give the same
 results, to the last bit, at any speed. Only the serial number of a device is random at every start, unless the config
 gives one. So a driver does not take a simulated device for another simulated device or for a real one. Faults are
-methods of `device.faults` (the bus of the device), of `sensors.faults` and of `plant.faults`.
+methods: of `device` and `device.faults` (its bus), of `sensors.faults`, `plant.faults` and `plant.ageing`.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class SimulatedBench:
             raise ConfigError(
                 f"'{profile.profile.id}' and '{self._heating.profile.profile.id}' would both heat the simulated wire",
                 where=f"device '{name}'" if name else "",
-                cure="attach one of them",
+                cure="attach only one of them",
             )
         device = SimulatedDevice(self, profile, unit_id, name, seed=self.seed + len(self.devices))
         self.devices.append(device)
@@ -74,7 +74,7 @@ class SimulatedBench:
         return device
 
     def build_parts(self, profile: Profile, log_event: Callable[[str], None]) -> DeviceParts:
-        """Return the firmware of a device of this profile, and the responder that answers its requests."""
+        """Return the firmware of a device of this profile, and the handler of its requests."""
         board = self.config.board
         if not profile.has_registers:
             tclab = TCLabFirmware(self.sensors, self._tclab_supply_v(), lambda: self.plant.resistance_ohm, log_event)
@@ -100,7 +100,7 @@ class SimulatedBench:
                 return InstrumentFirmware(self.sensors, profile.timing.update_ms / 1e3)
 
     def advance_to(self, time_s: float) -> None:
-        """Run the bench until `time_s`; does nothing for a time in the past."""
+        """Run the bench until `time_s`. Do nothing for a time in the past."""
         while (remaining_s := time_s - self.time_s) > 1e-9:
             self._tick(min(TICK_S, remaining_s))
 

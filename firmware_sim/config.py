@@ -12,11 +12,14 @@ from smadrive.files.kinds import SIM
 from smadrive.files.shipped import config_file
 
 MAX_SIGMA_C = 100.0
-"""The largest width of a branch, °C. A Preisach plane has cells of 0.25 K, so its size grows with the square of it."""
+"""The largest width of a branch, °C.
+
+A Preisach plane has cells of 0.25 K, so the number of its cells grows with the square of the width.
+"""
 
 
 class Wire(Section):
-    """The lumped wire. It has a mass besides its heat capacity, because the latent heat is per mass."""
+    """The lumped wire. `mass_kg` is needed besides the heat capacity, because the latent heat is per mass."""
 
     heat_capacity_j_per_k: float = Field(gt=0)
     loss_w_per_k: float = Field(gt=0)
@@ -29,7 +32,10 @@ class Wire(Section):
 
 
 class Branches(Section):
-    """Centre and width of the two branches of the hysteresis, in °C, at the stress of the wire (see Bias)."""
+    """Centre and width of the two branches of the hysteresis, in °C.
+
+    With `[bias]` they are those of the unloaded wire, without `[bias]` those under the load of the wire.
+    """
 
     mu_heating_c: float
     mu_cooling_c: float
@@ -47,7 +53,7 @@ class Transformation(Branches):
     """The hysteresis of the phase: a Duhem model of one or two Gaussians per branch, or a Preisach plane.
 
     `correlation` belongs to a Preisach plane: the correlation of the temperatures at which a grain turns to austenite
-    and back. With 1 all grains would have the same width of hysteresis.
+    and back. The larger it is, the less the width of the hysteresis differs between grains.
     """
 
     kind: Literal["duhem", "two-component", "preisach"] = "duhem"
@@ -58,10 +64,10 @@ class Transformation(Branches):
     @model_validator(mode="after")
     def _consistent(self) -> Transformation:
         if self.range_c[0] >= self.range_c[1]:
-            raise ValueError(f"range_c {self.range_c}: write the lower end first")
+            raise ValueError(f"range_c {self.range_c} does not increase: write the lower end first")
         for key, kind in (("second", "two-component"), ("correlation", "preisach")):
             if (getattr(self, key) is not None) != (self.kind == kind):
-                raise ValueError(f"kind '{kind}' and {key} belong together: give both keys, or none of them")
+                raise ValueError(f"kind = '{kind}' and the key '{key}' need each other: write both, or neither")
         return self
 
 
@@ -126,7 +132,9 @@ class DeviceEntry(Section):
     @model_validator(mode="after")
     def _one_listen_address(self) -> DeviceEntry:
         if sum(address is not None for address in (self.pty, self.tcp, self.rtu_tcp)) != 1:
-            raise ValueError(f"device '{self.name}' needs one of pty = PATH, tcp = ADDRESS and rtu_tcp = ADDRESS")
+            raise ValueError(
+                f"device '{self.name}' needs exactly one of pty = PATH, tcp = ADDRESS and rtu_tcp = ADDRESS"
+            )
         return self
 
 
@@ -152,5 +160,8 @@ class SimConfig(Section):
 
 
 def load_sim(name_or_path: str | Path) -> SimConfig:
-    """Load the bench at a path (`*.toml`), or the shipped one with this name. ConfigError names file, key and cure."""
+    """Load the simulated bench at a path that ends in .toml, or the shipped bench with this name.
+
+    ConfigError names file, key and cure.
+    """
     return load_config(config_file(name_or_path, SIM), SimConfig)

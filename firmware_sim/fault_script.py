@@ -45,7 +45,7 @@ class RandomConfig(Section):
 
 
 class FaultEntry(Section):
-    """One fault. Its keys besides `at_s` and `name` are the parameters of the fault."""
+    """One fault. Its keys besides `at_s` and `name` are the parameters of the method `name`."""
 
     model_config = ConfigDict(extra="allow")
 
@@ -93,7 +93,7 @@ def load_script(path: Path) -> FaultScript:
 
 
 def scheduled(script: FaultScript, methods: Mapping[str, FaultMethod]) -> list[ScheduledFault]:
-    """Return the faults of the script as calls of `methods`.
+    """Return the faults of the script as calls of `methods`, which has the methods of the bench by name.
 
     ConfigError for an unknown name or key; the error suggests the nearest known one.
     """

@@ -1,4 +1,4 @@
-"""smadrive: a driver that moves a shape-memory-alloy wire to the displacement that is set.
+"""smadrive: a driver that moves a shape-memory-alloy wire to a displacement setpoint.
 
 For scripts and notebooks (docs/python.md):
 

@@ -102,7 +102,7 @@ class DataError(ConfigError):
 
 
 class ModelError(ConfigError):
-    """Parameters that describe no valid hysteresis model (crossing branches, σ ≤ 0, sets outside the data)."""
+    """Parameters that describe no valid hysteresis model (crossing branches, σ ≤ 0, sets outside the range)."""
 
 
 class CertificateError(ModelError):

@@ -6,7 +6,7 @@
 
 Faults of replies last for the next `replies`, or for `for_s` seconds from now. A reply gets the first planned fault
 that still lasts. A request is carried out even when its reply is lost or corrupted, but not when `refuse` answers it.
-The device answers in order: replies behind a late one are late too.
+The device answers in order: a reply does not arrive before an earlier, late reply.
 """
 
 from __future__ import annotations
@@ -54,7 +54,10 @@ def _whole(frame: bytes) -> list[Delivery]:
 
 @dataclass(slots=True)
 class _PlannedFault:
-    """A fault and its duration. With a `code`, the request gets this exception and is not carried out."""
+    """A fault and its duration.
+
+    With a `code`, the request is not carried out and gets the exception with this code.
+    """
 
     replies_left: float
     until_s: float
@@ -98,7 +101,7 @@ class BusFaults:
         self._plan(replies, for_s, carry=lambda _frame: [])
 
     def delay(self, delay_s: Seconds, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Replies arrive `delay_s` late, and so do all replies after them."""
+        """Replies arrive `delay_s` late. A later reply does not arrive before them."""
         self._plan(replies, for_s, carry=lambda frame: [(delay_s, frame)])
 
     def duplicate(self, after_s: Delay = 0.0, replies: Replies = 1, for_s: Seconds | None = None) -> None:
@@ -110,7 +113,11 @@ class BusFaults:
         self._plan(replies, for_s, carry=twice)
 
     def corrupt(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """A bit flips: the CRC is wrong. TCP protects its payload, so there a bit of the Modbus header flips."""
+        """A bit of the reply flips.
+
+        It is a bit of the CRC, on Modbus TCP of the header (because TCP protects its payload), in a line of text any
+        bit.
+        """
         self._plan(replies, for_s, lambda reply: [(0.0, reply.corrupted(self._random.random()))])
 
     def truncate(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
@@ -118,15 +125,15 @@ class BusFaults:
         self._plan(replies, for_s, carry=lambda frame: [(0.0, frame[: len(frame) // 2])])
 
     def junk_before(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Random bytes arrive right before the reply."""
+        """Random bytes arrive directly before the reply."""
         self._plan(replies, for_s, carry=lambda frame: [(0.0, self._random.randbytes(JUNK_BYTES) + frame)])
 
     def junk_after(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Random bytes arrive right behind the reply."""
+        """Random bytes arrive directly after the reply."""
         self._plan(replies, for_s, carry=lambda frame: [(0.0, frame + self._random.randbytes(JUNK_BYTES))])
 
     def wrong_unit(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """The reply has the unit id of another device."""
+        """The reply has the unit id of another device; a line of text is that of another kind of board."""
         self._plan(replies, for_s, lambda reply: [(0.0, reply.wrong_unit.frame)])
 
     def wrong_function(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
@@ -150,11 +157,11 @@ class BusFaults:
         self._plan(replies, for_s, twice)
 
     def early(self, after_s: Delay, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """An unsolicited copy follows the reply; over TCP it has the next transaction number."""
+        """An unsolicited copy follows the reply after `after_s`; on Modbus TCP it has the next transaction number."""
         self._plan(replies, for_s, lambda reply: [(0.0, reply.frame), (after_s, reply.next_transaction.frame)])
 
     def split(self, pause_s: Seconds, pieces: Pieces = 2, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Replies arrive in `pieces`, with a pause after each."""
+        """Replies arrive in `pieces`, with a pause of `pause_s` between the pieces."""
 
         def cut(frame: bytes) -> list[Delivery]:
             bounds = [len(frame) * piece // pieces for piece in range(pieces + 1)]
@@ -167,7 +174,10 @@ class BusFaults:
         self._plan(replies, for_s, lambda reply: [(0.0, reply.reply(self._previous_pdu).frame)])
 
     def combine_planned(self) -> None:
-        """Combine the last two planned faults: the first alters the reply, the second acts on the altered frames."""
+        """Combine the last two planned faults into one.
+
+        The first fault alters the reply, the second fault alters the frames of the altered reply.
+        """
         second, first = self._planned.pop(), self._planned.pop()
         self._planned.append(
             _PlannedFault(first.replies_left, first.until_s, first.deliveries, second.carry, first.code)
@@ -195,7 +205,7 @@ class BusFaults:
         self._planned.clear()
 
     def answer(self, request: Message, carry_out: Callable[[bytes], bytes], time_s: float) -> list[Delivery]:
-        """Return the deliveries that answer `request` at `time_s`, under the present fault.
+        """Return the deliveries that answer `request` at `time_s`, altered by the present fault.
 
         `carry_out` turns the PDU of the request into the PDU of the reply. Under `refuse` it is not called.
         """

@@ -65,7 +65,7 @@ class Message(Protocol):
 
 
 class ModbusMessage(NamedTuple):
-    """A Modbus message. `number` is the transaction number of a Modbus TCP frame; an RTU frame has None."""
+    """A Modbus message. `number` is the transaction number of a Modbus TCP frame, and None for an RTU frame."""
 
     unit_id: int
     pdu: bytes
@@ -134,7 +134,7 @@ class TextMessage(NamedTuple):
 
     @property
     def broadcast(self) -> bool:
-        """False: a line of text has one receiver."""
+        """Always False, because a line of text has one receiver."""
         return False
 
     def reply(self, pdu: bytes) -> Self:
@@ -142,7 +142,7 @@ class TextMessage(NamedTuple):
         return self._replace(pdu=pdu)
 
     def exception_pdu(self, _code: int) -> bytes:
-        """Return the command in capitals, which is the board's reply to an unknown command."""
+        """Return the text in capitals. This is the board's reply to a command that it does not know."""
         return self.pdu.upper()
 
     def corrupted(self, random: float) -> bytes:

@@ -1,10 +1,10 @@
 """The ports of devices: RTU frames on a line, Modbus TCP frames in a connection, or lines of text.
 
 An RTU request to an absent unit, with a wrong CRC, or to all devices (broadcast) gets no reply; all devices carry out a
-broadcast. On a TCP connection to a single device, requests to the units 0 and 255 also reach this device. A request to
-an absent unit gets exception 11, as from a gateway. TCP frames with a protocol identifier other than 0 are dropped.
-After an impossible length all pending bytes are dropped, because the stream is not Modbus. A line of text ends with CR
-or LF, or when the board's buffer is full.
+broadcast. On a Modbus TCP connection to a single device, requests to the units 0 and 255 also reach this device, and a
+request to an absent unit gets exception 11, as from a gateway. Modbus TCP frames with a protocol identifier other than
+0 are dropped. After an impossible length all pending bytes are dropped, because the stream is not Modbus. A line of
+text ends with CR or LF, or when the board's buffer is full.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ class Port(Protocol):
     """The devices' end of one connection: bytes in, deliveries out."""
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """The deliveries that answer the bytes that arrive at `time_s`."""
+        """Return the deliveries that answer `data`, which arrives at `time_s`."""
         ...
 
 
@@ -53,7 +53,7 @@ class RtuPort:
         self._units = units
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """The deliveries that answer the bytes that arrive at `time_s`."""
+        """Return the deliveries that answer `data`, which arrives at `time_s`."""
         deliveries = []
         for frame in self.stream.feed(data, time_s):
             deliveries += self._answer(ModbusMessage(frame[0], frame[1:-2]), time_s)
@@ -75,7 +75,7 @@ class TcpPort:
         self._pending = b""
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """The deliveries that answer the bytes that arrive at `time_s`."""
+        """Return the deliveries that answer `data`, which arrives at `time_s`."""
         self._pending += data
         deliveries = []
         while (size := mbap.frame_size(self._pending)) is not None:
@@ -110,7 +110,7 @@ class TextPort:
         self._pending = b""
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """The deliveries that answer the bytes that arrive at `time_s`."""
+        """Return the deliveries that answer `data`, which arrives at `time_s`."""
         *lines, self._pending = _TEXT_END.split(self._pending + data)
         if len(self._pending) >= _TEXT_BUFFER:
             lines.append(self._pending)

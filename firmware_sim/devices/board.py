@@ -3,8 +3,8 @@
     idle --arm key--> armed --enable = 0--> idle
       any fault (from idle or armed) --> fault --clear key, cause gone--> idle
 
-Current flows only while armed. A fault, and every transition out of `armed`, sets current and enable to zero. Only a
-sequence number that differs from the previous one feeds the watchdog.
+Current flows only while armed. A fault, and every transition out of `armed`, sets current and enable to zero. Only
+arming, and a sequence number that differs from the previous one, feed the watchdog.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class BoardFirmware:
         self._set_current()
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Raise ModbusException for a limit above the board's own limit, and for arming in a state other than idle."""
+        """Raise ModbusException for a limit above the board's own limit, and for arming in any state but idle."""
         too_hot = values.get("temperature_max", 0.0) > self._board.temperature_max_c
         too_much = values.get("current_max", 0.0) > self._supply_limit_a
         if too_hot or too_much:
@@ -155,7 +155,10 @@ class BoardFirmware:
         return faults
 
     def _current_faults(self, dt_s: float) -> list[BoardFault]:
-        """Return the debounced current faults. More current than set means a shorted switch, less than half a break."""
+        """Return the current faults, debounced.
+
+        More current than set means a shorted switch, less than half the set current a broken wire.
+        """
         set_a, measured_a = self.current_a, self._sensors.current_a
         excess = measured_a > 1.1 * set_a + CURRENT_MARGIN_A
         lack = set_a > CURRENT_MARGIN_A and measured_a < 0.5 * set_a

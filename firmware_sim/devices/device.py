@@ -23,7 +23,7 @@ class DeviceHost(Protocol):
     time_s: float
 
     def build_parts(self, profile: Profile, log_event: Callable[[str], None]) -> DeviceParts:
-        """Return the firmware of a device of this profile, and the responder that answers its requests."""
+        """Return the firmware of a device of this profile, and the handler of its requests."""
         ...
 
     def advance_to(self, time_s: float) -> None:
@@ -53,7 +53,8 @@ class SimulatedDevice:
     def answer(self, request: Message, time_s: float) -> list[Delivery]:
         """Carry out a request, and return the deliveries of the reply. A broadcast has no reply.
 
-        Like a real device, the simulated one ignores requests while it starts, and in the minimum gap after a frame.
+        Like a real device, the simulated device ignores requests while it starts, and in its minimum gap after a
+        request.
         """
         if time_s < self._deaf_until_s - 1e-9:
             return []
@@ -64,11 +65,14 @@ class SimulatedDevice:
         return self.faults.answer(request, self.responder.answer, time_s)
 
     def transport(self, clock: Clock | None = None) -> InProcessTransport:
-        """A connection to this device alone, in this process; see Line."""
+        """Return a connection to this device alone, in this process; see Line."""
         return self.line.transport(clock)
 
     def power_cycle(self) -> None:
-        """The supply fails and returns at once. The firmware restarts, and the wire continues to cool."""
+        """The device loses its power for a moment and restarts.
+
+        The wire is not reset; it cools, because the device drives no current.
+        """
         self.brown_out(0.0)
 
     def brown_out(self, for_s: Delay) -> None:
@@ -91,13 +95,17 @@ class Line:
         self.port = self.new_port(numbered=self._profile.profile.protocol == "modbus-tcp")
 
     def new_port(self, *, numbered: bool) -> Port:
-        """Return a new port to the same devices, for Modbus TCP frames if `numbered`, else RTU frames or text lines."""
+        """Return a new port to the same devices.
+
+        The port takes lines of text for a board without registers, else Modbus TCP frames if `numbered`, else RTU
+        frames.
+        """
         if not self._profile.has_registers:
             return TextPort(self.devices[0].answer)
         return TcpPort(self.devices) if numbered else RtuPort(self.devices)
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """The deliveries that answer the bytes that arrive at `time_s`."""
+        """Return the deliveries that answer `data`, which arrives at `time_s`."""
         self._bench.advance_to(time_s)
         return self.port.receive(data, time_s)
 
@@ -117,7 +125,7 @@ class BenchClock:
         self._bench = bench
 
     def now_s(self) -> float:
-        """The bench's time."""
+        """Return the time of the bench."""
         return self._bench.time_s
 
     def sleep_until(self, time_s: float) -> None:

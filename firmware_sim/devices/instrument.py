@@ -1,4 +1,4 @@
-"""A measuring device. It shows temperature or displacement of the wire at its conversion rate, and does not heat."""
+"""A measuring device. It shows temperature and displacement of the wire, as far as it has registers for them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from firmware_sim.sensors.sensors import Sensors
 
 
 class InstrumentFirmware:
-    """Converts every `update_s`, and shows the readings of the last conversion."""
+    """Converts every `update_s`, and shows the readings of the last conversion. It does not heat."""
 
     current_a = 0.0
     voltage_max_v = 0.0

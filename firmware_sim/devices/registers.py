@@ -52,7 +52,10 @@ class RegisterCell:
 
 
 class Write(NamedTuple):
-    """A write of one register: its words, and their value in the context of the registers that determine its scale."""
+    """A write of one register: its words, and their value.
+
+    `context` holds the values of the registers that determine its scale.
+    """
 
     cell: RegisterCell
     words: Sequence[int]
@@ -94,7 +97,7 @@ class RegisterBank:
         return set(self._tables)
 
     def publish(self, quantities: Mapping[str, Quantity], table: str, first: int, count: int) -> None:
-        """Refresh the registers of these roles within a range, before the range is read."""
+        """Store `quantities` in the registers of their roles, within a range that is about to be read."""
         published, end = self._published, first + count
         for role, cell in self._shown.get(table, ()):
             if first <= cell.first < end and role in quantities:
@@ -106,7 +109,7 @@ class RegisterBank:
                     published[role] = value
 
     def preset(self, name: str, value: float) -> None:
-        """Set a register without a role. Do nothing if the profile has no such register."""
+        """Set the register `name`. Do nothing if the profile has no such register."""
         if name in self._cells:
             cell = self._cells[name]
             cell.store(cell.codec.saturated(value))
@@ -177,10 +180,10 @@ class RegisterBank:
 
 
 def _words_for(cell: RegisterCell, value: Quantity, context: Context) -> tuple[int, ...]:
-    """Return the words that show `value`: a scaled number, or the number or the bit of a state.
+    """Return the words that show `value`: a number scaled, a state as its number or its bit.
 
-    A missing reading is shown as a sentinel: the one whose reason contains "open", otherwise the first one. NaN counts
-    as a missing reading if the register cannot hold NaN.
+    A missing reading is shown as a sentinel: the one whose reason contains "open", otherwise the first one, and 0 if
+    the register has no sentinel. NaN counts as a missing reading if the register cannot hold NaN.
     """
     register = cell.register
     no_reading = value is None or (isinstance(value, float) and isnan(value) and register.type != "float32")

@@ -33,9 +33,10 @@ MAX_DELAY_S = 3600.0
 
 
 class RecordedReply(NamedTuple):
-    """A reply and its delay after the request. `data` is empty without a reply; `pdu` is None for a corrupt frame.
+    """A reply and its delay after the request.
 
-    `echoes` has the offset of every repeated word in the reply, and its offset in the request.
+    `data` is empty if no reply was recorded; `pdu` is None for a corrupt frame. `echoes` has the offset of every
+    repeated word in the reply, and its offset in the request.
     """
 
     after_s: float
@@ -69,7 +70,7 @@ class Replay:
         self.port = self.new_port(numbered=self.numbered)
 
     def advance_to(self, time_s: float) -> None:
-        """Move the time to `time_s`; does nothing for a time in the past."""
+        """Move the time to `time_s`. Do nothing for a time in the past."""
         self.time_s = max(self.time_s, time_s)
 
     def new_port(self, *, numbered: bool) -> Port:
@@ -77,12 +78,12 @@ class Replay:
         return TcpPort(self.units) if numbered else RtuPort(self.units)
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """The deliveries that answer the bytes that arrive at `time_s`."""
+        """Return the deliveries that answer `data`, which arrives at `time_s`."""
         self.advance_to(time_s)
         return self.port.receive(data, time_s)
 
     def transport(self, clock: Clock) -> InProcessTransport:
-        """A connection in this process, on `clock`."""
+        """Return a connection to the recorded devices in this process, on `clock`."""
         return InProcessTransport(self, clock, None if self.numbered else 115200)
 
     def _log_unknown(self, request: ModbusMessage) -> None:
@@ -100,7 +101,7 @@ class ReplayedUnit:
         self._log_unknown = log_unknown
 
     def answer(self, request: ModbusMessage, time_s: float) -> list[Delivery]:
-        """The next recorded reply to this request, with its recorded delay."""
+        """Return the next recorded reply to this request, with its recorded delay."""
         replies = self._replies.get(_key(request.pdu))
         if not replies:
             self._log_unknown(request)
@@ -148,7 +149,7 @@ def _key(pdu: bytes) -> bytes:
 
 
 def _echoes(request: bytes, reply: bytes) -> tuple[tuple[int, int], ...]:
-    """Return the offsets of the words that an exchange writes and its reply repeats: (in reply, in request).
+    """Return the offsets of the words that an exchange writes and its reply repeats, as pairs (in reply, in request).
 
     Words of zero do not count.
     """

@@ -1,7 +1,8 @@
 """The server side of Modbus according to the standard: the PDU of a request in, the PDU of the reply out.
 
 Exceptions are checked in the order of the standard: function, quantity, address, value, device. FC23 checks both of its
-ranges before it writes. A function is unknown if the profile excludes it, or has no table for it.
+ranges before it writes. A function is unknown if the profile excludes it; FC4 and the functions for bits are also
+unknown if the profile has no table for them. FC8 (loop back) is always known.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""A bench supply. It limits current and voltage, and has no watchdog.
+"""A bench supply. It limits current and voltage (some supplies only the current), and has no watchdog.
 
 A supply is a hazard for a wire: it continues to heat when the driver is silent, it measures no temperature, and a
 failure of the wire shows only in its readings. The driver must handle these hazards. A supply with the registers `ovp`
@@ -21,7 +21,10 @@ TRIP_MARGIN = 1.01  # beyond the noise of the measurement
 
 
 class SupplyFirmware:
-    """Current limit, voltage limit and an output switch. At the start the output is off and both limits are zero."""
+    """A current limit, a voltage limit and an output switch.
+
+    At the start the output is off and both limits are zero.
+    """
 
     def __init__(self, sensors: Sensors, profile: Profile, log_event: Callable[[str], None]) -> None:
         """Take the protections from `profile`. If the profile has no voltage command, only the current is limited."""
@@ -42,7 +45,7 @@ class SupplyFirmware:
 
     @property
     def voltage_max_v(self) -> float:
-        """The voltage limit, infinite for a supply without a voltage command."""
+        """The voltage limit; infinite for a supply without a voltage command."""
         return self.set_v if self._has_voltage else inf
 
     def restart(self) -> None:
@@ -58,10 +61,10 @@ class SupplyFirmware:
             self._protect(self._sensors.voltage_v / TRIP_MARGIN, self._sensors.current_a / TRIP_MARGIN)
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Accept every value within the limits of the registers."""
+        """Accept every write, because the register bank has checked the limits of the registers."""
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Set current, voltage, protections, output."""
+        """Set current, voltage, protections and output, as far as `values` contains them."""
         self.set_a = values.get("heater_current", self.set_a)
         self.set_v = values.get("heater_voltage", self.set_v)
         self.protections |= {name: values[name] for name in self.protections if name in values}

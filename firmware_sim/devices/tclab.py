@@ -1,4 +1,4 @@
-"""The firmware of a TCLab board. The wire is its first heater, and its first thermometer is on the wire.
+"""The firmware of a TCLab board. The wire is its first heater, and both thermometers are on the wire.
 
 The board switches a voltage on and off, so fast that only the mean heat matters. The duty is a multiple of 1/255:
 
@@ -48,7 +48,7 @@ class TCLabFirmware:
         return sqrt(pulse / PULSE_MAX) * self._supply_v / self._load_ohm()
 
     def restart(self) -> None:
-        """Power up with both heaters off. The board also restarts when its port is opened."""
+        """Power up with both heaters off. A real board also restarts when its port is opened."""
         self.duty = {"Q1": 0.0, "Q2": 0.0}
         self.pulse = dict(PULSE_FACTORY)
 
@@ -93,7 +93,7 @@ class TCLabFirmware:
 
 
 def _float(text: str) -> float:
-    """Return the number in a text, or 0 for any other text, like the conversion of the Arduino."""
+    """Return the number in `text`, or 0 if `text` is not a number, like the conversion of the Arduino."""
     try:
         return parse_number(text)
     except ValueError:

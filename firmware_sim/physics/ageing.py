@@ -25,7 +25,7 @@ class Ageing:
         self._fade_per_s = 0.0
 
     def age_wire(self, shift_c: float, over_s: Positive, fade: Fraction = 0.0) -> None:
-        """Shift the transformation temperatures by `shift_c` and lose the share `fade` of the stroke, over `over_s`."""
+        """Move shift and fade linearly to the totals `shift_c` and `fade` (a share of the stroke) within `over_s`."""
         self._left_s = over_s
         self._shift_per_s = (shift_c - self.shift_c) / over_s
         self._fade_per_s = (fade - self.fade) / over_s
@@ -39,5 +39,5 @@ class Ageing:
             self.fade += self._fade_per_s * dt_s
 
     def by_name(self) -> dict[str, Callable[..., None]]:
-        """The methods that a script can call."""
+        """Return the method that a script can call, by name."""
         return {"age_wire": self.age_wire}

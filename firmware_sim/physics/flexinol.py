@@ -67,7 +67,10 @@ TABLE = {
 
 
 def flexinol(diameter_mm: float, length_m: float = 0.3, alloy: Literal["LT", "HT"] = "LT") -> SimConfig:
-    """Return a bench with this wire, loaded with 100 MPa by a weight. ConfigError for a diameter that is not sold."""
+    """Return a bench with a wire of this diameter, length and alloy, loaded with 100 MPa by a weight.
+
+    ConfigError for a diameter that is not sold.
+    """
     if diameter_mm not in TABLE:
         made = ", ".join(f"{diameter:g}" for diameter in TABLE)
         raise ConfigError(
@@ -119,7 +122,7 @@ class StillAir(NamedTuple):
 
 
 def still_air(diameter_m: float, excess_k: float) -> StillAir:
-    """Return the free convection from a wire `excess_k` above ambient, and the heat capacity of its air sleeve."""
+    """Return the heat loss of a wire `excess_k` above ambient by free convection, and its air sleeve."""
     film_k = 273.15 + AMBIENT_C + excess_k / 2
     conductivity = 0.0241 * (film_k / 273.15) ** 0.81
     viscosity = 13.3e-6 * (film_k / 273.15) ** 1.75
@@ -132,6 +135,9 @@ def still_air(diameter_m: float, excess_k: float) -> StillAir:
 
 
 def _max_loss_w_per_m_k(row: TableRow) -> float:
-    """Return the loss that the vendor's current balances, in an HT wire 2 sigma above its transformation."""
+    """Return the loss with which the vendor's current just holds the temperature of a contracted wire.
+
+    This is an HT wire, 2 sigma above its transformation.
+    """
     contracted_c = HEATING_C + TABLE_MPA / HEATING_MPA_PER_K + HIGHER_C["HT"] + 2 * SIGMA_K
     return row.contracting_a**2 * row.ohm_per_m / (contracted_c - AMBIENT_C)

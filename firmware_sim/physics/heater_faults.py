@@ -40,7 +40,10 @@ INTACT = Circuit()
 
 
 class HeaterFaults:
-    """The state of the heater circuit in `circuit`, and the methods that damage it."""
+    """The faults of the heater circuit.
+
+    `circuit` is the present state of the circuit; the methods damage and mend it.
+    """
 
     def __init__(self) -> None:
         self.mend_heater()
@@ -50,7 +53,7 @@ class HeaterFaults:
         self._begin(Circuit(leak_a=leak_a), for_s)
 
     def open_switch(self, for_s: Seconds | None = None) -> None:
-        """The switch is stuck off."""
+        """The switch is stuck off: no current flows."""
         self._begin(Circuit(passed=0.0), for_s)
 
     def weaken_current(self, passed: Fraction = 0.5, for_s: Seconds | None = None) -> None:
@@ -62,7 +65,7 @@ class HeaterFaults:
         self._begin(Circuit(voltage_max_v=voltage_v), for_s)
 
     def corrode_contact(self, contact_ohm: Positive, for_s: Seconds | None = None) -> None:
-        """A crimp has a resistance in series with the wire. Its heat does not reach the wire."""
+        """A crimp has a resistance in series with the wire. The heat of this resistance does not reach the wire."""
         self._begin(Circuit(contact_ohm=contact_ohm), for_s)
 
     def break_wire(self, for_s: Seconds | None = None) -> None:

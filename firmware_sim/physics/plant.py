@@ -2,8 +2,9 @@
 
     (m c + m L dξ/dT) dT/dt = I² R(ξ) - h A (T - T_amb)        R = R_cold (1 + r ξ)        stroke · ξ = displacement
 
-The austenite fraction ξ follows T with a hysteresis (transformation.py). Within a substep dξ/dT and R are constant, and
-the balance is solved exactly. Substeps of at most 10 ms and about 1 K keep the error far below the sensors' noise.
+The austenite fraction ξ follows T with a hysteresis (transformation.py). Within a substep dξ/dT and R count as
+constant, and the balance is solved exactly. Substeps of at most 10 ms and about 1 K keep the error far below the
+sensors' noise.
 """
 
 from __future__ import annotations
@@ -45,14 +46,17 @@ class Plant:
 
     @property
     def displacement_mm(self) -> float:
-        """Contraction of the wire."""
+        """Contraction of the wire, mm."""
         return self._stroke_mm * (1.0 - self.ageing.fade) * self._transformation.phase
 
     def _resistance_ohm(self) -> float:
         return self._cold_ohm * (1.0 + self._change * self._transformation.phase)
 
     def advance(self, current_a: float, dt_s: float, voltage_max_v: float = inf) -> None:
-        """Let `current_a` flow for `dt_s`, or the lower current that `voltage_max_v` drives."""
+        """Let the set current `current_a` flow for `dt_s`, or less current if `voltage_max_v` does not drive it.
+
+        Faults of the heater circuit change this current.
+        """
         self.faults.advance(dt_s)
         self.ageing.advance(dt_s)
         self._drive(current_a, voltage_max_v)
@@ -60,7 +64,11 @@ class Plant:
             dt_s -= self._substep(dt_s)
 
     def _drive(self, set_a: float, voltage_max_v: float) -> None:
-        """Set the current, and the voltage at the source. With a broken wire this is the voltage limit, if finite."""
+        """Set the current, and the voltage at the source.
+
+        With a broken wire the source shows its voltage limit while it tries to drive current; without a limit it shows
+        0.
+        """
         circuit = self.faults.circuit
         if circuit.broken:
             self.current_a, self.voltage_v = 0.0, voltage_max_v if set_a > 0.0 and voltage_max_v < inf else 0.0

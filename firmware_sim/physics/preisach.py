@@ -91,10 +91,10 @@ class Preisach:
         return (1 - s) * ((1 - t) * row[j] + t * row[j + 1]) + s * ((1 - t) * next_row[j] + t * next_row[j + 1])
 
     def _cell(self, a: float, b: float) -> tuple[list[float], list[float], float, int, float]:
-        """Return the place of (a, b) in the grid.
+        """Return the place of (a, b) in the grid: (row, next row, s, j, t).
 
-        The parts are the rows of E before and after `a`, the fraction of `a` between them, the column before `b`, and
-        the fraction of `b` beyond this column.
+        The rows are those of E before and after `a`, and `a` lies the share s beyond the first one. `b` lies the share
+        t beyond column j.
         """
         s = min(max((a - self._up_c) / CELL_K, 0.0), self._up_cells - 1e-9)
         t = min(max((b - self._down_c) / CELL_K, 0.0), self._down_cells - 1e-9)

@@ -66,7 +66,10 @@ class Duhem:
 
 
 class LoadedTransformation:
-    """The transformation of a wire under a bias load. Without `bias` the config has the temperatures under load."""
+    """The transformation of a wire under a bias load.
+
+    Without `bias`, the temperatures in the config are those under load.
+    """
 
     def __init__(self, transformation: Transformation, bias: Bias | None, stroke_mm: float, ambient_c: float) -> None:
         self._hysteresis = _hysteresis(transformation)
@@ -119,14 +122,14 @@ def _hysteresis(transformation: Transformation) -> Hysteresis[Any]:
 
 
 class _Shift(NamedTuple):
-    """The shift of a branch under stress, K: without contraction, and in addition per unit of phase."""
+    """The shift of a branch under stress, K: of the uncontracted wire, and in addition per unit of phase."""
 
     unstretched_k: float
     per_phase_k: float
 
 
 def _shifts(bias: Bias, stroke_mm: float) -> tuple[_Shift, _Shift]:
-    """The shifts of the heating and of the cooling branch."""
+    """Return the shifts of the heating branch and of the cooling branch."""
     area_mm2 = pi * bias.diameter_mm**2 / 4
     unstretched_mpa, per_phase_mpa = bias.preload_n / area_mm2, bias.stiffness_n_per_mm * stroke_mm / area_mm2
     heating, cooling = (

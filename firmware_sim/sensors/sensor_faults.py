@@ -60,7 +60,7 @@ class SensorFault:
             self.end()
 
     def shown(self, right: float, previous: float, cold_junction_c: float = 0.0) -> float:
-        """Return the reading that the sensor shows, from the `right` reading and the `previous` shown reading."""
+        """Return the reading that the sensor shows instead of the `right` reading, after it has shown `previous`."""
         return right if self.alter is None else self.alter(SensorSample(right, previous, cold_junction_c), self._age_s)
 
 
@@ -85,7 +85,10 @@ class SensorFaults:
         self.thermocouple.begin("short", for_s)
 
     def bridge_thermocouple(self, for_s: Seconds | None = None) -> None:
-        """The two wires of the thermocouple touch at the converter. It reads the temperature of the cold junction."""
+        """The two wires of the thermocouple touch at the converter.
+
+        The converter then reads the temperature of the cold junction.
+        """
         self.thermocouple.begin("bridged", for_s, lambda sample, _age_s: sample.cold_junction_c)
 
     def reverse_thermocouple(self, for_s: Seconds | None = None) -> None:

@@ -35,7 +35,10 @@ class Sensors:
 
     @property
     def unreadable(self) -> str | None:
-        """The fault that the converter detects, "open" or "short", or None. With it the converter shows no value."""
+        """The fault that the converter detects: "open", "short", or None.
+
+        While such a fault lasts, the converter shows no value.
+        """
         name = self.faults.thermocouple.name
         return name if name in ("open", "short") else None
 

@@ -18,7 +18,7 @@ class EndpointConnection(Protocol):
     port: Port
 
     def send(self, reply: bytes) -> None:
-        """Send `reply`; it is lost when the client does not read."""
+        """Send `reply`. The reply is lost when the client does not read."""
         ...
 
 

@@ -26,7 +26,7 @@ class ListenAddress(NamedTuple):
 
     @classmethod
     def of(cls, device: DeviceEntry) -> ListenAddress:
-        """Return the listen address of a device of a sim file."""
+        """Return the listen address of an entry of `[[devices]]`."""
         if device.pty is not None:
             return cls("pty", device.pty)
         return cls("rtu_tcp", device.rtu_tcp) if device.tcp is None else cls("tcp", device.tcp)
@@ -43,7 +43,7 @@ def open_endpoint(
     *,
     line_speed: bool,
 ) -> Endpoint:
-    """Open an endpoint at `address`, with ports from `new_port(numbered)`.
+    """Open an endpoint at `address`, with ports from `new_port(numbered)`; `numbered` is True for Modbus TCP frames.
 
     `settings` are those of the serial line; with `line_speed` characters are no faster than its baud rate. `log` gets a
     line when clients are rejected. ConfigError when the endpoint cannot be opened.

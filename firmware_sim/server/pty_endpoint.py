@@ -30,7 +30,7 @@ class PtyEndpoint:
         self.open()
 
     def open(self) -> None:
-        """Open both ends."""
+        """Open both ends, and make the link."""
         near, far = os.openpty()
         tty.setraw(far)
         os.set_blocking(near, False)
@@ -47,15 +47,15 @@ class PtyEndpoint:
         self.url = f"serial://{path}"
 
     def descriptors(self) -> list[int]:
-        """The near end."""
+        """Return the descriptor of the end that this process reads; none while the endpoint is closed."""
         return list(self._ends[:1])
 
     def connections(self) -> Sequence[EndpointConnection]:
-        """The endpoint itself."""
+        """Return the endpoint itself, which is its only connection."""
         return (self,)
 
     def receive(self, descriptor: int) -> Received | None:
-        """Take the bytes that have arrived."""
+        """Return the bytes that have arrived, or None."""
         try:
             return Received(self, os.read(descriptor, _CHUNK)) if descriptor in self._ends else None
         except BlockingIOError:

@@ -33,9 +33,10 @@ def open_lines(
     *,
     line_speed: bool,
 ) -> list[ServedLine]:
-    """Open a served line for every listen address; `stack` closes it. `log` gets a line when clients are rejected.
+    """Open a line for every listen address, and return the lines; `stack` closes them.
 
-    ConfigError when devices cannot share an address, or an endpoint cannot be opened.
+    `log` gets a line when clients are rejected. ConfigError when devices cannot share an address, or an endpoint cannot
+    be opened.
     """
     by_address: dict[ListenAddress, list[SimulatedDevice]] = {}
     for device, address in devices:
@@ -76,10 +77,15 @@ def _new_port_of(line: Line) -> Callable[[bool], Port]:
 
 
 def _serial_settings(address: ListenAddress, devices: Sequence[SimulatedDevice]) -> SerialSettings | None:
-    """Return the settings of the line. If the profiles of its devices differ, the first device decides."""
+    """Return the settings of the serial line, which are those of the first device; None for Modbus TCP.
+
+    ConfigError for a device without a serial line.
+    """
     if address.kind == "tcp":
         return None
     for device in devices:
         if device.profile.serial_settings() is None:
-            raise ConfigError(f"'{device.profile.profile.id}' has no serial line", cure="serve it with --tcp HOST:PORT")
+            raise ConfigError(
+                f"'{device.profile.profile.id}' has no serial line", where=address, cure="serve it with --tcp HOST:PORT"
+            )
     return devices[0].profile.serial_settings()

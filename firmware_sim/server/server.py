@@ -77,7 +77,7 @@ class Server:
                 self._take_request(endpoints[descriptor], descriptor)
 
     def run_lockstep(self) -> None:
-        """Follow the times on standard input until standard input ends."""
+        """Follow the times on standard input until its end."""
         buffer = _LineBuffer()
         stdin = sys.stdin.fileno()
         while True:

@@ -41,7 +41,9 @@ class TcpEndpoint:
             self.open()
         except OSError as error:
             raise ConfigError(
-                f"cannot listen at this address ({error.strerror})", where=f"--{scheme.replace('+', '-')} {address}"
+                f"cannot listen at this address ({error.strerror})",
+                where=f"--{scheme.replace('+', '-')} {address}",
+                cure="choose a free port of this machine",
             ) from None
         self.url = f"{scheme}://{self._address[0]}:{self._address[1]}"
 
@@ -53,15 +55,21 @@ class TcpEndpoint:
         self._address = (self._address[0], self._listener.getsockname()[1])
 
     def descriptors(self) -> list[int]:
-        """Return the connections, then the listening socket, so that clients leave before new clients are accepted."""
+        """Return the descriptors of the connections, then that of the listening socket.
+
+        So clients that leave are removed before new clients are accepted.
+        """
         return [] if self._listener.fileno() < 0 else [*self._connections, self._listener.fileno()]
 
     def connections(self) -> Sequence[EndpointConnection]:
-        """The connections of the clients."""
+        """Return the connections of the clients."""
         return list(self._connections.values())
 
     def receive(self, descriptor: int) -> Received | None:
-        """Return the bytes of a client. For a new client, or one that has left, accept or remove it and return None."""
+        """Return the bytes of a client, or None without any.
+
+        A new client is accepted, and a client that has left is removed.
+        """
         if descriptor == self._listener.fileno():
             self._accept()
             return None
@@ -109,7 +117,7 @@ class TcpEndpoint:
             self._log(f"{self.url}: {text}")
 
     def close(self) -> None:
-        """Close every connection."""
+        """Stop listening, and close every connection."""
         self._listener.close()
         self._reserve.close()
         for connection in self._connections.values():

@@ -35,7 +35,7 @@ SUBSTEPS = 3
 """Steps of the wire per period of the loop."""
 
 JUMP = 20.0
-"""A reference that is this many times too fast has a jump; slowing it down does not help."""
+"""A reference that is more than this many times too fast has a jump; slowing it down does not help."""
 
 VISIBLE = 6.0
 """A movement of less than this many standard deviations of the displacement sensor is lost in the sensor's noise."""
@@ -48,7 +48,7 @@ REASONS: dict[Limit, str] = {
 
 
 class SimulatedTick(NamedTuple):
-    """One tick: time, setpoint, displacement of the model, wire temperature, power and the upper limit of the power."""
+    """One tick: time, setpoint, displacement and temperature of the model, power, and the largest power."""
 
     time_s: float
     setpoint_mm: float
@@ -62,10 +62,11 @@ class SimulatedTick(NamedTuple):
 class Feasibility:
     """The result of a simulated run.
 
-    `nearest` is the reference that the wire can follow; a feasible reference is its own nearest one. The largest error
-    is `shortfall_mm`, at the time `at_s`, because of `limit`. While the wire fell behind, the mean rate of the setpoint
-    was `setpoint_mm_per_s` and that of the wire `reached_mm_per_s`. `hottest_c` is the highest temperature of the run.
-    `span_mm` is the span of the reference after its approach.
+    `nearest` is the reference that the wire can follow; if the reference is feasible, this is the reference itself. The
+    largest error is `shortfall_mm`, at the time `at_s`, because of `limit`. While the wire fell behind, the mean rate
+    of the setpoint was `setpoint_mm_per_s` and that of the wire `reached_mm_per_s`. `hottest_c` is the highest
+    temperature of the run. `stroke_mm` is the travel of the wire, `span_mm` the span of the reference after its
+    approach.
     """
 
     feasible: bool
@@ -81,7 +82,7 @@ class Feasibility:
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """Return the reasons to doubt that the run is the intended one, one sentence each."""
+        """The reasons to doubt that the run is the intended run, one sentence each."""
         caveats = []
         if 0.0 < self.span_mm < VISIBLE * DISPLACEMENT_NOISE * self.stroke_mm:
             small = f"the reference moves by {self.span_mm:.2g} mm only, of a stroke of {self.stroke_mm:.3g} mm"
@@ -92,7 +93,7 @@ class Feasibility:
 
     @property
     def slower(self) -> float:
-        """The factor, approximately, by which the reference must be slowed down."""
+        """The factor, approximately, by which the reference must be slowed down; at least 1.1."""
         return max(1.1, abs(self.setpoint_mm_per_s) / max(abs(self.reached_mm_per_s), 1e-3 * self.stroke_mm))
 
     def __str__(self) -> str:
@@ -187,7 +188,10 @@ def _judge(reference: Reference, ticks: Array, stroke_mm: float) -> Feasibility:
 
 
 def _limit(power_w: Array, limit_w: Array) -> Limit:
-    """The limit that was active for most of the time in which the wire fell behind."""
+    """Return the limit that was active for most of the time in which the wire fell behind.
+
+    If neither cooling nor heater was, this is the hysteresis.
+    """
     if np.mean(power_w <= 0.0) > 0.5:
         return "cooling"
     return "heater" if np.mean(power_w >= 0.99 * limit_w) > 0.5 else "hysteresis"

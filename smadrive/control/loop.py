@@ -3,7 +3,7 @@
 One exchange per tick writes the command of the previous tick and reads the wire. So a command acts one period after
 its measurement, and the controllers take this delay into account. A lost exchange is not an error yet: the supervisor
 trips when no measurement arrives for too long. `run` always puts the heater into its safe state before it ends: at the
-end of the run, after a trip, an exception or Ctrl-C. The loop checks for a request to stop (OFF) before every exchange.
+end of the run, after a trip, an exception or Ctrl-C. The loop checks for a request to stop (OFF) before every tick.
 After this request no exchange carries current, even if the device does not answer.
 """
 
@@ -29,13 +29,13 @@ from smadrive.safety.shutdown import ends_safe
 from smadrive.safety.supervisor import Supervisor
 
 LATE_FRACTION = 0.5
-"""A tick that starts later than this fraction of the period after its deadline counts as missed."""
+"""A tick misses its deadline if it starts later than this fraction of the period after the deadline."""
 
 BUSY = (5, 6, 11)
 """Exception codes of a device that cannot answer in time, or of the gateway between driver and device."""
 
 StopRequested = Callable[[], bool]
-"""Returns True if the user has requested a stop. The loop calls it before every exchange."""
+"""Returns True if the user has requested a stop. The loop calls this function before every tick."""
 
 
 def never() -> bool:
@@ -44,14 +44,14 @@ def never() -> bool:
 
 
 class Actuator(Protocol):
-    """The heater as the loop needs it: one method to heat, one to reach zero current."""
+    """The heater as the loop needs it: methods to enable it, to command a current, and to reach zero current."""
 
     def arm(self, watchdog_s: float) -> None:
         """Enable heating at zero current; the device switches off after `watchdog_s` without a command."""
         ...
 
     def exchange(self, current_a: float) -> Measurement:
-        """Command the current and measure the wire, in one transaction."""
+        """Command `current_a` for the coming period, and return a measurement of the wire."""
         ...
 
     def enter_safe_state(self) -> None:
@@ -116,7 +116,8 @@ class ControlLoop:
     def run(self, watchdog_s: float) -> LoopMetrics:
         """Arm the heater, run the ticks, and end in the safe state.
 
-        The ticks end with the controller's duration or with a stop request. TripError when the supervisor trips.
+        The ticks end with the controller's duration or with a stop request. SafetyError when heating must not begin,
+        TripError when the supervisor trips.
         """
         with ends_safe(self._heater.enter_safe_state, is_run=True):
             self._supervisor.check_may_arm(self._heater.exchange(0.0))
@@ -137,7 +138,10 @@ class ControlLoop:
             number += 1 + self._skipped(due_s)
 
     def _skipped(self, due_s: float) -> int:
-        """The number of deadlines that passed during the tick due at `due_s`; a late loop does not catch up."""
+        """Return the number of deadlines that passed during the tick due at `due_s`.
+
+        The loop does not make up for these ticks.
+        """
         skipped = max(int((self._clock.now_s() - due_s) / self._period_s - LATE_FRACTION), 0)
         self.figures.missed_deadlines += skipped
         self._overran = skipped > 0
@@ -147,7 +151,8 @@ class ControlLoop:
         """Run one tick, begun `late_s` after its deadline. TripError when the supervisor trips.
 
         Controller and log use the time of the measurement as the time of the tick. A device that answers slowly also
-        acts slowly; with the time of the deadline, the heat balance would take this delay for a change of the heat.
+        acts slowly; with the time of the deadline instead, the heat balance would take this delay for a change of the
+        heat.
         """
         self.figures.ticks += 1
         missed = late_s > LATE_FRACTION * self._period_s
@@ -164,7 +169,10 @@ class ControlLoop:
         self._record(Tick(time_s, late_s, measurement, self._command))
 
     def _exchange(self) -> Measurement | None:
-        """One exchange; None when it was lost or the device was busy. TripError when the device rejects the command."""
+        """Return the measurement of one exchange; None when the exchange was lost or the device was busy.
+
+        TripError when the device rejects the command, or when the guardian has taken over the heater.
+        """
         try:
             return self._heater.exchange(self._command.commanded_a)
         except (TransportError, ProtocolError):

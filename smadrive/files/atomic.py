@@ -38,7 +38,10 @@ def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
 
 @contextmanager
 def creating(path: Path) -> Iterator[Path]:
-    """Do the same as `replacing` for a new file. DataError when the file exists."""
+    """Create the file `path`: yield a partial file to write, which becomes `path` at the end of the block.
+
+    If the block raises, no file remains. DataError when `path` exists or cannot be written.
+    """
     try:
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
     except FileExistsError:
@@ -55,10 +58,10 @@ def creating(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """Yield the partial file to write. It replaces `path` at the end of the block. If the block raises, it is removed.
+    """Yield a partial file to write, which replaces `path` at the end of the block.
 
-    The new file gets the permissions of the old one, and its owner if this is allowed. DataError when `path` may not be
-    replaced or cannot be written.
+    If the block raises, the partial file is removed and `path` stays as it is. The new file gets the permissions of the
+    old file, and its owner if this is allowed. DataError when `path` may not be replaced or cannot be written.
     """
     try:
         before = _replaceable(path)

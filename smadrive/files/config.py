@@ -16,7 +16,7 @@ from smadrive.files.spelling import suggestion_or_list
 from smadrive.files.toml import parse_toml
 
 MOST_WHOLE = 1 << 63
-"""The limit of a whole number: TOML guarantees 64 bits."""
+"""Whole numbers of a config file are smaller than this in absolute value: TOML guarantees 64 bits."""
 
 
 class Section(BaseModel):
@@ -30,7 +30,10 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _a_number_is_a_number(cls, values: Any) -> Any:
-        """Reject a text or a boolean in place of a number, because pydantic would convert the value to a number."""
+        """Reject a text or a boolean in place of a number, and whole numbers of more than 64 bits.
+
+        pydantic would convert such a text or boolean to a number.
+        """
         for name, field in cls.model_fields.items() if isinstance(values, dict) else ():
             allowed = set(getattr(field.annotation, "__args__", (field.annotation,)))
             if allowed <= {int, float, NoneType} and isinstance(values.get(name), str | bool):
@@ -44,7 +47,10 @@ ConfigT = TypeVar("ConfigT", bound=BaseModel)
 
 
 def read_toml(path: Path) -> dict[str, Any]:
-    """The tables of a TOML file. ConfigError when it is missing, unreadable, not a regular file or not valid TOML."""
+    """Return the tables of a TOML file.
+
+    ConfigError when the file is missing, unreadable, not regular or not valid TOML.
+    """
     check_regular(path, ConfigError)
     try:
         return parse_toml(path.read_text(encoding="utf-8-sig"))
@@ -101,7 +107,7 @@ def _message(problem: dict[str, Any], kind: type[BaseModel]) -> str:
 
 
 def _known_keys(kind: type[BaseModel], path: Iterable[Any]) -> set[str]:
-    """The keys allowed at `path` below `kind`, found from the annotations of the fields."""
+    """Return the keys allowed at `path` below the section `kind`, found from the annotations of the fields."""
     models = [kind]
     for part in path:
         models = [inner for model in models for inner in _models_below(model, part)] or models

@@ -35,7 +35,10 @@ MOST_BYTES = 1 << 29
 
 @dataclass(frozen=True)
 class Table:
-    """The cells of a CSV file as text, by column; `lines` has the line number of each row."""
+    """The cells of a CSV file as text.
+
+    `cells` has the text of each column by the column's name, `lines` the line number of each row in the file.
+    """
 
     path: Path
     cells: dict[str, list[str]] = field(repr=False)
@@ -68,8 +71,8 @@ class Table:
 def read_table(path: Path) -> Table:
     """Read the CSV file at `path`.
 
-    DataError when the file is missing, too large or empty, when lines differ in their number of cells, when the
-    separator is not a comma, and when two columns have the same name.
+    DataError when the file is missing, unreadable, too large, without samples or of another kind, when a line and the
+    header differ in their number of cells, when the separator is not a comma, or when two columns have the same name.
     """
     check_kind(path, TABLE)
     rows = _rows(path)
@@ -98,8 +101,7 @@ def _check_length(path: Path, line: int, row: Sequence[str], header: Sequence[st
         raise DataError(
             "the line and the header differ in their number of cells",
             where=f"{path}, line {line}",
-            value=len(row),
-            limit=len(header),
+            value=f"line: {len(row)}, header: {len(header)}",
             cure="repair the line",
         )
 
@@ -111,7 +113,7 @@ def _check_names(path: Path, names: Sequence[str]) -> None:
 
 
 def _rows(path: Path) -> list[tuple[int, list[str]]]:
-    """The number and the cells of each line that is not empty."""
+    """Return the line number and the cells of each line that is not empty."""
     try:
         if path.stat().st_size > MOST_BYTES:
             raise DataError(

@@ -96,7 +96,7 @@ def irregular_kind(status: os.stat_result) -> str | None:
 
 
 def check_regular(path: Path, error: type[ConfigError | DataError | ModelError]) -> None:
-    """Raise `error` when `path` is not a regular file. For a missing file, do nothing: reading it raises an error."""
+    """Raise `error` when `path` is not a regular file. A missing file passes: the reader of the file reports it."""
     try:
         kind = irregular_kind(path.stat())
     except OSError:

@@ -1,6 +1,6 @@
 """Parsing of numbers in the usual forms.
 
-Python's own `float` and `int` also accept `2_0` and digits of other scripts, and need minutes for a million digits.
+Python's own `float` and `int` also accept `2_0`, digits of other scripts and very long texts.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _WHOLE = re.compile(r"[+-]?(?:0[xX][0-9a-fA-F]+|[0-9]+)", re.ASCII)
 
 
 def parse_number(text: str) -> float:
-    """Return the number in `text`, which may be NaN or infinity. ValueError when the text is not a number."""
+    """Return the number in `text`, which may be `nan` or `inf`. ValueError when the text is not a number."""
     return float(_checked(text, _NUMBER))
 
 
@@ -33,7 +33,7 @@ def _checked(text: str, form: re.Pattern[str]) -> str:
 
 
 def shortened(value: object, most: int = 60) -> str:
-    """Return the `repr` of a value, cut to `most` characters for a message."""
+    """Return the `repr` of a value for a message, cut to at most `most` characters."""
     try:
         text = repr(value)
     except ValueError:  # a whole number of thousands of digits

@@ -17,7 +17,7 @@ MOST_LINE = 1000
 
 
 def parse_toml(text: str) -> dict[str, Any]:
-    """The tables of a TOML text. ValueError or RecursionError when it is not valid TOML, or too large."""
+    """Return the tables of a TOML text. ValueError or RecursionError when the text is too large or not valid TOML."""
     if len(text) > MOST_CHARACTERS:
         raise ValueError(f"{len(text)} characters long, at most {MOST_CHARACTERS} are allowed: is it a config file?")
     for number, line in enumerate(text.split("\n"), 1):

@@ -26,12 +26,18 @@ from smadrive.numerics.arrays import FloatArray
 _CHUNK = 8192  # samples evaluated at once: the working set stays in the cache
 _Row = tuple[float, float, float, float, float, float, float, float, float]
 _Bin = tuple[float, _Row, _Row]
-"""Position of the extra node of a bin (inf without one), and the table rows below and beyond this node."""
+"""One uniform cell: position of its extra node (inf without one), table row below and table row beyond this node."""
 
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """One branch at the nodes of a grid: Λ, its derivative a, a particular solution P and its derivative a P + b."""
+    """One branch at the nodes of a grid, all arrays of shape (nodes,).
+
+    exponent       Λ
+    rate           a, the derivative of Λ
+    target         a particular solution P
+    target_slope   a P + b, the derivative of P
+    """
 
     exponent: FloatArray
     rate: FloatArray
@@ -39,7 +45,10 @@ class Branch:
     target_slope: FloatArray
 
     def pieces(self, nodes: FloatArray) -> FloatArray:
-        """Return the cubic coefficients over v - nodes[cell], shape (8, cells): P from constant to cubic, then Λ."""
+        """Return the coefficients of the cubic pieces in v - nodes[cell], shape (8, cells).
+
+        The first four rows are those of P, from the constant to the cubic term; the last four are those of Λ.
+        """
         width = np.diff(nodes)
         return np.vstack([_hermite(width, self.target, self.target_slope), _hermite(width, self.exponent, self.rate)])
 
@@ -101,9 +110,9 @@ class BranchEngine:
                 np.add(value, self._coefficients[row].take(cell, out=coefficient, mode="clip"), out=value)
 
     def trajectory(self, v: FloatArray, w_start: float, out: FloatArray | None = None) -> FloatArray:
-        """Return the state w at every sample of the input path `v` (samples,). The path starts at w_start.
+        """Return the state w at every sample of the input path `v` (samples,).
 
-        The result is written to `out` if an array is given.
+        The state at the first sample is `w_start`. If an array `out` is given, the result is written to `out`.
         """
         states = np.empty_like(v) if out is None else out
         states[0] = w_start
@@ -134,7 +143,10 @@ class BranchEngine:
 
     @cached_property
     def _scalar(self) -> tuple[list[_Bin], list[_Bin]]:
-        """The table as plain floats by bin, for single steps: (cooling, heating). The upper end is a bin of its own."""
+        """The table rows of each uniform cell as plain floats, for single steps: (cooling, heating).
+
+        The upper end of the range has an entry of its own, equal to that of the last cell.
+        """
         table = np.vstack([np.tile(self.nodes[:-1], 2), self._coefficients]).T.tolist()
         rows: list[_Row] = [tuple(row) for row in table]
         first, split = self._first.tolist(), self._split.tolist()
@@ -148,7 +160,7 @@ class BranchEngine:
         return cooling, heating
 
     def row(self, v: float, rising: bool) -> _Row:
-        """Return the table row for one input in [lower, upper]: node, four coefficients of P, four of Λ."""
+        """Return the table row for one input in [lower, upper]: the node, four coefficients of P and four of Λ."""
         split, below, beyond = self._scalar[rising][int((v - self.lower) * self._bins_per_unit)]
         return below if v < split else beyond
 
@@ -203,7 +215,10 @@ class BranchEngine:
 
 
 def _chain(w_start: float, start_target: FloatArray, end_target: FloatArray, decay: FloatArray) -> FloatArray:
-    """Return the excess w - P at the start of each monotone run, run by run; each run is an affine map of w."""
+    """Return the excess w - P at the start of each monotone run of a path that starts at `w_start`.
+
+    `start_target` and `end_target` are P at the ends of the runs, `decay` is the factor of the excess over each run.
+    """
     excess, w = [], w_start
     for p_start, p_end, factor in zip(start_target.tolist(), end_target.tolist(), decay.tolist(), strict=True):
         excess.append(w - p_start)

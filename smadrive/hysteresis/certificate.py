@@ -46,7 +46,7 @@ class Certificate:
 
     @property
     def contracting(self) -> bool:
-        """True if every rule contracts."""
+        """True if the contraction rate is positive: trajectories approach each other on heating and on cooling."""
         return self.contraction_rate > 0
 
     @property
@@ -56,12 +56,12 @@ class Certificate:
 
     @property
     def holds(self) -> bool:
-        """True if the model may drive a feedforward: it contracts, it is bounded, and no branch reverses."""
+        """True if the model may drive a feedforward: contracting, bounded, and `turned_share` at most `MOST_TURNED`."""
         return not self.shortcomings
 
     @property
     def shortcomings(self) -> tuple[str, ...]:
-        """Reasons why the certificate does not hold, one phrase each."""
+        """The reasons why the certificate does not hold, one phrase each; empty if it holds."""
         found = []
         if not self.contracting:
             found.append(f"it does not contract (contraction_rate {self.contraction_rate:.3g})")
@@ -97,7 +97,7 @@ def _law(branch: Branch) -> tuple[FloatArray, FloatArray]:
 
 
 def _within(drive: FloatArray, rate: FloatArray) -> bool:
-    """Return True if 0 ≤ drive/rate ≤ 1 everywhere, computed without a division."""
+    """Return True if 0 ≤ drive ≤ rate everywhere, up to rounding."""
     return bool(np.all(drive >= -_ROUNDING * np.abs(rate)) and np.all(drive <= rate + _ROUNDING * np.abs(rate)))
 
 

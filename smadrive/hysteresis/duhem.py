@@ -46,7 +46,7 @@ class DuhemModel(HysteresisModel):
         start, end = max(lower, min(s[0] for s in spans)), min(upper, max(s[1] for s in spans))
         if start >= end:
             cure = f"widen it or check the units: the means are {heating.means + cooling.means}"
-            raise ModelError("no part of the loop", where="input_range", value=(lower, upper), cure=cure)
+            raise ModelError("contains no part of the loop", where="input_range", value=(lower, upper), cure=cure)
         _refuse_crossing(heating, cooling, lower, upper)
         self.heating = heating
         self.cooling = cooling
@@ -67,7 +67,8 @@ class DuhemModel(HysteresisModel):
     ) -> Self:
         """Return a model with one Gaussian per branch, as in the paper.
 
-        mu, sigma and input_range have the unit of v; scale and offset have the unit of y. Raises ModelError.
+        mu, sigma and input_range have the unit of v; scale and offset have the unit of y. ModelError for invalid
+        parameters and for branches that cross.
         """
         if (mu_heating, mu_cooling, sigma_heating, sigma_cooling) == (75, 70, 35, -45):
             what = (
@@ -96,14 +97,15 @@ class DuhemModel(HysteresisModel):
         offset: float = 0.0,
         input_range: tuple[float, float],
     ) -> Self:
-        """Return a model with several Gaussians per branch. Raises ModelError.
+        """Return a model with several Gaussians per branch.
 
-        On measured wires one Gaussian per branch leaves an error of 2 to 4 % of the span, two leave about 0.5 %.
+        ModelError for invalid parameters and for branches that cross. On measured wires one Gaussian per branch leaves
+        an error of 2 to 4 % of the span, two leave about 0.5 %.
         """
         return cls(heating, cooling, scale, offset, input_range)
 
     def admissible(self, v: float) -> tuple[float, float]:
-        """Return h₊(v) and h₋(v): the state is between the branches."""
+        """Return h₊(v) and h₋(v), between which the state w lies."""
         return self.engine.target(v, rising=True), self.engine.target(v, rising=False)
 
     def local_laws(self, v: FloatArray, *, rising: bool) -> tuple[FloatArray, FloatArray]:
@@ -117,7 +119,7 @@ class DuhemModel(HysteresisModel):
         return rate, -rate * self.heating.cdf(v)
 
     def certificate(self) -> Certificate:
-        """Return the certificate; the contraction rate is the smallest g±/d of the loop."""
+        """Return the certificate; the contraction rate is the smallest g±/d at the nodes of the table."""
         return certify(self.engine)
 
     def _branches(self, nodes: FloatArray) -> tuple[Branch, Branch]:
@@ -143,8 +145,8 @@ def duhem_branches(
 ) -> tuple[Branch, Branch]:
     """Return the heating and the cooling branch at the nodes of a grid, from the `grid_logs` of both mixtures.
 
-    Branches that cross raise ModelError. With a finite `steepest`, the largest rate |a|, they are allowed: the trial
-    models of a fit need this.
+    ModelError for branches that cross. With a finite `steepest`, the largest allowed rate |a|, branches may cross,
+    as those of the trial models of a fit.
     """
     log_gap, count = _log_gap(heating, cooling), len(nodes)
     crossed = ~np.isfinite(log_gap[:count])

@@ -30,7 +30,10 @@ _ITERATIONS = 100
 
 
 class Inversion(NamedTuple):
-    """The input `v` to command, and the output `y` that it gives. `reachable` is True if y is the setpoint."""
+    """The input `v` to command, and the output `y` at this input.
+
+    `reachable` is True if y is the setpoint, up to rounding.
+    """
 
     v: float
     y: float
@@ -53,7 +56,10 @@ class InverseFeedforward:
         self.model = model
 
     def update(self, state: HysteresisState, y_setpoint: float) -> Inversion:
-        """Return the input that takes the wire from `state` to `y_setpoint`. Raises DataError for NaN or inf."""
+        """Return the input that takes the wire from `state` to `y_setpoint`, and the output that it reaches.
+
+        DataError for a setpoint that is not finite.
+        """
         if not isfinite(y_setpoint):
             raise DataError("not finite", where="output setpoint", value=y_setpoint)
         model = self.model

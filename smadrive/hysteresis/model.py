@@ -59,8 +59,8 @@ class HysteresisModel:
         """Return the outputs y along an input path `v`, shape (samples,) or (samples, wires).
 
         `y0` is the output at v[0], one number or one per wire; without y0 the wires start on the heating branch. An
-        output that the model cannot have at v[0] is replaced by the nearest possible one. Raises DataError for samples
-        that are not finite.
+        output that the model cannot have at v[0] is replaced by the nearest possible one. DataError for other shapes,
+        and for values that are not finite.
         """
         path = finite_array("input v", v)
         columns = path.reshape(len(path), -1)
@@ -79,7 +79,7 @@ class HysteresisModel:
         if outputs.size not in (1, len(v0)):
             cure = "pass one number or one per wire"
             raise DataError(
-                "number of values is not that of the wires", where="y0", value=outputs.size, limit=len(v0), cure=cure
+                "not one value per wire", where="y0", value=f"{outputs.size} values, {len(v0)} wires", cure=cure
             )
         outputs = np.broadcast_to(outputs.ravel(), (len(v0),))
         return [self.initial_state(v, y).w for v, y in zip(v0.tolist(), outputs.tolist(), strict=True)]
@@ -152,7 +152,10 @@ def loop_plot(model: HysteresisModel, input_name: str = "input", output_name: st
 
 
 def check_output_map(scale: float, offset: float, input_range: tuple[float, float]) -> tuple[float, float]:
-    """Return the range as floats. ModelError for a zero scale, a falling range, and values that are not finite."""
+    """Return `input_range` as floats.
+
+    ModelError for a zero scale, an empty or falling range, and values that are not finite.
+    """
     if not isfinite(scale) or scale == 0:
         cure = "give a positive scale, or a negative one when the output falls on heating"
         raise ModelError("zero or not finite", where="scale", value=scale, cure=cure)

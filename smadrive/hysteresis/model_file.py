@@ -37,7 +37,8 @@ def save_model(
 ) -> None:
     """Write `model` to `path`. `provenance` is any JSON object, such as source file, date and metrics of the fit.
 
-    Raises ModelError for values that JSON cannot hold, DataError when the file cannot be written.
+    ModelError for a type of model without a file format and for values that JSON cannot hold; DataError when the file
+    cannot be written.
     """
     text = model_text(model, provenance or {}, place=str(path))
     with replacing(Path(path)) as partial:
@@ -53,7 +54,10 @@ def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False)
 
 
 def read_model(path: str | os.PathLike[str]) -> str:
-    """Return the text of a model file. Raises ModelError for a file of another kind or without read access."""
+    """Return the text of a model file.
+
+    ModelError when the file cannot be read, is of another kind, or is larger than `MOST_BYTES`.
+    """
     check_kind(Path(path), MODEL)
     try:
         size = Path(path).stat().st_size
@@ -67,7 +71,7 @@ def read_model(path: str | os.PathLike[str]) -> str:
 
 
 def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: str) -> str:
-    """Return the text of a model file. Raises ModelError, which names `place`, for values that JSON cannot hold."""
+    """Return the text of a model file. ModelError as in `save_model`; it names `place`."""
     document = {
         "schema": SCHEMA_VERSION,
         **_describe(model),
@@ -95,7 +99,7 @@ def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> Du
     schema = fields.value("schema")
     if schema != SCHEMA_VERSION:
         where, cure = f"{place}: schema", f"identify the wire again: this version reads {SCHEMA_VERSION}"
-        raise ModelError("unknown version", where=where, value=shortened(schema), limit=SCHEMA_VERSION, cure=cure)
+        raise ModelError("unknown version", where=where, value=shortened(schema), cure=cure)
     model = _build(fields)
     certificate = model.certificate()
     if not (certificate.holds or allow_uncertified):
@@ -187,7 +191,7 @@ def _build(fields: Fields) -> DuhemModel | TSFuzzyDuhem:
     ends = fields.numbers("input_range")
     if len(ends) != 2:
         where, cure = f"{fields.place}: input_range", "give the lower and the upper end"
-        raise ModelError("not two numbers", where=where, value=len(ends), limit=2, cure=cure)
+        raise ModelError("not two numbers", where=where, value=f"{len(ends)} numbers", cure=cure)
     scale, offset, input_range = fields.number("scale"), fields.number("offset"), (ends[0], ends[1])
     kind = fields.value("kind")
     try:
@@ -204,7 +208,7 @@ def _build(fields: Fields) -> DuhemModel | TSFuzzyDuhem:
             error.where = f"{fields.place}: {error.where}"
         raise
     where = f"{fields.place}: kind"
-    raise ModelError("unknown kind", where=where, value=shortened(kind), limit="'duhem' or 'tsfuzzy'")
+    raise ModelError("unknown kind", where=where, value=shortened(kind), cure="known are: 'duhem', 'tsfuzzy'")
 
 
 def _mixture(fields: Fields) -> GaussianMixture:
@@ -219,5 +223,5 @@ def _sets(fields: Fields) -> FuzzySets:
         return TrapezoidSets(centres, fields.number("flat"))
     if shape == "gaussian":
         return GaussianSets(centres, fields.number("width"))
-    where, allowed = f"{fields.place}: shape", "'triangular', 'trapezoid' or 'gaussian'"
-    raise ModelError("unknown shape", where=where, value=shortened(shape), limit=allowed)
+    where, cure = f"{fields.place}: shape", "known are: 'triangular', 'trapezoid', 'gaussian'"
+    raise ModelError("unknown shape", where=where, value=shortened(shape), cure=cure)

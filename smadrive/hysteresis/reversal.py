@@ -58,7 +58,10 @@ def _moved(position: float, direction: int, v: float, radius: float) -> tuple[fl
 
 
 class DeadBand:
-    """The filter for samples in real time. The radius r has the unit of v. ModelError for a negative radius."""
+    """The filter for samples in real time. The radius r has the unit of v.
+
+    ModelError for a negative or infinite radius.
+    """
 
     def __init__(self, radius: float) -> None:
         self.radius = check_radius(radius)
@@ -66,7 +69,7 @@ class DeadBand:
         self._direction = 0
 
     def update(self, v: float) -> float:
-        """Take one sample and return u."""
+        """Take the sample v, and return the filtered input u."""
         before = v if self._position is None else self._position
         self._position, self._direction = _moved(before, self._direction, v, self.radius)
         return self._position + self._direction * self.radius
@@ -79,7 +82,10 @@ def filter_reversals(v: ArrayLike, radius: float) -> FloatArray:
 
 
 def turning_points(v: FloatArray, radius: float) -> list[int]:
-    """Return the indices at which v reverses by more than 2r, and those of both ends."""
+    """Return the indices of the first sample, of the turning points, and of the last sample of `v`.
+
+    A turning point is a sample at which v reverses by more than 2r.
+    """
     moved = np.diff(filter_reversals(v, radius))
     moving = np.flatnonzero(moved)
     rising = moved[moving] > 0
@@ -94,8 +100,8 @@ def turning_points(v: FloatArray, radius: float) -> list[int]:
 def monotone_runs(v: FloatArray, radius: float) -> FloatArray:
     """Return the path `v` (samples,) without its false reversals.
 
-    Between true turning points the result is the monotone path nearest to v. This needs a complete record: the noise is
-    averaged, while the real-time filter follows the noise to its extremes.
+    Between true turning points the result is the monotone path with the smallest squared distance from v. This needs a
+    complete record: the noise is averaged, while the real-time filter follows the noise to its extremes.
     """
     corners = turning_points(v, radius)
     turned, result = v.copy(), v.copy()
@@ -109,7 +115,10 @@ def monotone_runs(v: FloatArray, radius: float) -> FloatArray:
 
 
 def _turning_point(v: FloatArray, corner: int, radius: float) -> float:
-    """Return the estimated input at a turning point, within `radius` of v[corner], the extreme of both runs."""
+    """Return the estimated input at a turning point, within `radius` of v[corner].
+
+    `v` holds the run before and the run after the turning point; v[corner] is their common extreme.
+    """
     far = np.flatnonzero(np.abs(v - v[corner]) > _AROUND * radius)
     first, last = np.searchsorted(far, corner) - 1, np.searchsorted(far, corner)
     start = far[first] + 1 if first >= 0 else 0

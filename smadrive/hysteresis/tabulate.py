@@ -60,7 +60,10 @@ def integrate_rate(nodes: FloatArray, rate: FloatArray) -> CellIntegrals:
 def cell_maps(
     nodes: FloatArray, cells: CellIntegrals, bias: FloatArray, *, rising: bool
 ) -> tuple[FloatArray, FloatArray]:
-    """Return gain and shift of each cell, both (cells,): w_out = gain w_in + shift, upward if `rising`."""
+    """Return `gain` and `shift` of each cell, both (cells,), so that w_out = gain w_in + shift.
+
+    If `rising`, the state enters a cell at its lower end, otherwise at its upper end.
+    """
     end = cells.exponent[1:] if rising else cells.exponent[:-1]
     start = cells.exponent[:-1] if rising else cells.exponent[1:]
     forced = bias * np.exp(end[:, None] - cells.inner_exponent) * np.diff(nodes)[:, None]
@@ -69,10 +72,11 @@ def cell_maps(
 
 
 def march(start: ArrayLike, gain: FloatArray, shift: FloatArray, *, rising: bool) -> FloatArray:
-    """Return the solution at every node, from its value `start` at the end of the grid where the sweep begins.
+    """Return the solution at every node, from its value `start` at the end of the grid where the input enters.
 
-    The maps of all cells form one linear system with two diagonals. `gain` has the shape (cells,). `start` is a number
-    and `shift` (cells,) for one solution; for several, `start` is (columns,) and `shift` (cells, columns).
+    This is the lower end if `rising`, otherwise the upper end. The maps of all cells form one linear system with two
+    diagonals. `gain` has the shape (cells,). For one solution `start` is a number and `shift` has the shape (cells,);
+    for several, `start` has the shape (columns,) and `shift` the shape (cells, columns).
     """
     step = 1 if rising else -1
     entered = np.concatenate([np.reshape(start, (1, *shift.shape[1:])), shift[::step]])

@@ -29,16 +29,16 @@ if TYPE_CHECKING:
 _PIECE = 2048  # nodes and points blended at once
 
 Law = tuple[FloatArray, FloatArray]
-"""a and b of the rules of one direction."""
+"""The consequents a and b of the rules of one direction, both (sets,)."""
 
 
 class TSFuzzyDuhem(HysteresisModel):
     """A model with two rules per fuzzy set of v: one for rising input, one for falling input.
 
-    a_heating, b_heating, a_cooling and b_cooling have one number per set, in 1/(unit of v). Raises ModelError for
-    lengths that differ, values that are not finite, sets outside `input_range`, and rules that expand by more than
-    exp(50) over the range. Other rules that do not contract are allowed here; certificate() reports them, and
-    load_model rejects them.
+    a_heating, b_heating, a_cooling and b_cooling have one number per set, in 1/(unit of v). ModelError for another
+    number of values, values that are not finite, an impossible scale, offset or range, sets outside `input_range`, and
+    rules that expand by more than exp(50) over the range. Other rules that do not contract are allowed here;
+    certificate() reports them, and load_model rejects them.
     """
 
     def __init__(
@@ -126,7 +126,10 @@ class MembershipGrid:
         self.at_nodes = self._weights[: len(nodes)]
 
     def closed_branches(self, heating_law: Law, cooling_law: Law) -> tuple[Branch, Branch]:
-        """Return both branches of the closed loop. ModelError for rules that expand by more than exp(50)."""
+        """Return the heating and the cooling branch of the closed major loop of these rules.
+
+        ModelError for rules that expand by more than exp(50).
+        """
         blended = self._blended(np.array([*heating_law, *cooling_law]))
         at_nodes, inside = np.split(blended, [len(self._nodes)], axis=1)
         maps = []
@@ -144,13 +147,19 @@ class MembershipGrid:
         return branches[0], branches[1]
 
     def _blended(self, values: FloatArray) -> FloatArray:
-        """Blend rows of one number per set at all nodes and points, in pieces too small for BLAS to start threads."""
+        """Return the blended `values`, shape (rows, nodes and points), from rows of one number per set.
+
+        The products are too small for BLAS to start threads (see blas_threads.py).
+        """
         pieces = [self._weights[start : start + _PIECE] for start in range(0, len(self._weights), _PIECE)]
         return np.hstack([values @ piece.T for piece in pieces])
 
 
 def _closing_state(up_gain: FloatArray, up_shift: FloatArray, down_gain: FloatArray, down_shift: FloatArray) -> float:
-    """Return the state at the lower end that a full loop maps onto itself; 0 if the loop does not contract."""
+    """Return the state w at the lower end of the range to which one full loop, heating then cooling, returns.
+
+    The result is 0 if the loop does not contract.
+    """
     fall = float(np.prod(down_gain))
     gain = float(np.prod(up_gain)) * fall
     if not gain < 1:
@@ -178,7 +187,7 @@ def _consequents(name: str, sets: int, a: ArrayLike, b: ArrayLike) -> tuple[Floa
     for symbol, values in zip("ab", pair, strict=True):
         if values.shape != (sets,):
             where = f"{name} rules: {symbol}"
-            raise ModelError("not one number per set", where=where, value=values.shape, limit=(sets,))
+            raise ModelError("not one number per set", where=where, value=f"shape {values.shape}, {sets} sets")
         if not np.isfinite(values).all():
             raise ModelError("not finite", where=f"{name} rules: {symbol}", value=values.tolist())
     return pair

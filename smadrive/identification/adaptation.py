@@ -16,7 +16,7 @@ P₀. While the wire travels, the filter forgets: θ is an Ornstein-Uhlenbeck pr
     θ - θ₀ *= ρ      P = ρ² P + (1 - ρ²) P₀      ρ² = exp(-|dv| / forgetting_c)
 
 So P never exceeds P₀, and θ returns to θ₀ in a direction that the samples do not determine: scale and hot rules trade
-off until the wire reaches its hot end. Errors within the dead zone count as noise and change nothing.
+off until the wire reaches its hot end. Errors within the dead zone count as noise; nothing is learned from them.
 
 A sample with a jump, or with an error larger than any likely change, is not used. The adaptation ends, and θ returns to
 an earlier value, if the sensor shows no travel while the wire travels, or if its errors stay too large. No parameter
@@ -48,11 +48,11 @@ class AdaptationSettings:
     """Speed and range of the adaptation. Displacements are shares of the stroke, temperatures are in K.
 
     noise          standard deviation of the noise of the displacement
-    dead_zone      a smaller error of the displacement changes nothing
+    dead_zone      nothing is learned from a smaller error of the displacement
     drift_c        likely shift of a branch, K (standard deviation)
     drift          likely change of the scale and of the width of a branch, as a share (standard deviation)
     free           likely change of a single rule, as a share of the largest rate of the rules around it
-    forgetting_c   travel in K over which the knowledge from samples fades to 1/e
+    forgetting_c   travel in K after which 1/e of the difference between P and P₀ is left
     limit          largest distance of a parameter from its initial value, in standard deviations of the likely changes
     """
 
@@ -72,7 +72,7 @@ JUMP_PER_C, JUMP = 0.05, 0.15
 MOST_DISBELIEVED = 15
 """If more samples in a row than this are rejected, the sensor is faulty."""
 TRUSTED_MARKS = 30
-"""When a sensor turns out to be faulty, the parameters from this many checks ago are restored."""
+"""When a sensor turns out to be faulty, the parameters that were kept this many checks ago are restored."""
 STUCK_TRAVEL, STUCK_RANGE = 0.04, 0.1
 """After a predicted travel of STUCK_TRAVEL strokes, a sensor that shows less than STUCK_RANGE of it is stuck."""
 
@@ -107,7 +107,7 @@ class Adaptation:
 
     @property
     def model(self) -> TSFuzzyDuhem:
-        """The present rules, which contract and are bounded. Another thread may read this property."""
+        """A model with the present rules, which contract and are bounded. Another thread may read this property."""
         theta = self._theta  # every step makes a new array
         p_heating, q_heating, p_cooling, q_cooling = theta[:-1].reshape(4, -1)
         return TSFuzzyDuhem(
@@ -126,7 +126,7 @@ class Adaptation:
         return self._base.scale * exp(self._theta[-1])
 
     def update(self, temperature_c: float, displacement_mm: float) -> None:
-        """Learn from one sample of temperature and displacement. A sample with NaN changes no parameter."""
+        """Learn from one sample. Without a temperature or displacement (NaN) the sample changes no parameter."""
         if not isfinite(temperature_c):
             return
         v = self._dead_band.update(temperature_c)
@@ -171,7 +171,7 @@ class Adaptation:
         self._z[first + sets : first + 2 * sets] -= middle_w * length * weights
 
     def _forget(self, travel: float) -> None:
-        """Forget over this travel. A convex combination of certified rules is certified, too."""
+        """Move θ and P back towards their initial values. A convex combination of certified rules is certified, too."""
         kept = exp(-travel / self._settings.forgetting_c)
         self._theta = self._initial + kept**0.5 * (self._theta - self._initial)
         self._covariance = kept * self._covariance + (1.0 - kept) * self._prior
@@ -202,7 +202,7 @@ class Adaptation:
         return self._base.offset + self._scale * self._w
 
     def _watch(self, displacement_mm: float) -> None:
-        """Check the sensor each time the wire has travelled by STUCK_TRAVEL, and end the adaptation if it is faulty."""
+        """End the adaptation if too many samples are rejected, or if the sensor stands still while the wire travels."""
         predicted_mm = self.predicted_mm
         self._predicted = min(self._predicted[0], predicted_mm), max(self._predicted[1], predicted_mm)
         self._measured = min(self._measured[0], displacement_mm), max(self._measured[1], displacement_mm)
@@ -216,7 +216,7 @@ class Adaptation:
                 self._mark(predicted_mm, displacement_mm)
 
     def _mark(self, predicted_mm: float, measured_mm: float) -> None:
-        """Keep the present parameters: until now the sensor has followed the wire."""
+        """Keep the present parameters, because the sensor has followed the wire since the last check."""
         self._predicted, self._measured = (predicted_mm, predicted_mm), (measured_mm, measured_mm)
         self._marked.append(self._theta)
 

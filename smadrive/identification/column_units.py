@@ -10,14 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 COLDEST_C = 250.0
-"""Every record of a wire in °C has temperatures well below this value; a record in kelvin is completely above it."""
+"""A record of a wire in °C has temperatures well below this value; a record in kelvin is completely above it."""
 
 SPANS_MM = (0.1, 1000.0)
 """Smallest and largest usual span of a displacement. Wires move by a few percent of their length, a few mm to 20 m."""
 
 
 def unit_doubts(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return the reasons to doubt the unit of a column, one sentence each. A name without a unit gives no reason."""
+    """Return the reasons to doubt the unit of the column `name`, one sentence each.
+
+    Only names that end in `_c` or `_mm` are checked.
+    """
     low, high = float(values.min()), float(values.max())
     if name.endswith("_c") and low > COLDEST_C:
         return (f"{name} ranges from {low:.6g} to {high:.6g}, which looks like kelvin: convert it to °C",)

@@ -94,9 +94,9 @@ def _solve(record: Record, components: int) -> tuple[_Problem, FloatArray, Fit[D
 
 @dataclass(frozen=True, slots=True)
 class _Problem:
-    """Least squares over x, in spans of the record.
+    """Least squares over the vector x; inputs and outputs count in spans of the record.
 
-    x = (means, log widths and weights of heating; those of cooling; scale, offset)
+    x = (means, log widths and weights of the heating branch; those of the cooling branch; scale, offset)
     """
 
     record: Record
@@ -149,7 +149,7 @@ class _Problem:
         return [forward_differences(self.residuals, x)]
 
     def parameters(self, x: FloatArray) -> FloatArray:
-        """Return weights, means and sigmas of heating, then those of cooling, then scale and offset."""
+        """Return weights, means and sigmas of the heating branch, those of the cooling branch, scale and offset."""
         parts = [np.array((m.weights, m.means, m.sigmas)) for m in self.mixtures(x)]
         return np.concatenate([np.ravel(parts), self.output_map(x)])
 
@@ -205,7 +205,10 @@ def _nodes(input_range: tuple[float, float]) -> FloatArray:
 
 @lru_cache(maxsize=4)
 def _logs(mixture: GaussianMixture, input_range: tuple[float, float]) -> MixtureLogs:
-    """Return `grid_logs` of a mixture, cached: a step of one branch's variables does not change the other branch."""
+    """Return `grid_logs` of a mixture.
+
+    The result is cached, because a change of one branch's variables does not change the other branch.
+    """
     return grid_logs(mixture, _nodes(input_range))
 
 

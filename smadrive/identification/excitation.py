@@ -24,7 +24,7 @@ LONGEST_S = 86_400.0
 """The longest excitation: a day. Every wire needs less. At 20 Hz the log of a day has about 200 MB."""
 
 SPARE = 1.15
-"""The nominal wire must be able to heat and cool faster than the path by this factor."""
+"""The nominal wire must be able to heat and cool faster than the path, by this factor."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ class ExcitationRecord:
 class Excitation:
     """A piecewise linear temperature path through `turning_points_c` at constant rate.
 
-    If `rate_c_per_s` exceeds the cooling rate of the wire at the lowest turning point, the path waits for the wire.
+    Where the wire cools more slowly than `rate_c_per_s`, the controller holds the path until the wire follows.
     """
 
     turning_points_c: tuple[float, ...]
@@ -73,7 +73,7 @@ class Excitation:
 
     @property
     def duration_s(self) -> float:
-        """Length of the experiment."""
+        """Length of the path, s, without the time for which the controller holds it."""
         return float(self.times_s[-1])
 
     def temperature_c(self, time_s: float) -> float:
@@ -125,9 +125,10 @@ def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a
 def nested_reversals(
     low_c: float, high_c: float, rate_c_per_s: float, start_c: float, *, major_loops: int = 2, reversals: int = 5
 ) -> Excitation:
-    """Return `major_loops` between `low_c` and `high_c`, then `reversals` shrinking loops, from below and from above.
+    """Return the path of an excitation: `major_loops` full loops, then shrinking inner loops.
 
-    The path starts at `start_c`, the present temperature of the wire. ConfigError unless `high_c` exceeds `low_c`.
+    The path enters the inner loops first from `low_c`, then from `high_c`, each time with `reversals` loops. It starts
+    at `start_c`, the present temperature of the wire. ConfigError unless `high_c` exceeds `low_c`.
     """
     if not high_c > low_c:
         raise ConfigError("must exceed low_c", where="excitation.high_c", value=high_c, limit=low_c)

@@ -53,12 +53,12 @@ class Record:
 
     @property
     def rising(self) -> FloatArray:
-        """True for each cell that was reached by rising input; the first cell counts like the second one."""
+        """True for each cell that was reached by rising input. The first cell has the direction of the second cell."""
         moves = self.v[1:] > self.v[:-1]
         return np.concatenate([moves[:1], moves])
 
     def misfit(self, model: HysteresisModel, y0: float) -> float:
-        """Return the RMS error of `model`, from output y0, against the means of the cells, in output spans.
+        """Return the RMS error of `model`, started at output `y0`, against the means of the cells, in output spans.
 
         The scatter within the cells is left out: no model explains it, and it would hide small differences.
         """

@@ -33,7 +33,7 @@ _INVERTIBLE = 0.999
 
 
 class BranchShape(NamedTuple):
-    """Place mu and spread sigma of both branches, in the unit of v, and the scale, in the unit of y."""
+    """Place μ and spread σ of both branches, in the unit of v, and the scale of the output, in the unit of y."""
 
     mu_heating: float
     mu_cooling: float
@@ -43,7 +43,7 @@ class BranchShape(NamedTuple):
 
 
 class _Move(NamedTuple):
-    """The move of one branch from (μ, σ) to (new μ, new σ)."""
+    """The move of one branch from place `mu` and spread `sigma` to `new_mu` and `new_sigma`."""
 
     mu: float
     sigma: float
@@ -122,7 +122,8 @@ def _check(model: Model, shape: BranchShape) -> None:
         what = "must exceed mu_cooling, because a wire transforms later on heating"
         raise ModelError(what, where="mu_heating", value=shape.mu_heating, limit=shape.mu_cooling)
     if not shape.scale * model.scale > 0:
-        raise ModelError("zero, or of another sign than before", where="scale", value=shape.scale, limit=model.scale)
+        value = f"{shape.scale:g}, before {model.scale:g}"
+        raise ModelError("zero, or of another sign than before", where="scale", value=value)
 
 
 def _check_widths(*sigmas: float) -> None:
@@ -132,7 +133,7 @@ def _check_widths(*sigmas: float) -> None:
 
 
 def _moments(nodes: FloatArray, branch: Branch) -> tuple[float, float]:
-    """Return mean and standard deviation of the slope over v; NaN and 0 for a branch that does not rise."""
+    """Return mean and standard deviation of v, weighted with the slope of the branch; NaN and 0 if it does not rise."""
     rise, middle = np.diff(branch.target), (nodes[1:] + nodes[:-1]) / 2
     if not rise.sum() > 0.0:
         return nan, 0.0
@@ -158,6 +159,9 @@ def _moved_rules(model: TSFuzzyDuhem, heating: _Move, cooling: _Move) -> _Rules:
 
 
 def _moments_of_rules(rules: _Rules, nodes: FloatArray) -> list[tuple[float, float]]:
-    """Return place and spread of both branches. The given grid is four times as fast as the grid of a new model."""
+    """Return place and spread of both branches of `rules`.
+
+    The grid of another model is good enough, and four times as fast as a new grid.
+    """
     branches = MembershipGrid(rules.sets, nodes).closed_branches(rules.heating_law, rules.cooling_law)
     return [_moments(nodes, branch) for branch in branches]

@@ -39,7 +39,7 @@ NAMES = {
 }
 """The parameters of the fit in their order, with their names in messages."""
 FIT = "thermal fit"
-"""The place that the errors name."""
+"""The place that error messages name."""
 
 MIN_SAMPLES, MIN_HEATED_SAMPLES = 200, 20
 MOVES = 8.0
@@ -48,7 +48,7 @@ MOVES = 8.0
 SYSTEMATIC = 0.005
 """Relative systematic error of the fit, from the sampling and the lumped model; found on simulated wires."""
 UNCERTAIN = {"heat_capacity_j_per_k": 0.1, "loss_w_per_k": 0.1, "latent_heat_j": 0.3}
-"""Largest allowed half of the 95 % interval, relative, of the parameters that the feedforward needs."""
+"""Largest allowed half of the 95 % interval, as a share of the parameter, where the feedforward needs the parameter."""
 
 
 @dataclass(frozen=True)
@@ -82,8 +82,8 @@ def identify_thermal(record: ExcitationRecord, start: HeatBalance) -> ThermalFit
     """Fit the heat balance to one recorded excitation.
 
     The search begins at the nominal heat balance `start`; a parameter stays within a factor of 5 (ambient_c: 16 K).
-    Raises IdentificationError for a record that is too short or never heats, and for a parameter that ends at its bound
-    or has too large an interval.
+    IdentificationError for an unusable record (too short, not sorted by time, no heating, no movement of the wire), and
+    for a parameter that ends at its bound or has too large an interval.
     """
     _check_excited(record)
     phase = _phase(record.displacement_mm, record.temperature_c)
@@ -110,7 +110,7 @@ def _check_excited(record: ExcitationRecord) -> None:
     if not np.all(np.diff(time) > 0):
         raise IdentificationError("time_s does not increase everywhere", where=FIT, cure="sort the samples by time")
     if record.current_a.max() <= 0:
-        raise IdentificationError("nothing was heated: the current is always zero", where=FIT)
+        raise IdentificationError("the current is always zero", where=FIT, cure="record an excitation that heats")
 
 
 def _phase(displacement: Array, reading: Array) -> Array:
@@ -231,9 +231,8 @@ def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[dict[str, f
     current = record.current_a
     heated = current > MIN_CURRENT_FRACTION * current.max()
     if np.count_nonzero(heated) < MIN_HEATED_SAMPLES:
-        raise IdentificationError(
-            "too few samples with current for the resistance", where=FIT, limit=MIN_HEATED_SAMPLES
-        )
+        what = "too few samples with current for the resistance"
+        raise IdentificationError(what, where=FIT, limit=MIN_HEATED_SAMPLES, cure="excite longer")
     ohm = record.voltage_v[heated] / current[heated]
     (slope, cold), covariance = np.polyfit(phase[heated], ohm, 1, w=current[heated], cov=True)
     slope_ohm, cold_ohm = (1.96 * np.sqrt(np.diag(covariance))).tolist()

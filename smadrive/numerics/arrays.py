@@ -20,8 +20,8 @@ def finite_array(name: str, values: ArrayLike) -> FloatArray:
     except (TypeError, ValueError) as error:
         raise DataError("not numbers", where=name, value=error, cure="pass an array of floats") from error
     if array.ndim not in (1, 2) or array.shape[0] == 0:
-        limit = "(samples,) or (samples, wires), at least one sample"
-        raise DataError("unusable shape", where=name, value=array.shape, limit=limit)
+        cure = "pass the shape (samples,) or (samples, wires), with at least one sample"
+        raise DataError("unusable shape", where=name, value=array.shape, cure=cure)
     bad = ~np.isfinite(array)
     if bad.any():
         first = tuple(int(i) for i in np.argwhere(bad)[0])
@@ -35,7 +35,7 @@ def paired_vectors(v: ArrayLike, y: ArrayLike) -> tuple[FloatArray, FloatArray]:
     inputs, outputs = finite_array("input v", v), finite_array("output y", y)
     if inputs.ndim != 1 or outputs.ndim != 1:
         shapes, cure = (inputs.shape, outputs.shape), "pass 1-D arrays of one wire"
-        raise DataError("more than one wire", where="v and y", value=shapes, cure=cure)
+        raise DataError("not 1-D", where="v and y", value=shapes, cure=cure)
     if len(inputs) != len(outputs):
         lengths = len(inputs), len(outputs)
         cure = "pass one output for each input"

@@ -20,19 +20,22 @@ _BLOCK = 1024  # rows
 
 
 class InterpolationMatrix(NamedTuple):
-    """places, shares (samples, few) and rows (nodes, columns) of a matrix (samples, columns)."""
+    """A matrix of shape (samples, columns), stored as weighted sums of the rows of a smaller matrix.
+
+    `places` and `shares` have the shape (samples, rows per sum), `rows` has the shape (nodes, columns).
+    """
 
     places: NDArray[np.int32]
     shares: FloatArray
     rows: FloatArray
 
     def blocks(self) -> Iterator[FloatArray]:
-        """Yield the matrix in blocks of 1024 rows."""
+        """Yield the large matrix in blocks of at most 1024 rows."""
         for start in range(0, len(self.places), _BLOCK):
             yield self.at(slice(start, start + _BLOCK))
 
     def at(self, samples: slice | NDArray[np.intp]) -> FloatArray:
-        """Return the rows of the matrix that belong to `samples`."""
+        """Return the rows of the large matrix for `samples`, which are indices or a slice."""
         places, shares = self.places[samples], self.shares[samples]
         ends = np.arange(0, places.size + 1, places.shape[1], dtype=np.int32)
         weights = csr_array((shares.ravel(), places.ravel(), ends), shape=(len(places), len(self.rows)))

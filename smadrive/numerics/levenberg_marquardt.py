@@ -38,10 +38,10 @@ def minimise(
     iterations: int,
     tolerance: float,
 ) -> Minimum:
-    """Return the minimum found from `start`, x of shape (variables,) within the `bounds` (low, high).
+    """Return the minimum found from `start`, a vector of shape (variables,), within `bounds` = (low, high).
 
-    The descent ends when a step lowers the cost by less than the relative `tolerance`, when no step lowers the cost,
-    or after `iterations`. `jacobian` returns ∂r/∂x in blocks of rows.
+    `jacobian` returns ∂r/∂x in blocks of rows. The search ends when a step lowers the cost by less than the share
+    `tolerance`, when no step lowers the cost, or after `iterations` steps.
     """
     low, high = bounds
     x = np.clip(start, low, high)
@@ -68,13 +68,16 @@ def minimise(
 
 
 def forward_differences(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
-    """Return the Jacobian of `function` at x by forward differences, for variables of order one."""
+    """Return the Jacobian of `function` at x by forward differences.
+
+    Their step of 1e-6 suits variables of order one.
+    """
     base = function(x)
     return np.column_stack([(function(moved) - base) / _DIFFERENCE for moved in x + _DIFFERENCE * np.eye(len(x))])
 
 
 def _normal_equations(blocks: Iterable[FloatArray], error: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Return H and g. Each product is too small for BLAS to start threads, which stall on a busy machine."""
+    """Return H and g, summed over products that are too small for BLAS to start threads (see blas_threads.py)."""
     hessian, gradient, start = np.zeros(()), np.zeros(()), 0
     for rows in blocks:
         errors, even = error[start : start + len(rows)], len(rows) - len(rows) % _PIECE

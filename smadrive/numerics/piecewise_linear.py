@@ -11,14 +11,17 @@ from collections.abc import Iterable
 
 
 class PiecewiseLinear:
-    """Straight lines between corners at increasing `places` with these `values`; constant outside the corners."""
+    """A piecewise linear function through the corners (place, value).
+
+    `places` must increase. Before the first corner and after the last one the function is constant.
+    """
 
     def __init__(self, places: Iterable[float], values: Iterable[float]) -> None:
         self._places = list(map(float, places))
         self._values = list(map(float, values))
 
     def at(self, place: float) -> float:
-        """The value at `place`."""
+        """Return the value of the function at `place`."""
         places, values = self._places, self._values
         if not places[0] < place < places[-1]:
             return values[0] if place <= places[0] else values[-1]

@@ -1,4 +1,4 @@
-"""Debouncing: a condition that noise can cause counts only when several samples show it."""
+"""Debouncing: a condition that noise can cause is real only when several samples show it."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 @dataclass(slots=True)
 class Debounce:
-    """Counts the bad samples. The condition counts when `needed` of the last `window` samples were bad."""
+    """Decides if a condition is real: at least `needed` of the last `window` samples were bad."""
 
     needed: int
     window: int
@@ -19,7 +19,7 @@ class Debounce:
         self._recent = deque(maxlen=self.window)
 
     def update(self, bad: bool) -> bool:
-        """Add one sample, and return True if the condition counts now."""
+        """Add one sample, and return True if at least `needed` of the last `window` samples were bad."""
         if not (bad or self._recent):
             return False
         self._recent.append(bad)

@@ -3,9 +3,9 @@
     y_low(T) = y₊(T - δ) - m        y_high(T) = y₋(T + δ) + m        y₊, y₋ the branches of the major loop
 
 δ allows for a bead that is colder or warmer than the wire, m for a wire that has aged since its identification. The
-displacement leaves the band as soon as the wire goes through its loop if the sensor is stuck, has a wrong unit or has
-lost its zero, or if the wire is blocked or slack. No other check finds these faults: with such a sensor the driver
-would heat up to its limits.
+check finds a sensor that is stuck, has a wrong unit or has lost its zero, and a wire that is blocked or slack: then the
+displacement leaves the band as soon as the temperature passes through the loop. Without this check the driver could
+heat up to its limits.
 """
 
 from __future__ import annotations
@@ -21,14 +21,14 @@ UNSURE_C = 10.0
 """δ: the largest difference between the temperature of the wire and the reading, K."""
 
 MARGIN = 0.1
-"""m: the largest distance of the wire from the loop of its model, in strokes."""
+"""m: the largest distance of the displacement from the loop of the model, in strokes."""
 
 POINTS = 400
-"""Points of each branch."""
+"""Number of points of the table of each branch."""
 
 
 class DisplacementBand:
-    """The band above for the wire of `model`."""
+    """The band of possible displacements for the wire of `model`, as described at the head of this file."""
 
     def __init__(self, model: HysteresisModel) -> None:
         low_c, high_c = model.input_range

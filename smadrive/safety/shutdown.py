@@ -1,9 +1,9 @@
 """Switching the heater off at the end of a run, and the outcome as a typed result.
 
 Every run is a block of `ends_safe`. The block switches the heater off at the end of the run, and after a trip, an
-exception of any type or a signal. No exception and no signal prevents the writing of the safe state or hides its
-outcome. `ShutdownOutcome` tells if read-back confirmed the heater off. The error that ended the run carries this
-outcome; `shutdown_of` returns it.
+exception of any type or a signal. Only `ABORTS_AT` signals end the tries; no other event prevents the writing of the
+safe state or hides its outcome. `ShutdownOutcome` tells if read-back confirmed the heater off. The error that ended the
+run carries this outcome; `shutdown_of` returns it.
 """
 
 from __future__ import annotations
@@ -27,8 +27,8 @@ class ShutdownOutcome:
     """The outcome of switching off.
 
     failure     the error of the last try; None when read-back confirmed the heater off
-    signals     the signals that arrived meanwhile; they were counted, and enough of them end the tries (`aborted`)
-    ended_run   True for a run that may have heated; then a confirmed outcome is printed, too
+    signals     the signals that arrived meanwhile; they are only counted, and `ABORTS_AT` of them end the tries
+    ended_run   True after a run that may have heated: the user is told the outcome even if it is confirmed
     """
 
     failure: BaseException | None = None
@@ -42,7 +42,7 @@ class ShutdownOutcome:
 
     @property
     def aborted(self) -> bool:
-        """True if the user ended the tries by signals."""
+        """True if the tries ended because `ABORTS_AT` signals arrived."""
         return not self.confirmed and len(self.signals) >= ABORTS_AT
 
     def __str__(self) -> str:
@@ -79,7 +79,7 @@ def shut_down(
 
 
 def carry(error: BaseException, outcome: ShutdownOutcome) -> None:
-    """Attach the outcome of the latest try to `error`, with a note if the heater is not confirmed off."""
+    """Attach the outcome of the latest try to `error`, and a note if this outcome does not confirm the heater off."""
     before = shutdown_of(error)
     if before is not None and not before.confirmed:
         error.__notes__ = [note for note in getattr(error, "__notes__", ()) if note != _note(error, before)]
@@ -89,7 +89,7 @@ def carry(error: BaseException, outcome: ShutdownOutcome) -> None:
 
 
 def shutdown_of(error: BaseException) -> ShutdownOutcome | None:
-    """Return the outcome that `error` carries, or None."""
+    """Return the outcome that `error` carries, or None if it carries no outcome."""
     outcome: ShutdownOutcome | None = getattr(error, _CARRIED_AS, None)
     return outcome
 
@@ -100,7 +100,7 @@ def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -
 
     `is_run` is True for a block that may heat. An error that ended the block carries the outcome and is raised again;
     signals that arrived meanwhile do not replace this error. After a block without an error, a failure to switch off is
-    raised; otherwise a signal that arrived meanwhile is obeyed. After a try that the user aborted, there is no other.
+    raised; otherwise a signal that arrived meanwhile is obeyed. If the user aborted a try, no second try follows.
     """
     try:
         yield

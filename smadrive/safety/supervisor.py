@@ -18,7 +18,7 @@ from smadrive.safety.faults import CLEAR, Fault, Trip
 from smadrive.safety.temperature_band import FROZEN_C, TemperatureBand
 
 LATE_TICKS = 20
-"""So many missed deadlines in a row are a fault."""
+"""This number of missed deadlines in a row is a fault."""
 
 REFUSED = "refused to arm"
 """The beginning of the message when heating must not begin."""
@@ -28,9 +28,10 @@ REFUSED = "refused to arm"
 class SafetyLimits:
     """Limits of a run, from the rig file.
 
-    `settle_s` is the time in which the heat source reaches a commanded current. The measured current must lie between
-    the smallest and the largest command of this time, ± `current_tolerance_a`. `misplaced_for_s` is the time for which
-    a displacement may be outside its band, because the thermocouple lags.
+    Within `settle_s` the heat source reaches a commanded current: the measured current must lie between the smallest
+    and the largest command of this time, ± `current_tolerance_a`. For `misplaced_for_s` a displacement may be outside
+    its band, because the thermocouple lags; for `tracking_for_s` it may be unknown, or miss the setpoint by over
+    `tracking_max_mm`.
     """
 
     temperature_max_c: float
@@ -46,7 +47,7 @@ class SafetyLimits:
 
 
 class Supervisor:
-    """Checks each measurement and the time without one; the first fault is latched as `trip`.
+    """Checks each measurement, and the time since the last measurement; the first fault is latched as `trip`.
 
     `temperature_band` compares the reading with the heat input, and `displacement_band` the displacement with the model
     of the wire. Without a band its check is left out.
@@ -107,17 +108,17 @@ class Supervisor:
         return self.trip
 
     def check_deadline(self, missed: bool, now_s: float) -> Trip | None:
-        """Count a tick that missed its deadline, and return the latched trip or None."""
+        """Count the ticks in a row that `missed` their deadlines, and return the latched trip or None."""
         self._late_ticks = self._late_ticks + 1 if missed else 0
         if self._late_ticks >= LATE_TICKS:
             self._raise(Fault.DEADLINES_MISSED, now_s, f"{self._late_ticks} in a row")
         return self.trip
 
     def check_may_arm(self, measurement: Measurement) -> None:
-        """Raise SafetyError when heating must not begin.
+        """Raise SafetyError when heating must not begin; call this only while the wire is at rest.
 
         The reasons: a latched fault of the device, a temperature that is invalid or outside its limits, a current that
-        is unknown or flows without a command, a displacement outside its band. The wire must be at rest.
+        is unknown or flows without a command, a displacement outside its band.
         """
         if measurement.device_faults:
             latched = ", ".join(measurement.device_faults)
@@ -158,7 +159,7 @@ class Supervisor:
             self._raise(Fault.UNDER_TEMPERATURE, measurement.time_s, detail)
 
     def _check_current(self, measurement: Measurement) -> None:
-        """Compare the measured current with all commands of the last `settle_s`."""
+        """Compare the measured current with the commands of the last `settle_s`."""
         tolerance_a, measured_a = self._limits.current_tolerance_a, measurement.current_a
         if not self._commands:
             self._commands.append((measurement.time_s - 1e-9, 0.0))  # before the first one nothing was commanded

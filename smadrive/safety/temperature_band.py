@@ -39,14 +39,14 @@ FROZEN_C = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """Factors by which the true capacity and the true loss of a wire may be larger or smaller than its heat balance."""
+    """True capacity and loss of a wire are at most these factors above or below those of its heat balance."""
 
     capacity: float
     loss: float
 
 
 NOMINAL = Uncertainty(capacity=3.0, loss=1.6)
-"""For a data sheet: published specific heats differ by a factor of 2.6. The loss holds for still air, without a fan."""
+"""For a data sheet: published specific heats differ by a factor of 2.6. The factor of the loss holds for still air."""
 IDENTIFIED = Uncertainty(capacity=1.5, loss=1.4)
 """For a heat balance that was identified on this rig; the loss includes some draught."""
 UNCERTAINTIES = {BalanceSource.DATA_SHEET: NOMINAL, BalanceSource.IDENTIFIED: IDENTIFIED}
@@ -57,17 +57,20 @@ class Band(NamedTuple):
     """Limits that follow from the heat input."""
 
     low_c: float
-    """The least reading."""
+    """The least possible reading."""
     high_c: float
-    """The greatest reading."""
+    """The greatest possible reading."""
     coldest_c: float
-    """The least temperature of the wire itself."""
+    """The least possible temperature of the wire itself."""
     unseen_c: float
-    """The least temperature change of the wire since the reading last changed, K."""
+    """The least possible temperature change of the wire since the reading last changed, K."""
 
 
 class TemperatureBand:
-    """The band above, for a heat balance with an `uncertainty` and a thermocouple that lags by `lag_s`."""
+    """The temperatures that are possible, as described at the head of this file.
+
+    `balance` is the heat balance with its `uncertainty`; the thermocouple lags by `lag_s`.
+    """
 
     def __init__(self, balance: HeatBalance, uncertainty: Uncertainty, lag_s: float) -> None:
         slow = uncertainty.capacity * (balance.heat_capacity_j_per_k + balance.latent_heat_j / TRANSFORMATION_C)

@@ -20,8 +20,8 @@ class WireDataSheet(Section):
 
     The wire withstands `temperature_max_c` permanently, and no rig may allow more. The default is `AGEING_C`.
 
-    Every wire on sale is far within the bounds of these values. A value in a wrong unit, such as metres instead of
-    millimetres, is outside.
+    Usual wires are far within the bounds of these values. A value in a wrong unit, such as metres instead of
+    millimetres, is often outside.
     """
 
     name: str
@@ -38,7 +38,10 @@ class WireDataSheet(Section):
     temperature_max_c: float = Field(default=AGEING_C, ge=30, le=350)
 
     def heat_balance(self) -> HeatBalance:
-        """Return the nominal heat balance. The mass follows from the volume; heat is lost through the whole surface."""
+        """Return the nominal heat balance.
+
+        The mass follows from the volume; heat is lost through the lateral surface.
+        """
         diameter_m, length_m = 1e-3 * self.diameter_mm, 1e-3 * self.length_mm
         mass_kg = self.density_kg_per_m3 * 0.25 * pi * diameter_m**2 * length_m
         return HeatBalance(
@@ -54,5 +57,8 @@ class WireDataSheet(Section):
 
 
 def load_data_sheet(name: str) -> WireDataSheet:
-    """Load the data sheet at the path `name`, or the shipped one with this name. ConfigError for an invalid file."""
+    """Load a wire file. `name` is a path that ends in .toml, or the name of a shipped file.
+
+    ConfigError for a missing or invalid file.
+    """
     return load_config(config_file(name, WIRE), WireDataSheet)

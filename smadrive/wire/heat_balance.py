@@ -61,7 +61,7 @@ class HeatBalance:
                 raise ModelError("not finite", where=f"heat balance: {name}", value=value)
         if not self.resistance_change > -1:
             value = self.resistance_change
-            raise ModelError("the hot wire has no resistance", where=RESISTANCE_CHANGE, value=value, limit=-1)
+            raise ModelError("leaves the hot wire without resistance", where=RESISTANCE_CHANGE, value=value, limit=-1)
 
     @property
     def time_constant_s(self) -> float:
@@ -73,13 +73,19 @@ class HeatBalance:
         return self.resistance_cold_ohm * (1.0 + self.resistance_change * phase)
 
     def step(self, temperature_c: float, power_w: float, phase_per_k: float, dt_s: float) -> float:
-        """Return the temperature after `dt_s` at constant power, exact for a constant slope dw/dT = `phase_per_k`."""
+        """Return the wire temperature after `dt_s` at constant `power_w`.
+
+        This is exact for a constant slope dw/dT = `phase_per_k`.
+        """
         settled_c = self.ambient_c + power_w / self.loss_w_per_k
         capacity = self.heat_capacity_j_per_k + self.latent_heat_j * phase_per_k
         return settled_c + (temperature_c - settled_c) * exp(-dt_s * self.loss_w_per_k / capacity)
 
     def step_thermocouple(self, reading_c: float, wire_before_c: float, wire_after_c: float, dt_s: float) -> float:
-        """Return the reading after `dt_s`, exact for a wire temperature that changes linearly from before to after."""
+        """Return the reading of the thermocouple after `dt_s`.
+
+        This is exact if the wire temperature changes linearly from `wire_before_c` to `wire_after_c`.
+        """
         lag_s = self.thermocouple_lag_s
         if lag_s <= 0:
             return wire_after_c
@@ -88,7 +94,10 @@ class HeatBalance:
         return wire_before_c + (reading_c - wire_before_c) * decay + ramp_c * (1.0 - (1.0 - decay) * lag_s / dt_s)
 
     def power_w(self, temperature_c: float, rate_c_per_s: float, phase_rate_per_s: float) -> float:
-        """Return the power for these rates (the inverse heat balance). A negative power means too fast a cooling."""
+        """Return the power that changes temperature and austenite fraction at these rates (the inverse heat balance).
+
+        A negative result means that the wire cannot cool so fast.
+        """
         return (
             self.heat_capacity_j_per_k * rate_c_per_s
             + self.latent_heat_j * phase_rate_per_s

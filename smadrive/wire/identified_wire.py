@@ -71,7 +71,10 @@ class IdentifiedWire:
         return card(title, self.facts(), plot, self.caveats)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the wire's file, with the time of writing. ModelError for a model that has no file format."""
+        """Write the wire's file, with the time of writing.
+
+        ModelError for a model without a file format, DataError when the file cannot be written.
+        """
         provenance: dict[str, Any] = {
             "source": self.source,
             "identified": datetime.now(UTC).isoformat(timespec="seconds"),
@@ -89,12 +92,14 @@ class IdentifiedWire:
     def wire_model(self) -> WireModel:
         """Return the model that steps temperature and displacement together. ModelError without a heat balance."""
         if self.heat_balance is None:
-            raise ModelError("no heat balance", where=self.source or "wire", cure="record the wire again")
+            raise ModelError(
+                "no heat balance", where=self.source or "wire", cure="identify it from a log with current and voltage"
+            )
         return WireModel(self.model, self.heat_balance)
 
 
 def load_wire(path: str | os.PathLike[str]) -> IdentifiedWire:
-    """Load a wire from a file. ModelError for a file that holds no wire, CertificateError for an uncertified model."""
+    """Load a wire from a file. ModelError for a malformed file, CertificateError for an uncertified model."""
     return parse_wire(read_model(Path(path)), str(path))
 
 
@@ -141,7 +146,7 @@ def _source(parameters: Fields) -> BalanceSource:
     try:
         return BalanceSource(source)
     except ValueError:
-        allowed = " or ".join(f"'{one}'" for one in BalanceSource)
+        sources = ", ".join(f"'{one}'" for one in BalanceSource)
         raise ModelError(
-            "unknown source", where=f"{parameters.place}: source", value=f"{source!r}", limit=allowed
+            "unknown source", where=f"{parameters.place}: source", value=f"{source!r}", cure=f"known are: {sources}"
         ) from None

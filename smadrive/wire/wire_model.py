@@ -22,7 +22,7 @@ PIECE_C = 2.0
 """Length of the pieces of a larger change, K."""
 
 MOST_PIECES = 200
-"""Largest number of pieces in one step (400 K), so that a step is short even for an impossible power."""
+"""Largest number of pieces in one step: 200 pieces of 2 K. So a step is short even for an impossible power."""
 
 
 class WireState(NamedTuple):

@@ -20,10 +20,10 @@ from math import exp
 from smadrive.wire.heat_balance import HeatBalance
 
 HANDOVER_S = 1.0
-"""After a replacement the difference to the command of the old feedback decays with this time constant, s."""
+"""The difference to the last command of the replaced feedback decays with this time constant, s."""
 
 INTEGRATED_C = 1.0
-"""The integral counts at most this much of an error, K. A larger error is no model error: the wire is still moving."""
+"""The integral counts at most this much of an error, K. A larger error shows that the wire is still moving."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,14 +35,17 @@ class PIGains:
 
     @classmethod
     def for_balance(cls, balance: HeatBalance, closed_loop_s: float, integral_s: float) -> PIGains:
-        """Gains that give the wire `closed_loop_s` as closed-loop time constant and `integral_s` as integral time."""
+        """Return the gains for `closed_loop_s`, the closed-loop time constant, and `integral_s`, the integral time."""
         proportional = balance.heat_capacity_j_per_k / closed_loop_s
         return cls(proportional, proportional / integral_s)
 
 
 @dataclass(slots=True)
 class TemperatureFeedback:
-    """The PI controller above. Its state, in W: the integral, the last command, the remaining handover difference."""
+    """PI feedback with anti-windup and bumpless transfer, as described at the head of this file.
+
+    `integral_w` is the integral and `command_w` the last command.
+    """
 
     gains: PIGains
     integral_w: float = field(default=0.0, init=False)
@@ -51,12 +54,19 @@ class TemperatureFeedback:
     _takes_over: bool = field(default=False, init=False)
 
     def take_over(self, before: TemperatureFeedback) -> None:
-        """Continue from the feedback `before`: the first command equals the last command of `before`."""
+        """Continue from the feedback `before`.
+
+        The first command equals the last command of `before`, if the power that this feedback requests is within its
+        limits.
+        """
         self.integral_w, self.command_w = before.integral_w, before.command_w
         self._takes_over = True
 
     def update(self, error_c: float, feedforward_w: float, limit_w: float, dt_s: float) -> float:
-        """The power command in [0, `limit_w`], W, for error = setpoint - process value."""
+        """Return the power to command, from 0 to `limit_w`.
+
+        `error_c` is setpoint - process value of the temperature, `feedforward_w` the power of the feedforward.
+        """
         requested_w = feedforward_w + self.gains.proportional_w_per_k * error_c + self.integral_w
         if self._takes_over:
             self._handover_w = self.command_w - min(max(requested_w, 0.0), limit_w)

@@ -16,10 +16,10 @@ from smadrive.safety.temperature_band import TRANSFORMATION_C
 from smadrive.wire.heat_balance import HeatBalance
 
 LAGS_C = 6.0
-"""The path of an excitation waits while the wire is farther from the path than this, K."""
+"""The path of an excitation waits while the temperature differs from the path by more than this, K."""
 
 STALLS_S = 30.0
-"""The longest uninterrupted wait of the path."""
+"""The longest uninterrupted wait of the path, s."""
 
 ENVELOPE = 2.0
 """The largest power of an excitation, as a multiple of the power that its path needs by the data sheet.
@@ -40,15 +40,15 @@ class Command(NamedTuple):
 
 
 class Controller(Protocol):
-    """Computes one current for each measurement. `time_s` counts from the start of the loop."""
+    """Computes one command from each measurement. `time_s` counts from the start of the loop."""
 
     @property
     def duration_s(self) -> float:
-        """The duration of its run, by the present estimate."""
+        """Duration of the run from the start of the loop, s, by the present estimate."""
         ...
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """The command for the coming period of `dt_s`."""
+        """Return the command for the coming period of `dt_s`."""
         ...
 
 
@@ -57,7 +57,7 @@ class TemperatureController:
 
     The reading of the thermocouple counts as the temperature of the wire; the identification corrects its lag. The path
     waits while the wire is farther than `LAGS_C` from the path, so that every wire reaches every turning point.
-    IdentificationError when the path waits longer than `STALLS_S`.
+    IdentificationError when a single wait lasts longer than `STALLS_S`.
     """
 
     def __init__(
@@ -78,11 +78,11 @@ class TemperatureController:
 
     @property
     def duration_s(self) -> float:
-        """Duration of the path and of the waits up to now."""
+        """Duration of the path and of the waits up to now, s."""
         return self._path_s + self._waited_s
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """The command that takes the wire to the path's temperature one period ahead."""
+        """Return the command that takes the wire to the temperature of the path one period ahead."""
         reading_c = self._reading_c(measurement)
         self._wait(time_s, reading_c, dt_s)
         on_path_s = time_s - self._waited_s
@@ -102,7 +102,7 @@ class TemperatureController:
         return ENVELOPE * (balance.power_w(setpoint_c + LAGS_C, rate_c_per_s, 0.0) + transforming)
 
     def _wait(self, time_s: float, reading_c: float, dt_s: float) -> None:
-        """Hold the path while the wire is far from it."""
+        """Hold the path while the wire is farther than `LAGS_C` from the path."""
         path_c = self._path_c(time_s - self._waited_s)
         if abs(path_c - reading_c) <= LAGS_C:
             self._stalled_s = 0.0

@@ -5,8 +5,8 @@
 A command acts one period after its measurement. So the observer advances the estimate by one period, with the power
 that is in force in that period, and the controller computes the command for the end of that period.
 
-The state of a controller is a value. A controller for another reference, model or setting takes over this state and
-continues without a jump of the command, in the tick in which it replaces the old controller.
+The state of a controller is an immutable tuple, so another controller can take it over. A controller for another
+reference, model or setting then continues without a jump of the command.
 """
 
 from __future__ import annotations
@@ -26,16 +26,19 @@ from smadrive.measurement import Measurement
 from smadrive.wire.wire_model import WireModel
 
 DISPLACEMENT_NOISE = 0.001
-"""Standard deviation of a displacement sensor, in strokes."""
+"""Assumed standard deviation of the noise of a displacement sensor, in strokes."""
 
 
 @dataclass(frozen=True, slots=True)
 class TrackingSettings:
     """Settings of a controller besides reference and wire; its gains follow from the wire's heat balance.
 
-    `closed_loop_s`: time constant of the temperature loop. `integral_s`: time constant in which the effect of a model
-    error decays. `noise_c`: standard deviation of the thermocouple. `feedforward_share`: share of the feedforward's
-    power that is used; less than 1 leaves more to the feedback.
+    period_s            period of the loop
+    current_limit_a     largest current
+    closed_loop_s       time constant of the temperature loop
+    integral_s          time constant in which the effect of a model error decays
+    noise_c             standard deviation of the thermocouple
+    feedforward_share   share of the feedforward's power that is used; less than 1 leaves more to the feedback
     """
 
     period_s: float
@@ -47,10 +50,10 @@ class TrackingSettings:
 
 
 class TrackingState(NamedTuple):
-    """State of a TrackingController, without the integral of its feedback.
+    """State of a TrackingController, without the state of its feedback.
 
-    `power_w` is the power in force. `direction` is that of the phase (+1: the phase rises). `reversal` is the reversal
-    that the wire is making now; it is None on a branch.
+    `power_w` is the power in force. `direction` is +1 while the phase rises, -1 while it falls. `reversal` is the
+    reversal that the wire is making now; it is None on a branch.
     """
 
     estimate: WireEstimate
@@ -61,7 +64,11 @@ class TrackingState(NamedTuple):
 
 
 class _Period(NamedTuple):
-    """The coming period: its start, the estimate at the start, the largest power, the setpoint and its rate."""
+    """The coming period, which begins at `time_s`.
+
+    `ahead` is the estimate at this time, `limit_w` the largest power. The setpoint is `setpoint_mm` and moves at
+    `rate_mm_per_s`.
+    """
 
     time_s: float
     ahead: WireEstimate
@@ -71,7 +78,7 @@ class _Period(NamedTuple):
 
 
 class TrackingController:
-    """The controller above for one wire and one reference; cheap to construct."""
+    """Follows one reference with one wire, as described at the head of this file; cheap to construct."""
 
     def __init__(
         self,
@@ -101,7 +108,10 @@ class TrackingController:
         return self._state
 
     def take_over(self, before: TrackingController) -> None:
-        """Continue from the state of `before`, converted to this model, without a jump of the command."""
+        """Continue from the state of `before`, converted to this model, without a jump of the command.
+
+        A reversal that `before` has begun continues only if both have the same reference.
+        """
         if before.state is not None:
             reversal = before.state.reversal if before._reference is self._reference else None
             estimate = self._observer.adopt(before.state.estimate)
@@ -133,12 +143,15 @@ class TrackingController:
         )
 
     def _started(self, measurement: Measurement) -> TrackingState:
-        """The state of a wire at rest."""
+        """Return the state of a wire at rest."""
         estimate = self._observer.start(measurement.temperature_c, measurement.displacement_mm)
         return TrackingState(estimate, 0.0, 0.0, 1, None)
 
     def _observed(self, measurement: Measurement, dt_s: float) -> WireEstimate:
-        """Return the present estimate, advanced by the measured power (or by the commanded power if it is unknown)."""
+        """Return the present estimate.
+
+        It uses the measured power, or the commanded power if the measured power is unknown.
+        """
         if self._state is None:
             return self._observer.start(measurement.temperature_c, measurement.displacement_mm)
         measured_w = measurement.current_a * measurement.voltage_v
@@ -151,7 +164,7 @@ class TrackingController:
         )
 
     def _coming_period(self, ahead: WireEstimate, time_s: float, dt_s: float) -> _Period:
-        """Estimate, largest power and setpoint for the period that begins at `time_s`."""
+        """Return the period that begins at `time_s`, with the estimate `ahead` at this time."""
         limit_w = self._limit_a**2 * self._wire.resistance_ohm(ahead.hysteresis)
         setpoint_mm = self._reference.value_mm(time_s)
         rate_mm_per_s = (self._reference.value_mm(time_s + dt_s) - setpoint_mm) / dt_s
@@ -171,7 +184,7 @@ class TrackingController:
         return (direction, None) if reversal is None else (-direction, reversal)
 
     def _target(self, period: _Period, trim_mm: float, direction: int, reversal: Reversal | None) -> Feedforward:
-        """Temperature and power of the feedforward: for the setpoint, or for the meeting point of a reversal."""
+        """Return temperature and power of the feedforward: for the setpoint, or for the meeting point of a reversal."""
         if reversal is not None:
             return self._feedforward.hold(period.ahead, reversal.meets_c)
         setpoint_mm = period.setpoint_mm + trim_mm

@@ -15,18 +15,21 @@ because the errors of the two branches are independent.
 from __future__ import annotations
 
 SLOWER = 4.0
-"""Integral time of the trim over the closed-loop time constant of the temperature."""
+"""Integral time of the trim, as a multiple of the closed-loop time constant of the temperature."""
 
 FOLLOWS_C = 0.3
 """The trim stays constant while the temperature differs from its setpoint by more than this, K."""
 
 
 class DisplacementTrim:
-    """The integral term above; the trim is in mm."""
+    """The integral term that is described at the head of this file."""
 
     def __init__(self, closed_loop_s: float) -> None:
         self._integral_s = SLOWER * closed_loop_s
 
     def update(self, trim_mm: float, error_mm: float, error_c: float, dt_s: float) -> float:
-        """Return the trim after `dt_s`. Both errors are setpoint - process value, of displacement and temperature."""
+        """Return the trim after `dt_s`, in mm.
+
+        `error_mm` and `error_c` are setpoint - process value of displacement and temperature.
+        """
         return trim_mm + error_mm * dt_s / self._integral_s if abs(error_c) <= FOLLOWS_C else trim_mm

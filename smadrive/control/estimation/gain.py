@@ -38,7 +38,7 @@ SLOPES = 9
 
 
 class Correction(NamedTuple):
-    """The corrections that are added to (T, T_tc, d, ξ)."""
+    """The corrections that are added to wire temperature, thermocouple temperature, unexplained power and phase."""
 
     temperature_c: float
     thermocouple_c: float
@@ -67,7 +67,10 @@ class GainSchedule:
         return Correction(wire * read_c, thermocouple * read_c, disturbance * read_c, slope * wire * read_c)
 
     def by_both(self, slope: float, read_c: float, seen: float) -> Correction:
-        """The correction by thermocouple and displacement; the gains are interpolated between the nearest slopes."""
+        """Return the correction by thermocouple and displacement.
+
+        The gains are interpolated between those of the two nearest slopes.
+        """
         place = min(max(slope / self._apart, 0.0), SLOPES - 1.0)
         cell = min(int(place), SLOPES - 2)
         above = place - cell
@@ -97,7 +100,7 @@ def _joint_gain(balance: HeatBalance, slope: float, period_s: float, noise: Arra
 
 
 def _thermal(balance: HeatBalance, period_s: float, slope: float) -> tuple[Array, Array]:
-    """Transition and process noise of (T, T_tc, d)."""
+    """Return the transition and the process noise of (T, T_tc, d) over one period, both of shape (3, 3)."""
     capacity = balance.heat_capacity_j_per_k + balance.latent_heat_j * slope
     keep = exp(-period_s * balance.loss_w_per_k / capacity)
     follow = 1.0 - exp(-period_s / max(balance.thermocouple_lag_s, 1e-3))
@@ -115,7 +118,7 @@ def _gain(transition: Array, reads: Array, process: Array, noise: Array) -> Arra
 
 
 def _steepest(wire: WireModel) -> float:
-    """The largest slope of the phase on the branches of the major loop."""
+    """Return the largest slope of the phase on the branches of the major loop, in 1/K."""
     engine = wire.model.engine
     steepest = float(max(engine.heating.target_slope.max(), engine.cooling.target_slope.max()))
     return steepest * abs(wire.model.scale / wire.travel_mm)

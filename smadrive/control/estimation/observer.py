@@ -24,7 +24,10 @@ from smadrive.hysteresis.reversal import Play
 from smadrive.wire.wire_model import WireModel, WireState
 
 DEAD_BAND_NOISES = 0.2
-"""Radius of the dead band in standard deviations of the thermocouple's noise. A prediction has less noise than that."""
+"""Radius of the dead band, in standard deviations of the thermocouple's noise.
+
+It is less than 1, because a predicted temperature has less noise than a reading.
+"""
 
 
 class WireEstimate(NamedTuple):
@@ -42,7 +45,7 @@ class WireEstimate(NamedTuple):
 
 
 class WireObserver:
-    """The observer above.
+    """The observer that is described at the head of this file.
 
     `noise_c` and `noise_mm` are the standard deviations of thermocouple and displacement, `period_s` the nominal update
     period for which the gains are solved.
@@ -62,7 +65,10 @@ class WireObserver:
         return WireEstimate(reading_c, reading_c, hysteresis, 0.0, Play(reading_c))
 
     def adopt(self, estimate: WireEstimate) -> WireEstimate:
-        """Convert the estimate of another observer to the model of this one; temperatures and displacement stay."""
+        """Convert the estimate of another observer to the model of this observer.
+
+        The temperatures stay, and the displacement stays as far as this model can have it.
+        """
         return estimate._replace(hysteresis=self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y))
 
     def predict(self, before: WireEstimate, power_w: float, dt_s: float) -> WireEstimate:

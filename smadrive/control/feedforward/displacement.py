@@ -24,7 +24,7 @@ REVERSAL_TOLERANCE = 0.01
 """Fraction of the stroke by which the estimate may lead the reference before the wire reverses."""
 
 REVERSAL_S = 1.0
-"""Approximate time in which a wire crosses its hysteresis and comes back, s."""
+"""Approximate time in which a wire crosses its hysteresis and crosses it back, s."""
 
 WAITING_RANGE_C = 0.5
 """A wire that leads the reference waits at most this far below (on cooling: above) its present temperature, K."""
@@ -47,14 +47,20 @@ MAP_LEVELS = 50
 
 
 class TemperatureTarget(NamedTuple):
-    """The temperature for a displacement, and its slope over the displacement (0 if the temperature is held)."""
+    """The temperature for a displacement setpoint.
+
+    `k_per_mm` is its derivative with respect to the setpoint, 0 if the temperature does not follow the setpoint.
+    """
 
     temperature_c: float
     k_per_mm: float
 
 
 class DisplacementInverse(Protocol):
-    """Computes the temperature for a displacement setpoint. `hysteretic` is True if the inverse has two branches."""
+    """Computes the temperature for a displacement setpoint.
+
+    `hysteretic` is True if heating and cooling have different temperatures.
+    """
 
     hysteretic: bool
 
@@ -69,7 +75,7 @@ class DisplacementInverse(Protocol):
 
 
 class HysteresisInverse:
-    """The exact inverse of a hysteresis model; the rule above decides the direction."""
+    """The exact inverse of a hysteresis model. The rule at the head of this file decides when the wire reverses."""
 
     hysteretic = True
 
@@ -82,7 +88,10 @@ class HysteresisInverse:
     def target(
         self, state: HysteresisState, setpoint_mm: float, direction: int, rate_mm_per_s: float = 0.0
     ) -> TemperatureTarget:
-        """See DisplacementInverse. An unreachable setpoint gives the end of the model's range, with a slope of 0."""
+        """Return the temperature as DisplacementInverse describes.
+
+        An unreachable setpoint gives the end of the model's range, with a derivative of 0.
+        """
         soon = max(rate_mm_per_s / self._travel_mm, 0.0) * FOOT_S
         if (setpoint_mm - self._cold_mm) / self._travel_mm + soon <= COLD_END:
             return TemperatureTarget(self._model.input_range[0] - COLDER_C, 0.0)
@@ -106,8 +115,9 @@ class HysteresisInverse:
 class StaticMap:
     """A static temperature map: the displacement is a monotone function of the temperature, without hysteresis.
 
-    The map is fitted to a record by isotonic regression and tabulated at `MAP_LEVELS` displacements. It runs midway
-    between the branches, like a calibration table. It is the baseline for comparisons with the inverse feedforward.
+    The map is fitted to a record by isotonic regression and tabulated at `MAP_LEVELS` displacements. It runs about
+    midway between the branches, like a calibration table. Comparisons use it as the baseline for the inverse
+    feedforward.
     """
 
     hysteretic = False
@@ -145,7 +155,7 @@ class StaticMap:
 
 
 class Feedforward(NamedTuple):
-    """The setpoint of the wire temperature, and the power that makes the wire follow this setpoint."""
+    """The setpoint of the wire temperature, and the power that belongs to this setpoint."""
 
     temperature_c: float
     power_w: float
@@ -160,7 +170,7 @@ class DisplacementFeedforward:
         self._balance = wire.balance
 
     def update(self, estimate: WireEstimate, setpoint_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
-        """Return the feedforward for the setpoint `setpoint_mm`, which moves at `rate_mm_per_s`.
+        """Return temperature setpoint and power for the displacement `setpoint_mm`, which moves at `rate_mm_per_s`.
 
         `direction` is that of the phase (+1: the phase rises).
         """
@@ -170,5 +180,5 @@ class DisplacementFeedforward:
         return Feedforward(target.temperature_c, power_w - estimate.disturbance_w)
 
     def hold(self, estimate: WireEstimate, temperature_c: float) -> Feedforward:
-        """Return the feedforward that takes the wire to a constant temperature."""
+        """Return the temperature setpoint `temperature_c`, and the power that holds the wire at this temperature."""
         return Feedforward(temperature_c, self._balance.power_w(temperature_c, 0.0, 0.0) - estimate.disturbance_w)

@@ -25,7 +25,10 @@ HORIZON = 0.6
 """Duration of the simulated crossing, in time constants of the wire."""
 
 MISSED = 0.01
-"""Largest error before the peak, as a fraction of the stroke. It holds even if the wire is then late, as at a step."""
+"""Largest allowed error before the peak, as a fraction of the stroke.
+
+A reversal waits for this limit even if the wire is then late, as at a step of the reference.
+"""
 
 BEYOND = 0.01
 """A wire that is beyond the meeting point by this fraction of the stroke has crossed its hysteresis too early."""
@@ -33,7 +36,11 @@ BEYOND = 0.01
 
 @dataclass(frozen=True, slots=True)
 class Reversal:
-    """A reversal that has begun. The wire meets the reference at `meets_s`; `direction` is that of the phase."""
+    """A reversal that has begun. The wire meets the reference at the time `meets_s`.
+
+    `meets_mm` and `meets_c` are displacement and temperature of the meeting point. `direction` is that of the phase
+    after the reversal.
+    """
 
     meets_s: float
     meets_mm: float
@@ -59,7 +66,11 @@ class _Crossing(NamedTuple):
 
     @property
     def is_due(self) -> bool:
-        """True if a later beginning would give a larger error than a beginning now."""
+        """True if the reversal must begin now.
+
+        A beginning now gives at least as large an error after the peak as before it, so a later beginning would be
+        worse. The error before the peak is at most `MISSED`.
+        """
         return self.late >= self.early and self.late > 0.0 and self.early <= MISSED
 
 
@@ -89,7 +100,7 @@ class ReversalPreview:
     def _shortfalls(
         self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, limit_w: float
     ) -> Iterator[tuple[float, float]]:
-        """Simulate a wire that reverses now; yield times, and by how many strokes it is behind the reference."""
+        """Simulate a wire that reverses now; yield times, and how many strokes it is then short of the reference."""
         state = WireState(estimate.temperature_c, estimate.hysteresis)
         power_w = (limit_w if direction < 0 else 0.0) + estimate.disturbance_w
         step_s, ahead = self._horizon_s / POINTS, direction / self._wire.travel_mm
@@ -100,7 +111,7 @@ class ReversalPreview:
 
 
 def _crossing(shortfalls: Iterable[tuple[float, float]], reverses_s: float) -> _Crossing:
-    """Follow the wire until it meets the reference after the peak at `reverses_s`.
+    """Follow the wire until it meets the reference after the peak at `reverses_s`, and return the crossing.
 
     First the wire is too early: it falls short of the reference, until the reference has reversed and reached the wire.
     Then the wire is late, until it has caught up with the reference.

@@ -23,7 +23,7 @@ from smadrive.numerics.piecewise_linear import PiecewiseLinear
 Array = NDArray[np.float64]
 
 WHERE = "reference"
-"""The place that the errors name."""
+"""The place that error messages name."""
 
 TABLE_STEP_S = 0.02
 """Step of the tables of curved shapes, s. It is not longer than a loop period, and its errors are negligible."""
@@ -38,7 +38,7 @@ FARTHEST_MM = 1e5
 """The largest displacement of a reference, mm: the length of the longest wire that a wire file may describe."""
 
 TRAVEL_SLACK = 0.005
-"""A reference may exceed the travel of the wire by this share of it, the noise of the sensor that measured it."""
+"""A reference may exceed the travel of the wire by this share, because the measured travel contains sensor noise."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -55,10 +55,10 @@ class Reference:
 
     @classmethod
     def from_samples(cls, times_s: ArrayLike, displacement_mm: ArrayLike) -> Reference:
-        """The reference through the samples, with straight lines between them.
+        """Return the reference through the samples, with straight lines between them.
 
-        DataError for a value that is NaN or beyond `FARTHEST_MM`, for columns of different lengths, for a time that
-        does not increase, and for a reference shorter than `SHORTEST_S` or longer than `LONGEST_S`.
+        DataError for a value that is not finite or beyond `FARTHEST_MM`, for columns of different lengths, for a time
+        that does not increase, and for a reference shorter than `SHORTEST_S` or longer than `LONGEST_S`.
         """
         times = np.asarray(times_s, dtype=np.float64)
         values = np.asarray(displacement_mm, dtype=np.float64)
@@ -99,16 +99,16 @@ class Reference:
 
     @property
     def duration_s(self) -> float:
-        """Length of the reference, approach included."""
+        """Length of the reference, approach included, s; infinite for an endless reference."""
         return inf if self.endless else float(self.times_s[-1])
 
     @property
     def cycle_s(self) -> float:
-        """Length of the table without the approach."""
+        """Length of the table without the approach, s."""
         return float(self.times_s[-1]) - self.scored_from_s
 
     def cycle(self, time_s: float) -> int:
-        """The number of cycles that an endless reference has completed."""
+        """Return the number of cycles that an endless reference has completed; 0 for other references."""
         return max(0, int((time_s - self.scored_from_s) // self.cycle_s)) if self.endless else 0
 
     def value_mm(self, time_s: float) -> float:
@@ -121,7 +121,7 @@ class Reference:
 
     @cached_property
     def _reversals(self) -> tuple[list[float], list[float]]:
-        """Times of the reversals and the directions after them. For an endless reference they cover two cycles."""
+        """Return the times of the reversals and the directions after them, of an endless reference for two cycles."""
         times, values = self.times_s, self.displacement_mm
         if self.endless:
             again = times > self.scored_from_s
@@ -164,7 +164,10 @@ class Reference:
                 )
 
     def without_end(self, return_s: float) -> Reference:
-        """Repeat the reference without end. If its ends differ, each cycle ends with a way back of `return_s`."""
+        """Return the same reference, repeated without end.
+
+        If its ends differ, each cycle ends with a smooth way back that lasts `return_s`.
+        """
         begins_mm, ends_mm = self.value_mm(self.scored_from_s), float(self.displacement_mm[-1])
         if begins_mm == ends_mm:
             return replace(self, endless=True)
@@ -197,7 +200,7 @@ def _minimum_jerk(from_mm: float, to_mm: float, within_s: float) -> Array:
 
 
 def check_displacement(name: str, value_mm: float) -> None:
-    """Raise DataError when the displacement exceeds the length of the longest wire, or is NaN."""
+    """Raise DataError when the displacement exceeds `FARTHEST_MM` in absolute value, or is NaN."""
     if not abs(value_mm) <= FARTHEST_MM:
         raise DataError(
             "farther than any wire moves",

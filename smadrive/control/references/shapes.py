@@ -32,8 +32,8 @@ ROUNDING = 1e-9
 def parse_reference(spec: str, longest_s: float = LONGEST_S) -> Reference:
     """Return the reference that the line `spec` describes.
 
-    ConfigError for an unknown shape, and for unknown or missing keys; the error lists the shapes or keys. DataError for
-    a reference that lasts longer than `longest_s`.
+    ConfigError for an unknown shape, for unknown, repeated or missing keys (the error lists the shapes or keys), and
+    for an impossible value. DataError for a reference that is too short, too fast or longer than `longest_s`.
     """
     where = f"{WHERE} '{spec}'"
     shape, _, arguments = spec.partition(":")
@@ -71,7 +71,7 @@ def _key_text(key: Parameter) -> str:
 def sine(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0
 ) -> Reference:
-    """A sine between `low_mm` and `high_mm` that begins at `low_mm`."""
+    """A sine of period `period_s` between `low_mm` and `high_mm`. It begins at `low_mm`."""
     _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
     _check_pace(period_s * cycles, 2 * cycles, longest_s)
     times = np.linspace(0.0, period_s * cycles, max(3, int(period_s * cycles / TABLE_STEP_S)))
@@ -82,7 +82,7 @@ def sine(
 def triangle(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, period_s: float, cycles: float = 2.0
 ) -> Reference:
-    """Straight lines up and down between `low_mm` and `high_mm`; the last line ends with the last of `cycles`."""
+    """Straight lines up and down between `low_mm` and `high_mm`. `cycles` may be a fraction."""
     _check(low_mm=low_mm, high_mm=high_mm, period_s=period_s, cycles=cycles)
     _check_pace(period_s * cycles, 2 * cycles, longest_s)
     legs = np.append(np.arange(np.ceil(2 * cycles)), 2 * cycles)
@@ -109,7 +109,10 @@ def staircase(
 def steps(
     longest_s: float = LONGEST_S, *, low_mm: float, high_mm: float, dwell_s: float = 10.0, cycles: float = 2.0
 ) -> Reference:
-    """Jumps up and down between `low_mm` and `high_mm`; each level is held for `dwell_s`. A wire needs `--smooth`."""
+    """Jumps between `low_mm` and `high_mm`, each held for `dwell_s`.
+
+    No wire follows a jump: run this with `--smooth`.
+    """
     _check(low_mm=low_mm, high_mm=high_mm, dwell_s=dwell_s, cycles=cycles)
     _check_pace((2 * cycles + 1) * dwell_s, 2 * cycles, longest_s)
     return _held(_alternating(low_mm, high_mm, cycles), dwell_s - TABLE_STEP_S, every_s=dwell_s)
@@ -139,7 +142,7 @@ def chirp(
     end_hz: float,
     duration_s: float = 120.0,
 ) -> Reference:
-    """A swing between `low_mm` and `high_mm` whose frequency rises evenly from `start_hz` to `end_hz`."""
+    """A swing between `low_mm` and `high_mm` whose frequency changes linearly from `start_hz` to `end_hz`."""
     _check(low_mm=low_mm, high_mm=high_mm, start_hz=start_hz, end_hz=end_hz, duration_s=duration_s)
     _check_pace(duration_s, 2 * max(start_hz, end_hz) * duration_s, longest_s)
     rate_hz_per_s = (end_hz - start_hz) / duration_s
@@ -149,7 +152,7 @@ def chirp(
 
 
 def _alternating(low_mm: float, high_mm: float, cycles: float) -> FloatArray:
-    """Return the levels low, high, low, ... of so many cycles."""
+    """Return the levels low, high, low, ... for `cycles` cycles; a cycle goes up and down."""
     return np.where(np.arange(_multiple("cycles", cycles, of=0.5) + 1) % 2 == 0, low_mm, high_mm)
 
 

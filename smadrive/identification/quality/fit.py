@@ -73,9 +73,9 @@ def rms_percent(residual: FloatArray, span: float) -> float:
 
 
 def judge(model: ModelT, record: Record, y0: float) -> Fit[ModelT]:
-    """Simulate `model` along the path of `record` from output y0, and compare it with the record.
+    """Simulate `model` along the path of `record` from output `y0`, and return the model with its metrics.
 
-    Raises IdentificationError when the model explains less than half of the output's variance.
+    IdentificationError when the model explains less than half of the output's variance.
     """
     predicted = model.simulate(record.path, y0)
     residual = predicted - record.y

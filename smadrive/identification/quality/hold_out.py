@@ -32,7 +32,10 @@ if TYPE_CHECKING:
 
 
 class Identify(Protocol):
-    """A function that fits a model to v and y with a given dead band, such as identify_tsfuzzy."""
+    """A function that fits a model to the input v and the output y, such as identify_tsfuzzy.
+
+    `dead_band` is the radius of the reversal filter, in the unit of v.
+    """
 
     def __call__(self, v: FloatArray, y: FloatArray, *, dead_band: float) -> Fit[HysteresisModel]:
         """See identify_tsfuzzy."""
@@ -40,7 +43,7 @@ class Identify(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class HoldOut:
-    """RMS errors of one half of a record, % of the output span.
+    """RMS errors of a fit to one half of a record, % of the output span.
 
     training_percent     error of the fit at the fitted samples
     validation_percent   error of the fit at the samples between, which the fit did not use
@@ -53,14 +56,18 @@ class HoldOut:
 
     @property
     def ratio(self) -> float:
-        """Validation error over training error. It is 1 if the fit is as good at samples that it did not use."""
+        """Validation error over training error.
+
+        It is 1 if the fit is as good at the other samples as at the fitted samples.
+        """
         return self.validation_percent / self.training_percent
 
 
 def hold_out(v: ArrayLike, y: ArrayLike, identify: Identify) -> tuple[HoldOut, HoldOut]:
-    """Fit the even samples of a record and validate on the odd samples, then the other way round.
+    """Fit the even samples of a record and validate on the odd samples, then the other way round; return both results.
 
-    v and y are (samples,). Raises the errors of `identify` when it cannot fit half of the record.
+    v and y are (samples,). DataError for samples that cannot be used, and the errors of `identify` when it cannot fit
+    half of the record.
     """
     inputs, outputs = paired_vectors(v, y)
     whole = prepare(inputs, outputs, None)

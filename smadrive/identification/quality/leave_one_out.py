@@ -27,10 +27,10 @@ _REGULAR = 1e-10  # relative to the diagonal of JᵀJ
 
 
 def leave_one_out_ratio(residuals: FloatArray, jacobian: FloatArray, samples: int, scatter: float) -> float:
-    """Return leave-one-out error over training error, both RMS.
+    """Return the leave-one-out error divided by the training error, both RMS.
 
     `residuals` (rows,) and `jacobian` (rows, free variables) are those at the minimum; the first `samples` rows belong
-    to measured cells. `scatter` is the sum of squares within the cells, which no model can explain.
+    to the measured cells. `scatter` is the sum of squares within the cells, which no model can explain.
     """
     error = residuals[:samples]
     left_out = error / np.maximum(1 - leverages(jacobian, samples), _LEAST_FREEDOM)

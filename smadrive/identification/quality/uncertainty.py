@@ -53,6 +53,6 @@ def standard_errors(jacobian: FloatArray, parameter_slopes: FloatArray, residual
 
 
 def neighbour_correlation(residual: FloatArray) -> float:
-    """Return the correlation of each residual with the next one, 0 for residuals of zero."""
+    """Return the correlation of each residual with the next residual; 0 if all residuals are zero."""
     power = float(residual @ residual)
     return float(residual[1:] @ residual[:-1]) / power if power > 0 else 0.0

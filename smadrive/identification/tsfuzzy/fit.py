@@ -58,13 +58,13 @@ def identify_tsfuzzy(
     fit_centres: bool = True,
     dead_band: float | None = None,
 ) -> Fit[TSFuzzyDuhem]:
-    """Fit a T-S fuzzy Duhem model with two rules per set to a record.
+    """Fit a T-S fuzzy Duhem model with two rules per set to a record, and return the model with its metrics.
 
-    v and y are input and output of one wire, both (samples,), preferably with inner loops. `sets` is the number of
-    triangular sets, or their centres; with `fit_centres` the centres may move. `dead_band` is the radius of the
-    reversal filter in the unit of v; without it the radius follows from the noise of v. The caveats of the result are
-    reasons to distrust the model. Raises DataError for samples that cannot be used, and IdentificationError when the
-    record does not determine a loop or the sets are unusable.
+    v and y are input and output of one wire, both (samples,); the record should contain inner loops. `sets` is the
+    number of triangular sets, or their centres; with `fit_centres` the fit may move the centres. `dead_band` is the
+    radius of the reversal filter in the unit of v; without it the radius follows from the noise of v. The caveats of
+    the result are reasons to distrust the model. DataError for samples that cannot be used, and IdentificationError
+    when the record does not determine a loop or the sets are unusable.
     """
     record = prepare(v, y, dead_band)
     placements = _placements(record, sets, fit_centres=fit_centres)
@@ -90,7 +90,7 @@ class _Solution:
 
     @cached_property
     def leave_one_out_ratio(self) -> float:
-        """Leave-one-out error over training error."""
+        """The leave-one-out error divided by the training error."""
         return self.problem.leave_one_out_ratio(self.x)
 
     @cached_property
@@ -98,7 +98,7 @@ class _Solution:
         return self.problem.model(self.x)
 
     def trimmed(self, depth: float) -> tuple[TSFuzzyDuhem, float]:
-        """Return the model without slopes of the wrong sign to this depth of the loop, and its misfit."""
+        """Return the model whose slopes have the right sign to this `depth` of the loop, and its misfit."""
         if depth not in self._trimmed:
             model = monotone(self._model, depth, self.problem.reversals)
             self._trimmed[depth] = model, self.problem.record.misfit(model, self.y0)
@@ -106,7 +106,10 @@ class _Solution:
 
     @cached_property
     def deepest(self) -> tuple[TSFuzzyDuhem, float]:
-        """The model trimmed to the greatest depth that raises the misfit little (at least 0), and its misfit."""
+        """The trimmed model and its misfit, at the greatest depth for which trimming raises the misfit little.
+
+        If trimming raises the misfit more at every depth, this is depth 0.
+        """
         *depths, last = [depth for depth in _DEPTHS if depth <= self.problem.depth]
         bearable = _AS_GOOD * self.misfit
         return self.trimmed(next((depth for depth in depths if self.trimmed(depth)[1] <= bearable), last))
@@ -169,7 +172,10 @@ def _ever_heavier(solution: _Solution) -> Iterator[_Solution]:
 
 
 def _plainest_duhem(record: Record) -> Fit[DuhemModel]:
-    """Return the fit with the fewest Gaussians per branch that is good enough. More of them would follow the noise."""
+    """Return the Duhem fit with the fewest Gaussians per branch that is good enough.
+
+    More Gaussians would follow the noise.
+    """
     plain = fit_duhem(record, components=1)
     nothing_left = max(_NOTHING_LEFT, 100 * record.noise / _CLEARLY_BETTER)
     for components in range(2, _MOST_COMPONENTS + 1):
@@ -186,9 +192,10 @@ def _plainest_duhem(record: Record) -> Fit[DuhemModel]:
 
 
 def _placements(record: Record, sets: int | Sequence[float], *, fit_centres: bool) -> list[FloatArray]:
-    """Return the centres to start from: the given ones, or evenly spaced ones if they are fixed.
+    """Return the centres from which the fits start, one array per fit.
 
-    Centres that may move start where the output changes most.
+    These are the given centres, or evenly spaced centres if the centres are fixed. Centres that may move start where
+    the output changes most.
     """
     lower, upper = record.input_range
     if not isinstance(sets, int | np.integer):

@@ -30,7 +30,13 @@ _MARGIN = 3e-3  # of a rule's share: a rule that shrinks a little too much need 
 
 
 class Loop(NamedTuple):
-    """The closed loop at the nodes: both branches, and the decay of a deviation at the ends of the range along them."""
+    """The closed loop of trial rules.
+
+    heating, cooling         the branches at the nodes, (nodes,)
+    crossed                  True at nodes where the heating branch is above the cooling branch, (nodes,)
+    rise_decay, fall_decay   share of a deviation at the start of a sweep up or down that is left at the nodes, (nodes,)
+    bottom, top              the states at the ends of the range
+    """
 
     heating: FloatArray
     cooling: FloatArray
@@ -42,7 +48,7 @@ class Loop(NamedTuple):
 
     @property
     def width(self) -> FloatArray:
-        """Distance of the branches, never negative although the branches of a trial model may cross."""
+        """Distance of the branches, which is not negative even where the branches of a trial model cross."""
         return np.abs(self.cooling - self.heating)
 
     def highest(self, depth: float) -> FloatArray:
@@ -65,7 +71,10 @@ def closed_loop(tables: RuleTables) -> Loop:
 
 
 def least_slopes(tables: RuleTables, depth: float) -> FloatArray:
-    """Return the smallest slope on heating and on cooling, to this depth of the loop, at every node: (2, nodes)."""
+    """Return the smallest slopes to this depth of the loop, shape (2, nodes).
+
+    The first row belongs to heating, the second row to cooling.
+    """
     loop = closed_loop(tables)
     p_heating, q_heating, p_cooling, q_cooling = tables.rates_at_nodes
     return np.array(
@@ -77,7 +86,10 @@ def least_slopes(tables: RuleTables, depth: float) -> FloatArray:
 
 
 def least_slope_derivatives(tables: RuleTables, depth: float) -> FloatArray:
-    """Return the derivatives of `least_slopes` with respect to the fields of RuleRates, (2, nodes, 5 · sets)."""
+    """Return the derivatives of `least_slopes` with respect to the fields of RuleRates.
+
+    They have the shape (2, nodes, 5 · sets).
+    """
     loop, mu, sets = closed_loop(tables), tables.at_nodes, len(tables.rates.centres)
     d_heating, d_cooling = _branch_derivatives(tables, loop)
     crossed = loop.crossed[:, None]
@@ -99,7 +111,10 @@ def least_slope_derivatives(tables: RuleTables, depth: float) -> FloatArray:
 
 
 def _branch_derivatives(tables: RuleTables, loop: Loop) -> tuple[FloatArray, FloatArray]:
-    """Return ∂H and ∂C at the nodes, from those of the tabulated solutions and of the ends of the closed loop."""
+    """Return ∂H and ∂C at the nodes.
+
+    They follow from the derivatives of the tabulated solutions and of the states at the ends of the range.
+    """
     up, down = tables.sensitivities
     rise, fall = loop.rise_decay[:, None], loop.fall_decay[:, None]
     d_rise, d_fall = rise * up.exponent, fall * (down.exponent - down.exponent[-1])
@@ -113,9 +128,10 @@ def _branch_derivatives(tables: RuleTables, loop: Loop) -> tuple[FloatArray, Flo
 
 
 def monotone(model: TSFuzzyDuhem, depth: float = 1.0, reversals: RecordReversals = NOWHERE) -> TSFuzzyDuhem:
-    """Return `model` without slopes of the wrong sign to this depth of the loop.
+    """Return `model` with slopes of the right sign to this `depth` of the loop.
 
-    q and p are reduced no more than needed. Rules that are active where the wire itself reverses stay as they are.
+    q of the heating rules and p of the cooling rules are reduced no more than needed. Rules that are active where the
+    wire itself reverses stay as they are.
     """
     p_heating, q_heating = model.heating_law[1], -model.heating_law[0] - model.heating_law[1]
     p_cooling, q_cooling = -model.cooling_law[1], model.cooling_law[0] + model.cooling_law[1]
@@ -145,9 +161,10 @@ def monotone(model: TSFuzzyDuhem, depth: float = 1.0, reversals: RecordReversals
 
 
 def _largest_share(mu: FloatArray, gain: FloatArray, loss: FloatArray, far: FloatArray, turns: Mask) -> FloatArray:
-    """Return the share of each rule's loss that can stay: gain (1 - far) - loss far ≥ 0 at all nodes of the rule.
+    """Return the largest share of each rule's `loss` with which gain (1 - far) - loss far ≥ 0 at all nodes of the rule.
 
-    Only rules that have the wrong sign themselves get a share below 1, so that they change before their neighbours.
+    `far` is the distance of the opposite branch, `turns` is True where the wire itself reverses. Only rules that have
+    the wrong sign themselves get a share below 1, so that they change before their neighbours.
     """
     room, need = (mu @ gain) * (1 - far), (mu @ loss) * far
     short = need > room

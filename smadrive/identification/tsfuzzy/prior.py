@@ -51,19 +51,22 @@ class Prior:
         return closer
 
     def at(self, centres: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the rates at the centres, (4, sets), and their derivatives with respect to v."""
+        """Return the rates at the centres, and their derivatives with respect to v, both of shape (4, sets)."""
         return _interpolate(centres, self.grid, self.rates), _interpolate(centres, self.grid, self._slopes)
 
     def reach(self, centres: FloatArray) -> FloatArray:
-        """Return the difference of each rate (4 · sets,) that costs as much as one sample whose error is the noise."""
+        """Return for each rate the difference that costs as much as one sample whose error is the noise.
+
+        The result has the shape (4 · sets,).
+        """
         pairs = _interpolate(centres, self.grid, self.rates).reshape(2, 2, -1)
         return np.ravel(np.repeat(_STRAY * pairs.sum(axis=1) + _STRAY_LEAST, 2, axis=0))
 
     def slope_tie(self, v: FloatArray) -> FloatArray:
-        """Return the weights of slopes of the wrong sign at inputs v, (2, len(v)).
+        """Return the weights of slopes of the wrong sign at the inputs v, shape (2, len(v)).
 
-        They are those of the rates, and larger near saturation. There the state hardly moves, so a slope of the wrong
-        sign hardly changes the misfit, but it can stop an inverse.
+        The weights are those of the rates, and larger near saturation. There the state hardly moves, so a slope of the
+        wrong sign hardly changes the misfit, but it can stop an inverse.
         """
         pairs = _interpolate(v, self.grid, self.rates).reshape(2, 2, -1)
         far = np.array([self.model.cooling.cdf(v), self.model.heating.cdf(v)])

@@ -34,7 +34,11 @@ _STRAY_GAP = 3.0  # how far the logarithms of the gaps may stray, in units of th
 
 
 class _Trial(NamedTuple):
-    """A trial: variables x, derivatives of the centres by the logits, tables of the rules, states w at the samples."""
+    """The variables x of a trial, and what is computed from them.
+
+    `moves` are the derivatives of the centres with respect to the logits of the gaps, (sets, gaps). `tables` are those
+    of the rules, and `w` are the states at the cells of the record, (cells,).
+    """
 
     x: FloatArray
     moves: FloatArray
@@ -88,7 +92,10 @@ class RuleProblem:
         return Unknowns(sets, sets + 1 if self.fit_centres else 0)
 
     def place(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the centres, and their derivatives with respect to the logits of the gaps, (sets, gaps)."""
+        """Return the centres, and their derivatives with respect to the logits of the gaps.
+
+        The derivatives have the shape (sets, gaps).
+        """
         unknowns = self.unknowns
         if not self.fit_centres:
             return self.centres, np.empty((unknowns.sets, 0))
@@ -100,7 +107,10 @@ class RuleProblem:
         return centres, (upper - lower) * np.cumsum(slope, axis=0)[:-1]
 
     def _trial(self, x: FloatArray) -> _Trial:
-        """Return the trial at x. The latest trial is kept, because residuals and derivatives use the same x."""
+        """Return the trial at x.
+
+        The latest trial is kept, because residuals and derivatives are computed at the same x.
+        """
         if not (self._latest and np.array_equal(self._latest[0].x, x)):
             centres, moves = self.place(x)
             p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
@@ -132,7 +142,7 @@ class RuleProblem:
         return float(np.sqrt(error @ error / self.record.count.sum()))
 
     def leave_one_out_ratio(self, x: FloatArray) -> float:
-        """Return leave-one-out error over training error at the minimum x; see leave_one_out.py."""
+        """Return the leave-one-out error divided by the training error at the minimum x; see leave_one_out.py."""
         rates, (low, _) = self.unknowns.rates, self._bounds()
         free = np.ones(len(x), dtype=bool)
         free[rates] = x[rates] > low[rates]
@@ -140,7 +150,7 @@ class RuleProblem:
         return leave_one_out_ratio(self.residuals(x), jacobian, len(self.record.v), self.record.scatter)
 
     def _wrong_slopes(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return minus the smallest slopes per input span at the nodes, and their weights, both (2, nodes).
+        """Return the negated smallest slopes per input span at the nodes, and their weights, both of shape (2, nodes).
 
         The weight of a slope of the right sign is 0.
         """

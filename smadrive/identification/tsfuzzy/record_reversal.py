@@ -33,7 +33,10 @@ class RecordReversals:
     cooling: tuple[tuple[float, float], ...] = ()
 
     def at(self, v: FloatArray) -> Mask:
-        """Return True for each of the inputs v where the output reverses, (2, len(v)): on heating, on cooling."""
+        """Return a mask of shape (2, len(v)) that is True where the output reverses.
+
+        The first row belongs to heating, the second row to cooling.
+        """
         found = np.zeros((2, len(v)), dtype=bool)
         for row, stretches in enumerate((self.heating, self.cooling)):
             for start, end in stretches:

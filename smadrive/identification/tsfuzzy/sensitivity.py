@@ -51,7 +51,10 @@ class Runs:
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """∂P (`target`) and ∂Λ (`exponent`) of one branch at the nodes, (nodes, 5 · sets), columns as in RuleRates."""
+    """∂P (`target`) and ∂Λ (`exponent`) of one branch at the nodes, both of shape (nodes, 5 · sets).
+
+    The columns are the fields of RuleRates in their order.
+    """
 
     target: FloatArray
     exponent: FloatArray
@@ -104,11 +107,13 @@ class RuleTables:
         return self.engine.trajectory(runs.v, w_start)
 
     def jacobian(self, runs: Runs, w: FloatArray) -> InterpolationMatrix:
-        """Return ∂w at every sample, (samples, 5 · sets + 1). Columns: the fields of RuleRates, then w at the start.
+        """Return ∂w at every sample, shape (samples, 5 · sets + 1).
 
-        `w` are the states at the samples. With the excess e = w - P at the start of a run, and its decay D since,
-        ∂w = ∂P + D e ∂Λ + D (∂e - e ∂Λ at the start). ∂P and ∂Λ are interpolated between two nodes each; the last
-        bracket is one more row for each run.
+        The columns are the fields of RuleRates, then w at the start. `w` are the states at the samples. For a run,
+
+            ∂w = ∂P + D e ∂Λ + D (∂e - e ∂Λ at the start)        e = w - P at the start,  D the decay of e since then
+
+        ∂P and ∂Λ are interpolated between two nodes each; the bracket is one more row for each run.
         """
         up, down = self.sensitivities
         rows = np.zeros((4 * len(self.nodes) + 1 + len(runs.starts), up.target.shape[1] + 1))
@@ -149,14 +154,17 @@ class RuleTables:
         return Sensitivity(target, exponent)
 
     def _slopes(self, rate: FloatArray, v: FloatArray) -> FloatArray:
-        """Return the derivative of the blended rate with respect to v; it is zero on the shoulders."""
+        """Return the derivative of the blended `rate` with respect to v; it is zero on the shoulders."""
         slopes = np.concatenate([[0.0], np.diff(rate) / np.diff(self.rates.centres), [0.0]])
         return np.asarray(slopes[np.searchsorted(self.rates.centres, v)])
 
     def _matrix(
         self, v: FloatArray, rising: NDArray[np.bool_], excess: FloatArray, rows: FloatArray
     ) -> InterpolationMatrix:
-        """Return ∂P + excess ∂Λ at inputs v. `rows` begin with ∂P of cooling and of heating, then ∂Λ of both."""
+        """Return ∂P + excess ∂Λ at the inputs v.
+
+        The first 4 · nodes `rows` are ∂P of cooling, ∂P of heating, ∂Λ of cooling and ∂Λ of heating.
+        """
         nodes = len(self.nodes)
         cell = np.clip(np.searchsorted(self.nodes, v, side="right") - 1, 0, nodes - 2)
         share = (v - self.nodes[cell]) / (self.nodes[cell + 1] - self.nodes[cell])

@@ -9,11 +9,11 @@ from __future__ import annotations
 from typing import NamedTuple
 
 BOTTOM, TOP, FIRST_STATE = -3, -2, -1
-"""Positions in x of the output at w = 0, of that at w = 1 (both in output spans), and of w at the first sample."""
+"""Positions in x of the output at w = 0, of the output at w = 1 (in output spans), and of w at the first sample."""
 
 
 class Unknowns(NamedTuple):
-    """Slices of x for a number of `sets` and `gaps`. Fixed centres have 0 gaps."""
+    """The slices of x that belong to `sets` fuzzy sets and `gaps` gaps between centres. Fixed centres have 0 gaps."""
 
     sets: int
     gaps: int

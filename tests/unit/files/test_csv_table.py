@@ -62,7 +62,7 @@ def test_line_with_a_missing_cell_is_an_error(tmp_path):
     with pytest.raises(DataError) as caught:
         table(tmp_path, "time_s,temperature_c\n0,1\n1\n")
     assert caught.value.where == f"{tmp_path / 'data.csv'}, line 3"
-    assert (caught.value.value, caught.value.limit) == (1, 2)
+    assert (caught.value.value, caught.value.limit) == ("line: 1, header: 2", None)
 
 
 def test_missing_binary_and_unwritable_files_are_errors(tmp_path):

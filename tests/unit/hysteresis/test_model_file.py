@@ -50,7 +50,7 @@ def test_failed_write_keeps_the_old_file(model, path):
         ({"scale": "wide"}, "scale", "'wide'"),
         ({"scale": 0}, "scale", 0.0),
         ({"scale": 10**400}, "scale", ...),
-        ({"input_range": [1, 2, 3]}, "input_range", 3),
+        ({"input_range": [1, 2, 3]}, "input_range", "3 numbers"),
         ({"input_range": [5, -5]}, "input_range", (5.0, -5.0)),
     ],
 )
