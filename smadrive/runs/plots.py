@@ -36,7 +36,7 @@ STYLE: Any = {
 }
 
 POINTS = 3000
-"""Largest number of points of a line, roughly. A page has fewer pixels."""
+"""Largest number of points of a line. A longer line is thinned out to it: the width of a page has fewer pixels."""
 
 
 def panels(heights: Sequence[float], width: float = 9.0) -> tuple[Figure, list[Axes]]:
@@ -51,7 +51,10 @@ def panels(heights: Sequence[float], width: float = 9.0) -> tuple[Figure, list[A
 
 
 def line(ax: Axes, time_s: Array, values: Array, **look: Any) -> None:
-    """Draw a line over time. A long line is reduced to the extremes of short intervals, so that every spike stays."""
+    """Draw a line over time, unless no value is finite.
+
+    A line of more than `POINTS` values is reduced to the extremes of short intervals, so that every spike stays.
+    """
     if not np.isfinite(values).any():
         return
     shown = _extremes(values)
@@ -72,7 +75,7 @@ def legend(ax: Axes) -> None:
 
 
 def _extremes(values: Array) -> NDArray[np.intp]:
-    """Return the indices of the least and the greatest value of each of `POINTS`/2 intervals, in order."""
+    """Return all indices of at most `POINTS` values, else those of the extremes of `POINTS`/2 intervals, in order."""
     if values.size <= POINTS:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, POINTS // 2 + 1).astype(np.intp)

@@ -4,8 +4,8 @@ One line in your conftest.py makes them available:
 
     pytest_plugins = ["smadrive.testing.plugin"]
 
-`sma_rig` is a connected `Rig`; `sma_faults` has a method for every fault of its simulated devices. A marker selects
-the rig, the simulated wire and the seed of a test; each part may be left out:
+`sma_rig` is a connected `Rig`; `sma_faults` has a method for every fault of the devices that simulate this rig. A
+marker selects the rig, the simulated wire and the seed of the sensors' noise; each part may be left out:
 
     @pytest.mark.sma(rig="my-rig.toml", sim="flexinol-lt-0.15mm", seed=7)
 """
@@ -83,7 +83,8 @@ def sma_rig(request: pytest.FixtureRequest, sma_faults: SimulatedFaults) -> Iter
 def _marker_parts(request: pytest.FixtureRequest) -> dict[str, Any]:
     """Return the parts of the marker `sma`.
 
-    ConfigError for an unknown part: after a spelling mistake, the default must not be used silently.
+    ConfigError for a part without a name, and for an unknown part: after a spelling mistake, the default must not be
+    used silently.
     """
     marker: pytest.Mark | None = request.node.get_closest_marker("sma")
     if marker is None:
