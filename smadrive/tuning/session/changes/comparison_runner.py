@@ -23,7 +23,10 @@ class ComparisonRunner:
         self._next: Built | None = None
 
     def start(self, live: SwappableController) -> None:
-        """Begin at the end of the running cycle. ConfigError when a slot is empty, or both hold the same tuning."""
+        """Begin the comparison at the end of the running cycle.
+
+        ConfigError when a slot is empty, when both slots hold the same tuning, or when too many jobs wait.
+        """
         self._comparison.start()
         self._cycle, self._next = live.reference.cycle(live.reference_s), None
         try:
@@ -38,7 +41,7 @@ class ComparisonRunner:
         self._comparison.sample(error_mm, hot_mm - cold_mm)
 
     def update(self, live: SwappableController) -> None:
-        """At the end of a cycle, score the cycle, and let the other slot drive if its controller is ready."""
+        """At the end of a cycle, score it. The other slot drives next, or the same one if no controller is ready."""
         if not self._comparison.is_on:
             return
         cycle = live.reference.cycle(live.reference_s)
