@@ -69,9 +69,10 @@ def main(
 
 @dataclass(frozen=True)
 class _Identified:
-    """The result of the command: the fit of the model, caveats, and the axis labels of its plot.
+    """The result of the command.
 
-    `thermal` is the fit of the heat balance. It is None for a CSV. `caveats` are reasons to distrust the fits.
+    `fit` is the fit of the model, `thermal` that of the heat balance (None for a CSV). `caveats` are reasons to
+    distrust the fits. `axes` labels input and output in the plot of the model.
     """
 
     fit: AnyFit
@@ -156,7 +157,7 @@ def _yes(holds: bool) -> str:
 
 
 def _heat_rows(thermal: ThermalFit) -> list[tuple[str, str, str]]:
-    """Return a row for each parameter of the heat balance, with half the width of its 95 % interval."""
+    """Return a row for each parameter of the heat balance: name, value, and half the width of its 95 % interval."""
     balance, within = thermal.balance, {name: f"±{100 * value:.1f} %" for name, value in thermal.within.items()}
     return [
         ("heat capacity", f"{1e3 * balance.heat_capacity_j_per_k:.2f} mJ/K", within["heat_capacity_j_per_k"]),

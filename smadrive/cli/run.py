@@ -89,7 +89,7 @@ def main(
 
 
 def _simulated(rig: Rig, given: Reference, wire: WireModel) -> tuple[Reference, Feasibility]:
-    """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated."""
+    """Return `given` with an approach from the present displacement, and the simulated run. Nothing is heated."""
     measured = rig.measure()
     check_thermocouple(measured)
     start_mm = start_displacement_mm(wire.model, measured)
@@ -109,9 +109,9 @@ def _track(
     *,
     quiet: bool,
 ) -> LoopMetrics:
-    """Track `nearest`, the reference nearest to `given` that the wire can follow; show the run unless `quiet`.
+    """Track `nearest`, the reference nearest to `given` that the wire can follow. Return the metrics of the loop.
 
-    TripError after a trip.
+    The run is shown unless `quiet`. TripError after a trip.
     """
     experiment = nearest, wire.model, wire.balance, HysteresisInverse(wire.model)
     with (
@@ -134,14 +134,14 @@ def _print_metrics(log: Log, loop: LoopMetrics | None, output: Output, *, trippe
 
 
 def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
-    """Return the measured displacement. Without a sensor, return that of the model for a wire that was cold before."""
+    """Return the measured displacement in mm, or without a sensor that of `model` for a wire that was cold before."""
     if isfinite(measured.displacement_mm):
         return measured.displacement_mm
     return model.initial_state(measured.temperature_c).y
 
 
 def read_reference(text: str) -> Reference:
-    """Return the reference in a CSV file, or that of a text such as `sine:low_mm=2,high_mm=9,period_s=56`."""
+    """Return the reference that `text` gives: a CSV file, or a form such as `sine:low_mm=2,high_mm=9,period_s=56`."""
     path = Path(text)
     if TABLE.has_ending(path) or path.is_file():
         table = read_table(path)
@@ -150,7 +150,7 @@ def read_reference(text: str) -> Reference:
 
 
 def table_row(name: str, metrics: TrackingMetrics) -> tuple[str, ...]:
-    """Return a row of the table of metrics. `HEADER` names its columns."""
+    """Return the row of a run in the table of metrics. `HEADER` names the columns."""
     return (
         name,
         _percent(metrics.rms_percent),
@@ -165,13 +165,14 @@ def _percent(value: float) -> str:
 
 
 def model_file(config: RigConfig, option: Path | None) -> Path:
-    """Return the model file that the option names, or that the rig file names. ConfigError without either name."""
+    """Return the model file that `option` names, or else the one of the rig file. ConfigError if both are missing."""
     if option is not None:
         return option
     if config.model is None:
         raise ConfigError(
             "the rig file names no model",
             where=f"rig '{config.name}'",
-            cure="excite and identify its wire, then pass --model or set model in the rig file",
+            cure="make one with `smadrive excite` and `smadrive identify`, then give --model FILE, or write "
+            'model = "FILE" into the rig file',
         )
     return Path(config.model)

@@ -75,7 +75,7 @@ def legend(ax: Axes) -> None:
 
 
 def _extremes(values: Array) -> NDArray[np.intp]:
-    """Return all indices of at most `POINTS` values, else those of the extremes of `POINTS`/2 intervals, in order."""
+    """Return the indices of the extremes of `POINTS`/2 intervals, in order. For at most `POINTS` values, return all."""
     if values.size <= POINTS:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, POINTS // 2 + 1).astype(np.intp)

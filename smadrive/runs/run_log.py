@@ -61,7 +61,7 @@ class TickRecorder(Recorder):
 
 
 def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:
-    """Create the log of an identification experiment. `notes` are further metadata, for example a seed."""
+    """Create the log of an identification experiment, and return its recorder. `notes` are further metadata."""
     metadata = {"kind": "excitation", "excitation": json.dumps(asdict(excitation))}
     return _open(path, rig, {**metadata, **notes}, excitation.duration_s)
 
@@ -75,7 +75,7 @@ def record_tracking(
     inverse: DisplacementInverse,
     **notes: str,
 ) -> TickRecorder:
-    """Create the log of a tracking run. `notes` are further metadata, for example a seed."""
+    """Create the log of a tracking run, and return its recorder. `notes` are further metadata, for example a seed."""
     metadata = {
         "kind": "tracking",
         "reference": reference_text(reference),

@@ -22,7 +22,7 @@ COMPLETE = 0.98
 
 
 def excitation_record(log: Log) -> ExcitationRecord:
-    """Return the columns from which a wire is identified. DataError when one is missing, or has a value not finite."""
+    """Return the columns from which a wire is identified. DataError when a value is missing or not finite."""
     names = [field.name for field in fields(ExcitationRecord)]
     return ExcitationRecord(*(log.column(name) for name in names))
 

@@ -66,7 +66,7 @@ def tracking_metrics(log: Log, loop: LoopMetrics) -> TrackingMetrics:
 def tripped_loop_metrics(log: Log) -> LoopMetrics:
     """Return the loop metrics of a run that ended with a trip, computed from its log.
 
-    A log has a row for each tick with a measurement only, so lost exchanges and skipped deadlines are not counted.
+    A log has rows only for ticks with a measurement, so lost exchanges and skipped deadlines are not counted.
     """
     return LoopMetrics(log.column("time_s").size, _missed_deadlines(log), trips=1)
 
@@ -74,8 +74,8 @@ def tripped_loop_metrics(log: Log) -> LoopMetrics:
 def tracking_caveats(log: Log) -> tuple[str, ...]:
     """Return reasons to distrust the metrics of a tracking run. DataError when the log is of another kind of run.
 
-    The first are those known before the run, for example that the reference was smoothed. The last are about missing
-    samples of the displacement.
+    The first are those known before the run, for example that the reference was smoothed. The last are about scored
+    samples that are missing.
     """
     from_before = log.parsed("caveats", _texts) if "caveats" in log.metadata else ()
     return (*from_before, *_sample_caveats(log))

@@ -38,7 +38,7 @@ class Tuning:
     """A model and the settings of the feedback.
 
     `model` is `unmoved` with its branches moved to `shape`. `change` is the name of the change that made this tuning.
-    `caveats` are reasons to distrust the model. They stay when a change moves branches or edits rules.
+    `caveats` are reasons to distrust the model. They stay until another model is fitted or loaded.
     """
 
     model: Model

@@ -36,7 +36,7 @@ DIFFERENT = "the content does not agree with its checksum"
 class Content(NamedTuple):
     """The content of a log file. The columns have their present names, even if the log has an older layout.
 
-    `end_time` is empty if the writer was killed, or still writes. `version` is the smadrive that wrote the log.
+    `end_time` is empty if the writer was killed, or still writes. `version` is that of smadrive.
     """
 
     columns: Columns
@@ -78,7 +78,7 @@ def read_content(file: h5py.File, size: int) -> Content:
 
 
 def _has_checksums(file: h5py.File, entry: h5py.Group) -> bool:
-    """Return True if the log has checksums, False if it never had any. DamageError when they were removed."""
+    """Return True if the log has checksums, False if it never had any. DamageError when they are lost."""
     if "checksums" in entry:
         return True
     if "checksums" in file.attrs or set(entry) != UNCHECKED:
@@ -102,7 +102,7 @@ def _checked(entry: h5py.Group, layout: int) -> Content:
 
 
 def _unchecked(entry: h5py.Group) -> Content:
-    """Return the content of a log without checksums: the rows that have a time, which was the last value written."""
+    """Return the content of a log without checksums: the rows with a time, which was written as the last value."""
     metadata = {name: _unchecked_text(dataset) for name, dataset in entry["about"].items()}
     columns, events = _columns(entry), _raw_events(entry)
     columns = _first_rows(columns, int(np.count_nonzero(np.isfinite(columns["time_s"]))))
@@ -148,7 +148,7 @@ def _verified_rows(columns: Columns, sums: Sums) -> Columns:
 
 
 def _verified_events(events: _RawEvents, sums: Sums) -> Events:
-    """Return the events that have a checksum. DamageError when a checksum differs, or when such an event is missing."""
+    """Return the events that have a checksum. DamageError when a checksum differs, or an event is missing."""
     count = _written(sums, "events")
     if min(events.times_s.size, events.messages.size) < count:
         raise DamageError(f"the log has checksums of {count} events, but fewer events")

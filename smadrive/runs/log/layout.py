@@ -94,7 +94,7 @@ def _create_checksums(sums: h5py.Group, metadata: int, room: int) -> None:
 def _reserve(
     group: h5py.Group, name: str, dtype: np.dtype[Any], rows: int, chunk_rows: int, fill: float | None
 ) -> h5py.Dataset:
-    """Return a new dataset of `rows` values, with the value `fill`, whose chunks all exist in the file."""
+    """Return a new dataset of `rows` values, filled with `fill`. All its chunks exist in the file from the start."""
     creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     creation.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     return group.create_dataset(

@@ -45,8 +45,8 @@ class Log:
     """The content of a log file.
 
     `columns` are arrays of the same length by their names. `metadata` are texts by their names, for example rig, wire,
-    reference and versions. `end_time` is empty if the writer was killed, or still writes. `version` is the smadrive
-    that wrote the log. `has_checksums` is True if checksums have verified the content.
+    reference and versions. `end_time` is empty if the writer was killed, or still writes. `version` is the version
+    of smadrive that wrote the log. `has_checksums` is True if checksums have verified the content.
     """
 
     path: Path

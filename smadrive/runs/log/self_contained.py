@@ -21,7 +21,7 @@ MOST_OBJECTS = 10_000
 def check_self_contained(file: h5py.File, size: int) -> None:
     """Raise ForeignContentError when the file, of `size` bytes, refers to content outside of itself.
 
-    The same error for a filter, for too many levels or links, and for a dataset that claims more than `size` bytes.
+    A filter, too many levels or links, or a dataset of more than `size` bytes raise the same error.
     """
     places = [(name, MOST_DEPTH, file, name) for name in file if not _is_alias(file, name)]
     count = 0

@@ -6,9 +6,9 @@ creates the whole file before the run, fills all columns with NaN, and closes th
 before anything is heated. Then each row is written to the place that HDF5 has assigned to the row.
 
 So during the run, the file is a complete HDF5 file that any reader opens; rows that are not written yet read NaN. HDF5
-opens the file again only when it is full, to add room for `GROWTH_ROWS` rows or `EVENT_ROWS` events, and at the end, to
-cut the columns to the rows that were written. Only in these moments can a kill leave an unreadable file. The log of a
-killed writer keeps rows of NaN at its end.
+opens the file again when the log is full, to add room for `GROWTH_ROWS` rows or `EVENT_ROWS` events, and at the end, to
+cut the columns to the rows that were written. A kill in such a moment can leave an unreadable file. After any other
+kill, the log keeps rows of NaN at its end.
 
 layout.py describes the layout. A checksum (checksums.py) is written after its values: a row is complete when its
 checksum is there.
@@ -31,7 +31,7 @@ from smadrive.runs.log.checksums import SUM, VALUE, alphabetical, end_sum, event
 from smadrive.runs.log.layout import CHUNK_ROWS, EVENT_BYTES, EVENT_ROWS, create_log, time_text
 
 GROWTH_ROWS = 8 * CHUNK_ROWS
-"""A full log gets room for this number of rows more: seven minutes at 20 Hz."""
+"""A full log gets room for this number of further rows, which last seven minutes at 20 Hz."""
 
 STRUCTURE_BYTES = 1 << 18
 """Upper bound of the bytes that HDF5 needs besides the rows and texts."""

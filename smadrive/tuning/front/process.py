@@ -60,11 +60,11 @@ LIMITS = {
 }
 
 STALLED_S = 5.0
-"""A page process without a heartbeat for this time counts as dead. To build a page, it stops for a second."""
+"""A page process without a heartbeat for this time counts as dead. Building a page delays the heartbeat by a second."""
 
 REPORT_MS = 100
 FAREWELL_S = 0.5
-"""After this time the process ends, even if the last state has not been sent to all pages."""
+"""The front process waits at most this time until the last state has been sent to the pages."""
 
 
 class OffHandler(GatedHandler):
@@ -83,7 +83,7 @@ class OffHandler(GatedHandler):
 class States:
     """Reports the state to all pages, each of which has a websocket for this purpose.
 
-    The state is the id of the page process that answers, or None, and how the run has ended, or None.
+    The state is the id of the page process (None if none answers), and how the run has ended (None while it runs).
     """
 
     def __init__(self, channel: PageEnd) -> None:

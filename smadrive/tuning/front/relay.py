@@ -43,7 +43,7 @@ BUSY = (
 
 
 class Places:
-    """Counts actions that run at the same time. The caller begins none while `limit` of them run (`are_taken`)."""
+    """Counts actions that run at the same time, at most `limit`. The caller checks `are_taken` before each action."""
 
     def __init__(self, limit: int) -> None:
         self.limit = limit

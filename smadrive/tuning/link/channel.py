@@ -12,8 +12,8 @@ No process waits for another one.
                                 only watch)
     page → front     heartbeat  the id of the page process, and the time at which it last read the channel
     front → control  heartbeat  a counter that increases while the front process answers
-    both ways        messages   JSON datagrams on a socket pair: each arrives whole or not at all, and a full queue
-                                accepts none
+    both ways        messages   JSON datagrams on a socket pair: each arrives whole or not at all; for a full queue
+                                `send` returns False
 
 The memory has no name: the processes inherit its file descriptor, so nothing is left behind when a process is killed.
 A reader compares the number of a row, or the version of the status, before and after the copy, and drops a copy whose
@@ -96,7 +96,7 @@ class Channel:
 
 
 class ControlEnd(Channel):
-    """The control process's side of the channel, a context manager. It never waits, and a broken page cannot break it.
+    """The control process's side of the channel, a context manager. It never waits; no page makes it fail.
 
     `offs` is the OFF count at the last call of `off_requested`, `published` the latest status.
     """

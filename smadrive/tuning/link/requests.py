@@ -33,7 +33,7 @@ class DrivingRequest(PageRequest):
 
 
 class Off(PageRequest):
-    """Switch the heater off. The button OFF uses the counter in the channel instead, because it needs no queue."""
+    """Switch the heater off. The button OFF uses the OFF count of the channel instead, which needs no queue."""
 
     act: Literal["off"]
 

@@ -95,7 +95,7 @@ class SupervisedProcess:
                 raise ConfigError(
                     "the process did not start; its own message, if any, is printed above",
                     where=self._module,
-                    cure="correct the cause; a missing package comes with pip install 'smadrive[tune]'",
+                    cure="correct its cause; install a missing package with pip install 'smadrive[tune]'",
                 ) from None
             raise
 
@@ -136,7 +136,7 @@ class SupervisedProcess:
         return False
 
     def _restart(self) -> None:
-        """Try to start the child until it runs or the session ends: a lack of memory or descriptors may pass."""
+        """Start the child until it runs or the session ends: a lack of memory or of descriptors may be temporary."""
         while not self._is_ending.wait(RESTART_S):
             try:
                 self._start()

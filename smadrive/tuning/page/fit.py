@@ -26,7 +26,7 @@ from smadrive.wire.wire_model import travel_mm
 
 NICENESS = 10
 MAX_SAMPLES = 12000
-"""A record of at least twice (three times, ...) this number of samples is thinned out to every second (third, ...)."""
+"""A fit uses every n-th sample of a record: n is the number of samples divided by this, rounded down, at least 1."""
 
 COMPLETING_SAMPLES = 100
 """Number of added samples for each way: to either end of the travel, and back."""
@@ -38,7 +38,7 @@ Over this distance, an inner branch comes near the outer branch.
 """
 
 AT_END = 1e-9
-"""A model with less travel left than this, relative to the measured displacement from the end, is at that end."""
+"""The way of the model to an end of the travel is not scaled if it is shorter than this share of the measured way."""
 
 MIN_MOVED = 0.1
 """Least movement of the wire, as a share of the travel of the model. A smaller movement counts as noise."""

@@ -1,11 +1,9 @@
 """The online adaptation of a session. While the heater is on, the adaptation learns at every tick.
 
-Every `PUBLISH_S` its rules are put in force.
-
-The adaptation needs the wire temperature. This temperature is estimated without the displacement: an observer that also
-used the displacement would explain a wrong model by a wrong temperature. The estimate begins at the first tick of the
-session. An estimate that began while the wire heats up would start from a thermocouple that lags 15 K behind, and would
-falsify the rules until the estimate had converged.
+Every `PUBLISH_S` its rules are put in force. The adaptation needs the wire temperature. This temperature is estimated
+without the displacement: an observer that also used the displacement would explain a wrong model by a wrong
+temperature. The estimate begins at the first tick of the session. An estimate that began while the wire heats up would
+start from a thermocouple that lags 15 K behind, and would falsify the rules until the estimate had converged.
 
 After another change, the adaptation restarts from the model in force. Undo takes back the whole adaptation. Undo and
 redo end the adaptation. When the displacement sensor turns out to be faulty, rules that were learnt from the fault are

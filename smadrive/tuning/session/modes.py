@@ -61,7 +61,7 @@ CHANGES = (SetShape, SetFeedback, SetRule, SetModel, Step, Keep, Recall, Adapt)
 
 
 class ModeRule(NamedTuple):
-    """Requests of these types are refused in these modes, with the error `what` and its `cure`."""
+    """Requests of the types `requests` are refused in `modes`; `what` and `cure` are the texts of the error."""
 
     requests: tuple[type[PageRequest], ...]
     modes: frozenset[Mode]

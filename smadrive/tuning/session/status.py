@@ -69,7 +69,7 @@ class Status:
         self.fault = self.fault_type = None
 
     def fail(self, time_s: float, error: BaseException) -> None:
-        """Store `error` with its notes as the open fault; set `is_safe` to False if the shutdown is not confirmed."""
+        """Store `error` with its notes as the open fault; `is_safe` is then False only after a failed shutdown."""
         outcome = shutdown_of(error)
         self.is_safe = outcome is None or outcome.confirmed
         self.fault = " — ".join([str(error), *getattr(error, "__notes__", ())])

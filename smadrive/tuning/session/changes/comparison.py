@@ -23,7 +23,7 @@ class Score:
 
 
 class Comparison:
-    """The slots with their tunings and scores. `turn` is the slot that drives the wire, None before the first cycle.
+    """The slots with their tunings and scores. `turn` is the slot that drives the present cycle, or None.
 
     The error is setpoint minus measured displacement. Without a sensor, the estimated displacement is used.
     """
