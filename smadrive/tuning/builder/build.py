@@ -83,6 +83,6 @@ def build(request: BuildRequest) -> Built:
 def tuned_controller(
     tuning: Tuning, reference: Reference, config: RigConfig, balance: HeatBalance
 ) -> TrackingController:
-    """Return the controller that tracks `reference` with a tuning. Its other settings are those of the rig file."""
+    """Return the controller that tracks `reference` with a tuning. All other settings come from the rig file."""
     tuned = config.model_copy(update={"feedback": tuning.feedback})
     return tracking_controller(tuned, reference, tuning.model, balance, HysteresisInverse(tuning.model))

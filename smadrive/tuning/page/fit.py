@@ -117,7 +117,7 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
 def _warmed_up(wire_c: Array) -> int:
     """Return the number of samples in the warm-up.
 
-    The warm-up ends at the first sample that is as warm as the wire was after its largest cooling.
+    The warm-up ends at the first sample that is as warm as the wire was at the end of its largest cooling.
     """
     coolest_c = wire_c[np.argmax(np.maximum.accumulate(wire_c) - wire_c)]
     return int(np.argmax(wire_c >= coolest_c))

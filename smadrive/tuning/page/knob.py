@@ -57,7 +57,7 @@ class Knob:
         self._slider.update(start=low, end=high)
 
     def show(self, value: float, *, now: bool = False) -> None:
-        """Show the value in force, unless the user is moving the knob. With `now`, show it in any case."""
+        """Show the value in force, unless the user has just moved the knob. With `now`, show it in any case."""
         if not now and time.monotonic() - self._moved_s < HANDS_OFF_S:
             return
         if value != self._field.value:

@@ -112,7 +112,7 @@ class Page:
         self._shown = tuning
 
     def _show_knobs(self, tuning: dict[str, Any], *, now: bool = False) -> None:
-        """Show the values in force, except on a knob that the user is moving. With `now`, show them on all knobs."""
+        """Show the values in force, except on a knob that the user has just moved. With `now`, show all."""
         for name, value in {**tuning["shape"], **tuning["feedback"]}.items():
             if name in self._controls.knobs:
                 self._controls.knobs[name].show(value, now=now)

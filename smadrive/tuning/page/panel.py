@@ -88,7 +88,7 @@ def events_html(events: list[tuple[float, str]]) -> str:
 
 
 def scores_html(comparison: dict[str, Any]) -> str:
-    """Return the tunings A and B with their scores."""
+    """Return the slots A and B, each with its tuning, its score and a mark if it drives."""
     cells = []
     for slot in ("A", "B"):
         mean_percent, cycles = comparison["scores"][slot]

@@ -15,7 +15,7 @@ Normally, a front process that died is restarted within this time; a frozen one 
 
 
 class OffPath:
-    """Watches the heartbeats of the front process. Before the first heartbeat, the process counts as silent."""
+    """Watches the heartbeats of the front process, which counts as silent before its first heartbeat."""
 
     def __init__(self, channel: ControlEnd) -> None:
         self._channel = channel

@@ -169,7 +169,7 @@ class TuningSession:
             self._adaptation.taken()
 
     def _serve(self) -> None:
-        """Handle OFF, the requests of the page and the results of the builder, and publish the status. Once a tick."""
+        """Handle OFF, the requests of the page and the results of the builder, and publish the status, once a tick."""
         self._is_served = True
         if self._state.live is not None and self._arming.is_waiting:
             self._state.report("armed, holding")

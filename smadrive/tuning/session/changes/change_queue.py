@@ -46,7 +46,7 @@ class ChangeQueue:
 
     @property
     def is_busy(self) -> bool:
-        """True if a job waits or is being built."""
+        """True if a job waits or is being built. A dropped job does not count, even while the builder works on it."""
         return self._job is not None or bool(self._waiting)
 
     def add(self, request: AnyRequest, live: SwappableController | None) -> None:

@@ -13,7 +13,7 @@ from smadrive.wire.wire_model import travel_mm
 
 
 class ComparisonRunner:
-    """Alternates the slots A and B of `tunings`. `queue` accepts the jobs that build the controllers."""
+    """Lets the slots A and B of `tunings` drive in turn. `queue` accepts the jobs that build the controllers."""
 
     def __init__(self, tunings: Tunings, queue: Callable[[Job], None]) -> None:
         self._tunings = tunings
@@ -36,7 +36,7 @@ class ComparisonRunner:
             raise
 
     def score(self, error_mm: float) -> None:
-        """Add the tracking error of one tick."""
+        """Add the tracking error of one tick, in mm."""
         cold_mm, hot_mm = travel_mm(self._tunings.in_force.model)
         self._comparison.sample(error_mm, hot_mm - cold_mm)
 
