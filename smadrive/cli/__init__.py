@@ -2,10 +2,10 @@
 
 It may import everything below it. Logic that scripts also need belongs to rig, runs or tuning, not here.
 
-Every error of smadrive becomes one line on stderr and an exit code: 2 usage or config, 3 communication or device,
-4 safety trip, 5 identification. Ctrl-C, SIGTERM and a closed terminal unwind the program, so the heater is off before
-the program ends. A signal does not interrupt the switching off (see interrupts.py). The last lines say whether a run
-tripped and whether the heater is confirmed off.
+Every error of smadrive becomes a message on stderr and an exit code: 2 usage or config, 3 communication or device,
+4 safety trip, 5 identification. The exit code of an interruption is 130. Ctrl-C, SIGTERM and a closed terminal unwind
+the program, so the heater is off before the program ends. A signal does not interrupt the switching off (see
+interrupts.py). The last lines say whether a run tripped and whether the heater is confirmed off.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ def _endings(interruption: BaseException, ending: str) -> tuple[str, ...]:
 
 
 def _trip_before(interruption: BaseException) -> TripError | None:
-    """Return the trip that was already ending the run when the signal came. The signal must not hide the trip."""
+    """Return the trip that was already ending the run when the interruption came, or None."""
     error: BaseException | None = interruption
     while error is not None and not isinstance(error, TripError):
         error = error.__context__
@@ -68,7 +68,7 @@ def _trip_before(interruption: BaseException) -> TripError | None:
 
 
 def _is_printed(outcome: ShutdownOutcome, error: BaseException) -> bool:
-    """Return True if a confirmed shutdown is printed, which is so after a run and after an interruption."""
+    """Return True if a confirmed shutdown must be printed: after a run, an interruption or `smadrive off`."""
     return outcome.ended_run or isinstance(error, SystemExit | StoppedError)
 
 

@@ -54,8 +54,8 @@ def _options(
         bool, typer.Option("--version", is_eager=True, callback=_print_version, help="Print the version.")
     ] = False,
 ) -> None:
-    """The options before a command."""
+    """Declare the options that stand before a command."""
 
 
 def _not_imported() -> None:
-    """Placeholder for a command that this process does not run."""
+    """Stand for a command that this process does not run, so that the help lists it."""

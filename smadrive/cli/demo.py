@@ -35,9 +35,9 @@ FOLDER = "smadrive-demo"
 SIM = "flexinol-lt-0.15mm"
 RIG = "simulated"
 PERIOD_S = 56.0
-"""Period of the reference: 0.0178 Hz, as in the published tracking records."""
+"""Period of the reference. Its frequency, 0.0178 Hz, is that of the published tracking records."""
 LOW, HIGH = 0.2, 0.8
-"""The ends of the reference, as fractions of the identified stroke."""
+"""The ends of the reference, as shares of the identified stroke from its cold end."""
 REST_S = 20.0
 """Time between two experiments, in which the wire cools to ambient temperature."""
 

@@ -42,7 +42,10 @@ def main(
 
 
 def _excite(log_file: Path, rig: Rig, *, quiet: bool) -> LoopMetrics:
-    """Excite the wire and record the run in `log_file`; show the run unless `quiet`. TripError after a trip."""
+    """Excite the wire, record the run in `log_file`, and show it unless `quiet`. Return the metrics of the loop.
+
+    TripError after a trip.
+    """
     return excite(log_file, rig, shown("exciting", rig.config.limits.current_max_a, quiet=quiet))
 
 

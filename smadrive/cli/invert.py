@@ -26,7 +26,7 @@ def main(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Find the input with which MODEL follows the output in CSV. The column `reachable` is 0 where MODEL cannot."""
+    """Find the input with which MODEL follows the output in CSV. Where MODEL cannot follow, `reachable` is 0."""
     output = Output(as_json)
     check_output(output_file, TABLE, model, csv)
     table = read_table(csv)

@@ -47,16 +47,16 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
         raise SafetyError(
             "another device was at the port before and may still heat",
             where=off.rig,
-            cure="connect it again, or cut its supply; its guardian is named above",
+            cure="connect that device again, or cut its supply; a line above names its guardian",
         )
     if off.failure is not None:
         raise off.failure
 
 
 def _waiting_guardians(warnings: tuple[str, ...]) -> tuple[list[str], list[str]]:
-    """Return the waiting guardians and the warnings.
+    """Return a sentence for each guardian that still waits for its device, and `warnings` as a list.
 
-    An unreadable state folder is only a warning, because the heater is already off.
+    If the state folder is unreadable, the guardians are unknown. That is one more warning, because the heater is off.
     """
     try:
         return waiting_guardians(), [*warnings]

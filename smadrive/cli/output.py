@@ -63,7 +63,7 @@ class Output:
             print()
 
     def progress(self, title: str) -> Progress:
-        """Return a progress display with one task of unknown length. The display is a context manager."""
+        """Return a progress display, a context manager, with one task of unknown length."""
         from rich.console import Console  # noqa: PLC0415
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn  # noqa: PLC0415
 
@@ -86,7 +86,7 @@ def _without_nan(value: Any) -> Any:
 
 
 def make_empty_folder(folder: Path) -> Path:
-    """Make the folder and return it. DataError when it cannot be made, or contains files, which could be records."""
+    """Make the folder, if it is missing, and return it. DataError when it cannot be made, or is not empty."""
     make_folder(folder)
     if any(folder.iterdir()):
         raise DataError("the folder is not empty", where=folder, cure="choose another --output-dir")

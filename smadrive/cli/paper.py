@@ -36,8 +36,8 @@ class Errors:
     """The errors of a rebuilt model: its output minus that of the Duhem model.
 
     `major` and `mixed` hold the least and the greatest error on the two loops of the paper, in the unit of k = 40.
-    `unseen_percent` belongs to random loops that no fit used: it holds the median and the maximum of the largest errors
-    on each of these loops, in % of k.
+    `unseen_percent` is about `RANDOM_LOOPS` random loops that no fit used: the median and the maximum of their largest
+    errors, in % of k.
     """
 
     name: str
@@ -95,7 +95,7 @@ def rebuild(duhem: DuhemModel) -> dict[str, TSFuzzyDuhem]:
 
 
 def judge(name: str, model: TSFuzzyDuhem, duhem: DuhemModel) -> Errors:
-    """Return the errors of one rebuilt model."""
+    """Return the errors of the rebuilt `model` on all loops."""
 
     def error(path: Array) -> Array:
         return model.simulate(path) - duhem.simulate(path)
@@ -113,7 +113,7 @@ def judge(name: str, model: TSFuzzyDuhem, duhem: DuhemModel) -> Errors:
 
 
 def reading() -> list[str]:
-    """Return two sentences: why Table 1 is not usable as printed, and which values are used instead."""
+    """Return two notes: why Table 1 is not usable as printed, and which values are used instead."""
     try:
         DuhemModel.gaussian(mu_heating=75, mu_cooling=70, sigma_heating=35, sigma_cooling=-45, input_range=(-300, 300))
     except ModelError as error:
@@ -127,20 +127,20 @@ def reading() -> list[str]:
 
 
 def major_loop() -> Array:
-    """Return one sweep of the range and back."""
+    """Return the input of the major loop: from -300 to 300 and back."""
     return stretches([-300.0, 300.0, -300.0])
 
 
 def mixed_loop() -> Array:
-    """Return a major loop, followed by shrinking reversals inside it."""
+    """Return the input of the mixed loop: the major loop, followed by shrinking reversals inside it."""
     return stretches([-300.0, 300.0, -300.0, 200.0, -150.0, 120.0, -90.0, 60.0, -300.0])
 
 
 def random_loop(random: np.random.Generator, turns: int) -> Array:
-    """Return a path from the low end of the paper's range through `turns` random turning points within the range."""
+    """Return an input that goes from -300 through `turns` random turning points between -300 and 300."""
     return stretches([-300.0, *random.uniform(-300.0, 300.0, size=turns).tolist()])
 
 
 def stretches(turns: list[float]) -> Array:
-    """Return the path through the turning points, with `SAMPLES_PER_STRETCH` samples from each to the next."""
+    """Return the input through the turning points `turns`, with `SAMPLES_PER_STRETCH` samples from one to the next."""
     return np.concatenate([np.linspace(a, b, SAMPLES_PER_STRETCH) for a, b in pairwise(turns)])

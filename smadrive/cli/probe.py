@@ -40,7 +40,7 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
 
 
 def _print_latched(output: Output, measurement: Measurement, tripped: str | None, rig: str) -> None:
-    """Print the latched faults of the device and of the trip latch, and how to clear them."""
+    """Print the latched faults of the device and the latched trip (`tripped`), and how to clear them."""
     latched = [*(f"{name} (on the device)" for name in measurement.device_faults), *filter(None, [tripped])]
     for fault in latched:
         output.say(f"latched: {fault}")

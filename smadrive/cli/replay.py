@@ -55,7 +55,7 @@ def _wire(path: Path, log: Log) -> IdentifiedWire:
 
 
 def _predictions(log: Log, again: Replay, wire: IdentifiedWire | None) -> dict[str, float]:
-    """Return the RMS of estimated minus measured displacement, in % of the stroke, for the recorded and replayed run.
+    """Return the RMS of estimated minus measured displacement, in % of the stroke, for the record and the replay.
 
     The result is empty when the run used no model.
     """

@@ -82,7 +82,7 @@ def _print_metrics(log: Log, loop: LoopMetrics | None, output: Output, *, trippe
 
 
 def table_row(name: str, metrics: TrackingMetrics) -> tuple[str, ...]:
-    """Return a row of the table of metrics. `HEADER` names its columns."""
+    """Return the row of a run in the table of metrics. `HEADER` names the columns."""
     return (
         name,
         _percent(metrics.rms_percent),
@@ -97,13 +97,14 @@ def _percent(value: float) -> str:
 
 
 def model_file(config: RigConfig, option: Path | None) -> Path:
-    """Return the model file that the option names, or that the rig file names. ConfigError without either name."""
+    """Return the model file that `option` names, or else the one of the rig file. ConfigError if both are missing."""
     if option is not None:
         return option
     if config.model is None:
         raise ConfigError(
             "the rig file names no model",
             where=f"rig '{config.name}'",
-            cure="excite and identify its wire, then pass --model or set model in the rig file",
+            cure="make one with `smadrive excite` and `smadrive identify`, then give --model FILE, or write "
+            'model = "FILE" into the rig file',
         )
     return Path(config.model)

@@ -20,14 +20,14 @@ HEADER = ("unit id", "line", "profile")
 
 
 def main(port: Port, units: Units = "1-10", as_json: AsJson = False) -> None:
-    """Ask every unit on PORT for its identity, and name the profiles that match. Nothing is written to any device."""
+    """Ask the units on PORT for their identity, and name the profiles that match. Nothing is written to any device."""
     output = Output(as_json)
     devices = _discovered(port, units, output)
     if not devices:
         raise DeviceError(
             f"none of the units {units} answers",
             where=port,
-            cure="check that the devices are powered, wired A to A, and set to Modbus",
+            cure="check that the devices are powered, wired A to A and B to B, and set to Modbus; try other --units",
         )
     output.table(HEADER, [_row(device) for device in devices])
     for device in devices:
@@ -48,7 +48,10 @@ def _discovered(port: str, units: str, output: Output) -> list[DiscoveredDevice]
 
 
 def unit_ids_of(text: str) -> list[int]:
-    """Return the unit ids in a text such as `1-10` or `1,3,7`. ConfigError unless all are numbers of 0 to 255."""
+    """Return the unit ids in a text such as `1-10` or `1,3,7`.
+
+    ConfigError for a text of another form, for a falling range, and for an id above 255.
+    """
     try:
         ranges = [part.partition("-") for part in text.split(",")]
         ends = [(parse_whole(first), parse_whole(last or first)) for first, _, last in ranges]
@@ -56,7 +59,10 @@ def unit_ids_of(text: str) -> list[int]:
         ends = []
     if not ends or not all(0 <= first <= last <= 255 for first, last in ends):
         raise ConfigError(
-            "not a list of unit ids", where="--units", value=text, cure="write numbers of 0 to 255, as in 1-10 or 1,3,7"
+            "not a list of unit ids",
+            where="--units",
+            value=text,
+            cure="write numbers from 0 to 255, as in 1-10 or 1,3,7",
         )
     return [unit_id for first, last in ends for unit_id in range(first, last + 1)]
 

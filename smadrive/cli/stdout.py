@@ -1,7 +1,7 @@
 """Standard output of the commands: a failed write raises one ConfigError, without a traceback or a message at exit.
 
 Each line is written at once. So the command that prints the line gets the error, and can still switch the heater off. A
-pipe that the reader has closed is not an error for the user.
+closed pipe raises BrokenPipeError, which is no error for the user.
 """
 
 from __future__ import annotations

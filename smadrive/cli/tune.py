@@ -31,7 +31,7 @@ from smadrive.wire.identified_wire import load_wire
 from smadrive.wire.wire_model import travel_mm
 
 LOW, HIGH, PERIOD_S = 0.2, 0.8, 56.0
-"""The default reference: a slow sine over the middle of the travel."""
+"""The default reference, a slow sine: its ends as shares of the travel from the cold end, and its period in s."""
 
 
 def main(
@@ -80,12 +80,13 @@ def main(
 
 
 def _check_real_time(rig: Rig) -> None:
-    """Raise ConfigError if the rig runs in virtual time, which is too fast to watch."""
+    """Raise ConfigError if the rig runs in virtual time, which is too fast for a user to watch."""
     if isinstance(rig.clock, VirtualClock):
         raise ConfigError(
             "the page needs real time, but the time of sim:// is virtual",
             where=f"rig '{rig.config.name}'",
-            cure="serve the simulated device with `firmware-sim SIM --pty PATH`, and give serial://PATH as its url",
+            cure="serve the simulated device with `firmware-sim SIM --pty PATH`, and write "
+            'url = "serial://PATH" for this device in the rig file',
         )
 
 

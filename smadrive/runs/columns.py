@@ -1,7 +1,8 @@
-"""The columns of a log: the name of each column, its source in a tick, its unit and its label.
+"""The table of the columns of a log: name of each column, the value of a tick that it holds, its unit and its label.
 
 Recorder, replay, plots, reports and the tuning channel all read this table. To add a column, add a line here and a line
-in docs/records.md. Units are written as in the log file (`degC`).
+in docs/records.md. Its value must be an attribute of `Tick`, of the measurement or of the command. Units are written as
+in the log file (`degC`).
 """
 
 from __future__ import annotations
@@ -18,10 +19,11 @@ _SYMBOLS = {"degC": "°C"}
 
 
 class Column(NamedTuple):
-    """One column of a log: its source in a tick, its unit, its quantity and its role.
+    """One column of a log.
 
-    `source` is the path of an attribute of `Tick`. `role` is for example `measured` or `setpoint`. A column with
-    `is_flag` holds 1 where the source is not empty, and 0 otherwise.
+    `source` is the attribute of `Tick` that the column holds, for example `command.setpoint_mm`. `role` distinguishes
+    columns of the same quantity, for example `measured` and `setpoint`. A column with `is_flag` holds 0 where the
+    source is None or empty, and 1 otherwise.
     """
 
     source: str
@@ -32,7 +34,7 @@ class Column(NamedTuple):
 
     @property
     def label(self) -> str:
-        """Quantity and role, for example `temperature, measured`."""
+        """Quantity and role, for example `temperature, measured`. Without a role, only the quantity."""
         return f"{self.quantity}, {self.role}" if self.role else self.quantity
 
     @property
@@ -42,7 +44,7 @@ class Column(NamedTuple):
 
     @property
     def difference_unit(self) -> str:
-        """Unit of the difference of two values. Differences of temperatures are in kelvins."""
+        """Unit of the difference of two values of the column: K for temperatures, otherwise the unit of the column."""
         return self.unit.replace("degC", "K")
 
 
@@ -68,7 +70,10 @@ COLUMNS = {
 
 
 def row_getter(names: Iterable[str]) -> Callable[[Tick], Row]:
-    """Return a function that makes a row of the named values of a tick. `names` must hold at least two names."""
+    """Return a function that returns the values of the columns `names` for a tick, in this order. Flags are 0 or 1.
+
+    `names` must hold at least two names.
+    """
     columns = [COLUMNS[name] for name in names]
     values = attrgetter(*(column.source for column in columns))
     flags = [column.is_flag for column in columns]
@@ -81,7 +86,7 @@ def row_getter(names: Iterable[str]) -> Callable[[Tick], Row]:
 
 
 def fields_of(part: str) -> dict[str, str]:
-    """Return the names of the columns that come from one part of a tick, each with the name of its attribute.
+    """Return the columns that hold attributes of one part of a tick: name of the column to name of the attribute.
 
     `part` is `command` or `measurement`. Flags are left out.
     """

@@ -38,7 +38,7 @@ STYLE: Any = {
 }
 
 POINTS = 3000
-"""Largest number of points of a line, roughly. A page has fewer pixels."""
+"""Largest number of points of a line. A longer line is thinned out to it: the width of a page has fewer pixels."""
 
 
 NOTEBOOK_STYLE: Any = {**STYLE, "svg.fonttype": "none", "path.simplify_threshold": 1.0}
@@ -73,7 +73,10 @@ def panels(heights: Sequence[float], width: float = 9.0) -> tuple[PlotFigure, li
 
 
 def line(ax: Axes, time_s: Array, values: Array, **look: Any) -> None:
-    """Draw a line over time. A long line is reduced to the extremes of short intervals, so that every spike stays."""
+    """Draw a line over time, unless no value is finite.
+
+    A line of more than `POINTS` values is reduced to the extremes of short intervals, so that every spike stays.
+    """
     if not np.isfinite(values).any():
         return
     shown = _extremes(values)
@@ -94,7 +97,7 @@ def legend(ax: Axes) -> None:
 
 
 def _extremes(values: Array) -> NDArray[np.intp]:
-    """Return the indices of the least and the greatest value of each of `POINTS`/2 intervals, in order."""
+    """Return the indices of the extremes of `POINTS`/2 intervals, in order. For at most `POINTS` values, return all."""
     if values.size <= POINTS:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, POINTS // 2 + 1).astype(np.intp)

@@ -1,8 +1,8 @@
 """Records a run: rows of numbers, which are buffered for at most a second, and events.
 
 A buffered row costs the control loop microseconds. The buffer is written into the file once a second, or earlier when
-it holds `MOST_OPEN_ROWS` rows. So a killed process loses at most the last second. writer.py describes the state of the
-file at every moment.
+it holds `MOST_OPEN_ROWS` rows. So a killed process loses the rows of a second at most. writer.py describes the state of
+the file in the meantime.
 """
 
 from __future__ import annotations
@@ -29,8 +29,8 @@ LATEST_EVENTS = 3
 class Recorder:
     """Writes a log of `columns`, the first of which is `time_s`. `metadata` are texts about the run.
 
-    `rows` is the expected number of rows. `latest` holds the last events. DataError when the file cannot be created, or
-    when the disk is full.
+    `rows` is the expected number of rows. `latest` holds the last `LATEST_EVENTS` events. DataError when the file
+    exists or cannot be created, for example on a full disk.
     """
 
     def __init__(
@@ -48,10 +48,10 @@ class Recorder:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Write the buffer; if an error ended the run, write that error as the last event.
+        """Write the buffer and close the log. If an error ended the run, write the error and its notes as events.
 
-        A run that failed before its first row has commanded nothing and leaves no log. The error that ended the run is
-        raised; a failure to complete the log becomes a note of that error.
+        A run that failed before its first row has commanded no current, and leaves no log. The error that ended the run
+        stays the raised one; a failure to complete the log becomes a note of that error.
         """
         try:
             if error is not None and not self._buffer and not self._file.rows:
@@ -65,7 +65,7 @@ class Recorder:
                 error.add_note(str(lost) if isinstance(lost, DataError) else f"the log is incomplete: {lost!r}")
 
     def row(self, values: tuple[float, ...]) -> None:
-        """Append one row with a value for each column. DataError when the disk is full."""
+        """Append one row with a value for each column. DataError when the log cannot be written."""
         self._buffer.append(values)
         self._now_s = values[0]
         if self._now_s - self._flushed_s >= BUFFER_S or len(self._buffer) >= MOST_OPEN_ROWS:
@@ -94,7 +94,7 @@ class Recorder:
             self.close()
 
     def close(self) -> None:
-        """Flush, cut the log to its rows and close it."""
+        """Write the buffer, cut the log to its rows and close it."""
         try:
             self.flush()
         finally:

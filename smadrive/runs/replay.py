@@ -41,7 +41,8 @@ RECORD = "record the run again"
 class Difference:
     """Difference between a replayed column and the recorded one, in the unit of the column.
 
-    `first_s` is the time of the first sample that differs. It is inf when no sample differs.
+    `max` is the largest magnitude, `rms` the root mean square. Both leave out samples in which only one of the columns
+    is NaN. `first_s` is the time of the first sample that differs. It is inf when no sample differs.
     """
 
     max: float
@@ -51,7 +52,7 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """The replayed columns that a controller computes, and their differences from the recorded columns."""
+    """The replayed columns that a controller computes, and their differences from the recorded ones, by column name."""
 
     time_s: Array
     columns: dict[str, Array]
@@ -64,7 +65,10 @@ class Replay:
 
 
 def replay(log: Log, wire: IdentifiedWire | None = None) -> Replay:
-    """Replay `log` with `wire`, or with the wire of its run. DataError when the log lacks data for a replay."""
+    """Replay the run in `log` with `wire`, or with the wire in the log if `wire` is None.
+
+    DataError when the log lacks data for a replay, or when it holds an excitation, which uses no `wire`.
+    """
     time_s = log.column("time_s")
     if time_s.size == 0:
         raise DataError("no tick was recorded", where=log.path, cure=RECORD)
@@ -89,7 +93,7 @@ def _commands(log: Log, controller: Controller) -> Iterator[Command]:
 def prediction_percent(log: Log, estimated_mm: Array, model: HysteresisModel) -> float:
     """Return the RMS of estimated minus measured displacement, in % of the stroke of `model`.
 
-    The result is NaN when a sample is missing.
+    The result is NaN when the measurement or the estimate of a sample is missing.
     """
     cold_mm, hot_mm = travel_mm(model)
     residual = (estimated_mm - log.column_with_gaps("displacement_mm")) / abs(hot_mm - cold_mm)
@@ -106,15 +110,15 @@ def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
         what = "a controller of the user ran, which a log does not hold"
         raise DataError(what, where=log.path, cure="call its update with the rows of the log, in Python")
     if wire is None and log.metadata.get("inverse") != "hysteresis":
-        what = "the run used a plain map, which a log does not hold"
-        raise DataError(what, where=log.path, cure="give --model to replay it with a model")
+        what = "the run used a plain temperature map instead of a model, and a log does not hold this map"
+        raise DataError(what, where=log.path, cure="replay it with a model: --model FILE")
     stepped = (wire or wire_of(log)).wire_model()
     inverse = HysteresisInverse(stepped.model)
     return tracking_controller(config, reference_of(log), stepped.model, stepped.balance, inverse)
 
 
 def _samples(log: Log) -> Iterator[tuple[float, Measurement, float]]:
-    """Yield the arguments of each update of the controller: time, measurement, time since the update before."""
+    """Yield the arguments of each update of the controller: time, measurement, time since the previous update."""
     last_s = -1.0 / rig_config_of(log).rate_hz
     names = ("time_s", *MEASUREMENT_FIELDS)
     for time_s, *values in zip(*(log.column_with_gaps(name).tolist() for name in names), strict=True):
@@ -124,7 +128,7 @@ def _samples(log: Log) -> Iterator[tuple[float, Measurement, float]]:
 
 
 def _difference(recorded: Array, replayed: Array, time_s: Array) -> Difference:
-    """Compare two columns. NaN counts as equal to NaN: a controller leaves a column that it does not compute at NaN."""
+    """Return the difference of two columns. NaN equals NaN: a column that a controller does not compute is NaN."""
     is_different = ~((recorded == replayed) | (np.isnan(recorded) & np.isnan(replayed)))
     if not is_different.any():
         return Difference(0.0, 0.0, inf)

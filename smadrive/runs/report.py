@@ -54,7 +54,7 @@ class PagePart(Protocol):
 
 @dataclass(frozen=True)
 class Banner:
-    """A coloured line, which says how the run ended or shows a warning."""
+    """A coloured line that says how the run ended, or shows a warning. `level` selects the colour."""
 
     level: Literal["good", "warning", "bad"]
     text: str
@@ -66,7 +66,7 @@ class Banner:
 
 @dataclass(frozen=True)
 class Tiles:
-    """The main metrics in large type. Each metric is a pair of its value and its name."""
+    """The main metrics in large type. Each of `metrics` is a pair: value with its unit, name."""
 
     metrics: Sequence[tuple[str, str]]
 
@@ -79,7 +79,7 @@ class Tiles:
 
 @dataclass(frozen=True)
 class Grid:
-    """A table. The columns after the first hold numbers, or texts if `texts` is True.
+    """A table. Cells after the first column are aligned to the right as numbers, or to the left if `texts` is True.
 
     If `folded` is True, the reader opens the table by a click on its title.
     """
@@ -102,7 +102,7 @@ class Grid:
 
 @dataclass(frozen=True)
 class Plot:
-    """A figure and the sentence below it that explains it."""
+    """A figure with a title above it and an explanation (`caption`) below it."""
 
     title: str
     figure: Figure
@@ -142,7 +142,10 @@ class Notes:
 
 
 def write_report(path: Path, title: str, lead: str, parts: Sequence[PagePart]) -> None:
-    """Write the page to `path`, complete or not at all. DataError when `path` cannot be written."""
+    """Write the page of `parts` to `path`, completely or not at all; `lead` is the line below the title.
+
+    DataError when `path` cannot be written.
+    """
     page = "\n".join(
         [
             "<!doctype html><html lang=en><meta charset=utf-8>",

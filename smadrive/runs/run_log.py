@@ -1,6 +1,6 @@
 """The log of one run of a rig: a row for each tick, events for faults and limits, and the metadata of the run.
 
-The log holds every measurement that the controller received and every command that it returned, so that a replay can
+The log holds all measured values that the controller used and every command that it returned, so that a replay can
 repeat the run.
 """
 
@@ -43,7 +43,7 @@ class TickRecorder(Recorder):
         self._faults: tuple[str, ...] = ()
 
     def tick(self, tick: Tick) -> None:
-        """Record one tick of the loop. DataError when the disk is full."""
+        """Record one tick of the loop. DataError when the log cannot be written."""
         self.row(_row(tick))
         self._report_faults(tick.measurement)
         self._report_limits(tick.measurement)
@@ -64,7 +64,7 @@ class TickRecorder(Recorder):
 
 
 def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:
-    """Open the log of an identification experiment. `notes` are further metadata, for example a seed."""
+    """Create the log of an identification experiment, and return its recorder. `notes` are further metadata."""
     metadata = {"kind": "excitation", "excitation": json.dumps(asdict(excitation))}
     return _open(path, rig, {**metadata, **notes}, excitation.duration_s)
 
@@ -78,7 +78,7 @@ def record_tracking(
     inverse: DisplacementInverse,
     **notes: str,
 ) -> TickRecorder:
-    """Open the log of a tracking run. `notes` are further metadata, for example a seed."""
+    """Create the log of a tracking run, and return its recorder. `notes` are further metadata, for example a seed."""
     metadata = {
         "kind": "tracking",
         "reference": reference_text(reference),

@@ -22,7 +22,7 @@ COMPLETE = 0.98
 
 
 def excitation_record(log: Log) -> ExcitationRecord:
-    """Return the columns of a recorded excitation. DataError when a value is not finite."""
+    """Return the columns from which a wire is identified. DataError when a value is missing or not finite."""
     names = [field.name for field in fields(ExcitationRecord)]
     return ExcitationRecord(*(log.column(name) for name in names))
 
@@ -33,7 +33,7 @@ def rig_config_of(log: Log) -> RigConfig:
 
 
 def nominal_balance(log: Log) -> HeatBalance:
-    """Return the heat balance that the data sheet of the wire gives."""
+    """Return the heat balance that the data sheet of the wire gave at the time of the run."""
     source = {"source": BalanceSource.DATA_SHEET}
     return log.parsed("nominal_balance", lambda parameters: HeatBalance(**(parameters | source)))
 

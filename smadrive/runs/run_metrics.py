@@ -19,7 +19,7 @@ from smadrive.wire.wire_model import travel_mm
 Array = NDArray[np.float64]
 
 FEW_MISSING = 0.03
-"""Largest share of missing samples of a working sensor. A larger share gives a warning about the metrics."""
+"""Largest share of samples that a working sensor misses. A larger share gives a warning about the metrics."""
 
 
 def has_setpoint(log: Log) -> bool:
@@ -46,7 +46,7 @@ def error_percent(log: Log) -> Array:
 
 
 def is_virtual(log: Log) -> bool:
-    """Return True if the run was in virtual time. In real time, every tick begins a little after its deadline."""
+    """Return True if no tick was late: the run was in virtual time. In real time, every tick is a little late."""
     return not log.column("late_s").any()
 
 
@@ -66,7 +66,7 @@ class TrackingMetrics:
 
 
 def tracking_metrics(log: Log, loop: LoopMetrics) -> TrackingMetrics:
-    """Return the metrics of a recorded tracking run. `loop` holds the metrics of its loop.
+    """Return the metrics of a recorded tracking run. `loop` holds the counts of the control loop in this run.
 
     DataError when the log is of another kind of run.
     """
@@ -75,14 +75,18 @@ def tracking_metrics(log: Log, loop: LoopMetrics) -> TrackingMetrics:
 
 
 def tripped_loop_metrics(log: Log) -> LoopMetrics:
-    """Return the loop metrics of a run up to the trip that ended it. A log does not hold the lost exchanges."""
+    """Return the loop metrics of a run that ended with a trip, computed from its log.
+
+    A log has rows only for ticks with a measurement, so lost exchanges and skipped deadlines are not counted.
+    """
     return LoopMetrics(log.column("time_s").size, _missed_deadlines(log), trips=1)
 
 
 def tracking_caveats(log: Log) -> tuple[str, ...]:
     """Return reasons to distrust the metrics of a tracking run. DataError when the log is of another kind of run.
 
-    Caveats from before the run come first, for example that of a smoothed reference. Those of the samples follow.
+    The first are those known before the run, for example that the reference was smoothed. The last are about scored
+    samples that are missing.
     """
     from_before = log.parsed("caveats", _texts) if "caveats" in log.metadata else ()
     return (*from_before, *_sample_caveats(log))
@@ -109,8 +113,8 @@ def _sample_caveats(log: Log) -> tuple[str, ...]:
 class RunMetrics:
     """Metrics of a complete or interrupted run, computed from its log alone. Unknown metrics are NaN.
 
-    `energy_j` is the electrical energy that the wire received. `limited_percent` is the share of ticks in which a limit
-    held the output back.
+    `kind` is `excitation` or `tracking`. `energy_j` is the electrical energy that the wire received. `limited_percent`
+    is the share of ticks in which a limit held the output back.
     """
 
     kind: str
@@ -152,7 +156,7 @@ def _missed_deadlines(log: Log) -> int:
 
 
 def _rms_and_max(values: Array) -> tuple[float, float]:
-    """Return RMS and maximum of the magnitudes of the finite values. Both are NaN when no value is finite."""
+    """Return the RMS and the largest magnitude of the finite values. Both are NaN when no value is finite."""
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if finite.size else nan, _largest(np.abs(finite))
 

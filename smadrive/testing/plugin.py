@@ -1,8 +1,8 @@
 """Fixtures for pytest: a rig on a simulated wire, in virtual time, and the faults of its devices.
 
 pytest finds this plugin by itself where smadrive is installed. `sma_rig` is a connected `Rig`; `sma_faults` has a
-method for every fault of its simulated devices. A marker selects the rig, the simulated wire and the seed of a test;
-each part may be left out:
+method for every fault of the devices that simulate this rig. A marker selects the rig, the simulated wire and the seed
+of the sensors' noise; each part may be left out:
 
     @pytest.mark.sma(rig="my-rig.toml", sim="flexinol-lt-0.15mm", seed=7)
 
@@ -57,7 +57,8 @@ def sma_rig(request: pytest.FixtureRequest, sma_faults: SimulatedFaults) -> Iter
 def _marker_parts(request: pytest.FixtureRequest) -> dict[str, Any]:
     """Return the parts of the marker `sma`.
 
-    ConfigError for an unknown part: after a spelling mistake, the default must not be used silently.
+    ConfigError for a part without a name, and for an unknown part: after a spelling mistake, the default must not be
+    used silently.
     """
     from smadrive.errors import ConfigError  # noqa: PLC0415
     from smadrive.files.spelling import suggestion_or_list  # noqa: PLC0415

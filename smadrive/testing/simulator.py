@@ -19,13 +19,17 @@ ENDS_WITHIN_S = 10.0
 """The simulator is killed if it has not ended after this time."""
 
 LOCKSTEP_LATENCY = "?latency_ms=5000"
-"""In lockstep time nothing else happens while a reply is on its way, so a busy machine changes no result."""
+"""Query of the URL in lockstep time: the driver waits 5 s longer for each reply.
+
+In lockstep time nothing else happens while the driver waits, so a busy machine changes no result.
+"""
 
 
 class ServedSimulator:
-    """The child process `firmware-sim SIM`, as a context manager. It serves at `url` and runs on `clock`.
+    """The child process `firmware-sim SIM`, as a context manager.
 
-    With `tcp`, it serves Modbus TCP instead of a virtual serial port.
+    Inside the context, `url` is the address of the simulated device, and `clock` is the clock for the driver. With
+    `tcp`, the device serves Modbus TCP instead of a virtual serial port. `log` is the file of the device's messages.
     """
 
     def __init__(
@@ -81,7 +85,7 @@ class ServedSimulator:
         try:
             self._process.stdin.write(f"{time_s!r}\n")
         except BrokenPipeError:
-            raise TransportError("the simulated device has ended", cure="see its log") from None
+            raise TransportError("the simulated device has ended", cure="read the reason in its log file") from None
         self._answer()
 
     def _answer(self) -> str:

@@ -1,4 +1,4 @@
-"""The live tuning page: a session in the process of the control loop, and three processes beside it that may die.
+"""The live tuning page: a session in the control process, which runs the loop, and three child processes that may die.
 
 session/ is the session, front/ answers OFF, page/ shows the run and sends requests, builder/ builds models, link/
 connects the processes. This package may import rig and everything below it. Device registers, identification algorithms

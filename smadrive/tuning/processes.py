@@ -1,4 +1,4 @@
-"""Starts and ends the processes beside the loop: front process, page process and model builder."""
+"""Starts and ends the child processes of the control process: front process, page process and model builder."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ FRONT_NICENESS = -10
 """Niceness of the front process: if the system permits, OFF is answered before other work."""
 
 FROZEN_LOOKS = 10
-"""The front process is killed after this number of checks without a heartbeat, which last 1 s.
+"""The front process is killed after this number of checks without a heartbeat. The checks take 1 s.
 
 Checks are counted, not seconds, because the control process itself may be paused.
 """
@@ -71,7 +71,8 @@ class FrontProcess(SupervisedProcess):
 class TuningPage:
     """The tuning page: its port, its front process and its page process. A context manager.
 
-    `url`, the address of the page, is valid inside the context. ConfigError when another program uses the port.
+    `url`, the address of the page, is valid inside the context. ConfigError when the port cannot be opened, for example
+    because another program uses it.
     """
 
     server: PageProcess
@@ -121,7 +122,7 @@ class TuningPage:
 
 
 def _ends(channel: ControlEnd) -> dict[str, int]:
-    """Return the file descriptors of the page's end of the channel."""
+    """Return the file descriptors with which a child opens its `PageEnd` of the channel."""
     return {"memory_fd": channel.memory_fd, "socket_fd": channel.page_socket.fileno()}
 
 
@@ -138,7 +139,7 @@ def _listen(port: int) -> socket.socket:
 
 
 class BuilderProcess(SupervisedProcess):
-    """A ModelBuilder in a process of its own. ZeroMQ carries requests and results, so the loop never waits for them."""
+    """A ModelBuilder in a child process. ZeroMQ carries requests and results, so the loop never waits for the child."""
 
     def __init__(self) -> None:
         super().__init__("smadrive.tuning.builder.process", {}, ())
@@ -170,12 +171,14 @@ class BuilderProcess(SupervisedProcess):
         self._link.send(b"%d" % self._number, pack_request(request))
 
     def result(self) -> BuildResult | None:
-        """See ModelBuilder. If the process has died with the request, the result is a failure."""
+        """See ModelBuilder. If the child died after `begin` and no result has arrived, the result is a failure."""
         if self._request is None:
             return None
         result = self._received(self._request)
         if result is None and self.deaths != self._deaths_before:
-            result = BuildFailure("the model builder process died while it built this; it is restarted: try again")
+            result = BuildFailure(
+                "the model builder process died during this change, and is being restarted: try the change again"
+            )
         if result is not None:
             self._request = None
         return result

@@ -25,7 +25,7 @@ ADAPTED = "adaptation"
 
 @dataclass(frozen=True)
 class Adapted:
-    """The change that the online adaptation makes. Its rules are read when the change is built."""
+    """The change that the online adaptation makes: the rules that it has when the build request is sent."""
 
     adaptation: Adaptation
 
@@ -37,8 +37,8 @@ Change = SetShape | SetFeedback | SetRule | SetModel | Adapted
 class Tuning:
     """A model and the settings of the feedback.
 
-    `model` is the model `unmoved` with its branches moved to `shape`. `change` is the name of the change that made this
-    tuning. `caveats` are reasons to distrust the model, and all models that are made from it by changes.
+    `model` is `unmoved` with its branches moved to `shape`. `change` is the name of the change that made this tuning.
+    `caveats` are reasons to distrust the model. They stay until another model is fitted or loaded.
     """
 
     model: Model
@@ -50,7 +50,7 @@ class Tuning:
 
     @classmethod
     def of(cls, model: Model, feedback: FeedbackConfig, change: str, caveats: tuple[str, ...] = ()) -> Tuning:
-        """Return a tuning of `model` whose branches are not moved."""
+        """Return a tuning of `model`, whose branches have not been moved."""
         return cls(model, model, shape_of(model), feedback, change, caveats)
 
     def drives_as(self, other: Tuning) -> bool:
@@ -75,9 +75,10 @@ class Tuning:
                 return Tuning.of(adaptation.model, self.feedback, ADAPTED, self.caveats)
 
     def check(self, limits: LimitsConfig, reference: Reference | None) -> None:
-        """Check the model against its certificate, and the tuning against the limits of the rig.
+        """Raise an error when a wire must not be driven with this tuning.
 
-        CertificateError when the model has no certificate, ConfigError when the wire would exceed a limit.
+        CertificateError when the certificate of the model does not hold. ConfigError when a centre μ of a branch is not
+        below `temperature_max_c`, or when `reference` leaves the travel of the wire or needs a higher temperature.
         """
         certificate = self.model.certificate()
         if not certificate.holds:
@@ -108,7 +109,7 @@ class Tuning:
                 where="reference",
                 value=f"{hot_mm:.3g} mm",
                 limit=f"{limits.temperature_max_c:g} °C",
-                cure="choose a smaller reference or another value",
+                cure="choose a smaller reference, or another value of the tuning",
             )
 
 
@@ -136,7 +137,7 @@ def _with_rule(model: Model, change: SetRule) -> TSFuzzyDuhem:
 def _check_rule(change: SetRule, branch: str) -> None:
     """Raise ModelError when one rule alone breaks the certificate, so that the error names the wrong number.
 
-    A heating rule needs a < 0 and 0 ≤ b ≤ -a, a cooling rule the same with reversed signs.
+    A heating rule needs a < 0 and 0 ≤ b ≤ -a, a cooling rule a > 0 and -a ≤ b ≤ 0.
     """
     sign = -1.0 if branch == "heating" else 1.0
     if not sign * change.a > 0:

@@ -30,7 +30,7 @@ ARM_COLOURS = (MEASURED, ESTIMATED)
 
 
 def write_demo_report(path: Path, wire: WireFit, excitation: Log, arms: Sequence[ArmView]) -> None:
-    """Write the page. `arms` are (name, log, metrics) of the tracking runs; that with the inverse comes first."""
+    """Write the page. `arms` are (name, log, metrics) of the two tracking runs, the one with the inverse first."""
     rows = [
         (name, f"{f.rms_percent:.2f} %", f"{f.max_percent:.2f} %", str(f.trips), str(f.missed_deadlines))
         for name, _, f in arms
@@ -130,7 +130,7 @@ def _temperature_plot(arms: Sequence[ArmView]) -> Plot:
     line(lower, time_s, 1e3 * log.column_with_gaps("current_a"), color=MEASURED, lw=0.9)
     lower.set(xlabel="time / s", ylabel="heater current / mA")
     return Plot(
-        "What the driver did",
+        "Temperature and current",
         figure,
         "At every turning point the wire must cross the width of the loop before it moves again.",
     )

@@ -24,7 +24,10 @@ TITLES = {
 
 
 def write_log_report(path: Path, log: Log) -> RunMetrics:
-    """Write the page of `log` to `path`. DataError when the log lacks content, or the page cannot be written."""
+    """Write the page of `log` to `path`, and return the metrics of the run.
+
+    DataError when the log lacks content, or when the page cannot be written.
+    """
     config, summary = rig_config_of(log), run_metrics(log)
     devices = ", ".join(f"{name}: {identity}" for name, identity in log.parsed("devices", _items))
     parts: list[PagePart] = [
@@ -110,7 +113,7 @@ def _background(log: Log) -> Iterator[PagePart]:
 
 
 def _flat(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield the values of a tree of JSON objects, each with its path, for example `limits.current_max_a`."""
+    """Yield (path, value) for each value in a tree of JSON objects. A path is for example `limits.current_max_a`."""
     if isinstance(value, dict):
         for name, inner in value.items():
             yield from _flat(inner, f"{key}.{name}" if key else name)

@@ -24,7 +24,10 @@ def write_paper_report(
     rows: Sequence[Sequence[str]],
     reading: Sequence[str],
 ) -> None:
-    """Write the page: the table of errors, the figures 3 to 13, the rules. `loops` are the inputs."""
+    """Write the page: the table of errors, the figures 3 to 13, the rules. `loops` are the inputs major and mixed.
+
+    `models` holds the derived model first and the best model last. `rows` are those of the table, `reading` the notes.
+    """
     derived, *_, best = models.values()
     plots = [
         Plot("Figures 3, 6, 7", _curves(duhem, loops), "Hysteresis curves of the Duhem model: major loop, mixed loop."),

@@ -25,11 +25,11 @@ BAR = 40
 """Length of the progress bar, in characters."""
 
 GIVE_WAY_S = 0.0005
-"""The drawing thread lets the loop run after this time. Python's default is ten times as long."""
+"""The drawing thread gives the interpreter to the waiting loop after this time. Python's default is 5 ms."""
 
 
 class RunView:
-    """The display of a run of `duration_s` with the limit `current_max_a`. `latest` is the tick on display."""
+    """The display of a run of `duration_s`. `current_max_a` is the limit of the rig, `latest` the tick on display."""
 
     def __init__(self, title: str, duration_s: float, current_max_a: float, recorder: TickRecorder) -> None:
         self._title = title

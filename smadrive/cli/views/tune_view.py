@@ -1,8 +1,8 @@
 """The display of `tune` in its terminal: the state of the heater, live values, the open pages.
 
-The display shows what the loop publishes, and the number of open pages from the page process. So it also works without
-a page. On a terminal the display is live; a pipe or a file gets a line at each change. A thread writes the display, as
-in a run: a blocked terminal or pipe stops that thread, not the loop.
+The display shows the status that the session publishes and the number of open pages. So it also works without a page.
+On a terminal the display is live; a pipe or a file gets a line at each change. A thread writes the display: a blocked
+terminal or pipe stops that thread, not the loop.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _HEATER = {
 
 
 class TuneView:
-    """The display of a session on `channel` with its `page`."""
+    """The display of a session. `channel` gives its status, `page` the address of the page and failed restarts."""
 
     def __init__(self, name: str, page: TuningPage, channel: ControlEnd) -> None:
         self._name = name
@@ -101,7 +101,7 @@ class Changes:
 
 @contextmanager
 def watched(view: TuneView, output: Output) -> Iterator[None]:
-    """Show `view` during the block."""
+    """Show `view` during the block, unless `output` is quiet."""
     console = Console(stderr=True)
     if output.quiet:
         yield
@@ -115,7 +115,7 @@ def watched(view: TuneView, output: Output) -> Iterator[None]:
 
 @contextmanager
 def _printing(changes: Changes) -> Iterator[None]:
-    """Print changes in a thread during the block. A failed stdout ends the printing, not the block."""
+    """Print the changes of the state in a thread during the block. If stdout fails, only the printing ends."""
     is_ending = threading.Event()
 
     def check() -> None:

@@ -33,7 +33,7 @@ Array = NDArray[np.float64]
 NOT_SCORED = "The approach (grey) brings the wire to the reference and is not scored."
 
 PLANE_POINTS = 6000
-"""The largest number of recorded points in the plot of temperature and displacement."""
+"""The plot over temperature shows every n-th row: n is the number of rows divided by this, rounded down, at least 1."""
 
 
 def log_plots(log: Log) -> Iterator[Plot]:
@@ -61,7 +61,7 @@ def _tracking(log: Log) -> Plot:
 
 
 def _draw(ax: Axes, log: Log, name: str, **look: Any) -> None:
-    """Draw a column over time. The role of the column labels the line, its quantity labels the axis."""
+    """Draw a column over time. The role of the column labels the line, its quantity and unit label the axis."""
     facts = COLUMNS[name]
     line(ax, log.column("time_s"), log.column_with_gaps(name), label=facts.role, **look)
     ax.set_ylabel(facts.axis_label)

@@ -23,9 +23,9 @@ Columns = dict[str, NDArray[np.float64]]
 Events = list[tuple[float, str]]
 
 UNCHECKED = {"start_time", "end_time", "program_name", "about", "events", "data"}
-"""The members of `/entry` in a log without checksums, as the first version 0.1 wrote it.
+"""The members of `/entry` in the first logs of version 0.1, which have no checksums.
 
-A log without checksums that has other members is damaged.
+A log with other members once had checksums; if they are missing, the log is damaged.
 """
 
 UNCHECKED_VERSION = "0.1.0"
@@ -34,9 +34,9 @@ DIFFERENT = "the content does not agree with its checksum"
 
 
 class Content(NamedTuple):
-    """The content of a log file. The columns of an older layout have their present names.
+    """The content of a log file. The columns have their present names, even if the log has an older layout.
 
-    `end_time` is empty when the writer was killed, or still writes.
+    `end_time` is empty if the writer was killed, or still writes. `version` is that of smadrive.
     """
 
     columns: Columns
@@ -65,10 +65,11 @@ class _RawEvents(NamedTuple):
 
 
 def read_content(file: h5py.File, size: int) -> Content:
-    """Read the content of an open file of `size` bytes.
+    """Return the verified content of the open `file`, which has `size` bytes.
 
-    ForeignContentError when the file refers to other files, NewerLayoutError when a later smadrive wrote the file,
-    DamageError when a checksum differs. For a damaged file, h5py may also raise errors of its own.
+    ForeignContentError when the file is not self-contained (see self_contained.py), NewerLayoutError when a later
+    smadrive wrote the file, DamageError when a checksum differs or a part is missing. For other damage, h5py and Python
+    raise errors of many types.
     """
     check_self_contained(file, size)
     layout, entry = layout_of(file), file["entry"]
@@ -77,7 +78,7 @@ def read_content(file: h5py.File, size: int) -> Content:
 
 
 def _has_checksums(file: h5py.File, entry: h5py.Group) -> bool:
-    """Return True if the log has checksums. DamageError when they are missing."""
+    """Return True if the log has checksums, False if it never had any. DamageError when they are lost."""
     if "checksums" in entry:
         return True
     if "checksums" in file.attrs or set(entry) != UNCHECKED:
@@ -86,7 +87,7 @@ def _has_checksums(file: h5py.File, entry: h5py.Group) -> bool:
 
 
 def _checked(entry: h5py.Group, layout: int) -> Content:
-    """Read and verify the content. Rows and events without a checksum are left out."""
+    """Return the verified content of a log with checksums. Rows and events without a checksum are left out."""
     sums = _checksums(entry["checksums"])
     metadata = {name: _text(dataset) for name, dataset in entry[metadata_group(layout)].items()}
     start_time, version = _text(entry["start_time"]), _version(entry["program_name"])
@@ -101,7 +102,7 @@ def _checked(entry: h5py.Group, layout: int) -> Content:
 
 
 def _unchecked(entry: h5py.Group) -> Content:
-    """Read a log without checksums, up to the last row that has a time. The time of a row was written last."""
+    """Return the content of a log without checksums: the rows with a time, which was written as the last value."""
     metadata = {name: _unchecked_text(dataset) for name, dataset in entry["about"].items()}
     columns, events = _columns(entry), _raw_events(entry)
     columns = _first_rows(columns, int(np.count_nonzero(np.isfinite(columns["time_s"]))))
@@ -135,7 +136,7 @@ def _raw_events(entry: h5py.Group) -> _RawEvents:
 
 
 def _verified_rows(columns: Columns, sums: Sums) -> Columns:
-    """Return the rows that have a checksum. DamageError when a checksum differs."""
+    """Return the rows that have a checksum. DamageError when a checksum differs, or when too many are missing."""
     rows = _written(sums, "rows")
     verified = _first_rows(columns, rows)
     block = np.column_stack([verified[name] for name in sorted(verified)])
@@ -147,10 +148,10 @@ def _verified_rows(columns: Columns, sums: Sums) -> Columns:
 
 
 def _verified_events(events: _RawEvents, sums: Sums) -> Events:
-    """Return the events that have a checksum. DamageError when a checksum differs."""
+    """Return the events that have a checksum. DamageError when a checksum differs, or an event is missing."""
     count = _written(sums, "events")
     if min(events.times_s.size, events.messages.size) < count:
-        raise DamageError(f"the log has fewer than {count} events")
+        raise DamageError(f"the log has checksums of {count} events, but fewer events")
     padded = (bytes(text).ljust(EVENT_BYTES, b"\0") for text in events.messages[:count])
     pairs = zip(events.times_s.tolist(), padded, strict=False)
     expected = np.array([event_sum(time_s, text, n) for n, (time_s, text) in enumerate(pairs)], SUM)
@@ -160,7 +161,7 @@ def _verified_events(events: _RawEvents, sums: Sums) -> Events:
 
 
 def _written(sums: Sums, what: str) -> int:
-    """Return the number of checksums that were written. DamageError when there is a gap between them."""
+    """Return the number of written checksums. DamageError when one is missing between them; `what` is its place."""
     count = int(np.count_nonzero(sums))
     if not sums[:count].all():
         raise DamageError("checksums are missing", what)
@@ -169,12 +170,12 @@ def _written(sums: Sums, what: str) -> int:
 
 def _first_rows(columns: Columns, rows: int) -> Columns:
     if any(values.size < rows for values in columns.values()):
-        raise DamageError(f"a column has fewer than {rows} rows")
+        raise DamageError(f"the log has {rows} rows, but a column has fewer")
     return {name: values[:rows] for name, values in columns.items()}
 
 
 def _values(dataset: h5py.Dataset, dtype: np.dtype[Any]) -> NDArray[Any]:
-    """Return all values of a dataset. DamageError unless it has one axis and the type `dtype`."""
+    """Return all values of a dataset. DamageError unless the dataset has one axis and the type `dtype`."""
     if dataset.ndim != 1 or dataset.dtype != dtype:
         raise DamageError(f"{dataset.name} is not a column of {dtype}")
     values: NDArray[Any] = dataset[:]
@@ -192,7 +193,7 @@ def _text(dataset: h5py.Dataset) -> str:
 
 
 def _version(program: h5py.Dataset) -> str:
-    """The version of smadrive that wrote the log."""
+    """Return the version of smadrive that wrote the log. DamageError unless it is a text of fixed length."""
     if not _is_fixed_text(program.attrs.get_id("version").get_type()):
         raise DamageError("the version is not a text of fixed length")
     return bytes(program.attrs["version"]).decode()
@@ -203,5 +204,5 @@ def _is_fixed_text(kind: object) -> bool:
 
 
 def _unchecked_text(dataset: h5py.Dataset) -> str:
-    """Return a text of a log without checksums. Such a text has a variable length."""
+    """Return a text of a log without checksums. The texts of such a log have a variable length."""
     return heap_text(dataset.file.id.get_vfd_handle(), dataset.id.get_offset()).decode()

@@ -1,12 +1,12 @@
-"""The layout of a log: an HDF5 file that has room for its rows from the start.
+"""The layout of a log: an HDF5 file that has room for all expected rows from the start.
 
 The names follow NeXus, a convention for scientific data. The texts that smadrive reads back have a fixed length: HDF5
 stores texts of variable length in heaps, and may loop for ever in a damaged heap.
 
-/                       NXroot: attribute `layout`; a link to every column, so that plain readers find the columns
-/entry                  NXentry: start_time, end_time (empty after the writer was killed), program_name
+/                       NXroot: attributes `layout`, `checksums`; a link to every column, which plain readers find here
+/entry                  NXentry: start_time, end_time (empty until the run has ended), program_name
 /entry/data             NXdata: the columns along `time_s`, float64, each with its `units` and `long_name`
-/entry/metadata         NXcollection: texts (config, model, provenance), JSON where they are structured
+/entry/metadata         NXcollection: texts such as rig, wire and versions, as JSON where they are structured
 /entry/events           NXcollection: time_s, message
 /entry/checksums        NXcollection: rows, events, metadata, end (uint32; 0 where no checksum was written)
 """
@@ -28,13 +28,13 @@ from smadrive.runs.log.checksums import SUM, VALUE, metadata_sum
 from smadrive.runs.log.old_layouts import LAYOUT
 
 CHUNK_ROWS = 1024
-"""Number of rows of a column that are stored together."""
+"""Number of rows in a chunk. HDF5 stores the rows of a chunk of one column together."""
 
 EVENT_ROWS = 128
 """The room for events grows by this number of events."""
 
 EVENT_BYTES = 400
-"""Length of every event in bytes. It is fixed, so that the place of each event in the file is known."""
+"""Length of the text of every event in bytes. A shorter text is padded, so that the place of each event is known."""
 
 MOST_OPEN_ROWS = 1000
 """Largest number of rows in one write. A killed writer leaves at most this number of rows without a checksum."""
@@ -46,7 +46,7 @@ _NOW_BYTES = 32
 
 
 def create_log(path: Path, columns: Sequence[str], metadata: Mapping[str, str], rows: int) -> None:
-    """Create the file with its metadata, and with empty room for `rows` rows."""
+    """Create the file at `path` with its metadata, and with room for at least `rows` rows, which read NaN."""
     started, program_version = time_text(), version("smadrive")
     room = -(-rows // CHUNK_ROWS) * CHUNK_ROWS
     with h5py.File(path, "w") as file:
@@ -94,7 +94,7 @@ def _create_checksums(sums: h5py.Group, metadata: int, room: int) -> None:
 def _reserve(
     group: h5py.Group, name: str, dtype: np.dtype[Any], rows: int, chunk_rows: int, fill: float | None
 ) -> h5py.Dataset:
-    """Create a dataset whose chunks all exist from the start."""
+    """Return a new dataset of `rows` values, filled with `fill`. All its chunks exist in the file from the start."""
     creation = h5py.h5p.create(h5py.h5p.DATASET_CREATE)
     creation.set_alloc_time(h5py.h5d.ALLOC_TIME_EARLY)
     return group.create_dataset(

@@ -1,7 +1,7 @@
 """Reads a log back into memory: its columns, its metadata and its events.
 
-A log is readable at every moment (see writer.py). During its run, and after its writer was killed, the log ends with
-the last complete row. Checksums verify the content.
+A log can be read while it is written (see writer.py). It then ends with the last complete row, and so does the log of
+a writer that was killed. Checksums verify the content.
 """
 
 from __future__ import annotations
@@ -27,14 +27,14 @@ Array = NDArray[np.float64]
 ValueT = TypeVar("ValueT")
 
 ENDED_BY = "ended by "
-"""First words of the event that says why a run ended early."""
+"""The first words of the event that gives the reason for the early end of a run."""
 
 RESTORE = "restore the log from a copy, or record it again"
 CONVERT = "update smadrive, or copy the columns into a CSV with h5py (docs/records.md)"
 
 
 class RunEvent(NamedTuple):
-    """An event of a run: `message` says what happened at `time_s`."""
+    """An event of a run. `time_s` is the time of the last row before the event."""
 
     time_s: float
     message: str
@@ -44,8 +44,9 @@ class RunEvent(NamedTuple):
 class Log:
     """The content of a log file.
 
-    `metadata` are texts by their names, for example rig, wire, reference and versions. `end_time` is empty when the
-    writer was killed, or still writes. `has_checksums` is True when checksums have verified the content.
+    `columns` are arrays of the same length by their names. `metadata` are texts by their names, for example rig, wire,
+    reference and versions. `end_time` is empty if the writer was killed, or still writes. `version` is the version
+    of smadrive that wrote the log. `has_checksums` is True if checksums have verified the content.
     """
 
     path: Path
@@ -63,16 +64,16 @@ class Log:
 
     @property
     def ended_by(self) -> str:
-        """The cause of the run's early end. It is empty when the run was complete."""
+        """The cause of the run's early end. Empty for a complete run, and for a log without `end_time`."""
         causes = [event.message for event in self.events if event.message.startswith(ENDED_BY)]
         return causes[-1].removeprefix(ENDED_BY) if causes else ""
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """Reasons to distrust the content."""
+        """Reasons to distrust the content: none if the log has checksums."""
         if self.has_checksums:
             return ()
-        return (f"{self.path.name} has no checksums (smadrive {self.version} wrote none): damage would not be seen",)
+        return (f"{self.path.name} has no checksums (smadrive {self.version} wrote none): damage would not be noticed",)
 
     def column_with_gaps(self, name: str) -> Array:
         """Return the named column, with NaN where nothing was measured. DataError when the log has no such column."""
@@ -86,14 +87,16 @@ class Log:
         if not np.all(np.isfinite(values)):
             row = int(np.flatnonzero(~np.isfinite(values))[0])
             where = f"{self.path}, sample {row + 1}, column '{name}'"
-            raise DataError("not a finite number", where=where, value=values[row], cure="record the log again")
+            raise DataError("not a finite number", where=where, value=values[row], cure="record the run again")
         return values
 
     def text(self, name: str) -> str:
         """Return the text `name` of the metadata. DataError when the log has no such text."""
         if name not in self.metadata:
             raise DataError(
-                f"the metadata lack '{name}'", where=self.path, cure="record the log with this version of smadrive"
+                f"the metadata lack '{name}'",
+                where=self.path,
+                cure="give a log of the right command (`excite` or `run`), recorded with this version of smadrive",
             )
         return self.metadata[name]
 
@@ -102,7 +105,7 @@ class Log:
         return self.parsed(name, lambda value: value)
 
     def parsed(self, name: str, make: Callable[[Any], ValueT]) -> ValueT:
-        """Return `make` of the JSON value `name` of the metadata. DataError when the value is missing or invalid."""
+        """Return `make(value)` for the JSON value `name` of the metadata. DataError if it is missing or invalid."""
         text = self.text(name)
         try:
             return make(json.loads(text))
@@ -114,7 +117,7 @@ class Log:
 
 
 def read_log(path: Path) -> Log:
-    """Read the log at `path`. DataError when it is missing, damaged, not a log, or refers to other files."""
+    """Return the log at `path`. DataError when it is missing, damaged, not a log, newer, or refers to other files."""
     check_kind(path, LOG)
     if not path.exists():
         raise DataError("no such file", where=path)

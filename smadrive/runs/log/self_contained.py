@@ -12,14 +12,17 @@ import h5py
 from smadrive.runs.log.errors import ForeignContentError
 
 MOST_DEPTH = 8
-"""Largest depth of nested groups. A log has two levels."""
+"""Largest number of levels below the root. A log has three, as in `/entry/data/time_s`."""
 
 MOST_OBJECTS = 10_000
 """Largest number of links in the whole file. A log has about fifty."""
 
 
 def check_self_contained(file: h5py.File, size: int) -> None:
-    """Raise ForeignContentError when the file, of `size` bytes, refers to content outside of itself."""
+    """Raise ForeignContentError when the file, of `size` bytes, refers to content outside of itself.
+
+    A filter, too many levels or links, or a dataset of more than `size` bytes raise the same error.
+    """
     places = [(name, MOST_DEPTH, file, name) for name in file if not _is_alias(file, name)]
     count = 0
     while places:

@@ -15,13 +15,14 @@ _COLLECTION = struct.Struct("<4sB3xQ")
 _OBJECT = struct.Struct("<HH4xQ")
 
 MOST_BYTES = 1 << 26
-"""Size limit of one collection, in bytes. The collection of a log has about ten thousand."""
+"""Largest size of a collection in bytes. The collection of a log has about ten thousand bytes."""
 
 
 def heap_text(handle: int, offset: int | None) -> bytes:
-    """Return the text to which the dataset at `offset` of an open file refers.
+    """Return the bytes of the text to which a dataset refers.
 
-    ValueError or struct.error when the heap is damaged.
+    `handle` is the descriptor of the open file, `offset` the place of the dataset's value in the file. ValueError or
+    struct.error when the heap is damaged.
     """
     if offset is None:
         raise ValueError("a text has no place in the file")

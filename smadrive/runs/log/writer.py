@@ -5,9 +5,10 @@ changes the structure of the file, and it cannot close a file on a full disk. So
 creates the whole file before the run, fills all columns with NaN, and closes the file. A disk without room is noticed
 before anything is heated. Then each row is written to the place that HDF5 has assigned to the row.
 
-At every moment the file is a complete HDF5 file that any reader opens; rows that are not written yet read NaN. At the
-end the columns are cut to the rows that were written; the log of a killed writer keeps rows of NaN at its end. During
-the run, HDF5 opens the file only when the log becomes longer than expected, to add room for `GROWTH_ROWS` rows.
+So during the run, the file is a complete HDF5 file that any reader opens; rows that are not written yet read NaN. HDF5
+opens the file again when the log is full, to add room for `GROWTH_ROWS` rows or `EVENT_ROWS` events, and at the end, to
+cut the columns to the rows that were written. A kill in such a moment can leave an unreadable file. After any other
+kill, the log keeps rows of NaN at its end.
 
 layout.py describes the layout. A checksum (checksums.py) is written after its values: a row is complete when its
 checksum is there.
@@ -30,7 +31,7 @@ from smadrive.runs.log.checksums import SUM, VALUE, alphabetical, end_sum, event
 from smadrive.runs.log.layout import CHUNK_ROWS, EVENT_BYTES, EVENT_ROWS, create_log, time_text
 
 GROWTH_ROWS = 8 * CHUNK_ROWS
-"""The room of a log grows by this number of rows when it is full. They last seven minutes at 20 Hz."""
+"""A full log gets room for this number of further rows, which last seven minutes at 20 Hz."""
 
 STRUCTURE_BYTES = 1 << 18
 """Upper bound of the bytes that HDF5 needs besides the rows and texts."""
@@ -57,13 +58,13 @@ class Field:
         return len(self._offsets) * self._chunk_rows
 
     def grow(self, file: h5py.File, rows: int) -> None:
-        """Make room for `rows` more rows; `rows` must be a multiple of the chunk's rows."""
+        """Make room for `rows` more rows; `rows` must be a multiple of the number of rows in a chunk."""
         dataset = file[self.name]
         dataset.resize(self.rows + rows, axis=0)
         self._find(dataset)
 
     def write(self, handle: int, row: int, values: bytes) -> None:
-        """Write `values` into consecutive rows, the first of which is `row`."""
+        """Write `values` into consecutive rows, beginning at `row`. `handle` is the descriptor of the file."""
         chunk_bytes = self._chunk_rows * self.value_bytes
         position = row * self.value_bytes
         while values:
@@ -79,7 +80,7 @@ class Field:
 class LogFile:
     """A log that is being written; `rows` is the expected number of rows.
 
-    DataError when `path` exists, or when the disk has no room.
+    DataError when `path` exists, or when the file cannot be created, for example on a full disk.
     """
 
     def __init__(
@@ -107,7 +108,7 @@ class LogFile:
         return self._rows
 
     def append(self, block: NDArray[np.float64]) -> None:
-        """Append the rows of `block`, which has one column for each column of the log.
+        """Append the rows of `block`, whose columns are those of the log in their order; the time is the first.
 
         The time is written after the other columns, and the checksum after the time: a row with a checksum is complete.
         """
@@ -165,7 +166,7 @@ class LogFile:
         self._size = os.fstat(self._handle).st_size
 
     def _check_untouched(self) -> None:
-        """Raise DataError when another program moved, replaced or cut the file.
+        """Raise DataError when another program removed, moved, replaced, cut or overwrote the file.
 
         Further writes into such a file would succeed, but their rows would be lost.
         """
@@ -194,12 +195,15 @@ class LogFile:
             number = getattr(error, "errno", None)  # the text of an OSError from h5py is not that of the system
             reason = os.strerror(number) if number else str(error).splitlines()[0]
             raise DataError(
-                "the log cannot be written", where=self._path, value=reason, cure="check the folder and its space"
+                "the log cannot be written",
+                where=self._path,
+                value=reason,
+                cure="check the folder and the free space on its disk",
             ) from None
 
 
 def _claim(path: Path, size: int) -> None:
-    """Reserve `size` bytes for the file; OSError when the disk has no room."""
+    """Reserve `size` bytes on the disk for the file at `path`. OSError when the disk has no room."""
     handle = os.open(path, os.O_WRONLY)
     try:
         os.posix_fallocate(handle, 0, size)

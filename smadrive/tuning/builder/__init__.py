@@ -1,4 +1,4 @@
-"""The model builder process: it changes and checks models and builds controllers, which would delay the loop.
+"""The model builder process: it changes and checks models, and builds controllers. This would delay the loop.
 
 It may import control, hysteresis, rig, `tuning.tuning` and `tuning.link`; never the session, the pages or a device.
 """

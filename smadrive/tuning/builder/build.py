@@ -1,4 +1,4 @@
-"""Build requests: a process beside the loop changes and checks a model, and builds its controller.
+"""Build requests: the model builder process changes a model, checks it and builds its controller.
 
 A request holds everything that the builder needs, so a new process can replace a builder that died. The builder works
 on one request at a time. The loop spends time only on sending a request of some kilobytes and on unpickling the result
@@ -21,9 +21,10 @@ from smadrive.wire.heat_balance import HeatBalance
 
 @dataclass(frozen=True)
 class BuildRequest:
-    """A tuning, the change to make in it, and the reference to track with it.
+    """The request to make `change` in `tuning`, and to build the controller that then tracks `reference`.
 
-    `change` is None for a tuning that stays as it is. `reference` is None while the heater is off.
+    `change` is None for a tuning that stays as it is. `reference` is None while the heater is off. `config` is the rig
+    file, `balance` the heat balance of the wire.
     """
 
     tuning: Tuning
@@ -45,7 +46,7 @@ class Built(NamedTuple):
 
 
 class BuildFailure(NamedTuple):
-    """The result of a request that cannot be put in force, with the reason."""
+    """The result of a request whose tuning cannot be put in force; `reason` says why."""
 
     reason: str
 
@@ -57,11 +58,11 @@ class ModelBuilder(Protocol):
     """Builds one request at a time."""
 
     def begin(self, request: BuildRequest) -> None:
-        """Begin to build a request. The result of the previous request must have been fetched before."""
+        """Begin to build `request`. `result` must have returned the result of the previous request before."""
         ...
 
     def result(self) -> BuildResult | None:
-        """Return the result of the request, once. Return None while the builder works, and after the result."""
+        """Return the result of the request when it is ready, only once. At all other times, return None."""
         ...
 
 
@@ -82,6 +83,6 @@ def build(request: BuildRequest) -> Built:
 def tuned_controller(
     tuning: Tuning, reference: Reference, config: RigConfig, balance: HeatBalance
 ) -> TrackingController:
-    """Return the controller that tracks `reference` with a tuning. Its other settings are those of the rig file."""
+    """Return the controller that tracks `reference` with a tuning. All other settings come from the rig file."""
     tuned = config.model_copy(update={"feedback": tuning.feedback})
     return tracking_controller(tuned, reference, tuning.model, balance, HysteresisInverse(tuning.model))

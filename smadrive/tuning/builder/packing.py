@@ -1,10 +1,11 @@
 """Build requests and results as bytes. Loop and builder trust each other's pickles, and no pickle of another process.
 
-A pickle holds only what the receiver does not have yet:
+A pickle leaves out what the receiver already has:
 
-    request    a model as the text of its file: the tables of a model are long, and the builder keeps the last models
-    result     a changed model as a whole; an object of the request by its place there, so that the loop gets its own
-               object back
+    request    holds a model as the text of its model file, because the tables of a model are long. The builder keeps
+               the last models with their texts
+    result     holds a new model as a whole. An object of the request is replaced by its index in `_shared`, so that the
+               loop gets its own object back
 """
 
 from __future__ import annotations
@@ -21,11 +22,11 @@ from smadrive.identification.reshape import Model
 from smadrive.tuning.builder.build import BuildRequest, BuildResult, Built
 
 KEPT_MODELS = 16
-"""Number of models that the builder keeps."""
+"""Largest number of models that the builder keeps."""
 
 
 class ModelCache:
-    """The last models, by their text. Parsing a text again would compute the tables of the branches again."""
+    """The models that were used last, by their texts. Parsing a text is slow: it computes the model's tables."""
 
     def __init__(self) -> None:
         self._models: OrderedDict[str, Model] = OrderedDict()
@@ -37,7 +38,7 @@ class ModelCache:
             self._models.popitem(last=False)
 
     def model(self, text: str) -> Model:
-        """Return the model that a text describes."""
+        """Return the model that `text` describes. The text is parsed only if its model is not kept."""
         if text not in self._models:
             self.keep(parse_model(text, place="the tuning in force", allow_uncertified=True))
         self._models.move_to_end(text)
@@ -70,7 +71,7 @@ def pack_request(request: BuildRequest) -> bytes:
 
 
 def unpack_request(content: bytes, cache: ModelCache) -> BuildRequest:
-    """Return the request that `pack_request` packed."""
+    """Return the request that `pack_request` packed. `cache` gives the models of the texts in it."""
     request: BuildRequest = _Unpickler(io.BytesIO(content), cache.model).load()
     return request
 
@@ -78,7 +79,7 @@ def unpack_request(content: bytes, cache: ModelCache) -> BuildRequest:
 def pack_result(result: BuildResult, request: BuildRequest) -> bytes:
     """Return the result of `request` as bytes.
 
-    A new model is pickled separately, because looking up each of its numbers in the request would take long.
+    A new model is pickled separately, because looking up each number of the model in the request would take long.
     """
     shared = _shared(request)
     models = [result.tuning.model] if isinstance(result, Built) else []
@@ -101,7 +102,7 @@ def _pickled(thing: object, name: Callable[[object], Any]) -> bytes:
 
 
 def _shared(request: BuildRequest) -> list[object]:
-    """Return the objects of a request that the builder does not change."""
+    """Return the objects of a request that the builder does not change. A result refers to them by their indices."""
     return [request.tuning, request.tuning.model, request.tuning.unmoved, request.reference]
 
 

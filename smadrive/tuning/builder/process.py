@@ -13,7 +13,7 @@ from smadrive.tuning.link.message_socket import MessageSocket
 
 
 def serve(parameters: dict[str, Any]) -> None:
-    """Build requests that arrive at `parameters["address"]`, until standard input ends."""
+    """Answer the build requests that arrive at `parameters["address"]`, until standard input ends."""
     cache = ModelCache()
     with MessageSocket(parameters["address"], listens=True) as link:
         report_ready()
@@ -26,7 +26,7 @@ def serve(parameters: dict[str, Any]) -> None:
 
 
 def result_of(request: BuildRequest, cache: ModelCache) -> BuildResult:
-    """Return the result of a request. An error is also a result, because the loop waits for a result."""
+    """Return the result of a request. Every error becomes a BuildFailure, because each request needs a result."""
     try:
         built = build(request)
     except SmadriveError as error:

@@ -1,13 +1,13 @@
-"""The gate of the tuning page: it refuses requests that pages of other web sites cause.
+"""The gate of the tuning page: the check that refuses requests which pages of other web sites cause.
 
 A browser sends requests to 127.0.0.1 for any page of any site, and a name of such a site may resolve to 127.0.0.1.
 Three headers show where a request comes from, and no script of a page can change these headers:
 
     Host             the name in the address; a foreign name that resolves to this machine is an attack
     Origin           the page that sends the request; every POST and every websocket has this header
-    Sec-Fetch-Site   relation of that page to this one, in all other requests; "none" if the user typed the address
+    Sec-Fetch-Site   relation of that page to the tuning page; "none" if the user typed the address
 
-Programs that are not browsers, for example curl, send neither Origin nor Sec-Fetch-Site. They are allowed.
+Programs that are not browsers, for example curl, send neither Origin nor Sec-Fetch-Site. Their requests are allowed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,10 @@ OWN_PAGE = (None, "same-origin", "none")
 
 
 def is_allowed(request: HTTPServerRequest, hosts: tuple[str, ...]) -> bool:
-    """Return True if the tuning page itself, or a program that is not a browser, has sent the request."""
+    """Return True if the tuning page, the user (a typed address) or a program that is no browser sent the request.
+
+    `hosts` are the allowed values of the header Host.
+    """
     headers = request.headers
     return (
         request.host in hosts
@@ -47,4 +50,4 @@ class UnknownPath(GatedHandler):
 
 
 class StaticHandler(GatedHandler, StaticFileHandler):
-    """Serves the files of a folder."""
+    """GET /static/...: the scripts of bokeh."""

@@ -60,18 +60,18 @@ LIMITS = {
 }
 
 STALLED_S = 5.0
-"""A page process without a heartbeat for this time counts as dead. Building a page takes a second."""
+"""A page process without a heartbeat for this time counts as dead. Building a page delays the heartbeat by a second."""
 
 REPORT_MS = 100
 FAREWELL_S = 0.5
-"""The last state is sent to the pages within this time."""
+"""The front process waits at most this time until the last state has been sent to the pages."""
 
 
 class OffHandler(GatedHandler):
     """POST /off: the loop switches the heater off at its next tick."""
 
     def check_xsrf_cookie(self) -> None:
-        """Require no cookie: one must be able to switch off without loading a page first. The gate is sufficient."""
+        """Require no cookie: the user can switch off without loading a page. The check of `GatedHandler` is enough."""
 
     def post(self) -> None:
         """Count an OFF in the shared memory."""
@@ -83,7 +83,7 @@ class OffHandler(GatedHandler):
 class States:
     """Reports the state to all pages, each of which has a websocket for this purpose.
 
-    The state is the page process that answers, and the way in which the run has ended.
+    The state is the id of the page process (None if none answers), and how the run has ended (None while it runs).
     """
 
     def __init__(self, channel: PageEnd) -> None:
@@ -101,7 +101,7 @@ class States:
         self._sockets.discard(page)
 
     def report(self, end: str | None = None) -> list[Awaitable[None]]:
-        """Report the state if it has changed. Return the messages that are being sent."""
+        """Send the state to all pages if it has changed. Return the messages that are being sent, to be awaited."""
         text = json.dumps({"page": self._channel.page_server(STALLED_S), "end": end})
         if text == self._text:
             return []
@@ -109,7 +109,7 @@ class States:
         return [_sent(page, text) for page in self._sockets]
 
     async def report_changes(self) -> None:
-        """Report a changed state to the pages, and the heartbeat to the control process."""
+        """Report a heartbeat to the control process, and a changed state to the pages."""
         self._channel.beat_front()
         await asyncio.gather(*self.report())
 
@@ -127,7 +127,7 @@ async def _sent(page: StateHandler, text: str) -> None:
 
 
 class StateHandler(GatedHandler, WebSocketHandler):
-    """GET /state: reports the state to a page while the page is open."""
+    """GET /state: the websocket that reports the state to a page while the page is open."""
 
     def open(self) -> None:
         """Report the state to this page."""
@@ -195,7 +195,7 @@ async def serve(parameters: dict[str, Any]) -> None:
 
 
 def bokeh_static() -> Path:
-    """Return the folder of bokeh's scripts, without importing bokeh, which would take half a second."""
+    """Return the folder of bokeh's scripts. bokeh itself is not imported, because this would take half a second."""
     package = find_spec("bokeh")
     if package is None or package.origin is None:
         raise ConfigError("the tuning page needs bokeh", cure="install it with pip install 'smadrive[tune]'")

@@ -1,8 +1,8 @@
-"""The relay between browsers and the page process: page loads and the websockets of open pages, as bytes.
+"""The relay between browsers and the page process. It passes on page loads and the websockets of open pages, as bytes.
 
-The relay composes a new head for a request, from the few fields that bokeh needs, so that nothing else of the request
-reaches the page process. A page load counts among the MAX_BUILDS until the page is built, even if its browser has left
-in the meantime: the page process builds the page all the same.
+The relay composes a new head for a request, from its address and the few fields that bokeh needs, so that nothing else
+of the request reaches the page process. A page load counts among the MAX_BUILDS until the page is built, even if its
+browser has left in the meantime: the page process builds the page all the same.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ BUSY = (
 
 
 class Places:
-    """Counts the actions that run at the same time, of which there may be `limit`."""
+    """Counts actions that run at the same time, at most `limit`. The caller checks `are_taken` before each action."""
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
@@ -51,12 +51,12 @@ class Places:
 
     @property
     def are_taken(self) -> bool:
-        """True if all places are taken."""
+        """True if `limit` actions run."""
         return self.taken >= self.limit
 
     @contextmanager
     def one(self) -> Iterator[None]:
-        """Take a place during the block."""
+        """Count the block as an action that runs."""
         self.taken += 1
         try:
             yield
@@ -86,7 +86,7 @@ class Relay:
         return None
 
     async def sent(self, request: HTTPServerRequest, fields: Mapping[str, str]) -> IOStream:
-        """Send the request with these header fields to the page process, and return the connection.
+        """Send the request with the header `fields` to the page process, and return the connection to it.
 
         StreamClosedError when no page process listens.
         """

@@ -1,18 +1,23 @@
-"""The connection between the control process and the processes of the page. No process waits for another one.
+"""The connection of the control process, which runs the loop, with the page process and the front process.
+
+No process waits for another one.
 
     control → page   rows       a ring in shared memory: the page copies the new rows, new rows overwrite the oldest
     control → page   status     one JSON document in shared memory, which is replaced as a whole
     front → control  OFF        a counter in shared memory: it needs no queue and no answer, and a counted OFF is not
                                 lost when the front process dies. Only the front process counts, because two writers
-                                could lose a count. A request that drives the wire carries the count that its page knew
-                                (see button_events.py)
-    page → control   pages      the number of open pages, and a flag: one of them controls
+                                could lose a count. A request that drives the wire carries the OFF count that the page
+                                had received when the user clicked (see button_events.py)
+    page → control   pages      the number of open pages, and whether one of them may change the session (the others
+                                only watch)
     page → front     heartbeat  the id of the page process, and the time at which it last read the channel
     front → control  heartbeat  a counter that increases while the front process answers
-    both ways        messages   JSON datagrams on a socket pair: each arrives whole or not at all; a full queue rejects
+    both ways        messages   JSON datagrams on a socket pair: each arrives whole or not at all; for a full queue
+                                `send` returns False
 
 The memory has no name: the processes inherit its file descriptor, so nothing is left behind when a process is killed.
-If a row changes while it is read, its number shows that to the reader; for the status its version does.
+A reader compares the number of a row, or the version of the status, before and after the copy, and drops a copy whose
+number or version has changed.
 See docs/decisions/0001-processes-of-the-tuning-page.md.
 """
 
@@ -61,7 +66,7 @@ BLOCK = np.dtype(
 
 
 class Channel:
-    """The common part of both ends: the shared memory, and one socket of the pair."""
+    """The common part of `ControlEnd` and `PageEnd`: the shared memory, and one socket of the pair."""
 
     def __init__(self, memory_fd: int, messages: socket.socket) -> None:
         self.memory_fd = memory_fd
@@ -91,9 +96,9 @@ class Channel:
 
 
 class ControlEnd(Channel):
-    """The end of the control process, a context manager. It never waits, and a page in any state cannot make it fail.
+    """The control process's side of the channel, a context manager. It never waits; no page makes it fail.
 
-    `offs` is the number of OFFs at the last look, `published` the latest status.
+    `offs` is the OFF count at the last call of `off_requested`, `published` the latest status.
     """
 
     def __init__(self) -> None:
@@ -115,7 +120,7 @@ class ControlEnd(Channel):
         os.close(self.memory_fd)
 
     def append(self, row: Row) -> None:
-        """Add one row of `COLUMNS`."""
+        """Add one row with the values of `COLUMNS`."""
         number = self._count("rows_written")
         place = number % CAPACITY
         numbers = self._block["row_number"][0]
@@ -135,7 +140,7 @@ class ControlEnd(Channel):
 
     @property
     def pages(self) -> tuple[int, bool]:
-        """The number of open pages, and True if one of them controls."""
+        """The number of open pages, and True if one of them may change the session."""
         return self._count("open_pages"), bool(self._count("is_controlled"))
 
     @property
@@ -144,14 +149,14 @@ class ControlEnd(Channel):
         return self._count("front_beats")
 
     def off_requested(self) -> bool:
-        """Return True if OFF was pressed since the last call. Update `offs`, the number of OFFs until now."""
+        """Return True if an OFF was counted since the last call. Set `offs` to the present OFF count."""
         count = self._count("off_count")
         is_new, self.offs = count != self.offs, count
         return is_new
 
 
 class PageEnd(Channel):
-    """The end of the page process and of the front process."""
+    """The side of the channel that the page process and the front process use."""
 
     def request_off(self) -> None:
         """Count an OFF, which the loop sees at its next tick."""
@@ -159,16 +164,16 @@ class PageEnd(Channel):
 
     @property
     def offs(self) -> int:
-        """The number of times that OFF was pressed."""
+        """The OFF count: the number of OFFs since the session began."""
         return self._count("off_count")
 
     def report_pages(self, count: int, *, is_controlled: bool) -> None:
-        """Report the number of open pages. `is_controlled` is True if one of them controls."""
+        """Report the number of open pages. `is_controlled` is True if one of them may change the session."""
         self._block["open_pages"], self._block["is_controlled"] = count, is_controlled
 
     @property
     def pages_open(self) -> int:
-        """The number of open pages."""
+        """The number of open pages, as the page process has reported it."""
         return self._count("open_pages")
 
     def beat(self) -> None:
@@ -180,7 +185,7 @@ class PageEnd(Channel):
         self._increase("front_beats")
 
     def page_server(self, within_s: float) -> int | None:
-        """Return the id of the page process, or None if no page process has answered within this time."""
+        """Return the process id of the page process, or None if its last heartbeat is older than `within_s`."""
         age_s = 1e-9 * (time.monotonic_ns() - self._count("page_beat_ns"))
         return self._count("page_pid") if age_s < within_s else None
 
@@ -190,9 +195,9 @@ class PageEnd(Channel):
         return self._count("rows_written")
 
     def since(self, number: int) -> tuple[int, Rows]:
-        """Return the number of the next row, and all rows from `number` on that are not overwritten yet.
+        """Return the number to pass to the next call, and the rows from row `number` on, as an array (rows, columns).
 
-        The rows have the shape (rows, columns). Pass the returned number to the next call.
+        Rows that have been overwritten are left out.
         """
         written = self.written
         numbers = np.arange(max(number, written - CAPACITY + 1), written)
@@ -205,7 +210,7 @@ class PageEnd(Channel):
     def status(self, seen: int) -> tuple[int, dict[str, Any]] | None:
         """Return the version and the content of the status.
 
-        Return None before the first status, if its version is still `seen`, and while the status is being written.
+        Return None before the first status, while the version is still `seen`, and while the status is being written.
         """
         version = self._count("status_version")
         if version in (0, seen) or version % 2:

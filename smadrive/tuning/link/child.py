@@ -1,7 +1,7 @@
-"""What a supervised process does for its supervisor, the control process (see supervised_process.py).
+"""The common part of all child processes of the control process (see supervised_process.py).
 
-The process reads one line of parameters from standard input, and writes one line when it is ready. It ends without a
-message when standard input ends: then the control process has died, or ends it.
+A child reads one line of parameters from standard input, and writes one line when it is ready. When standard input
+ends, the control process has died or ends the child; then the child ends without a message.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Any
 
 
 def run(serve: Callable[[dict[str, Any]], None]) -> None:
-    """Call `serve` with the parameters. If the control process dies before it sends them, return at once."""
+    """Call `serve` with the parameters. If the control process dies before it sends parameters, return at once."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     line = sys.stdin.readline()
     if line:
@@ -31,5 +31,5 @@ def report_ready() -> None:
 
 
 def is_input_closed(within_s: float) -> bool:
-    """Return True if standard input ends within this time."""
+    """Wait for the end of standard input, at most `within_s`. Return True if standard input has ended."""
     return bool(select.select([sys.stdin], [], [], within_s)[0])

@@ -1,4 +1,4 @@
-"""A ZeroMQ socket between two processes. It sends and receives whole messages of any size without waiting.
+"""A ZeroMQ socket between two processes, which sends and receives whole messages of any size without waiting.
 
 A thread of ZeroMQ, which does not need the Python interpreter, moves the bytes. The connecting end may start before the
 listening end, and may outlive it: messages wait until a process listens again.
@@ -43,7 +43,7 @@ class MessageSocket:
             self._socket.send_multipart(parts, zmq.NOBLOCK)
 
     def received(self) -> list[bytes] | None:
-        """Return the next message that has arrived, or None if no message has arrived."""
+        """Return the next message that has arrived, or None if there is none."""
         try:
             return self._socket.recv_multipart(zmq.NOBLOCK)
         except zmq.Again:

@@ -11,7 +11,7 @@ NICENESS = -10
 
 
 def use_real_time_scheduling() -> None:
-    """Give the calling thread real-time scheduling, or else a higher priority (niceness).
+    """Give the calling thread real-time scheduling, or else a higher priority (niceness), if the system permits either.
 
     Call this function once, in the loop's thread, after everything has been loaded and started. With real-time
     scheduling, the thread runs as soon as it is ready, before all ordinary threads; a niceness only gives it a larger

@@ -1,8 +1,8 @@
 """The requests of a page: typed, bounded, and checked in the control process.
 
 A request carries a number, which the answer repeats: `{"number": 7, "refused": null}`. If the request is refused,
-`refused` is the reason. A request that drives the wire also carries the count of OFFs that its page knew, so that it is
-refused after a newer OFF.
+`refused` is the reason. A request that drives the wire also carries the OFF count that the page had received when the
+user clicked. The control process refuses the request if an OFF was counted since.
 """
 
 from __future__ import annotations
@@ -27,31 +27,31 @@ class PageRequest(Section):
 
 
 class DrivingRequest(PageRequest):
-    """A request that drives the wire. `offs` is the number of OFFs that its page knew."""
+    """A request that drives the wire. `offs` is the OFF count that the page had received when the user clicked."""
 
     offs: int = Field(ge=0)
 
 
 class Off(PageRequest):
-    """Switch the heater off. The counter of OFFs in the channel has the same effect, without a queue."""
+    """Switch the heater off. The button OFF uses the OFF count of the channel instead, which needs no queue."""
 
     act: Literal["off"]
 
 
 class Arm(DrivingRequest):
-    """Start the control loop, which holds the wire where it is."""
+    """Start the control loop, which holds the wire at its present displacement."""
 
     act: Literal["arm"]
 
 
 class ClearFaults(PageRequest):
-    """Clear the latched faults. Their cause must be removed before."""
+    """Clear the latched faults. The user must remove their causes first."""
 
     act: Literal["clear"]
 
 
 class Track(DrivingRequest):
-    """Track a reference again and again.
+    """Track a reference and repeat it without end.
 
     `reference` is the name of a reference of the session, or a one-line form such as `sine:low_mm=2,high_mm=9`.
     """
@@ -67,14 +67,14 @@ class Hold(DrivingRequest):
 
 
 class SetValue(PageRequest):
-    """Set one number of the tuning, which `key` names."""
+    """Set the number `key` of the tuning to `value`."""
 
     key: str
     value: float
 
     @property
     def event(self) -> str:
-        """The text of the event when the change is in force."""
+        """The text of the event that reports that the change is in force."""
         return f"{self.key} = {self.value:g}"
 
 
@@ -93,7 +93,10 @@ class SetFeedback(SetValue):
 
 
 class SetRule(PageRequest):
-    """Replace the consequent of a rule, which is dw = (a w + b) dv."""
+    """Replace the consequent dw = (a w + b) dv of a rule; w is the state of the model, v the wire temperature.
+
+    `index` counts the fuzzy sets from 0. `direction` is 1 for the heating rule of the set, -1 for its cooling rule.
+    """
 
     act: Literal["rule"]
     index: int = Field(ge=0, le=200)
@@ -103,7 +106,7 @@ class SetRule(PageRequest):
 
     @property
     def event(self) -> str:
-        """The text of the event when the change is in force."""
+        """The text of the event that reports that the change is in force."""
         branch = "heating" if self.direction > 0 else "cooling"
         return f"rule {self.index + 1} {branch}: a = {self.a:g}, b = {self.b:g}"
 
@@ -121,32 +124,32 @@ class SetModel(PageRequest):
 
     @property
     def event(self) -> str:
-        """The text of the event when the change is in force."""
+        """The text of the event that reports that the change is in force."""
         return f"model: {self.source}"
 
 
 class Note(PageRequest):
-    """Add a text to the events, which all pages show."""
+    """Add a text to the events, so that all pages show it."""
 
     act: Literal["note"]
     text: str = Field(max_length=2000)
 
 
 class Step(PageRequest):
-    """Undo or redo one change."""
+    """Go one change back (`undo`) or forward (`redo`) in the history."""
 
     act: Literal["undo", "redo"]
 
 
 class Keep(PageRequest):
-    """Store the tuning in force in a slot."""
+    """Store the tuning in force in a slot, for a comparison or for `Recall`."""
 
     act: Literal["keep"]
     slot: Slot
 
 
 class Recall(PageRequest):
-    """Put the tuning of a slot in force."""
+    """Put the tuning that a slot holds in force."""
 
     act: Literal["recall"]
     slot: Slot
@@ -199,11 +202,11 @@ def parse_request(message: bytes) -> AnyRequest:
 
 
 class _NumberedMessage(PageRequest, extra="ignore"):
-    """A message of which only the number is read."""
+    """A message with a number. Its other keys are not read."""
 
 
 def numbered(message: bytes) -> PageRequest | None:
-    """Return the number of a malformed request, which is needed to answer it. Return None if it has no number."""
+    """Return the part of a malformed request that an answer needs: its number. Return None if it has none."""
     try:
         return _NumberedMessage.model_validate_json(message)
     except ValidationError:

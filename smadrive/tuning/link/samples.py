@@ -31,6 +31,6 @@ _values_of = row_getter(COLUMNS)
 
 
 def row_of(tick: Tick, began_s: float) -> Row:
-    """Return the row of a tick, with the values of `COLUMNS`. The session began at `began_s`."""
+    """Return the values of `COLUMNS` for a tick. `began_s` is the time of the clock when the session began."""
     _, *values = _values_of(tick)
     return (tick.measurement.time_s - began_s, *values)

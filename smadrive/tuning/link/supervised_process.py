@@ -1,9 +1,9 @@
-"""A process beside the loop, which is restarted when it dies and ended with the session.
+"""A child process of the control process (the process that runs the loop). A child that dies is restarted.
 
-A thread in the loop's own process would delay the ticks, because Python runs one thread at a time. Another process only
-competes for the processors, where the loop can have priority. The process gets its parameters as one line on its
-standard input. The end of its standard input tells the process that the control process has ended or died. A thread of
-the control process watches the process and restarts it, until a restart succeeds; so a death does not delay a tick.
+A thread of the control process would delay the ticks, because Python runs one thread at a time. A child only competes
+for the processors, where the loop can have priority. The child gets its parameters as one line on its standard input,
+and ends when its standard input ends. So it ends with the session, and also when the control process dies. A thread of
+the control process watches the child and restarts it, until a restart succeeds; so a death does not delay a tick.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from smadrive.errors import ConfigError
 from smadrive.numerics.blas_threads import ONE_THREAD
 
 LOOK_S = 0.1
-"""Period at which the thread checks that the process still runs."""
+"""Period at which the thread checks that the child still runs."""
 
 START_WITHIN_S = 60.0
-"""A process that is not ready after this time is killed. A small computer needs some seconds."""
+"""A child that is not ready after this time is killed. On a small computer, a start takes some seconds."""
 
 END_WITHIN_S = 3.0
 RESTART_S = 0.5
-"""Pause before a restart, so that a process that dies at once does not keep the machine busy."""
+"""Pause before a restart, so that a child that dies at once does not keep the machine busy."""
 
 
 class SupervisedProcess:
-    """The process `python -m MODULE`, as a context manager.
+    """The child process `python -m MODULE`, as a context manager.
 
-    The process gets `parameters` and inherits the file descriptors `fds`; it answers with one line when it is ready. A
-    positive `niceness` lowers its priority, a negative one raises it if the system permits. ConfigError when the
-    process does not start.
+    The child gets `parameters` and inherits the file descriptors `fds`; it answers with one line when it is ready. A
+    positive `niceness` lowers the priority of the child, a negative one raises it if the system permits. ConfigError
+    when the child does not start.
     """
 
     def __init__(self, module: str, parameters: dict[str, Any], fds: tuple[int, ...], *, niceness: int = 0) -> None:
@@ -51,15 +51,15 @@ class SupervisedProcess:
         self.deaths = 0
         self.restarts = 0
         self.trouble: str | None = None
-        """The reason why the last restart failed. It is None while the process runs."""
+        """The reason why the last restart failed. It is None if the last start succeeded."""
 
     @property
     def pid(self) -> int:
-        """The id of the process, which changes with a restart."""
+        """The process id of the child, which changes with a restart."""
         return self._process.pid
 
     def __enter__(self) -> Self:
-        """Start the process and wait until it is ready."""
+        """Start the child and wait until it is ready."""
         self._start()
         self._keeper = threading.Thread(target=self._keep, name=f"keeper of {self._module}", daemon=True)
         self._keeper.start()
@@ -68,7 +68,7 @@ class SupervisedProcess:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """End the process."""
+        """End the child: end its standard input, and kill it if it still runs after `END_WITHIN_S`."""
         self._is_ending.set()
         self._keeper.join()  # the thread also ends a restart that has begun
         self._close_pipes()
@@ -93,14 +93,14 @@ class SupervisedProcess:
             self._kill()
             if isinstance(error, OSError | ValueError):
                 raise ConfigError(
-                    "the process did not start; its own error stands above",
+                    "the process did not start; its own message, if any, is printed above",
                     where=self._module,
-                    cure="check the installation",
+                    cure="correct its cause; install a missing package with pip install 'smadrive[tune]'",
                 ) from None
             raise
 
     def _wait_until_ready(self) -> None:
-        """Send the parameters, and wait for the line of the process. OSError or ValueError when the line is missing."""
+        """Send the parameters, and wait for the line of the child. OSError or ValueError when the line is missing."""
         stdin, stdout = self._process.stdin, self._process.stdout
         if stdin is None or stdout is None:
             raise ValueError("no standard input and output")
@@ -113,7 +113,7 @@ class SupervisedProcess:
         json.loads(stdout.readline())
 
     def _kill(self) -> None:
-        """Kill the process if it still runs, and close its pipes."""
+        """Kill the child if it still runs, and close its pipes."""
         self._process.kill()
         self._process.wait()
         self._close_pipes()
@@ -132,11 +132,11 @@ class SupervisedProcess:
                 self._restart()
 
     def _is_frozen(self) -> bool:
-        """Return True if the process runs but does not work. Called every `LOOK_S`; a subclass may override it."""
+        """Return True if the child runs but does not work. Called every `LOOK_S`; a subclass may override it."""
         return False
 
     def _restart(self) -> None:
-        """Try again until the process runs or the session ends: a lack of memory or of descriptors may be temporary."""
+        """Start the child until it runs or the session ends: a lack of memory or of descriptors may be temporary."""
         while not self._is_ending.wait(RESTART_S):
             try:
                 self._start()
@@ -151,7 +151,7 @@ class SupervisedProcess:
 def _set_priority(pid: int, niceness: int) -> None:
     """Set the niceness of a process and, on Linux, of its session: Linux shares the processors among sessions.
 
-    A process that has already ended, and a priority that the system does not permit, are no errors here.
+    Do nothing if the process has already ended, or if the system does not permit this niceness.
     """
     with suppress(OSError):
         os.setpriority(os.PRIO_PROCESS, pid, niceness)

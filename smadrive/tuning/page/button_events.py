@@ -1,11 +1,12 @@
 """Button events that drive the wire. A click is refused after a newer OFF.
 
 OFF acts at once. A click passes two event loops before it reaches the control process, and OFF may be pressed in the
-meantime, on the same page or elsewhere. So a click carries the count of OFFs that its page knew in the browser. The
-control process refuses the click if its own count differs.
+meantime, on the same page or elsewhere. So a click carries the OFF count that the page in the browser had at the click.
+The control process refuses the click if its own count differs.
 
-A page counts its own OFF at once (page.html), and delays later clicks until that OFF has arrived. `set_offs` tells the
-page the OFFs of other pages. If such a count arrives late, the user must click again; an OFF is never lost.
+A page counts its own OFF at once (page.html), and delays later clicks until this OFF has arrived, or for 3 s.
+`set_offs` sends the count with the OFFs of other pages to the page. If this count arrives late, the user must click
+again; an OFF is never lost.
 """
 
 from __future__ import annotations
@@ -24,26 +25,26 @@ switchedOff.then(() => { events.latest = click; });
 
 
 class ButtonEvents(DataModel):  # type: ignore[misc]  # bokeh has no type for it
-    """Values that the browser shares: `offs` is the count of OFFs that it knows, `latest` the latest click.
+    """Values that browser and page process share: `offs` is the OFF count in the browser, `latest` the latest click.
 
-    A click is the name of the button, the count of OFFs at the click, and the number of the click.
+    A click is the name of the button, the OFF count at the click, and the number of the click.
     """
 
     offs = Int(default=0)
     latest = Tuple(String, Int, Int, default=("", 0, 0))
 
     def set_offs(self, offs: int) -> None:
-        """Send the count of OFFs to the page if it has changed."""
+        """Send the OFF count to the browser if it has changed."""
         if self.offs != offs:
             self.offs = offs
 
     def resend_offs(self, offs: int) -> None:
-        """Send the count of OFFs even if it has not changed. After a refusal, the page's own count may be wrong."""
+        """Send the OFF count even if it has not changed. After a refusal, the count in the browser may be wrong."""
         self.offs = -1
         self.offs = offs
 
     def on(self, button: Button, pressed: Callable[[int], None]) -> None:
-        """Call `pressed(offs)` for every click on `button`, with the count of OFFs that its page knew."""
+        """Call `pressed(offs)` for every click on `button`; `offs` is the OFF count at the click."""
         button.js_on_event("button_click", CustomJS(args={"events": self, "name": button.name}, code=_CLICK))
 
         def changed(_attribute: str, _old: Any, latest: tuple[str, int, int]) -> None:

@@ -1,7 +1,8 @@
-"""The clients of the page process: which one controls, its requests and their answers.
+"""The clients of the page process, which are the open pages: which client controls, its requests and their answers.
 
-One client controls, the others watch. The first client with the token gets control. When it leaves, the next client
-with the token gets control. The loop continues without a controlling client, and every client can switch off.
+One client controls the session, the others only watch. The first client with the token gets control; the token is part
+of the address that `smadrive tune` prints. When this client leaves, the next client with the token gets control. The
+loop continues without a controlling client, and every client can switch off.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ MAX_ANSWERS = 50
 WATCHES = "this page only watches: another page controls, or this page was opened without the token"
 
 Answered = Callable[[str | None], None]
-"""A function that is called with the answer to a request: None, or the reason for a refusal."""
+"""A function that gets the answer to a request: None if the request was done, else the reason for its refusal."""
 
 
 class ClientRegistry:
-    """The clients of the page process, which share its end of the channel. A client is the id of its bokeh session."""
+    """The clients of the page process, which share one `PageEnd`. A client is named by the id of its bokeh session."""
 
     def __init__(self, channel: PageEnd, token: str) -> None:
         self.channel = channel
@@ -45,14 +46,14 @@ class ClientRegistry:
         self._report()
 
     def claim(self, client: str) -> bool:
-        """Give control to `client` unless another client has it. Return True if `client` controls now."""
+        """Give control to `client`, which has the token, if no client controls. Return `controls(client)`."""
         if self._controlling is None:
             self._controlling = client
             self._report()
         return self._controlling == client
 
     def controls(self, client: str) -> bool:
-        """Return True if `client` controls. Every action checks this."""
+        """Return True if `client` controls. Every action of a user is checked by this method."""
         return self._controlling == client
 
     def leave(self, client: str) -> None:
@@ -63,7 +64,7 @@ class ClientRegistry:
         self._report()
 
     def ask(self, client: str, act: str, answered: Answered, **values: Any) -> None:
-        """Send a request of the controlling client. A request of another client is refused without being sent."""
+        """Send the request `act` with `values` if `client` controls, else refuse it. `answered` gets the answer."""
         if not self.controls(client):
             answered(WATCHES)
             return
@@ -77,7 +78,7 @@ class ClientRegistry:
         self.channel.report_pages(len(self._clients), is_controlled=self._controlling is not None)
 
     def read(self) -> None:
-        """Read the new status, and pass each new answer to the client that waits for it."""
+        """Read a new status into `status`, and pass each new answer to the client that waits for it."""
         news = self.channel.status(self._version)
         if news is not None:
             self._version, self.status = news

@@ -17,7 +17,7 @@ Act = Callable[..., None]
 
 
 class Controls:
-    """All widgets. The page's template places them by their names.
+    """All widgets. The template page.html places them by their names.
 
     Every action of the user calls `act`, which checks that this client controls.
     """
@@ -70,7 +70,7 @@ class Controls:
         return [*knobs, *self.buttons.values(), self._reference, self._spec, self._fit_s, self._name, self.rules.widget]
 
     def enable(self, on: bool, *, status: dict[str, Any]) -> None:
-        """Enable the widgets that this client can use in this state, and disable the others.
+        """Enable the widgets that this client can use in the present state, and disable the others.
 
         `on` is True if this client controls; `status` is the published status.
         """

@@ -1,9 +1,9 @@
-"""A model that is fitted to the last N seconds of the loop.
+"""Fits a model to the last seconds of the run, for the button Fit of the page.
 
 The fit runs in a process of its own with a low priority. The fitted model must pass the same checks as any other
 change. A running reference moves the wire through only a part of its travel, and such a record does not determine the
 displacement of a cold wire. So the record is completed: for temperatures outside the record, samples of the model in
-force are added, far fewer than were measured. They begin at the measured displacement.
+force are added, far fewer than were measured. The added samples begin at the measured displacement.
 """
 
 from __future__ import annotations
@@ -26,19 +26,22 @@ from smadrive.wire.wire_model import travel_mm
 
 NICENESS = 10
 MAX_SAMPLES = 12000
-"""Largest number of samples of a fit. Of a longer record, only every second, third, ... sample is used."""
+"""A fit uses every n-th sample of a record: n is the number of samples divided by this, rounded down, at least 1."""
 
 COMPLETING_SAMPLES = 100
-"""Number of samples of the model in force, for each branch and each end of the travel."""
+"""Number of added samples for each way: to either end of the travel, and back."""
 
 UNMET = 0.1
-"""Share of the recorded temperature range that an inner branch needs to come near the outer branch."""
+"""The added samples towards the cold end begin this share of the recorded temperature range below the coldest sample.
+
+Over this distance, an inner branch comes near the outer branch.
+"""
 
 AT_END = 1e-9
-"""A model that has less travel left than this, in mm or relative to the measured way, is at the end of its travel."""
+"""The way of the model to an end of the travel is not scaled if it is shorter than this share of the measured way."""
 
 MIN_MOVED = 0.1
-"""Least movement of the wire, as a share of its travel. A smaller movement counts as noise, not as a loop."""
+"""Least movement of the wire, as a share of the travel of the model. A smaller movement counts as noise."""
 
 DRIFTED = 0.5
 """Largest difference of the mean error between the two halves of a record, in % of the output span.
@@ -52,7 +55,7 @@ Array = NDArray[np.float64]
 
 
 class Fitter:
-    """Does one fit at a time."""
+    """Fits models in a process of its own, one at a time."""
 
     def __init__(self) -> None:
         self._pool = _new_pool()
@@ -62,7 +65,7 @@ class Fitter:
         self._pool.shutdown(wait=False, cancel_futures=True)
 
     def fit(self, rows: Rows, seconds: float, wire: str) -> Future[IdentifiedWire]:
-        """Begin to fit a model to the last `seconds` of heated rows, and return the future of the fitted wire.
+        """Begin to fit a model to the heated rows of the last `seconds`, and return the future of the fitted wire.
 
         `wire` is the text of the wire in force; the new model is of the same kind. IdentificationError when the rows do
         not determine a model.
@@ -114,7 +117,7 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
 def _warmed_up(wire_c: Array) -> int:
     """Return the number of samples in the warm-up.
 
-    The warm-up ends at the first sample that is as warm as the wire was after its largest cooling.
+    The warm-up ends at the first sample that is as warm as the wire was at the end of its largest cooling.
     """
     coolest_c = wire_c[np.argmax(np.maximum.accumulate(wire_c) - wire_c)]
     return int(np.argmax(wire_c >= coolest_c))
@@ -127,8 +130,9 @@ def _check_loop(wire_c: Array, reached_mm: Array, model: HysteresisModel) -> Non
     """
     cold_mm, hot_mm = travel_mm(model)
     moved_mm = float(np.ptp(reached_mm))
-    if moved_mm < MIN_MOVED * abs(hot_mm - cold_mm):
-        raise IdentificationError("the wire moved too little", value=f"{moved_mm:.2g} mm")
+    least_mm = MIN_MOVED * abs(hot_mm - cold_mm)
+    if moved_mm < least_mm:
+        raise IdentificationError("the wire moved too little", value=f"{moved_mm:.2g} mm", limit=f"{least_mm:.2g} mm")
     prepare(wire_c, reached_mm, dead_band=None)
 
 
@@ -184,7 +188,7 @@ def _completing(model: HysteresisModel, wire_c: Array, reached_mm: Array) -> tup
 
 
 def _begun_at(start_mm: float, way_mm: Array) -> Array:
-    """Return the way to an end of the travel, scaled so that it begins at `start_mm` and keeps its end."""
+    """Return the displacements `way_mm` to an end of the travel, scaled to begin at `start_mm`. Their end stays."""
     end_mm, left_mm = way_mm[-1], way_mm - way_mm[-1]
     if abs(left_mm[0]) <= AT_END * max(abs(start_mm - end_mm), AT_END):
         return way_mm

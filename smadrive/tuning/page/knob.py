@@ -1,7 +1,7 @@
 """One number on the page, with a slider for coarse values and a field for exact values.
 
 A knob shows the value in force. For `HANDS_OFF_S` after the user has moved the knob, it keeps the user's value, so that
-the slider does not jump back under the hand. After a refusal the knob shows the value in force at once.
+the slider does not jump back while the user drags it. After a refusal the knob shows the value in force at once.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Its last line colours the slider: bokeh applies `bar_color` only to a slider tha
 
 
 class Knob:
-    """A slider and a field for the value `name`. A move of either by the user calls `changed(name, value)`."""
+    """A slider and a field for the value `name`. When the user changes one, `changed(name, value)` is called."""
 
     def __init__(self, name: str, title: str, step: float, changed: Callable[[str, float], None]) -> None:
         self._name = name
@@ -53,11 +53,11 @@ class Knob:
         self.row = Row(self._slider, self._field, sizing_mode="stretch_width", name=name)
 
     def bound(self, low: float, high: float) -> None:
-        """Set the ends of the slider. The field also takes values outside, which the control process may refuse."""
+        """Set the ends of the slider. The field takes other values, too, which the control process may refuse."""
         self._slider.update(start=low, end=high)
 
     def show(self, value: float, *, now: bool = False) -> None:
-        """Show the value in force, unless the user is moving the knob. With `now`, show it in any case."""
+        """Show the value in force, unless the user has just moved the knob. With `now`, show it in any case."""
         if not now and time.monotonic() - self._moved_s < HANDS_OFF_S:
             return
         if value != self._field.value:

@@ -37,12 +37,13 @@ TIMING_FRAMES = 7
 _SPREAD = {"mu_heating": 15.0, "mu_cooling": 15.0}
 """Range of these sliders, in °C to either side of the first value.
 
-The other sliders range from a third of the first value to three times the first value.
+The slider of the feedforward share ranges from 0 to 1.5, the others from a third of the first value to three times the
+first value.
 """
 
 
 class Page:
-    """A document with its figures, widgets and texts."""
+    """The bokeh document of one client, with its figures, widgets and texts."""
 
     def __init__(self, doc: Document, clients: ClientRegistry, fitter: Fitter, folder: Path, rig_file: Path) -> None:
         self._doc, self._clients, self._fitter = doc, clients, fitter
@@ -111,7 +112,7 @@ class Page:
         self._shown = tuning
 
     def _show_knobs(self, tuning: dict[str, Any], *, now: bool = False) -> None:
-        """Show the values in force, except on a knob that the user is moving. With `now`, show them on all knobs."""
+        """Show the values in force, except on a knob that the user has just moved. With `now`, show all."""
         for name, value in {**tuning["shape"], **tuning["feedback"]}.items():
             if name in self._controls.knobs:
                 self._controls.knobs[name].show(value, now=now)
@@ -131,7 +132,7 @@ class Page:
             self._texts[name].text = html
 
     def _act(self, act: str, **values: Any) -> None:
-        """Do an action of a widget. Refuse it if this client does not control."""
+        """Do the action `act` of a widget, or refuse it if this client does not control."""
         if not self._clients.controls(self._client):
             self._answered(act, WATCHES)
             return
@@ -147,7 +148,7 @@ class Page:
         self._clients.ask(self._client, act, partial(self._answered, act), **values)
 
     def _answered(self, act: str, refused: str | None) -> None:
-        """Note a refusal, and show the values in force again.
+        """Show a refusal in the note of this page, and the values in force on the widgets.
 
         This method is called outside of the document's own callbacks, so it only schedules the drawing.
         """

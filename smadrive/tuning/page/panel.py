@@ -19,7 +19,7 @@ _MODES = {"off": "off", "holding": "on", "tracking": "on", "off, unconfirmed": "
 
 
 class LoopTiming:
-    """Lateness of the last ticks, and the number of missed ticks since the page was opened."""
+    """Lateness of the last `TIMED_ROWS` ticks, and the number of missed ticks since the page was opened."""
 
     def __init__(self, period_s: float) -> None:
         self._period_s = period_s
@@ -27,7 +27,7 @@ class LoopTiming:
         self.missed = 0
 
     def add(self, rows: Rows) -> None:
-        """Add ticks."""
+        """Add the rows of new ticks."""
         late_s = rows[:, _LATE]
         self._late_s.extend(late_s.tolist())
         self.missed += int(np.sum(late_s > LATE_FRACTION * self._period_s))
@@ -41,7 +41,7 @@ class LoopTiming:
 
 
 def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: bool) -> str:
-    """Return the status line under the title."""
+    """Return the line of the header: heater, limits that act, model, loop timing, and whether this page controls."""
     mode, limits = status["mode"], status["limited_by"]
     tuning = status["tuning"]
     certified = f"contracting, {tuning['invertible_percent']:.1f} % invertible"
@@ -59,7 +59,7 @@ def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: boo
 def banner_html(status: dict[str, Any], note: str) -> str:
     """Return the faults with their remedy, a lost device, warnings about the model, and `note`.
 
-    `note` is the answer to the last request.
+    `note` says how the last action of this page ended.
     """
     lines = []
     if status["mode"] == "off, unconfirmed":
@@ -88,7 +88,7 @@ def events_html(events: list[tuple[float, str]]) -> str:
 
 
 def scores_html(comparison: dict[str, Any]) -> str:
-    """Return the tunings A and B with their scores."""
+    """Return the slots A and B, each with its tuning, its score and a mark if it drives."""
     cells = []
     for slot in ("A", "B"):
         mean_percent, cycles = comparison["scores"][slot]

@@ -33,7 +33,7 @@ DRAWN = (
 """The columns that are drawn over time."""
 
 MOVED = 0.004
-"""A point is added to the hysteresis plane when the wire has moved by this share of an axis."""
+"""The measured loop gets a new point when the wire has moved by this share of an axis."""
 
 ERROR_AXES = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
 """Possible ends of the axis of the error, in percent of the stroke."""
@@ -48,7 +48,7 @@ _COLUMN = {name: number for number, name in enumerate(COLUMNS)}
 
 
 class Plots:
-    """All figures. The page's template places them by their names."""
+    """All figures. The template page.html places them by their names."""
 
     def __init__(self, current_max_a: float, temperature_max_c: float) -> None:
         self.time = ColumnDataSource({name: [] for name in (*DRAWN, "error_percent")})
@@ -73,7 +73,7 @@ class Plots:
         ]
 
     def show_model(self, model: Model, travel_mm: tuple[float, float]) -> None:
-        """Draw the branches of a new model, and fit the axes to its travel."""
+        """Draw the branches of a new model, and fit the displacement axes to `travel_mm`, the ends of its travel."""
         self._model, self._travel_mm = model, travel_mm
         v = np.linspace(*model.input_range, BRANCH_POINTS)
         branches = [
@@ -100,7 +100,7 @@ class Plots:
         self._fit_error_axis()
 
     def _fit_error_axis(self) -> None:
-        """Choose the end of the axis from `ERROR_AXES`. The axis changes rarely, so that it can be read."""
+        """Choose the end of the error axis from `ERROR_AXES`: with few possible ends, the axis seldom changes."""
         errors = np.abs(self.time.data["error_percent"])
         largest = float(np.max(errors[np.isfinite(errors)], initial=0.5))
         end = next((step for step in ERROR_AXES if step >= 1.05 * largest), ERROR_AXES[-1])
@@ -108,7 +108,7 @@ class Plots:
             self._error_range.update(start=-end, end=end)
 
     def show_state(self, rows: Rows) -> None:
-        """Show the state of the wire on the plane, and the firing strengths of the rules in this state.
+        """Show the state of the wire on the hysteresis plane, and the firing strengths of the rules in this state.
 
         `rows` are the rows since the last call.
         """
@@ -212,7 +212,7 @@ def _figure(name: str, label: str, **ranges: object) -> figure:
 
 
 def _lines(plot: figure, source: ColumnDataSource, **traces: str) -> None:
-    """Draw a line for each column, in the given colour."""
+    """Draw a line over time for each column that `traces` names, in its colour."""
     for column, colour in traces.items():
         plot.line("time_s", column, source=source, color=colour, line_width=1.6)
 

@@ -1,4 +1,4 @@
-"""The page process: it builds the pages and serves their data, only to the front process.
+"""The page process: it builds the pages and serves their data. Only the front process connects to it.
 
 The loop never waits for the page process. Nothing is loaded from the network: all scripts and styles come from the
 installed packages. The process listens on a Unix socket in a private folder of the user, so only requests that have

@@ -13,7 +13,7 @@ STYLE = ".slick-cell, .slick-header-column { font-size: 11.5px; }"
 
 
 class RulesTable:
-    """The table of rules. An edited cell calls `edited(index=..., direction=..., a=..., b=...)` for its rule."""
+    """The table of rules. When the user edits one, `edited` is called with the values of a SetRule."""
 
     def __init__(self, edited: Callable[..., None]) -> None:
         self._edited = edited
@@ -23,7 +23,7 @@ class RulesTable:
         self.widget = self._table()
 
     def show(self, centres: list[float], laws: dict[str, list[float]]) -> None:
-        """Show the consequents in force."""
+        """Show the rules in force: `centres` of the sets, and `laws`, the numbers of each column of `LAWS`."""
         self._shown = [laws[name] for name in LAWS]
         self._source.data = {"centre": centres, **{name: list(laws[name]) for name in LAWS}}
 

@@ -18,15 +18,16 @@ _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,60}")
 
 
 def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any]) -> tuple[Path, Path]:
-    """Write the tuning in force, from the status of the session, as NAME.json and NAME.toml. Return their paths.
+    """Write the tuning in force, taken from the status of the session, to NAME.json and NAME.toml in `folder`.
 
     ConfigError when the name is invalid or exists already, or when the rig file cannot be read. DataError when a file
     cannot be written; then none of the two files is left.
     """
     if not name:
-        raise ConfigError("the new files have no name", cure="type a name")
+        raise ConfigError("the new files have no name", cure="type a name into the field beside Save")
     if not _NAME.fullmatch(name):
-        raise ConfigError("invalid file name", value=f"'{name}'", cure="use letters, digits, '.', '-' and '_'")
+        cure = "begin with a letter or digit; use at most 61 letters, digits, '.', '-' and '_'"
+        raise ConfigError("invalid file name", value=f"'{name}'", cure=cure)
     model_file, new_rig_file = folder / f"{name}.json", folder / f"{name}.toml"
     for path in (model_file, new_rig_file):
         if path.exists():
@@ -54,7 +55,7 @@ def _model_text(wire: str, metadata: dict[str, Any]) -> str:
 def _rig_text(rig_file: Path, model_file: Path, feedback: dict[str, float], source: str) -> str:
     """Return the text of the rig file, including comments, with the new model and the new feedback.
 
-    Other files that the rig file names stay the same.
+    The new rig file names the same wire file and device profiles as the old one, wherever it is.
     """
     try:
         load_rig(str(rig_file))

@@ -1,13 +1,13 @@
-"""The online adaptation of a session. It learns at every tick, and every `PUBLISH_S` its rules are put in force.
+"""The online adaptation of a session. While the heater is on, the adaptation learns at every tick.
 
-The adaptation needs the wire temperature. This temperature is estimated without the displacement: an observer that also
-used the displacement would explain a wrong model by a wrong temperature. The estimate begins at the first tick of the
-session. If it began while the wire heats up, it would start from a thermocouple that lags 15 K behind, and would
-falsify the rules until it had converged.
+Every `PUBLISH_S` its rules are put in force. The adaptation needs the wire temperature. This temperature is estimated
+without the displacement: an observer that also used the displacement would explain a wrong model by a wrong
+temperature. The estimate begins at the first tick of the session. An estimate that began while the wire heats up would
+start from a thermocouple that lags 15 K behind, and would falsify the rules until the estimate had converged.
 
-After another change, the adaptation restarts from the model in force. Undo takes back the whole adaptation and ends it.
-When the adaptation finds that its sensor is faulty, rules that were learnt from the fault are already in force. Then
-the rules from before the fault are put in force again, and the adaptation ends.
+After another change, the adaptation restarts from the model in force. Undo takes back the whole adaptation. Undo and
+redo end the adaptation. When the displacement sensor turns out to be faulty, rules that were learnt from the fault are
+already in force. Then the rules from before the fault are put in force again, and the adaptation ends.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ PUBLISH_S = 2.0
 
 
 class AdaptationRunner:
-    """Switches the adaptation on and off, updates it, and says when its rules are due to be put in force."""
+    """Switches the adaptation on and off, passes ticks to it, and says when its rules are due to be put in force."""
 
     def __init__(self, tuning: Tuning, balance: HeatBalance, period_s: float, noise_c: float) -> None:
         self._balance = balance
@@ -48,7 +48,7 @@ class AdaptationRunner:
         return self._adaptation is not None
 
     def switch(self, on: bool, tuning: Tuning) -> None:
-        """Switch the adaptation off, or on, starting with the rules of `tuning`.
+        """Switch the adaptation on, so that it begins with the rules of `tuning`, or off.
 
         ConfigError for a model without rules, and while rules of an ended adaptation wait to be put in force.
         """

@@ -1,6 +1,7 @@
-"""Measures the wire while no loop runs. The current is zero, and the safe state is written again until it is confirmed.
+"""Measures the wire while no loop runs and the current is zero.
 
-`Status.is_safe` becomes False only when an attempt to enter the safe state has failed.
+After `make_safe`, the safe state is written every `RETRY_S` until it is confirmed. `Status.is_safe` becomes False only
+when an attempt to enter the safe state has failed.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ RETRY_S = 1.0
 
 
 class Idle:
-    """Samples `rig`, and reports to `status`."""
+    """Measures with `rig`, and reports lost devices and the safe state to `status`."""
 
     def __init__(self, rig: Rig, status: Status) -> None:
         self._rig = rig
@@ -29,7 +30,7 @@ class Idle:
         self._due_s = -inf
 
     def sample(self, now_s: float) -> Measurement | None:
-        """Return one measurement at zero current. Return None while the devices do not answer."""
+        """Return one measurement at zero current. Return None if a device or the safe state fails."""
         try:
             if now_s > self._due_s:
                 self._enter_safe_state(now_s)

@@ -9,7 +9,7 @@
     COMPARING   on       Compare off → TRACKING; OFF and faults as HOLDING
     ENDED       off      the session was interrupted
 
-A requested stop is not a separate mode: the loop ends before its next exchange.
+After a requested stop the mode stays the same until the loop ends, which is before its next exchange.
 """
 
 from __future__ import annotations
@@ -61,7 +61,7 @@ CHANGES = (SetShape, SetFeedback, SetRule, SetModel, Step, Keep, Recall, Adapt)
 
 
 class ModeRule(NamedTuple):
-    """Requests that are refused in some modes."""
+    """Requests of the types `requests` are refused in `modes`; `what` and `cure` are the texts of the error."""
 
     requests: tuple[type[PageRequest], ...]
     modes: frozenset[Mode]

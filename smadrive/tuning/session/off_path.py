@@ -10,12 +10,12 @@ from smadrive.tuning.link.channel import ControlEnd
 SILENT_S = 2.0
 """A front process without a heartbeat for longer counts as silent.
 
-A front process that died is restarted within this time, and a frozen one is killed after 1 s.
+Normally, a front process that died is restarted within this time; a frozen one is killed after 1 s.
 """
 
 
 class OffPath:
-    """Watches the heartbeats of the front process. Before the first heartbeat, the process counts as silent."""
+    """Watches the heartbeats of the front process, which counts as silent before its first heartbeat."""
 
     def __init__(self, channel: ControlEnd) -> None:
         self._channel = channel
@@ -30,10 +30,10 @@ class OffPath:
 
 
 def front_silent() -> FrontSilentError:
-    """Return the error that is the reason to switch off, or to refuse to arm."""
+    """Return the error for a silent front process, with which the session switches off, or refuses to arm."""
     return FrontSilentError(
         "the front process of the page does not answer",
         where="OFF of the tuning page",
         limit=f"{SILENT_S:g} s",
-        cure="arm when the front process has been restarted",
+        cure="wait until the front process has been restarted, then arm",
     )

@@ -62,7 +62,7 @@ class ReferenceCatalogue:
         return reference.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)
 
     def hold(self, tuning: Tuning, measurement: Measurement) -> Reference:
-        """Return a reference that stays at the measured displacement.
+        """Return a reference that stays at the measured displacement, or without a sensor at that of the model.
 
         The displacement is limited to the range of the model at this temperature, so that a sensor with a wrong zero
         does not make the controller heat a cold wire.

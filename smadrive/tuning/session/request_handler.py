@@ -1,4 +1,4 @@
-"""Handles the requests of the pages: checks each against OFF and the mode, then does, queues or refuses it."""
+"""Handles the requests of the pages: checks each request against OFF and the mode, then does, queues or refuses it."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ class RequestHandler:
         self._off_path = OffPath(state.channel)
 
     def check_off(self) -> None:
-        """Switch off if OFF was pressed, or if OFF would have no effect because the front process is silent."""
+        """Stop the loop if an OFF was counted, or if OFF would have no effect because the front process is silent."""
         if self._state.channel.off_requested():
             self._off()
         if self._off_path.is_silent(self._state.now_s):
             self._stop_without_front()
 
     def receive(self, message: bytes) -> None:
-        """Do, queue or refuse the request in a message. An OFF that its page knew is handled before the request."""
+        """Do, queue or refuse the request in a message. Every OFF that was counted before is handled first."""
         self.check_off()
         try:
             self._do(parse_request(message))

@@ -1,8 +1,8 @@
 """The tuning session: it measures or controls the wire, and handles the requests of the page at every tick.
 
 When the session is idle, the heater is off and the wire is measured. When it is armed, one run of the control loop
-lasts until OFF or until the supervisor trips; the controller may be swapped between two ticks. The loop checks OFF
-before every exchange. The builder process builds and checks models. The loop never waits for the page or the builder
+lasts until OFF or until a fault; the controller may be replaced between two ticks. The loop checks OFF before every
+exchange. The builder process builds and checks models. The loop never waits for the page or the builder
 (see channel.py).
 """
 
@@ -84,7 +84,7 @@ class TuningSession:
             self._end()
 
     def _end(self) -> None:
-        """Switch off, and publish "off", or "unconfirmed" if the safe state was not confirmed."""
+        """Switch the heater off, and publish the end: "off", or "unconfirmed" if the safe state was not confirmed."""
         try:
             self._rig.heater.enter_safe_state()
             self._status.is_safe, self._status.end = True, "off"
@@ -169,7 +169,7 @@ class TuningSession:
             self._adaptation.taken()
 
     def _serve(self) -> None:
-        """Handle OFF, the requests of the page and the results of the builder, and publish the status. Once a tick."""
+        """Handle OFF, the requests of the page and the results of the builder, and publish the status, once a tick."""
         self._is_served = True
         if self._state.live is not None and self._arming.is_waiting:
             self._state.report("armed, holding")

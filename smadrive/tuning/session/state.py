@@ -17,8 +17,8 @@ from smadrive.tuning.session.status import Status
 class SessionState:
     """The shared state of a session.
 
-    `live` is the controller while the control loop runs, otherwise None. `arm_request` is the Arm that waits, or None.
-    `stop_requested` ends the loop.
+    `began_s` is the time of the clock at the start. `live` is the controller while the control loop runs, otherwise
+    None. `arm_request` is the Arm that waits, or None. `stop_requested` ends the loop before its next exchange.
     """
 
     rig: Rig
@@ -53,11 +53,11 @@ class SessionState:
         return Mode.TRACKING if live.reference.endless else Mode.HOLDING
 
     def report(self, event: str) -> None:
-        """Add an event, which all pages show."""
+        """Add an event, with the present time, to those that all pages show."""
         self.status.add_event(self.now_s, event)
 
     def answer(self, request: PageRequest | None, refused: str | None) -> None:
-        """Answer a request: `refused` is None, or the reason for a refusal. A refusal is also an event."""
+        """Answer a request, unless it is None. `refused` is None, or the reason for a refusal, then also an event."""
         if request is not None:
             self.channel.send({"number": request.number, "refused": refused})
             if refused:

@@ -25,7 +25,7 @@ MAX_EVENT_LENGTH = 400
 """Largest length of an event in characters. All events together must fit in the status."""
 
 _HEATER = {Mode.HOLDING: "holding", Mode.TRACKING: "tracking", Mode.COMPARING: "tracking"}
-"""The `mode` that is published while the heater is on."""
+"""The `mode` that is published in each mode in which the heater is on."""
 
 
 class Status:
@@ -69,7 +69,7 @@ class Status:
         self.fault = self.fault_type = None
 
     def fail(self, time_s: float, error: BaseException) -> None:
-        """Take the open fault and the state of the heater from `error`."""
+        """Store `error` with its notes as the open fault; `is_safe` is then False only after a failed shutdown."""
         outcome = shutdown_of(error)
         self.is_safe = outcome is None or outcome.confirmed
         self.fault = " — ".join([str(error), *getattr(error, "__notes__", ())])

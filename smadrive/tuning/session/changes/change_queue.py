@@ -1,7 +1,7 @@
 """The queue of changes. The model builder builds and checks a change; then it is put in force between two ticks.
 
 One job is built at a time, and each job starts from the result of the previous one. While a slider is dragged, only its
-latest value waits. A change that is refused leaves everything as it is, and the reason is reported.
+latest value waits. A change that is refused leaves the tuning in force as it is, and the reason is reported.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ Answer = tuple[AnyRequest, str | None]
 
 
 class ChangeQueue:
-    """The jobs that wait, and the job that is being built. `path` makes references (see ReferenceCatalogue)."""
+    """The jobs that wait, and the job that is being built. `path` is `ReferenceCatalogue.path`."""
 
     def __init__(
         self, tunings: Tunings, builder: ModelBuilder, path: Path, config: RigConfig, balance: HeatBalance
@@ -46,11 +46,14 @@ class ChangeQueue:
 
     @property
     def is_busy(self) -> bool:
-        """True if a job waits or is being built."""
+        """True if a job waits or is being built. A dropped job does not count, even while the builder works on it."""
         return self._job is not None or bool(self._waiting)
 
     def add(self, request: AnyRequest, live: SwappableController | None) -> None:
-        """Accept a request. ConfigError when it cannot be done now."""
+        """Do the request or queue its job. `live` is the controller of the running loop, or None.
+
+        ConfigError when the request cannot be done now.
+        """
         match request:
             case Keep(slot=slot):
                 self._tunings.comparison.keep(slot, self._tunings.in_force)
@@ -92,7 +95,10 @@ class ChangeQueue:
         return iter(answers)
 
     def cancel(self) -> None:
-        """Refuse the requests that wait, because the loop has ended, and drop all jobs except those that outlive it."""
+        """Refuse the requests that are not done, drop their jobs, and end the comparison, because the loop has ended.
+
+        Jobs with `outlives_the_loop` stay in the queue.
+        """
         under_way = [job for job in (self._job, *self._waiting) if job is not None]
         for job in under_way:
             self._answer(job, "the heater was switched off in the meantime")
@@ -108,11 +114,13 @@ class ChangeQueue:
                 self._answer(waiting, None)
                 return
         if len(self._waiting) >= MAX_WAITING:
-            raise ConfigError("too many changes wait", value=len(self._waiting), limit=MAX_WAITING, cure="try again")
+            raise ConfigError(
+                "too many changes wait", value=len(self._waiting), limit=MAX_WAITING, cure="wait, then try again"
+            )
         self._waiting.append(job)
 
     def _begin(self, job: Job, live: SwappableController | None) -> Iterator[str]:
-        """Send the job to the builder. Refuse it if it is not possible any more."""
+        """Send the job to the builder, or refuse it if it is not possible any more. Yield the events to report."""
         try:
             target = job.target(self._tunings, live)
         except SmadriveError as error:

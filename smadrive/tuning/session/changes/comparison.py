@@ -23,7 +23,7 @@ class Score:
 
 
 class Comparison:
-    """The slots with their tunings and scores. `turn` is the slot that drives the wire, or None.
+    """The slots with their tunings and scores. `turn` is the slot that drives the present cycle, or None.
 
     The error is setpoint minus measured displacement. Without a sensor, the estimated displacement is used.
     """
@@ -44,17 +44,17 @@ class Comparison:
     def slot(self, slot: Slot) -> Tuning:
         """Return the tuning in a slot. ConfigError when the slot is empty."""
         if slot not in self.slots:
-            raise ConfigError(f"slot {slot} is empty", cure="keep a tuning in this slot first")
+            raise ConfigError(f"slot {slot} is empty", cure=f"press Keep {slot} first")
         return self.slots[slot]
 
     def start(self) -> None:
-        """Let A drive from the end of the running cycle on.
+        """Begin the comparison: slot A drives from the end of the running cycle on.
 
         ConfigError when a slot is empty, or both slots hold the same tuning.
         """
         if self.slot("A").drives_as(self.slot("B")):
             raise ConfigError(
-                "slot A and slot B hold the same tuning", cure="change the tuning and keep it in one of the slots"
+                "slot A and slot B hold the same tuning", cure="change the tuning, then press Keep A or Keep B"
             )
         self.is_on, self.turn = True, None
 
@@ -64,11 +64,11 @@ class Comparison:
 
     @property
     def next_turn(self) -> Slot:
-        """The slot that drives next."""
+        """The slot that drives the next cycle."""
         return "B" if self.turn == "A" else "A"
 
     def sample(self, error_mm: float, stroke_mm: float) -> None:
-        """Add the error of one tick of the cycle. A NaN is left out."""
+        """Add the tracking error of one tick to the score of the cycle. A NaN is left out."""
         if isfinite(error_mm):
             self._squares += (100.0 * error_mm / stroke_mm) ** 2
             self._samples += 1

@@ -13,7 +13,7 @@ from smadrive.wire.wire_model import travel_mm
 
 
 class ComparisonRunner:
-    """Alternates the slots A and B of `tunings`. `queue` accepts the jobs that build the controllers."""
+    """Lets the slots A and B of `tunings` drive in turn. `queue` accepts the jobs that build the controllers."""
 
     def __init__(self, tunings: Tunings, queue: Callable[[Job], None]) -> None:
         self._tunings = tunings
@@ -23,7 +23,10 @@ class ComparisonRunner:
         self._next: Built | None = None
 
     def start(self, live: SwappableController) -> None:
-        """Begin at the end of the running cycle. ConfigError when a slot is empty, or both hold the same tuning."""
+        """Begin the comparison at the end of the running cycle.
+
+        ConfigError when a slot is empty, when both slots hold the same tuning, or when too many jobs wait.
+        """
         self._comparison.start()
         self._cycle, self._next = live.reference.cycle(live.reference_s), None
         try:
@@ -33,12 +36,12 @@ class ComparisonRunner:
             raise
 
     def score(self, error_mm: float) -> None:
-        """Add the tracking error of one tick."""
+        """Add the tracking error of one tick, in mm."""
         cold_mm, hot_mm = travel_mm(self._tunings.in_force.model)
         self._comparison.sample(error_mm, hot_mm - cold_mm)
 
     def update(self, live: SwappableController) -> None:
-        """At the end of a cycle, score the cycle, and let the other slot drive if its controller is ready."""
+        """At the end of a cycle, score it. The other slot drives next, or the same one if no controller is ready."""
         if not self._comparison.is_on:
             return
         cycle = live.reference.cycle(live.reference_s)

@@ -1,7 +1,7 @@
 """Undo and redo: a list of tunings, and the place of the present tuning in the list.
 
 A slider that is dragged makes many changes. Changes with the same name that follow each other within `DRAG_S` are one
-step of undo.
+step of undo. So are all changes of the online adaptation that follow each other.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class History:
         return self._line[self._at + 1].change if self._at + 1 < len(self._line) else None
 
     def push(self, tuning: Tuning, time_s: float) -> None:
-        """Add a new change. Changes that could be redone before are forgotten."""
+        """Add the tuning that a new change has made. Changes that could be redone before are forgotten."""
         goes_on = (
             self._at > 0
             and tuning.change == self.now.change
@@ -53,6 +53,6 @@ class History:
         return self._line[at] if 0 <= at < len(self._line) else None
 
     def move(self, step: int) -> None:
-        """Undo (`step` -1) or redo (`step` +1)."""
+        """Make the tuning that undo (`step` -1) or redo (`step` +1) leads to the present one. It must exist."""
         self._at += step
         self._changed_s = float("-inf")

@@ -35,7 +35,7 @@ Without a name (None), the reference stays at the present setpoint.
 
 
 class BuildTarget(NamedTuple):
-    """A tuning, the change to make in it, and the reference to track with it.
+    """The part of a BuildRequest that a job sets: a tuning, the change to make in the tuning, the reference to track.
 
     `change` is None for a tuning that stays as it is. `reference` is None while the heater is off.
     """
@@ -59,7 +59,7 @@ class Job(ABC):
 
     @abstractmethod
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
-        """Return what the builder has to build, now that the job begins. SmadriveError if that is not possible now."""
+        """Return the part of the build request that the job sets. SmadriveError if the job is not possible now."""
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:
         """Put the result in force, as a change that can be undone."""
@@ -84,13 +84,13 @@ class ChangeJob(Job):
 
 @dataclass(frozen=True)
 class RecallJob(Job):
-    """Put a kept tuning in force."""
+    """Put the tuning of a slot in force."""
 
     _: KW_ONLY
     tuning: Tuning
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
-        """Return the kept tuning."""
+        """Return the tuning of the slot."""
         return BuildTarget(self.tuning, None, _running(live))
 
 
@@ -109,14 +109,14 @@ class StepJob(Job):
         return BuildTarget(tuning, None, _running(live))
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
-        """Put the tuning in force, and move in the history."""
+        """Put the tuning in force, and go one change back or forward in the history."""
         tunings.put(built, live)
         tunings.history.move(self.step)
 
 
 @dataclass(frozen=True)
 class PutJob(RecallJob):
-    """Put the tuning from before a comparison in force again. This is not a change that can be undone."""
+    """Put the tuning from before a comparison in force again. The history of changes stays as it is."""
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
         """Put the tuning in force."""
@@ -144,7 +144,7 @@ class FollowJob(Job):
 
 @dataclass(frozen=True)
 class TurnJob(Job):
-    """Build the controller of the next turn of a comparison, and pass it to `ready`."""
+    """Build the controller of the slot that drives next in a comparison, and pass it to `ready`."""
 
     _: KW_ONLY
     tuning: Tuning
@@ -152,7 +152,7 @@ class TurnJob(Job):
     ready: Callable[[Built], None]
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
-        """Return the tuning of the next turn, with the present reference."""
+        """Return the tuning of the slot that drives next, with the present reference."""
         return BuildTarget(self.tuning, None, self.reference)
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
@@ -181,5 +181,5 @@ def job_of(request: AnyRequest, tunings: Tunings, path: Path) -> Job:
 
 
 def _running(live: SwappableController | None) -> Reference | None:
-    """Return the present reference. A job reads it when it begins, because an earlier job may have changed it."""
+    """Return the reference that the loop tracks, None without a loop. An earlier job may have changed it."""
     return None if live is None else live.reference

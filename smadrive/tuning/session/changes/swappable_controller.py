@@ -1,4 +1,4 @@
-"""A tracking controller that can be swapped between two ticks. The new one continues from the state of the old one."""
+"""A tracking controller that can be replaced between two ticks; the new one continues from the state of the old one."""
 
 from __future__ import annotations
 
@@ -40,7 +40,10 @@ class SwappableController:
         return self._controller.update(self.reference_s, measurement, dt_s)
 
     def swap(self, controller: TrackingController, reference: Reference) -> None:
-        """Let `controller` take over without a bump. A new reference begins now; the same reference continues."""
+        """Replace the controller by `controller`, which takes over its state, so that the output does not jump.
+
+        A new reference begins now; the same reference continues.
+        """
         controller.take_over(self._controller)
         self._controller = controller
         if reference is not self.reference:

@@ -29,6 +29,6 @@ class Tunings:
         self.history.push(built.tuning, now_s)
 
     def end_comparison(self) -> None:
-        """End the comparison, and return to the tuning before it."""
+        """End the comparison, and return to the tuning that was in force before it."""
         self.comparison.stop()
         self.in_force = self.history.now
