@@ -73,8 +73,12 @@ def tracking_caveats(log: Log) -> tuple[str, ...]:
 
     Caveats from before the run come first, for example that of a smoothed reference. Those of the samples follow.
     """
-    from_before = log.parsed("caveats", _texts) if "caveats" in log.metadata else ()
-    return (*from_before, *_sample_caveats(log))
+    return (*texts_of(log, "caveats"), *_sample_caveats(log))
+
+
+def texts_of(log: Log, name: str) -> tuple[str, ...]:
+    """Return the list of texts `name` of the metadata. It is empty when the log has no such list."""
+    return log.parsed(name, _texts) if name in log.metadata else ()
 
 
 def _texts(values: Iterable[Any]) -> tuple[str, ...]:

@@ -195,7 +195,13 @@ class Page:
         except SmadriveError as error:
             self._note = f"save: {error}"
             return
-        self._note = f"saved: {files[0]} and {files[1]}"
+        note = f"saved: {files[0]} and {files[1]}"
+
+        def noted(_refused: str | None) -> None:
+            self._note = note
+
+        noted(None)
+        self._clients.ask(self._client, "note", noted, text=f"saved as {files[0].name} and {files[1].name}")
 
 
 def _text(name: str) -> Div:

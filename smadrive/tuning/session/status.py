@@ -11,6 +11,7 @@ from smadrive.safety.shutdown import shutdown_of
 from smadrive.tuning.session.changes.comparison import Comparison
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.session.modes import Mode
+from smadrive.tuning.session.session_log import SessionLog
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -36,7 +37,8 @@ class Status:
     "unconfirmed".
     """
 
-    def __init__(self, rig: Rig, references: list[str], balance: HeatBalance) -> None:
+    def __init__(self, rig: Rig, references: list[str], balance: HeatBalance, log: SessionLog) -> None:
+        self._log = log
         self.fault: str | None = None
         self.fault_type: str | None = None
         self.lost: str | None = None
@@ -59,7 +61,8 @@ class Status:
         self._described: tuple[Tuning, dict[str, Any]] | None = None
 
     def add_event(self, time_s: float, event: str) -> None:
-        """Add an event. A long text is cut to `MAX_EVENT_LENGTH`."""
+        """Add an event, also to the log. For the pages, a long text is cut to `MAX_EVENT_LENGTH`."""
+        self._log.event(time_s, event)
         if len(event) > MAX_EVENT_LENGTH:
             event = event[: MAX_EVENT_LENGTH - 1] + "…"
         self.events.append((round(time_s, 2), event))
