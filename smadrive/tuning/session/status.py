@@ -41,6 +41,7 @@ class Status:
         self._log = log
         self.fault: str | None = None
         self.fault_type: str | None = None
+        self.fault_s: float | None = None
         self.lost: str | None = None
         self.is_safe = True
         self.end: str | None = None
@@ -69,7 +70,7 @@ class Status:
 
     def clear_fault(self) -> None:
         """Forget the open fault."""
-        self.fault = self.fault_type = None
+        self.fault = self.fault_type = self.fault_s = None
 
     def fail(self, time_s: float, error: BaseException) -> None:
         """Take the open fault and the state of the heater from `error`."""
@@ -77,6 +78,7 @@ class Status:
         self.is_safe = outcome is None or outcome.confirmed
         self.fault = " — ".join([str(error), *getattr(error, "__notes__", ())])
         self.fault_type = type(error).__name__
+        self.fault_s = time_s
         self.add_event(time_s, self.fault)
 
     def document(self, mode: Mode, tunings: Tunings, *, adapts: bool) -> dict[str, Any]:
@@ -88,6 +90,7 @@ class Status:
             "end": self.end,
             "fault": self.fault,
             "fault_type": self.fault_type,
+            "fault_s": self.fault_s,
             "lost": self.lost,
             "device_faults": [] if measurement is None else measurement.device_faults,
             "temperature_fault": None if measurement is None else measurement.temperature_fault,
