@@ -14,10 +14,11 @@ from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import write_table
 from smadrive.files.kinds import LOG, PAGE, TABLE, check_kind
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.session_record import plain_events
 
 
 def main(
-    log_file: Annotated[Path, typer.Argument(metavar="LOG", help="Log (.h5) of `run`, `excite` or `demo`.")],
+    log_file: Annotated[Path, typer.Argument(metavar="LOG", help="Log (.h5) of `run`, `excite`, `tune` or `demo`.")],
     report_file: Annotated[
         Path | None,
         typer.Option("--report-file", "-o", help="Page (HTML) to write; LOG with the ending .html by default."),
@@ -48,6 +49,6 @@ def main(
             "ended_by": log.ended_by if log.end_time else "a kill, or it still runs",
             **asdict(summary),
             "caveats": log.caveats,
-            "events": [event._asdict() for event in log.events],
+            "events": [event._asdict() for event in plain_events(log)],
         }
     )

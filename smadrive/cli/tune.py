@@ -3,15 +3,21 @@
 from __future__ import annotations
 
 import importlib.util
+import json
+import os
 import secrets
 import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from datetime import UTC, datetime
+from itertools import count
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
 from smadrive.cli.options import RigFile
-from smadrive.cli.output import AsJson, Output
+from smadrive.cli.output import AsJson, Output, make_folder
 from smadrive.cli.run import model_file
 from smadrive.cli.views.tune_view import TuneView, watched
 from smadrive.clock import VirtualClock
@@ -22,12 +28,13 @@ from smadrive.hysteresis import HysteresisModel
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import read_reference
+from smadrive.runs.run_log import record_session
 from smadrive.tuning.link.channel import ControlEnd
 from smadrive.tuning.link.real_time import use_real_time_scheduling
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning
-from smadrive.wire.identified_wire import load_wire
+from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 from smadrive.wire.wire_model import travel_mm
 
 LOW, HIGH, PERIOD_S = 0.2, 0.8, 56.0
@@ -43,14 +50,19 @@ def main(
         ),
     ] = None,
     model: Annotated[Path | None, typer.Option(help="Model file; the one of the rig file by default.")] = None,
-    folder: Annotated[Path, typer.Option("--output-dir", "-o", help="Folder for saved models and rigs.")] = Path(),
+    folder: Annotated[
+        Path, typer.Option("--output-dir", "-o", help="Folder for the log, and for saved models and rigs.")
+    ] = Path(),
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port of the page on 127.0.0.1; 0 picks a free one.")
     ] = 5006,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
     as_json: AsJson = False,
 ) -> None:
-    """Open the live tuning page of RIG. Ctrl-C switches the heater off and ends the command."""
+    """Open the live tuning page of RIG. Ctrl-C switches the heater off and ends the command.
+
+    The session is logged in a new file, whose name is printed at the end.
+    """
     if importlib.util.find_spec("bokeh") is None:
         raise ConfigError("the tuning page needs bokeh", cure="install it with .venv/bin/pip install 'smadrive[tune]'")
     output = Output(as_json)
@@ -59,6 +71,7 @@ def main(
     tuning = Tuning.of(wire.model, config.feedback, "as loaded", wire.caveats)
     references = _references(reference or [], wire.model)
     with (
+        _named_at_the_end(output) as log_files,
         BuilderProcess() as builder,
         ControlEnd() as channel,
         Rig(config) as open_rig,
@@ -68,15 +81,41 @@ def main(
         open_rig.check_balance(balance)
         page = TuningPage(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
         view = TuneView(config.name, page, channel)
-        session = TuningSession(open_rig, tuning, balance, references, channel, builder, view.tick)
-        with page:
-            output.say(f"{config.name}: {page.url}")
-            output.result({"url": page.url, "pid": page.server.pid})
-            if browser and not as_json:
-                webbrowser.open(page.url)
-            use_real_time_scheduling()
-            with watched(view, output):
-                session.run()
+        log_file = new_log_file(folder)
+        begun_with = IdentifiedWire(wire.model, balance)
+        recording = record_session(log_file, open_rig, begun_with, caveats=json.dumps(wire.caveats))
+        log_files.append(log_file)
+        with recording as recorder:
+            session = TuningSession(open_rig, tuning, balance, references, channel, builder, view.tick, recorder)
+            with page:
+                output.say(f"{config.name}: {page.url}")
+                output.result({"url": page.url, "pid": page.server.pid, "log_file": str(log_file)})
+                if browser and not as_json:
+                    webbrowser.open(page.url)
+                use_real_time_scheduling()
+                with watched(view, output):
+                    session.run()
+
+
+@contextmanager
+def _named_at_the_end(output: Output) -> Iterator[list[Path]]:
+    """Yield a list. At the end of the block, print the path of each log in it that was written."""
+    log_files: list[Path] = []
+    try:
+        yield log_files
+    finally:
+        with suppress(ConfigError, OSError):  # the end of the session counts, not that of the terminal
+            for path in log_files:
+                if path.exists():
+                    output.say(f"log: {path}")
+
+
+def new_log_file(folder: Path) -> Path:
+    """Return a path in `folder` for the log of a session that begins now. No file has this path."""
+    make_folder(folder)
+    name = f"tuning-{datetime.now(UTC):%Y%m%d-%H%M%S}"
+    names = (f"{name}{'' if n == 1 else f'-{n}'}.h5" for n in count(1))
+    return next(path for path in (folder / file for file in names) if not os.path.lexists(path))
 
 
 def _check_real_time(rig: Rig) -> None:

@@ -71,11 +71,13 @@ class Recorder:
         if self._now_s - self._flushed_s >= BUFFER_S or len(self._buffer) >= MOST_OPEN_ROWS:
             self.flush()
 
-    def event(self, message: str) -> None:
-        """Write an event into the file at once, with the time of the last row."""
+    def event(self, message: str, time_s: float | None = None) -> None:
+        """Write an event into the file at once. Without `time_s`, its time is that of the last row or event."""
         self.flush()
-        self._file.add_event(self._now_s, message)
-        self.latest.append(RunEvent(self._now_s, message))
+        latest_s = max([self._now_s, *(event.time_s for event in self.latest)])
+        event = RunEvent(latest_s if time_s is None else time_s, message)
+        self._file.add_event(*event)
+        self.latest.append(event)
 
     def flush(self) -> None:
         """Write every buffered row into the file."""

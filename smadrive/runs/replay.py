@@ -24,6 +24,7 @@ from smadrive.runs.columns import fields_of
 from smadrive.runs.log.reader import Log
 from smadrive.runs.run_log import OWN_CONTROLLER
 from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, wire_of
+from smadrive.runs.session_record import KIND
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import travel_mm
 
@@ -101,6 +102,9 @@ def prediction_percent(log: Log, estimated_mm: Array, model: HysteresisModel) ->
 
 
 def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
+    if log.metadata.get("kind") == KIND:
+        what = "a tuning session cannot be replayed, because its tuning and its reference changed while it ran"
+        raise DataError(what, where=log.path, cure="save the tuning on the page, and record it with `smadrive run`")
     config = rig_config_of(log)
     if log.metadata.get("kind") == "excitation":
         if wire is not None:

@@ -11,7 +11,7 @@ import platform
 from collections.abc import Mapping
 from dataclasses import asdict
 from importlib.metadata import version
-from math import isfinite
+from math import inf, isfinite
 from pathlib import Path
 
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
@@ -24,6 +24,7 @@ from smadrive.rig.rig import Rig
 from smadrive.runs.columns import COLUMNS, row_getter
 from smadrive.runs.log.writer import GROWTH_ROWS
 from smadrive.runs.recorder import Recorder
+from smadrive.runs.session_record import KIND
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
 
@@ -91,6 +92,11 @@ def record_tracking(
 def record_controller(path: Path, rig: Rig, wire: IdentifiedWire, name: str, duration_s: float) -> TickRecorder:
     """Return the open log of a run of an own controller, called `name`, on the identified wire."""
     return _open(path, rig, {"kind": OWN_CONTROLLER, "controller": name, "wire": wire.text()}, duration_s)
+
+
+def record_session(path: Path, rig: Rig, wire: IdentifiedWire, **notes: str) -> TickRecorder:
+    """Open the log of a tuning session that begins with `wire`. `notes` are further metadata."""
+    return _open(path, rig, {"kind": KIND, "wire": wire.text(), **notes}, inf)
 
 
 def reference_text(reference: Reference) -> str:

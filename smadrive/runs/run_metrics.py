@@ -24,7 +24,7 @@ FEW_MISSING = 0.03
 
 def has_setpoint(log: Log) -> bool:
     """Whether the run had displacement setpoints: a tracking run, or an own controller that returned some."""
-    is_own = "wire" in log.metadata and bool(np.isfinite(log.column_with_gaps("setpoint_mm")).any())
+    is_own = "controller" in log.metadata and bool(np.isfinite(log.column_with_gaps("setpoint_mm")).any())
     return "reference" in log.metadata or is_own
 
 
@@ -88,8 +88,12 @@ def tracking_caveats(log: Log) -> tuple[str, ...]:
     The first are those known before the run, for example that the reference was smoothed. The last are about scored
     samples that are missing.
     """
-    from_before = log.parsed("caveats", _texts) if "caveats" in log.metadata else ()
-    return (*from_before, *_sample_caveats(log))
+    return (*texts_of(log, "caveats"), *_sample_caveats(log))
+
+
+def texts_of(log: Log, name: str) -> tuple[str, ...]:
+    """Return the list of texts `name` of the metadata. It is empty when the log has no such list."""
+    return log.parsed(name, _texts) if name in log.metadata else ()
 
 
 def _texts(values: Iterable[Any]) -> tuple[str, ...]:

@@ -43,7 +43,7 @@ from smadrive.testing.simulator import ServedSimulator
 from smadrive.tuning.link.channel import ControlEnd, PageEnd
 from smadrive.tuning.link.real_time import use_real_time_scheduling
 from smadrive.tuning.link.samples import COLUMNS
-from smadrive.tuning.page.plots import POINTS
+from smadrive.tuning.page.view.plots import POINTS
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning

@@ -2,7 +2,7 @@
 
 import pytest
 
-from .page_actions import errors, heat, newest
+from .page_actions import drawn, errors, heat, newest, press
 
 
 def test_page_loads_nothing_from_elsewhere_and_its_plots_move(client, live):
@@ -88,3 +88,18 @@ def test_page_opened_later_draws_the_same_errors(client, live):
     both = late.keys() & early.keys()
     assert len(both) > 20
     assert {time_s: late[time_s] for time_s in both} == pytest.approx({time_s: early[time_s] for time_s in both})
+
+
+def test_paused_plots_stand_still_and_look_back_until_resume(client, live):
+    page = client()
+    live.wait(lambda: newest(page, "time_s") > 3.0)
+    press(page, "Pause")
+    page.get_by_role("button", name="Resume").wait_for()
+    paused_s, started_s = newest(page, "time_s"), live.time_s
+    live.wait(lambda: live.time_s > started_s + 4.0)
+    assert newest(page, "time_s") < paused_s + 1.0
+    press(page, "All")
+    live.wait(lambda: drawn(page, "time_s")[0][0] < 0.2 and newest(page, "time_s") > paused_s + 3.0)
+    press(page, "Resume")
+    shown = newest(page, "time_s")
+    live.wait(lambda: newest(page, "time_s") > shown + 2.0)

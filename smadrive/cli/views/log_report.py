@@ -10,16 +10,19 @@ from typing import Any
 
 from smadrive.errors import UNCONFIRMED
 from smadrive.runs.figures.log_plots import log_plots
+from smadrive.runs.figures.session_plots import change_table
 from smadrive.runs.log.reader import Log
 from smadrive.runs.report import Banner, Grid, Listing, PagePart, Tiles, write_report
 from smadrive.runs.run_log import OWN_CONTROLLER
 from smadrive.runs.run_metadata import rig_config_of
-from smadrive.runs.run_metrics import RunMetrics, has_setpoint, is_virtual, run_metrics, tracking_caveats
+from smadrive.runs.run_metrics import RunMetrics, has_setpoint, is_virtual, run_metrics, texts_of, tracking_caveats
+from smadrive.runs.session_record import KIND, SESSION_ENDED, models_of, plain_events
 
 TITLES = {
     "excitation": "identification experiment",
     "tracking": "tracking run",
     OWN_CONTROLLER: "run of an own controller",
+    KIND: "tuning session",
 }
 
 
@@ -35,6 +38,7 @@ def write_log_report(path: Path, log: Log) -> RunMetrics:
         *_caveats(log),
         Tiles(list(_tiles(summary, config.limits.current_max_a, is_virtual=is_virtual(log)))),
         *log_plots(log),
+        *([change_table(log)] if summary.kind == KIND else []),
         *_events(log),
     ]
     parts += [_provenance(log), *_background(log)]
@@ -50,7 +54,7 @@ def _state(log: Log, summary: RunMetrics) -> Banner:
             f"This log has no end: its writer was killed, or still writes. The log holds {summary.duration_s:.1f} s; "
             "at most the last second is missing.",
         )
-    if not log.ended_by:
+    if not log.ended_by or (summary.kind == KIND and _is_ended_safely(log)):
         return Banner("good", f"Complete: {summary.duration_s:.1f} s, ended at zero current.")
     unconfirmed = [event.message for event in log.events if event.message.startswith(UNCONFIRMED)]
     return Banner(
@@ -59,10 +63,16 @@ def _state(log: Log, summary: RunMetrics) -> Banner:
     )
 
 
+def _is_ended_safely(log: Log) -> bool:
+    """Return True for a session that a signal ended, with the heater confirmed off. A session ends in no other way."""
+    messages = [event.message for event in log.events]
+    return log.ended_by.startswith("interruption") and SESSION_ENDED["off"] in messages
+
+
 def _caveats(log: Log) -> Iterator[Banner]:
     """Yield the reasons to distrust the content or the metrics, as `run` prints them on the terminal."""
-    tracking = tracking_caveats(log) if has_setpoint(log) else ()
-    for caveat in (*log.caveats, *tracking):
+    of_the_run = tracking_caveats(log) if has_setpoint(log) else texts_of(log, "caveats")
+    for caveat in (*log.caveats, *of_the_run):
         yield Banner("warning", f"Warning: {caveat}.")
 
 
@@ -82,7 +92,7 @@ def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator
 
 def _events(log: Log) -> Iterator[Grid]:
     """Yield the table of events. The text of a fault includes its remedy."""
-    rows = [(f"{event.time_s:.2f} s", event.message) for event in log.events]
+    rows = [(f"{event.time_s:.2f} s", event.message) for event in plain_events(log)]
     yield Grid(("time", "event"), rows or [("", "none: no fault, no limit, no warning")], "Events", texts=True)
 
 
@@ -106,6 +116,8 @@ def _background(log: Log) -> Iterator[PagePart]:
     yield Grid(("key", "value"), list(_flat(log.json("rig"))), "Rig file", texts=True, folded=True)
     if "wire" in log.metadata:
         yield Listing("Wire: the model of the run", log.text("wire"))
+    for number, text in models_of(log).items():
+        yield Listing(f"Model {number}", json.dumps(json.loads(text), indent=1))
     if "excitation" in log.metadata:
         yield Grid(("key", "value"), list(_flat(log.json("excitation"))), "Excitation", texts=True, folded=True)
     yield Grid(("key", "value"), list(_flat(log.json("nominal_balance"))), "Nominal heat balance", True, True)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from smadrive.hysteresis import HysteresisModel
 from smadrive.runs.columns import COLUMNS
+from smadrive.runs.figures.session_plots import session_plot
 from smadrive.runs.log.reader import Log
 from smadrive.runs.plots import (
     COOLING,
@@ -27,6 +28,7 @@ from smadrive.runs.plots import (
 from smadrive.runs.report import Plot
 from smadrive.runs.run_metadata import rig_config_of, wire_of
 from smadrive.runs.run_metrics import error_percent, has_setpoint, is_virtual, scored_from_s, tracking_caveats
+from smadrive.runs.session_record import KIND
 
 Array = NDArray[np.float64]
 
@@ -40,6 +42,8 @@ def log_plots(log: Log) -> Iterator[Plot]:
     """Yield the plots of the log. Plots without data are left out."""
     if has_setpoint(log):
         yield _tracking(log)
+    if log.metadata.get("kind") == KIND:
+        yield session_plot(log)
     yield _heat(log)
     if np.isfinite(log.column_with_gaps("displacement_mm")).any():
         yield _plane(log)

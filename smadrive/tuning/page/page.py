@@ -20,9 +20,11 @@ from smadrive.tuning.page.client_registry import WATCHES, ClientRegistry
 from smadrive.tuning.page.controls import Controls
 from smadrive.tuning.page.fit import Fitter
 from smadrive.tuning.page.panel import LoopTiming, banner_html, chips_html, events_html, scores_html
-from smadrive.tuning.page.plots import POINTS, Plots
 from smadrive.tuning.page.rules_table import LAWS
 from smadrive.tuning.page.save import save_tuning
+from smadrive.tuning.page.view.plots import POINTS, Plots
+from smadrive.tuning.page.view.sample_history import SampleHistory
+from smadrive.tuning.page.view.time_view import TimeView
 from smadrive.wire.identified_wire import IdentifiedWire
 
 HERE = Path(__file__).parent
@@ -45,7 +47,15 @@ first value.
 class Page:
     """The bokeh document of one client, with its figures, widgets and texts."""
 
-    def __init__(self, doc: Document, clients: ClientRegistry, fitter: Fitter, folder: Path, rig_file: Path) -> None:
+    def __init__(
+        self,
+        doc: Document,
+        clients: ClientRegistry,
+        fitter: Fitter,
+        history: SampleHistory,
+        folder: Path,
+        rig_file: Path,
+    ) -> None:
         self._doc, self._clients, self._fitter = doc, clients, fitter
         self._folder, self._rig_file = folder, rig_file
         context = doc.session_context
@@ -56,6 +66,7 @@ class Page:
         self._plots = Plots(status["limits"]["current_max_a"], status["limits"]["temperature_max_c"])
         self._controls = Controls(self._act, status["references"])
         self._texts = {name: _text(name) for name in ("chips", "banner", "events", "scores")}
+        self._view = TimeView(self._plots, history)
         self._note = ""
         self._timing = LoopTiming(1.0 / status["rate_hz"])
         self._timing_text = ""
@@ -65,8 +76,9 @@ class Page:
         self._frame = 0
         self._show_model(status["tuning"])  # before the first rows: errors are drawn in percent of its stroke
         self._bound_knobs(status["tuning"])
-        for root in (*self._plots.figures, *self._controls.roots, *self._texts.values()):
+        for root in (*self._plots.figures, *self._controls.roots, *self._view.buttons.values(), *self._texts.values()):
             doc.add_root(root)
+        doc.config.notify_connection_status = False  # the page itself shows the end of the run and a lost connection
         doc.title = f"smadrive · {status['rig']}"
         doc.template = (HERE / "page.html").read_text(encoding="utf-8")
         doc.template_variables["rig"] = status["rig"]
@@ -78,8 +90,10 @@ class Page:
     def _draw(self) -> None:
         self._controls.events.set_offs(self._clients.channel.offs)
         self._seen, rows = self._clients.channel.since(self._seen)
+        self._view.update(self._clients.status)  # before the new rows move the window that the user may have dragged
         if rows.size:
-            self._plots.add(rows)
+            if self._view.follows:
+                self._plots.add(rows)
             self._timing.add(rows)
         if self._frame % TIMING_FRAMES == 0:
             self._timing_text = str(self._timing)
@@ -196,7 +210,13 @@ class Page:
         except SmadriveError as error:
             self._note = f"save: {error}"
             return
-        self._note = f"saved: {files[0]} and {files[1]}"
+        note = f"saved: {files[0]} and {files[1]}"
+
+        def noted(_refused: str | None) -> None:
+            self._note = note
+
+        noted(None)
+        self._clients.ask(self._client, "note", noted, text=f"saved as {files[0].name} and {files[1].name}")
 
 
 def _text(name: str) -> Div:

@@ -25,6 +25,7 @@ from smadrive.tuning.link.child import is_input_closed, report_ready, run
 from smadrive.tuning.page.client_registry import ClientRegistry
 from smadrive.tuning.page.fit import Fitter
 from smadrive.tuning.page.page import Page
+from smadrive.tuning.page.view.sample_history import SampleHistory
 
 READ_MS = 50
 UNUSED_MS = 1000
@@ -35,13 +36,15 @@ def serve(parameters: dict[str, Any]) -> None:
     """Serve pages until standard input ends."""
     channel = PageEnd(parameters["memory_fd"], socket.socket(fileno=parameters["socket_fd"]))
     clients, fitter = ClientRegistry(channel, parameters["token"]), Fitter()
+    history = SampleHistory(channel)
     folder, rig_file = Path(parameters["folder"]), Path(parameters["rig_file"])
 
     def document(doc: Document) -> None:
-        Page(doc, clients, fitter, folder, rig_file)
+        Page(doc, clients, fitter, history, folder, rig_file)
 
     def read() -> None:
         clients.read()
+        history.read()
         channel.beat()
 
     clients.read()

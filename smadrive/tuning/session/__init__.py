@@ -1,4 +1,5 @@
 """The tuning session, in the process of the control loop: it handles the requests of the pages between two ticks.
 
-It may import rig, control and the rest of tuning, except page/ and front/. Nothing here may wait or build a model.
+It may import rig, control, runs and the rest of tuning, except page/ and front/. Nothing here may wait or build a
+model.
 """

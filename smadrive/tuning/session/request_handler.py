@@ -10,6 +10,7 @@ from smadrive.tuning.link.requests import (
     ClearFaults,
     Compare,
     DrivingRequest,
+    Keep,
     Note,
     Off,
     Step,
@@ -94,6 +95,8 @@ class RequestHandler:
         if isinstance(request, Compare) and request.on and self._adaptation.is_on:
             raise ConfigError("the adaptation would change the compared tunings", cure="stop the adaptation first")
         self._change_queue.add(request, self._state.live)
+        if isinstance(request, Keep):
+            self._state.report(f"slot {request.slot} keeps '{self._state.tunings.in_force.change}'")
 
     def _arm(self, request: Arm) -> None:
         if self._off_path.is_silent(self._state.now_s):

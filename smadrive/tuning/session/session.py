@@ -9,14 +9,17 @@ exchange. The builder process builds and checks models. The loop never waits for
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from math import isfinite
 
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
-from smadrive.errors import SmadriveError
+from smadrive.errors import DataError, SmadriveError
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
+from smadrive.runs.run_log import TickRecorder
+from smadrive.runs.session_record import SESSION_ENDED
 from smadrive.safety.shutdown import ends_safe, shutdown_of
 from smadrive.safety.supervisor import check_thermocouple
 from smadrive.tuning.builder.build import ModelBuilder, tuned_controller
@@ -31,6 +34,7 @@ from smadrive.tuning.session.idle import Idle
 from smadrive.tuning.session.modes import Mode
 from smadrive.tuning.session.reference_catalogue import ReferenceCatalogue
 from smadrive.tuning.session.request_handler import RequestHandler
+from smadrive.tuning.session.session_log import SessionLog
 from smadrive.tuning.session.state import SessionState
 from smadrive.tuning.session.status import STATUS_S, Status
 from smadrive.tuning.tuning import Tuning
@@ -41,6 +45,7 @@ class TuningSession:
     """A session with one rig, one wire and one page.
 
     `references` are those that a page can start, by their names (see ReferenceCatalogue). `record` gets every tick.
+    `recorder` writes the log of the session. Without it, the session is not logged.
     """
 
     def __init__(
@@ -52,6 +57,7 @@ class TuningSession:
         channel: ControlEnd,
         builder: ModelBuilder,
         record: Callable[[Tick], None],
+        recorder: TickRecorder | None = None,
     ) -> None:
         self._rig = rig
         self._balance = balance
@@ -61,7 +67,8 @@ class TuningSession:
         self.tunings = Tunings(tuning)
         self._change_queue = ChangeQueue(self.tunings, builder, self._references.path, rig.config, balance)
         self._adaptation = AdaptationRunner(tuning, balance, rig.period_s, rig.config.feedback.noise_c)
-        self._status = Status(rig, self._references.names, balance)
+        self._log = SessionLog(recorder, balance)
+        self._status = Status(rig, self._references.names, balance, self._log)
         self._state = SessionState(rig, channel, self.tunings, self._status, rig.clock.now_s())
         self._idle = Idle(rig, self._status)
         self._arming = Arming(self._state)
@@ -91,6 +98,14 @@ class TuningSession:
         except Exception:  # noqa: BLE001  (after any error the heater is not confirmed off)
             self._status.is_safe, self._status.end = False, "unconfirmed"
         self._publish()
+        self._note()
+        self._state.report(SESSION_ENDED[self._status.end])
+        with suppress(DataError):  # the end of the log reports that it cannot be written
+            self._log.write_events()
+
+    def _note(self) -> None:
+        """Add a change of the mode or of the tuning in force to the log."""
+        self._log.note(self._state.now_s, self._state.mode, self.tunings.in_force)
 
     def _wait(self) -> None:
         """Measure with the heater off, until an Arm waits and no change is queued or being built."""
@@ -102,6 +117,8 @@ class TuningSession:
             measurement = self._idle.sample(self._state.now_s)
             if measurement is not None:
                 self._take(Tick(measurement.time_s - self._state.began_s, late_s, measurement, Command(0.0)))
+            else:
+                self._log.write_events()
             self._serve()
             due_s = max(due_s + period_s, clock.now_s())
 
@@ -118,6 +135,8 @@ class TuningSession:
                 self._drive(self._hold(self._rig.heater.exchange(0.0)))
             self._state.report("heater off, confirmed")
         except SmadriveError as error:
+            if error is self._log.failure:
+                raise
             self._fail(error)
         finally:
             self._state.live = None
@@ -158,6 +177,7 @@ class TuningSession:
         self._change_queue.comparison.score(command.setpoint_mm - reached_mm)
         self._adapt(tick)
         self._record(tick)
+        self._log.tick(tick, measurement.time_s - self._state.began_s)
 
     def _adapt(self, tick: Tick) -> None:
         is_heating = self._state.live is not None
@@ -181,6 +201,7 @@ class TuningSession:
             self._state.report(event)
         for request, refused in self._change_queue.answers():
             self._state.answer(request, refused)
+        self._note()
         if self._state.now_s - self._published_s >= STATUS_S:
             self._publish()
 

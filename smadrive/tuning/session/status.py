@@ -11,6 +11,7 @@ from smadrive.safety.shutdown import shutdown_of
 from smadrive.tuning.session.changes.comparison import Comparison
 from smadrive.tuning.session.changes.tunings import Tunings
 from smadrive.tuning.session.modes import Mode
+from smadrive.tuning.session.session_log import SessionLog
 from smadrive.tuning.tuning import Tuning
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -36,9 +37,11 @@ class Status:
     "unconfirmed".
     """
 
-    def __init__(self, rig: Rig, references: list[str], balance: HeatBalance) -> None:
+    def __init__(self, rig: Rig, references: list[str], balance: HeatBalance, log: SessionLog) -> None:
+        self._log = log
         self.fault: str | None = None
         self.fault_type: str | None = None
+        self.fault_s: float | None = None
         self.lost: str | None = None
         self.is_safe = True
         self.end: str | None = None
@@ -59,14 +62,15 @@ class Status:
         self._described: tuple[Tuning, dict[str, Any]] | None = None
 
     def add_event(self, time_s: float, event: str) -> None:
-        """Add an event. A long text is cut to `MAX_EVENT_LENGTH`."""
+        """Add an event, also to the log. For the pages, a long text is cut to `MAX_EVENT_LENGTH`."""
+        self._log.event(time_s, event)
         if len(event) > MAX_EVENT_LENGTH:
             event = event[: MAX_EVENT_LENGTH - 1] + "…"
         self.events.append((round(time_s, 2), event))
 
     def clear_fault(self) -> None:
         """Forget the open fault."""
-        self.fault = self.fault_type = None
+        self.fault = self.fault_type = self.fault_s = None
 
     def fail(self, time_s: float, error: BaseException) -> None:
         """Store `error` with its notes as the open fault; `is_safe` is then False only after a failed shutdown."""
@@ -74,6 +78,7 @@ class Status:
         self.is_safe = outcome is None or outcome.confirmed
         self.fault = " — ".join([str(error), *getattr(error, "__notes__", ())])
         self.fault_type = type(error).__name__
+        self.fault_s = time_s
         self.add_event(time_s, self.fault)
 
     def document(self, mode: Mode, tunings: Tunings, *, adapts: bool) -> dict[str, Any]:
@@ -85,6 +90,7 @@ class Status:
             "end": self.end,
             "fault": self.fault,
             "fault_type": self.fault_type,
+            "fault_s": self.fault_s,
             "lost": self.lost,
             "device_faults": [] if measurement is None else measurement.device_faults,
             "temperature_fault": None if measurement is None else measurement.temperature_fault,

@@ -21,6 +21,7 @@ from smadrive.control.controllers.temperature import Command
 from smadrive.control.loop import Tick
 from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.measurement import Measurement
+from smadrive.runs.log.reader import read_log
 from smadrive.runs.recorder import Recorder
 from smadrive.testing.simulator import ServedSimulator
 
@@ -100,8 +101,12 @@ def test_tune_prints_its_state_and_its_open_pages(tmp_path):
             with visited(page):
                 opened = next(line for line in process.stdout if "no page is open" not in line)
             process.send_signal(signal.SIGINT)
-            process.communicate()
+            (log_line,) = [line for line in process.communicate()[0].splitlines() if line.startswith("log: ")]
     assert process.returncode == 130
+    log = read_log(tmp_path / log_line.removeprefix("log: "))
+    assert log.column("time_s").size > 0
+    assert "session ended: heater off, confirmed" in [event.message for event in log.events]
+    assert log.ended_by.startswith("interruption")
     assert "heater off; no page is open; Ctrl-C ends (" in alone
     assert re.search(r"heater off; \d pages? (is|are) open, ", opened)
 

@@ -1,7 +1,7 @@
 """A tuning session on the simulated wire in virtual time, with a builder in this process and a scripted page."""
 
 import json
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 
 import numpy as np
 import pytest
@@ -57,12 +57,14 @@ class TunedRig:
 
     `wire` is the true state of the plant at each tick: time, temperature and displacement. `trace_folder` and
     `stale_after_s` are those of the rig. `status` is the last status before the session is interrupted, `end` is
-    that published afterwards. The front process sends a heartbeat at every tick unless `front_is_silent`.
+    that published afterwards. `recording(rig)` opens the log of the session; by default there is none. The front
+    process sends a heartbeat at every tick unless `front_is_silent`.
     """
 
     trace_folder = None
     stale_after_s = 0.3
     front_is_silent = False
+    recording = staticmethod(lambda _rig: nullcontext())
 
     def __init__(self, model, control):
         self.device = simulated_device(load_sim("flexinol-lt-0.15mm"), seed=3)
@@ -122,8 +124,10 @@ class TunedRig:
         ):
             tuning = Tuning.of(self.model, FeedbackConfig(), "as identified")
             references = {"sine": REFERENCE}
-            self.session = TuningSession(rig, tuning, BALANCE, references, self.control, self.builder, record)
-            self.session.run()
+            given = rig, tuning, BALANCE, references, self.control, self.builder, record
+            with self.recording(rig) as recorder:
+                self.session = TuningSession(*given, recorder)
+                self.session.run()
 
     def _config(self):
         config = load_rig("in-process")

@@ -84,8 +84,8 @@ class ChangeQueue:
             job, self._job, self._is_building = self._job, None, False
             if job is not None:
                 yield from self._finish(job, result, live, now_s)
-        if live is not None:
-            self.comparison.update(live)
+        if live is not None and (event := self.comparison.update(live)):
+            yield event
         if not self._is_building and self._waiting:
             yield from self._begin(self._waiting.popleft(), live)
 

@@ -73,9 +73,16 @@ class Comparison:
             self._squares += (100.0 * error_mm / stroke_mm) ** 2
             self._samples += 1
 
-    def end_cycle(self, follows: Slot | None) -> None:
-        """Score the complete cycle for the slot that drove it. The slot `follows` drives the next cycle."""
+    def end_cycle(self, follows: Slot | None) -> str:
+        """Score the complete cycle for the slot that drove it. The slot `follows` drives the next cycle.
+
+        Return a text that says this.
+        """
+        texts = [] if follows is None else [f"{follows} drives"]
         if self.turn is not None and self._samples:
-            self.scores[self.turn].cycles.append(sqrt(self._squares / self._samples))
+            rms_percent = sqrt(self._squares / self._samples)
+            self.scores[self.turn].cycles.append(rms_percent)
+            texts.insert(0, f"turn of {self.turn}: {rms_percent:.2f} % RMS")
         self.turn = follows
         self._squares, self._samples = 0.0, 0
+        return "; ".join(texts)

@@ -40,21 +40,24 @@ class ComparisonRunner:
         cold_mm, hot_mm = travel_mm(self._tunings.in_force.model)
         self._comparison.sample(error_mm, hot_mm - cold_mm)
 
-    def update(self, live: SwappableController) -> None:
-        """At the end of a cycle, score it. The other slot drives next, or the same one if no controller is ready."""
+    def update(self, live: SwappableController) -> str:
+        """At the end of a cycle, score the cycle, and let the other slot drive if its controller is ready.
+
+        Return the event to report, which is empty during a cycle.
+        """
         if not self._comparison.is_on:
-            return
+            return ""
         cycle = live.reference.cycle(live.reference_s)
         if cycle == self._cycle:
-            return
+            return ""
         self._cycle = cycle
         if self._next is None:
-            self._comparison.end_cycle(self._comparison.turn)
-            return
-        self._comparison.end_cycle(self._comparison.next_turn)
+            return self._comparison.end_cycle(self._comparison.turn)
+        event = self._comparison.end_cycle(self._comparison.next_turn)
         self._tunings.put(self._next, live)
         self._next = None
         self._prepare_next(live)
+        return event
 
     def _prepare_next(self, live: SwappableController) -> None:
         tuning = self._comparison.slot(self._comparison.next_turn)

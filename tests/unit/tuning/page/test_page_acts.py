@@ -14,6 +14,7 @@ from smadrive.tuning.page.button_events import ButtonEvents
 from smadrive.tuning.page.client_registry import WATCHES, ClientRegistry
 from smadrive.tuning.page.fit import Fitter
 from smadrive.tuning.page.page import STATE_FRAMES, Page
+from smadrive.tuning.page.view.sample_history import SampleHistory
 
 TOKEN = secrets.token_urlsafe(8)
 
@@ -31,6 +32,10 @@ CHANGES = {(Slider, "value"): turn, (Spinner, "value"): turn, (ColumnDataSource,
 """Functions that change a value of a widget, as a user does. A new kind of widget needs a line here."""
 
 
+LOOKS = {"pause", "back", "forward", "closer", "wider", "whole"}
+"""The buttons that only change what this page shows. Every page may press them."""
+
+
 class OpenPage:
     """A page of an idle session, built as the page process builds it."""
 
@@ -42,7 +47,7 @@ class OpenPage:
         self._doc = Document()
         self._context = SimpleNamespace(id="client", request=SimpleNamespace(arguments={"token": [token.encode()]}))
         self._doc._session_context = lambda: self._context
-        self._page = Page(self._doc, clients, self.fitter, folder, rig_file("simulated"))
+        self._page = Page(self._doc, clients, self.fitter, SampleHistory(rig.page), folder, rig_file("simulated"))
         self._doc.get_model_by_name("save_name").value = "stolen"
 
     def acts(self):
@@ -82,9 +87,18 @@ def opened(request, ruled_rig, tmp_path):
 
 def test_every_action_of_a_page_is_refused_unless_it_controls(opened, tmp_path):
     page, controls = opened
-    acts = dict(page.acts())
-    assert page.buttons <= {name for name, _ in acts}
+    acts = {name: act for name, act in page.acts() if name[0] not in LOOKS}
+    assert page.buttons - LOOKS <= {name for name, _ in acts}
     refused = {name for name, act in acts.items() if WATCHES in page.note_after(act)}
     assert refused == (set() if controls else set(acts))
     assert bool(list(page.rig.control.received(100))) == controls
     assert bool(list(tmp_path.iterdir())) == controls
+
+
+def test_looking_back_sends_no_request_and_is_refused_to_no_page(opened, tmp_path):
+    page, _ = opened
+    looks = {name: act for name, act in page.acts() if name[0] in LOOKS}
+    assert {name for name, _ in looks} == LOOKS
+    assert not {name for name, act in looks.items() if WATCHES in page.note_after(act)}
+    assert not list(page.rig.control.received(100))
+    assert not list(tmp_path.iterdir())

@@ -15,6 +15,7 @@ from bokeh.plotting import figure
 from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.identification.reshape import Model
 from smadrive.tuning.link.samples import COLUMNS, Rows
+from smadrive.tuning.page.view.figures import limit, lines, plain_figure
 
 POINTS = 2000
 """Largest number of points of a trace."""
@@ -42,7 +43,6 @@ BRANCH_POINTS = 200
 
 SETPOINT, MEASURED, ESTIMATED = "#22303c", "#0b8f87", "#e8890c"
 HEATING, COOLING = "#d1495b", "#3a7ca5"
-LIMIT, GRID = "#c0392b", "#e6eaee"
 
 _COLUMN = {name: number for number, name in enumerate(COLUMNS)}
 
@@ -57,6 +57,7 @@ class Plots:
         self._state = ColumnDataSource({"v": [], "y": []})
         self._rules = ColumnDataSource({"set": [], "strength": [], "colour": []})
         self._x = Range1d(0.0, WINDOW_S)
+        self.followed = 0.0, WINDOW_S
         self._mm, self._plane_mm = Range1d(0.0, 1.0), Range1d(0.0, 1.0)
         self._plane_c = Range1d(15.0, 1.02 * temperature_max_c)
         self._drawn_to = np.full(2, np.nan)
@@ -88,16 +89,37 @@ class Plots:
 
     def add(self, rows: Rows) -> None:
         """Append new rows. `show_model` must have been called before."""
+        self.time.stream(self._columns(rows), rollover=POINTS)
+        self._follow(float(rows[-1, _COLUMN["time_s"]]))
+        self._fit_error_axis()
+
+    def show_rows(self, rows: Rows, window: tuple[float, float] | None) -> None:
+        """Draw these rows and no others. `window` is the time to show; without it, the newest minute is shown."""
+        self.time.data = self._columns(rows)
+        if window is not None:
+            self._x.update(start=window[0], end=window[1])
+        elif rows.size:
+            self._follow(float(rows[-1, _COLUMN["time_s"]]))
+        self._fit_error_axis()
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """The time that is shown. The user may have changed it in the browser."""
+        return self._x.start, self._x.end
+
+    def _follow(self, now_s: float) -> None:
+        self.followed = now_s - WINDOW_S, now_s
+        self._x.update(start=self.followed[0], end=self.followed[1])
+
+    def _columns(self, rows: Rows) -> dict[str, Rows]:
+        """Return the columns of the data source for these rows."""
         assert self._travel_mm is not None
         columns = {name: rows[:, _COLUMN[name]] for name in DRAWN}
         stroke_mm = abs(self._travel_mm[1] - self._travel_mm[0])
         measured_mm = columns["displacement_mm"]
         reached_mm = np.where(np.isfinite(measured_mm), measured_mm, columns["estimated_mm"])
         columns["error_percent"] = 100.0 * (columns["setpoint_mm"] - reached_mm) / stroke_mm
-        self.time.stream(columns, rollover=POINTS)
-        now_s = float(rows[-1, _COLUMN["time_s"]])
-        self._x.update(start=now_s - WINDOW_S, end=now_s)
-        self._fit_error_axis()
+        return columns
 
     def _fit_error_axis(self) -> None:
         """Choose the end of the error axis from `ERROR_AXES`: with few possible ends, the axis seldom changes."""
@@ -139,38 +161,38 @@ class Plots:
             self._loop.stream({"v": v, "y": y}, POINTS)
 
     def _over_time(self, name: str, label: str, y_range: Range1d) -> figure:
-        plot = _figure(name, label, x_range=self._x, y_range=y_range)
+        plot = plain_figure(name, label, "xpan,xwheel_zoom", x_range=self._x, y_range=y_range)
         plot.xaxis.formatter.use_scientific = False
         plot.xaxis.visible = False  # the lowest plot shows the time axis
         return plot
 
     def _displacement(self) -> figure:
         plot = self._over_time("displacement", "displacement / mm", self._mm)
-        _lines(plot, self.time, setpoint_mm=SETPOINT, displacement_mm=MEASURED, estimated_mm=ESTIMATED)
+        lines(plot, self.time, setpoint_mm=SETPOINT, displacement_mm=MEASURED, estimated_mm=ESTIMATED)
         return plot
 
     def _temperature(self, temperature_max_c: float) -> figure:
         plot = self._over_time("temperature", "temperature / °C", Range1d(15.0, 1.06 * temperature_max_c))
-        _lines(plot, self.time, setpoint_c=SETPOINT, temperature_c=MEASURED, estimated_c=ESTIMATED)
-        _limit(plot, temperature_max_c)
+        lines(plot, self.time, setpoint_c=SETPOINT, temperature_c=MEASURED, estimated_c=ESTIMATED)
+        limit(plot, temperature_max_c)
         return plot
 
     def _current(self, current_max_a: float) -> figure:
         plot = self._over_time("current", "current / A", Range1d(-0.03 * current_max_a, 1.1 * current_max_a))
-        _lines(plot, self.time, commanded_a=SETPOINT, current_a=MEASURED)
-        _limit(plot, current_max_a)
+        lines(plot, self.time, commanded_a=SETPOINT, current_a=MEASURED)
+        limit(plot, current_max_a)
         return plot
 
     def _error(self) -> figure:
         plot = self._over_time("error", "error / % of stroke", self._error_range)
-        _lines(plot, self.time, error_percent=HEATING)
+        lines(plot, self.time, error_percent=HEATING)
         plot.add_layout(Span(location=0.0, dimension="width", line_color=SETPOINT, line_width=1))
         plot.xaxis.visible = True
         plot.xaxis.axis_label = "time / s"
         return plot
 
     def _plane(self) -> figure:
-        plot = _figure("plane", "displacement / mm", x_range=self._plane_c, y_range=self._plane_mm)
+        plot = plain_figure("plane", "displacement / mm", x_range=self._plane_c, y_range=self._plane_mm)
         plot.xaxis.axis_label = "temperature of the wire / °C"
         plot.line("v", "heating", source=self._branches, color=HEATING, line_width=2, alpha=0.75)
         plot.line("v", "cooling", source=self._branches, color=COOLING, line_width=2, alpha=0.75)
@@ -179,46 +201,12 @@ class Plots:
         return plot
 
     def _firing(self) -> figure:
-        plot = _figure("firing", "firing strength", x_range=["–"], y_range=Range1d(0.0, 1.05))
+        plot = plain_figure("firing", "firing strength", x_range=["–"], y_range=Range1d(0.0, 1.05))
         plot.xaxis.axis_label = "centre of the set / °C"
         plot.xaxis.major_label_orientation = 0.8
         plot.vbar("set", top="strength", width=0.8, color="colour", source=self._rules)
         self._fired = plot
         return plot
-
-
-def _figure(name: str, label: str, **ranges: object) -> figure:
-    plot = figure(
-        name=name,
-        sizing_mode="stretch_both",
-        min_height=90,
-        toolbar_location=None,
-        tools="",
-        output_backend="canvas",
-        background_fill_color=None,
-        border_fill_color=None,
-        outline_line_color=None,
-        **ranges,
-    )
-    plot.yaxis.axis_label = label
-    plot.axis.axis_label_text_font_style = "normal"
-    plot.axis.axis_label_text_font_size = plot.axis.major_label_text_font_size = "11px"
-    plot.axis.axis_label_text_color = plot.axis.major_label_text_color = "#5b6b79"
-    plot.axis.axis_line_color = plot.axis.major_tick_line_color = "#c3ccd4"
-    plot.axis.minor_tick_line_color = None
-    plot.grid.grid_line_color = GRID
-    plot.min_border_left, plot.min_border_right = 58, 12  # the time axes are aligned
-    return plot
-
-
-def _lines(plot: figure, source: ColumnDataSource, **traces: str) -> None:
-    """Draw a line over time for each column that `traces` names, in its colour."""
-    for column, colour in traces.items():
-        plot.line("time_s", column, source=source, color=colour, line_width=1.6)
-
-
-def _limit(plot: figure, at: float) -> None:
-    plot.add_layout(Span(location=at, dimension="width", line_color=LIMIT, line_dash="dashed", line_width=1.5))
 
 
 def _has_moved(before: Rows, now: Rows, far: Rows) -> bool:

@@ -1,0 +1,45 @@
+"""The look of the figures of the page: an empty figure, lines over time, a limit."""
+
+from __future__ import annotations
+
+from bokeh.models import ColumnDataSource, Span
+from bokeh.plotting import figure
+
+LIMIT, GRID = "#c0392b", "#e6eaee"
+
+
+def plain_figure(name: str, label: str, tools: str = "", **ranges: object) -> figure:
+    """Return an empty figure in the style of the page. `label` is that of the vertical axis."""
+    plot = figure(
+        name=name,
+        sizing_mode="stretch_both",
+        min_height=90,
+        toolbar_location=None,
+        tools=tools,
+        active_scroll="xwheel_zoom" if tools else None,
+        output_backend="canvas",
+        background_fill_color=None,
+        border_fill_color=None,
+        outline_line_color=None,
+        **ranges,
+    )
+    plot.yaxis.axis_label = label
+    plot.axis.axis_label_text_font_style = "normal"
+    plot.axis.axis_label_text_font_size = plot.axis.major_label_text_font_size = "11px"
+    plot.axis.axis_label_text_color = plot.axis.major_label_text_color = "#5b6b79"
+    plot.axis.axis_line_color = plot.axis.major_tick_line_color = "#c3ccd4"
+    plot.axis.minor_tick_line_color = None
+    plot.grid.grid_line_color = GRID
+    plot.min_border_left, plot.min_border_right = 58, 12  # the time axes are aligned
+    return plot
+
+
+def lines(plot: figure, source: ColumnDataSource, **traces: str) -> None:
+    """Draw a line for each column, in the given colour."""
+    for column, colour in traces.items():
+        plot.line("time_s", column, source=source, color=colour, line_width=1.6)
+
+
+def limit(plot: figure, at: float) -> None:
+    """Draw a limit as a dashed line."""
+    plot.add_layout(Span(location=at, dimension="width", line_color=LIMIT, line_dash="dashed", line_width=1.5))

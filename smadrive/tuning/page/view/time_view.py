@@ -1,0 +1,109 @@
+"""The window of time that one page looks at: the newest minute while it follows the run, or any part of the session.
+
+A page stops to follow when its user presses Pause, drags or zooms a plot, and at a trip. It continues with Resume, and
+after a trip also when the heater is armed again. The run does not depend on it.
+"""
+
+from __future__ import annotations
+
+from math import isclose
+from typing import Any
+
+from bokeh.models import Button
+
+from smadrive.tuning.page.knob import COMPACT
+from smadrive.tuning.page.view.plots import POINTS, WINDOW_S, Plots
+from smadrive.tuning.page.view.sample_history import SampleHistory
+
+BEFORE_S, AFTER_S = 62.0, 3.0
+"""The time before and after a trip that a page shows when it freezes."""
+
+REFUSALS = ("SafetyError", "ConfigError")
+"""The types of faults that only refuse to arm. The plots do not freeze then, because nothing was heated."""
+
+STEP = 0.5
+"""Share of the window by which Back and Forward move it."""
+
+SHORTEST_S = 1.0
+
+
+class TimeView:
+    """Moves the window of `plots` over `history`, and owns the buttons for this purpose."""
+
+    def __init__(self, plots: Plots, history: SampleHistory) -> None:
+        self._plots = plots
+        self._history = history
+        self._window: tuple[float, float] | None = None
+        self._drawn_to_s = float("inf")
+        self._frozen_at_s: float | None = None
+        self.buttons = {
+            "pause": self._button("pause", "Pause", self._switch),
+            "back": self._button("back", "◀ Back", lambda: self._move(-STEP)),
+            "forward": self._button("forward", "Forward ▶", lambda: self._move(STEP)),
+            "closer": self._button("closer", "Zoom in", lambda: self._zoom(0.5)),
+            "wider": self._button("wider", "Zoom out", lambda: self._zoom(2.0)),
+            "whole": self._button("whole", "All", lambda: self.show(*self._history.ends_s)),
+        }
+
+    @property
+    def follows(self) -> bool:
+        """True if the page shows the newest minute."""
+        return self._window is None
+
+    def update(self, status: dict[str, Any]) -> None:
+        """Freeze at a new trip, continue at the next Arm, and draw a window that the user has moved in the browser."""
+        fault_s = None if status["fault_type"] in REFUSALS else status["fault_s"]
+        if fault_s is not None and fault_s != self._frozen_at_s:
+            self._frozen_at_s = fault_s
+            self.show(fault_s - BEFORE_S, fault_s + AFTER_S)
+        elif self._frozen_at_s is not None and status["mode"] in {"holding", "tracking"}:
+            self._frozen_at_s = None
+            self.follow()
+        shown = self._plots.window
+        if not _are_close(shown, self._window or self._plots.followed):
+            self.show(*shown)
+        elif self._window is not None and self._drawn_to_s < self._window[1]:
+            self._draw(*self._window)  # samples of this window have arrived in the meantime
+
+    def show(self, from_s: float, to_s: float) -> None:
+        """Stop to follow, and show a window."""
+        self._window = from_s, max(to_s, from_s + SHORTEST_S)
+        self._draw(*self._window)
+        self.buttons["pause"].label = "Resume"
+
+    def follow(self) -> None:
+        """Show the newest minute, and follow the run."""
+        self._window = None
+        newest_s = self._history.ends_s[1]
+        self._plots.show_rows(self._history.window(newest_s - WINDOW_S, newest_s, POINTS), None)
+        self.buttons["pause"].label = "Pause"
+
+    def _draw(self, from_s: float, to_s: float) -> None:
+        self._plots.show_rows(self._history.window(from_s, to_s, POINTS), (from_s, to_s))
+        self._drawn_to_s = self._history.ends_s[1]
+
+    def _switch(self) -> None:
+        if self.follows:
+            self.show(*self._plots.window)
+        else:
+            self.follow()
+
+    def _move(self, share: float) -> None:
+        from_s, to_s = self._plots.window
+        by_s = share * (to_s - from_s)
+        self.show(from_s + by_s, to_s + by_s)
+
+    def _zoom(self, factor: float) -> None:
+        from_s, to_s = self._plots.window
+        middle_s, half_s = 0.5 * (from_s + to_s), 0.5 * factor * (to_s - from_s)
+        self.show(middle_s - half_s, middle_s + half_s)
+
+    def _button(self, name: str, label: str, pressed: Any) -> Button:
+        button = Button(label=label, name=name, sizing_mode="stretch_width")
+        button.update(margin=(1, 2, 1, 2), stylesheets=[COMPACT])
+        button.on_click(lambda _event: pressed())
+        return button
+
+
+def _are_close(one: tuple[float, float], other: tuple[float, float]) -> bool:
+    return all(isclose(a, b, abs_tol=1e-3) for a, b in zip(one, other, strict=True))
