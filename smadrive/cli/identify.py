@@ -17,7 +17,7 @@ from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import LOG, MODEL, PAGE, TABLE
 from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
-from smadrive.identification.column_units import unit_doubts
+from smadrive.identification.column_units import time_doubts, unit_doubts
 from smadrive.identification.thermal import ThermalFit
 from smadrive.identification.wire import AnyFit, identify_hysteresis, identify_wire
 from smadrive.runs.log.reader import read_log
@@ -93,6 +93,8 @@ def _identify(data: Path, columns: tuple[str, str], kind: Kind, sets: int) -> _I
     table = read_table(data)
     v, y = (table.column(name) for name in columns)
     doubts = [doubt for name, values in zip(columns, (v, y), strict=True) for doubt in unit_doubts(name, values)]
+    if "time_s" in table.cells:
+        doubts += time_doubts(table.column("time_s"), columns[0], v)
     fit = identify_hysteresis(v, y, kind.value, sets)
     return _Identified(fit, None, (*doubts, *fit.caveats), columns)
 
