@@ -9,6 +9,7 @@ import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
+from smadrive.cli.views.announcement import announce
 from smadrive.cli.views.run_view import watched
 from smadrive.control.loop import LoopMetrics
 from smadrive.errors import TripError
@@ -33,7 +34,7 @@ def main(
     check_output(log_file, LOG)
     try:
         with Rig(load_rig(rig), trace_folder=trace) as open_rig:
-            metrics = _excite(log_file, open_rig, quiet=output.quiet)
+            metrics = _excite(log_file, open_rig, output)
     except TripError as trip:
         try:
             _print_metrics(log_file, tripped_loop_metrics(read_log(log_file)), output, tripped=str(trip))
@@ -42,15 +43,16 @@ def main(
     _print_metrics(log_file, metrics, output, tripped=None)
 
 
-def _excite(log_file: Path, rig: Rig, *, quiet: bool) -> LoopMetrics:
-    """Excite the wire and record the run in `log_file`; show the run unless `quiet`. TripError after a trip."""
+def _excite(log_file: Path, rig: Rig, output: Output) -> LoopMetrics:
+    """Excite the wire, record the run in `log_file` and show it. TripError after a trip."""
     measured = rig.measure()
     limit_a = rig.config.limits.current_max_a
     excitation = rig.excitation(measured.temperature_c)
     check_may_excite(excitation, rig.nominal_balance, limit_a, measured)
+    announce(output, log_file, "the experiment", excitation.duration_s, rig.clock)
     with (
         record_excitation(log_file, rig, excitation) as recorder,
-        watched(recorder, "exciting", excitation.duration_s, limit_a, quiet=quiet) as record,
+        watched(recorder, "exciting", excitation.duration_s, limit_a, quiet=output.quiet) as record,
     ):
         return rig.excite(excitation, record)
 

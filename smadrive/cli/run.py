@@ -12,6 +12,7 @@ import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
+from smadrive.cli.views.announcement import announce
 from smadrive.cli.views.run_view import watched
 from smadrive.control.feasibility import Feasibility, simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
@@ -79,6 +80,7 @@ def main(
             model_caveats = [f"{path.name}: {caveat}" for caveat in identified.caveats]
             caveats = (*simulated.caveats, *model_caveats, *([NOT_ADAPTED] if config.feedback.adapt else []))
             output.warn(caveats)
+            announce(output, log_file, "the run", simulated.nearest.duration_s, open_rig.clock)
             loop = _track(log_file, open_rig, wire, given, simulated.nearest, caveats, quiet=output.quiet)
     except TripError as trip:
         try:

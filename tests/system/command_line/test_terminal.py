@@ -145,3 +145,11 @@ def test_unknown_values_are_dashes(recorder):
     assert "temperature open" in lines
     assert "displacement –" in lines
     assert "limited by nothing" in lines
+
+
+def test_length_of_a_run_is_announced_before_it_heats(tmp_path):
+    command = [sys.executable, "-m", "smadrive", "excite", "in-process", "-o", "l.h5"]
+    with programs.Program(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as process:
+        announced, ended = process.stdout.readline(), process.stdout.readlines()
+    assert re.fullmatch(r"l.h5: the experiment takes \d min \d+ s of virtual time\n", announced)
+    assert "the heater is off" in ended[-1]
