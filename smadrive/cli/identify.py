@@ -12,14 +12,14 @@ import typer
 
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.views.fit_report import write_fit_report
-from smadrive.errors import DataError
+from smadrive.errors import ConfigError, DataError
 from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import LOG, MODEL, PAGE, TABLE
 from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
 from smadrive.identification.column_units import time_doubts, unit_doubts
 from smadrive.identification.thermal import ThermalFit
-from smadrive.identification.wire import AnyFit, identify_hysteresis, identify_wire
+from smadrive.identification.wire import DUHEM_COMPONENTS, AnyFit, identify_hysteresis, identify_wire
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.run_metadata import excitation_caveats, excitation_record, nominal_balance
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -37,6 +37,12 @@ def main(
     model_file: Annotated[Path, typer.Option("--model-file", "-o", help="Model file (JSON) to write.")],
     kind: Annotated[Kind, typer.Option(help="T-S fuzzy Duhem model, or Duhem model.")] = Kind.tsfuzzy,
     sets: Annotated[int, typer.Option(min=3, max=99, help="Number of fuzzy sets; each set has two rules.")] = 11,
+    components: Annotated[
+        int | None,
+        typer.Option(
+            min=1, max=6, help=f"Gaussians per branch of a Duhem model (--kind duhem); by default {DUHEM_COMPONENTS}."
+        ),
+    ] = None,
     input_column: Annotated[str, typer.Option("--input", help="Column of the input (CSV).")] = "temperature_c",
     output_column: Annotated[str, typer.Option("--output", help="Column of the output (CSV).")] = "displacement_mm",
     plot: Annotated[Path | None, typer.Option(help="Page (HTML) with loop, residuals and rules to write.")] = None,
@@ -44,11 +50,15 @@ def main(
 ) -> None:
     """Fit a hysteresis model to DATA. For a log, also fit the heat balance and remove the lag of the thermocouple."""
     output = Output(as_json)
+    if components is not None and kind is not Kind.duhem:
+        raise ConfigError(
+            "only a Duhem model has Gaussians", where="--components", cure="add --kind duhem, or use --sets"
+        )
     check_output(model_file, MODEL, data)
     if plot is not None:
         check_output(plot, PAGE, data)
     with output.progress(f"fitting {data.name}"):
-        result = _identify(data, (input_column, output_column), kind, sets)
+        result = _identify(data, (input_column, output_column), kind, sets, components or DUHEM_COMPONENTS)
     fit, thermal = result.fit, result.thermal
     balance = None if thermal is None else thermal.balance
     replaced = model_file.exists()
@@ -80,10 +90,12 @@ class _Identified:
     axes: tuple[str, str]
 
 
-def _identify(data: Path, columns: tuple[str, str], kind: Kind, sets: int) -> _Identified:
+def _identify(data: Path, columns: tuple[str, str], kind: Kind, sets: int, components: int) -> _Identified:
     if LOG.has_ending(data):
         log = read_log(data)
-        wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets)
+        wire = identify_wire(
+            excitation_record(log), nominal_balance(log), kind=kind.value, sets=sets, components=components
+        )
         caveats = (*log.caveats, *excitation_caveats(log), *wire.hysteresis.caveats)
         return _Identified(wire.hysteresis, wire.thermal, caveats, ("wire temperature, °C", "displacement, mm"))
     if not TABLE.has_ending(data):
@@ -95,7 +107,7 @@ def _identify(data: Path, columns: tuple[str, str], kind: Kind, sets: int) -> _I
     doubts = [doubt for name, values in zip(columns, (v, y), strict=True) for doubt in unit_doubts(name, values)]
     if "time_s" in table.cells:
         doubts += time_doubts(table.column("time_s"), columns[0], v)
-    fit = identify_hysteresis(v, y, kind.value, sets)
+    fit = identify_hysteresis(v, y, kind.value, sets, components)
     return _Identified(fit, None, (*doubts, *fit.caveats), columns)
 
 

@@ -43,12 +43,22 @@ class WireFit:
         return IdentifiedWire(fit.model, self.thermal.balance, fit.caveats, fit.metrics)
 
 
-def identify_hysteresis(v: ArrayLike, y: ArrayLike, kind: Kind, sets: int) -> AnyFit:
-    """A T-S fuzzy model of `sets` sets, or a Duhem model, of output y on input v."""
-    return identify_tsfuzzy(v, y, sets=sets) if kind == "tsfuzzy" else identify_duhem(v, y, components=DUHEM_COMPONENTS)
+def identify_hysteresis(
+    v: ArrayLike, y: ArrayLike, kind: Kind, sets: int, components: int = DUHEM_COMPONENTS
+) -> AnyFit:
+    """A T-S fuzzy model of `sets` sets, or a Duhem model of `components` Gaussians per branch, of y on v."""
+    return identify_tsfuzzy(v, y, sets=sets) if kind == "tsfuzzy" else identify_duhem(v, y, components=components)
 
 
-def identify_wire(record: ExcitationRecord, start: HeatBalance, *, kind: Kind = "tsfuzzy", sets: int = 11) -> WireFit:
+def identify_wire(
+    record: ExcitationRecord,
+    start: HeatBalance,
+    *,
+    kind: Kind = "tsfuzzy",
+    sets: int = 11,
+    components: int = DUHEM_COMPONENTS,
+) -> WireFit:
     """Heat balance and hysteresis of a recorded excitation; see `identify_thermal` for what can be wrong with it."""
     thermal = identify_thermal(record, start)
-    return WireFit(thermal, identify_hysteresis(thermal.wire_temperature_c, record.displacement_mm, kind, sets))
+    fit = identify_hysteresis(thermal.wire_temperature_c, record.displacement_mm, kind, sets, components)
+    return WireFit(thermal, fit)

@@ -115,6 +115,14 @@ def test_duhem_model_has_no_rules(data):
     assert found["rms_percent"] < 1.0
 
 
+def test_duhem_model_has_the_given_number_of_gaussians_per_branch(data):
+    fit = ("identify", "wire.csv", "--output", "strain", "-o", "model.json", "--kind", "duhem")
+    for options, count in ((), 2), (("--components", "1"), 1):
+        assert succeed(*fit, *options, cwd=data)["rms_percent"] < 1.0
+        model = json.loads((data / "model.json").read_text())
+        assert len(model["heating"]["weights"]) == len(model["cooling"]["weights"]) == count
+
+
 def test_every_figure_of_a_certificate_has_a_meaning_and_a_verdict():
     good = {name: (value, note) for name, value, note in certificate_rows(LOOP.certificate())}
     assert list(good) == ["contraction", "left after a loop", "bounded", "invertible", "turns back", "certified"]
@@ -282,6 +290,7 @@ WRONG = [
     ("missing column", ("identify", "wire.csv", "-o", "m.json"), 2, "no column 'displacement_mm'"),
     ("text in a cell", ("identify", "text.csv", *STRAIN), 2, "line 3, column 'strain': 'high'"),
     ("nan in a cell", ("identify", "nan.csv", *STRAIN), 2, "line 3, column 'strain': 'nan'"),
+    ("Gaussians of a fuzzy model", ("identify", "wire.csv", *STRAIN, "--components", "2"), 2, "only a Duhem model has"),
     ("constant input", ("identify", "flat.csv", *STRAIN), 5, "constant"),
     ("no such model", ("simulate", "absent.json", "wire.csv", "-o", "o.csv"), 2, "absent.json"),
     ("a model that is no JSON", ("simulate", "text.md", "wire.csv", "-o", "o.csv"), 2, "text.md: not a JSON file"),
