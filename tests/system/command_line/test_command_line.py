@@ -300,6 +300,8 @@ WRONG = [
     ("unknown key", ("probe", "key.toml"), 2, "limits.curent_max_a: unknown key; did you mean 'current_max_a'?"),
     ("limits that contradict", ("probe", "limits.toml"), 2, "must be below limits.temperature_max_c = 110"),
     ("milliamperes", ("probe", "milli.toml"), 2, "limits.current_max_a is far above"),
+    ("a decimal comma", ("probe", "comma.toml"), 2, "line 4: a number has a decimal comma (20,0). Write 20.0."),
+    ("a missing quote", ("probe", "unquoted.toml"), 2, 'a quote is missing (wire = "flexinol-lt-0.15mm). Put the tex'),
     ("a wire in metres", ("probe", "metres.toml"), 2, "diameter_mm: Input should be greater than or equal to 0.01"),
     ("a number in quotes", ("probe", "quoted.toml"), 2, "limits: current_max_a = '0.6': put a number there, without"),
     ("a model that is a log", (*RUN, "--model", "kept.h5", "--reference", ANY_SINE), 2, "kept.h5: is a log, and a mod"),
@@ -352,6 +354,8 @@ def test_error_is_one_line_with_its_exit_code_and_writes_nothing(data, arguments
     (data / "key.toml").write_text(rig_text("current_max_a", "curent_max_a"))
     (data / "milli.toml").write_text(rig_text("current_max_a = 0.6", "current_max_a = 600"))
     (data / "quoted.toml").write_text(rig_text("current_max_a = 0.6", "current_max_a = '0.6'"))
+    (data / "comma.toml").write_text(rig_text("rate_hz = 20.0", "rate_hz = 20,0"))
+    (data / "unquoted.toml").write_text(rig_text('"flexinol-lt-0.15mm"', '"flexinol-lt-0.15mm'))
     (data / "metres.toml").write_text(rig_text('"flexinol-lt-0.15mm"', '"metres-wire.toml"'))
     wire = (CONFIGS / "wires" / "flexinol-lt-0.15mm.toml").read_text()
     (data / "metres-wire.toml").write_text(wire.replace("diameter_mm = 0.15", "diameter_mm = 0.15e-3"))
