@@ -49,12 +49,10 @@ def _excite(log_file: Path, rig: Rig, output: Output) -> LoopMetrics:
     limit_a = rig.config.limits.current_max_a
     excitation = rig.excitation(measured.temperature_c)
     check_may_excite(excitation, rig.nominal_balance, limit_a, measured)
-    announce(output, log_file, "the experiment", excitation.duration_s, rig.clock)
-    with (
-        record_excitation(log_file, rig, excitation) as recorder,
-        watched(recorder, "exciting", excitation.duration_s, limit_a, quiet=output.quiet) as record,
-    ):
-        return rig.excite(excitation, record)
+    with record_excitation(log_file, rig, excitation) as recorder:
+        announce(output, log_file, "the experiment", excitation.duration_s, rig.clock)
+        with watched(recorder, "exciting", excitation.duration_s, limit_a, quiet=output.quiet) as record:
+            return rig.excite(excitation, record)
 
 
 def _print_metrics(log_file: Path, metrics: LoopMetrics, output: Output, *, tripped: str | None) -> None:

@@ -80,8 +80,7 @@ def main(
             model_caveats = [f"{path.name}: {caveat}" for caveat in identified.caveats]
             caveats = (*simulated.caveats, *model_caveats, *([NOT_ADAPTED] if config.feedback.adapt else []))
             output.warn(caveats)
-            announce(output, log_file, "the run", simulated.nearest.duration_s, open_rig.clock)
-            loop = _track(log_file, open_rig, wire, given, simulated.nearest, caveats, quiet=output.quiet)
+            loop = _track(log_file, open_rig, wire, given, simulated.nearest, caveats, output)
     except TripError as trip:
         try:
             _print_metrics(read_log(log_file), None, output, tripped=str(trip))
@@ -108,21 +107,18 @@ def _track(
     given: Reference,
     nearest: Reference,
     caveats: tuple[str, ...],
-    *,
-    quiet: bool,
+    output: Output,
 ) -> LoopMetrics:
-    """Track `nearest`, the reference nearest to `given` that the wire can follow; show the run unless `quiet`.
+    """Track `nearest`, the reference nearest to `given` that the wire can follow, and show the run.
 
     TripError after a trip.
     """
     experiment = nearest, wire.model, wire.balance, HysteresisInverse(wire.model)
-    with (
-        record_tracking(
-            log_file, rig, *experiment, given_reference=reference_text(given), caveats=json.dumps(caveats)
-        ) as recorder,
-        watched(recorder, "tracking", nearest.duration_s, rig.config.limits.current_max_a, quiet=quiet) as record,
-    ):
-        return rig.track(*experiment, record)
+    limit_a, texts = rig.config.limits.current_max_a, {"given_reference": reference_text(given)}
+    with record_tracking(log_file, rig, *experiment, **texts, caveats=json.dumps(caveats)) as recorder:
+        announce(output, log_file, "the run", nearest.duration_s, rig.clock)
+        with watched(recorder, "tracking", nearest.duration_s, limit_a, quiet=output.quiet) as record:
+            return rig.track(*experiment, record)
 
 
 def _print_metrics(log: Log, loop: LoopMetrics | None, output: Output, *, tripped: str | None) -> None:

@@ -13,6 +13,7 @@ from smadrive.files.number_text import shortened
 
 _PLACE = re.compile(r"\(at line (\d+), column \d+\)$")
 _ENTRY = re.compile(r"""\s*[\w.-]+\s*=\s*(?P<value>[^"'#\[{]*[^"'#\[{\s])\s*(?:#.*)?""")
+_COMMENT = re.compile(r"\s+#.*")
 _DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _BARE_TEXT = re.compile(r"[^\W\d][^=]*|[./~][^=]*[^\W\d][^=]*")
 
@@ -53,7 +54,8 @@ def find_mistake(text: str, message: str) -> Mistake | None:
 
 
 def _missing_quote(number: int, line: str) -> Mistake:
-    return Mistake(number, "a quote is missing", line.strip(), "put the text between two quotes of one kind")
+    found = _COMMENT.sub("", line).strip()
+    return Mistake(number, "a quote is missing", found, "put the text between two quotes of one kind")
 
 
 def _bare_value(number: int, value: str) -> Mistake | None:
