@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from smadrive.cli.stdout import encodable
 from smadrive.errors import DataError
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class Output:
             is_text = n == 0 or (notes and n == len(header) - 1)
             table.add_column(name, justify="left" if is_text else "right")
         for row in rows:
-            table.add_row(*row)
+            table.add_row(*map(encodable, row))
         Console(highlight=False, soft_wrap=True).print(table)
 
     def result(self, values: Mapping[str, Any]) -> None:

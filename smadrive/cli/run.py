@@ -114,8 +114,10 @@ def _track(
     TripError after a trip.
     """
     experiment = nearest, wire.model, wire.balance, HysteresisInverse(wire.model)
-    limit_a, texts = rig.config.limits.current_max_a, {"given_reference": reference_text(given)}
-    with record_tracking(log_file, rig, *experiment, **texts, caveats=json.dumps(caveats)) as recorder:
+    limit_a, given_text = rig.config.limits.current_max_a, reference_text(given)
+    with record_tracking(
+        log_file, rig, *experiment, given_reference=given_text, caveats=json.dumps(caveats)
+    ) as recorder:
         announce(output, log_file, "the run", nearest.duration_s, rig.clock)
         with watched(recorder, "tracking", nearest.duration_s, limit_a, quiet=output.quiet) as record:
             return rig.track(*experiment, record)

@@ -258,6 +258,27 @@ def test_command_works_without_a_standard_output(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.parametrize("encoding", ["ascii", "ascii:strict"])
+def test_output_in_another_encoding_has_substitutes(tmp_path, encoding):
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    probed = smadrive("probe", "in-process", cwd=tmp_path, env=environment, is_from_scratch=True)
+    assert probed.returncode == 0, probed.stderr
+    assert probed.stderr == ""
+    assert "deg C" in probed.stdout
+    assert len({len(line) for line in probed.stdout.splitlines()[1:]}) == 1
+
+
+@pytest.mark.parametrize("argument", ["nosüch", b"nos\xfcch"])
+def test_error_in_ascii_has_substitutes(tmp_path, argument):
+    command = [sys.executable, "-m", "smadrive", "probe", argument]
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, check=False, env=environment)
+    assert done.returncode == 2
+    assert done.stderr.startswith(b"smadrive: 'nos")
+    assert b"neither a .toml file nor one of the shipped rigs" in done.stderr
+    assert b"Traceback" not in done.stderr
+
+
 def test_version_is_printed(tmp_path):
     assert smadrive("--version", cwd=tmp_path).stdout == f"smadrive {version('smadrive')}\n"
 
