@@ -64,13 +64,16 @@ class Output:
             print()
 
     def progress(self, title: str) -> Progress:
-        """Return a progress display with one task of unknown length. The display is a context manager."""
+        """Return a progress display with one task of unknown length. The display is a context manager.
+
+        It vanishes at the end.
+        """
         from rich.console import Console  # noqa: PLC0415
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn  # noqa: PLC0415
 
         console = Console(stderr=True)
         columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn()
-        progress = Progress(*columns, console=console, disable=self.quiet or not console.is_terminal)
+        progress = Progress(*columns, console=console, transient=True, disable=self.quiet or not console.is_terminal)
         progress.add_task(title, total=None)
         return progress
 
