@@ -34,9 +34,12 @@ def main() -> None:
         if number != signal.SIGHUP or signal.getsignal(number) != signal.SIG_IGN:  # with nohup, SIGHUP stays ignored
             signal.signal(number, interrupt)
     try:
-        from smadrive.cli.app import command_line  # noqa: PLC0415 (a signal during this import is handled, too)
+        from smadrive.cli.app import (  # noqa: PLC0415 (a signal during this import is handled, too)
+            command_line,
+            typed_command,
+        )
 
-        command_line(next(iter(sys.argv[1:]), ""))()
+        command_line(typed_command(sys.argv[1:], os.environ))()
     except StoppedError as stopped:
         _print_end(stopped, *_endings(stopped, str(stopped)))
         sys.exit(stopped.exit_code)

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import importlib
+from collections.abc import Mapping, Sequence
 from typing import Annotated
 
 import typer
 
+from smadrive.cli.usage import PlainCommand, PlainGroup, epilog_of
+
 COMMANDS = {
     "demo": "Identify and drive a simulated wire, and write a report.",
+    "list": "List the shipped rigs, wires, device profiles and simulated wires.",
     "scan": "Find the devices on a line and the profiles that match them.",
     "probe": "Connect to a rig, check its devices, show live values.",
     "excite": "Run the identification experiment on a rig.",
@@ -24,21 +28,37 @@ COMMANDS = {
 }
 
 
+COMPLETING = "_SMADRIVE_COMPLETE"
+"""The environment variable with which a shell asks for completions."""
+
+MODULES = {"list": "list_shipped"}
+"""The modules of commands whose own name has another meaning in Python."""
+
+
 def command_line(command: str) -> typer.Typer:
     """Return the command line with all commands. Only the module of `command` is imported."""
     app = typer.Typer(
+        cls=PlainGroup,
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
         help="Driver for shape-memory-alloy wires: moves a wire to the displacement that you set.",
     )
     app.callback()(_options)
     for name, summary in COMMANDS.items():
         if name == command:
-            app.command(name)(importlib.import_module(f"smadrive.cli.{name}").main)
+            module = importlib.import_module(f"smadrive.cli.{MODULES.get(name, name)}")
+            app.command(name, cls=PlainCommand, epilog=epilog_of(name))(module.main)
         else:
             app.command(name, help=summary)(_not_imported)
     return app
+
+
+def typed_command(arguments: Sequence[str], environment: Mapping[str, str]) -> str:
+    """Return the first word after `smadrive`: of the command line, or of the one that the shell completes."""
+    if COMPLETING in environment:
+        typed = environment.get("_TYPER_COMPLETE_ARGS") or environment.get("COMP_WORDS", "")
+        arguments = typed.split()[1:]
+    return next(iter(arguments), "")
 
 
 def _print_version(is_given: bool) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from contextlib import AbstractContextManager
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, ExitStack, contextmanager
 from dataclasses import asdict, dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -16,12 +16,13 @@ from smadrive.cli.output import AsJson, Output, make_empty_folder
 from smadrive.cli.run import HEADER, table_row
 from smadrive.cli.views.demo_report import write_demo_report
 from smadrive.cli.views.run_view import watched
+from smadrive.clock import Clock
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse, StaticMap
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.identification.wire import WireFit, identify_wire
-from smadrive.rig.config import load_rig
+from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import APPROACH_S
 from smadrive.runs.log.reader import Log, read_log
@@ -73,10 +74,12 @@ def main(
     output = Output(as_json)
     folder = make_empty_folder(folder or _unused_folder())
     model_file, report = folder / "model.json", folder / "report.html"
+    lasts = "some ten minutes" if real_time else "some 20 s"
+    output.say(f"demo: excites a simulated wire, identifies it, tracks a reference twice; takes {lasts}")
     with ServedSimulator(SIM, real_time=real_time, seed=seed, log=folder / "firmware.log") as simulator:
         config = load_rig(RIG).at(simulator.url)
         output.say(f"firmware-sim serves the simulated wire at {simulator.url}")
-        with Rig(config, simulator.clock) as rig:
+        with _connected(config, simulator.clock, output) as rig:
             session = _Session(rig, folder, seed, output)
             excitation = session.excite()
             wire = session.identify(excitation)
@@ -86,7 +89,8 @@ def main(
                 WITHOUT: StaticMap(wire.thermal.wire_temperature_c, excitation.column("displacement_mm")),
             }
             arms = [session.track(name, inverse, wire) for name, inverse in inverses.items()]
-    write_demo_report(report, wire, excitation, [(arm.name, arm.log, arm.metrics) for arm in arms])
+    with output.progress("writing the report"):
+        write_demo_report(report, wire, excitation, [(arm.name, arm.log, arm.metrics) for arm in arms])
     output.table(HEADER, [table_row(arm.name, arm.metrics) for arm in arms])
     output.say(f"report: {report}   model: {model_file}   logs: {folder}/*.h5")
     output.result(
@@ -143,6 +147,15 @@ class _Session:
     ) -> AbstractContextManager[Callable[[Tick], None]]:
         limit_a = self.rig.config.limits.current_max_a
         return watched(recorder, title, duration_s, limit_a, quiet=self.output.quiet)
+
+
+@contextmanager
+def _connected(config: RigConfig, clock: Clock, output: Output) -> Iterator[Rig]:
+    """Yield the connected rig. In lockstep time, the silence that comes before the first request takes 5 s."""
+    with ExitStack() as stack:
+        with output.progress("connecting: waiting until the line is silent"):
+            rig = stack.enter_context(Rig(config, clock))
+        yield rig
 
 
 def _unused_folder() -> Path:

@@ -9,6 +9,7 @@ import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
+from smadrive.cli.views.announcement import announced
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
 from smadrive.errors import TripError
@@ -32,7 +33,7 @@ def main(
     check_output(log_file, LOG)
     try:
         with Rig(load_rig(rig), trace_folder=trace) as open_rig:
-            metrics = _excite(log_file, open_rig, quiet=output.quiet)
+            metrics = _excite(log_file, open_rig, output)
     except TripError as trip:
         try:
             _print_metrics(log_file, tripped_loop_metrics(read_log(log_file)), output, tripped=str(trip))
@@ -41,12 +42,13 @@ def main(
     _print_metrics(log_file, metrics, output, tripped=None)
 
 
-def _excite(log_file: Path, rig: Rig, *, quiet: bool) -> LoopMetrics:
-    """Excite the wire, record the run in `log_file`, and show it unless `quiet`. Return the metrics of the loop.
+def _excite(log_file: Path, rig: Rig, output: Output) -> LoopMetrics:
+    """Excite the wire, record the run in `log_file`, and show it. Return the metrics of the loop.
 
     TripError after a trip.
     """
-    return excite(log_file, rig, shown("exciting", rig.config.limits.current_max_a, quiet=quiet))
+    watch = shown("exciting", rig.config.limits.current_max_a, quiet=output.quiet)
+    return excite(log_file, rig, announced(output, log_file, "the experiment", rig.clock, watch))
 
 
 def _print_metrics(log_file: Path, metrics: LoopMetrics, output: Output, *, tripped: str | None) -> None:

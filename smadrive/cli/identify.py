@@ -12,11 +12,12 @@ import typer
 
 from smadrive.cli.output import AsJson, Output
 from smadrive.cli.views.fit_report import write_fit_report
+from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL, PAGE
 from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
 from smadrive.identification.thermal import ThermalFit
-from smadrive.identification.wire import AnyFit
+from smadrive.identification.wire import DUHEM_COMPONENTS, AnyFit
 from smadrive.runs.record_fit import fit_file
 
 
@@ -32,6 +33,12 @@ def main(
     model_file: Annotated[Path, typer.Option("--model-file", "-o", help="Model file (JSON) to write.")],
     kind: Annotated[Kind, typer.Option(help="T-S fuzzy Duhem model, or Duhem model.")] = Kind.tsfuzzy,
     sets: Annotated[int, typer.Option(min=3, max=99, help="Number of fuzzy sets; each set has two rules.")] = 11,
+    components: Annotated[
+        int | None,
+        typer.Option(
+            min=1, max=6, help=f"Gaussians per branch of a Duhem model (--kind duhem); by default {DUHEM_COMPONENTS}."
+        ),
+    ] = None,
     input_column: Annotated[str, typer.Option("--input", help="Column of the input (CSV).")] = "temperature_c",
     output_column: Annotated[str, typer.Option("--output", help="Column of the output (CSV).")] = "displacement_mm",
     plot: Annotated[Path | None, typer.Option(help="Page (HTML) with loop, residuals and rules to write.")] = None,
@@ -39,11 +46,17 @@ def main(
 ) -> None:
     """Fit a hysteresis model to DATA. For a log, also fit the heat balance and remove the lag of the thermocouple."""
     output = Output(as_json)
+    if components is not None and kind is not Kind.duhem:
+        raise ConfigError(
+            "only a Duhem model has Gaussians", where="--components", cure="add --kind duhem, or use --sets"
+        )
     check_output(model_file, MODEL, data)
     if plot is not None:
         check_output(plot, PAGE, data)
     with output.progress(f"fitting {data.name}"):
-        result = fit_file(data, (input_column, output_column), kind.value, sets)
+        result = fit_file(
+            data, (input_column, output_column), kind.value, sets, components=components or DUHEM_COMPONENTS
+        )
     fit, thermal = result.fit, result.thermal
     replaced = model_file.exists()
     result.wire(str(data)).save(model_file)

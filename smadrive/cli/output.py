@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from smadrive.cli.stdout import encodable
 from smadrive.errors import DataError
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ class Output:
             is_text = n == 0 or (notes and n == len(header) - 1)
             table.add_column(name, justify="left" if is_text else "right")
         for row in rows:
-            table.add_row(*row)
+            table.add_row(*map(encodable, row))
         Console(highlight=False, soft_wrap=True).print(table)
 
     def result(self, values: Mapping[str, Any]) -> None:
@@ -63,13 +64,16 @@ class Output:
             print()
 
     def progress(self, title: str) -> Progress:
-        """Return a progress display, a context manager, with one task of unknown length."""
+        """Return a progress display with one task of unknown length. The display is a context manager.
+
+        It vanishes at the end.
+        """
         from rich.console import Console  # noqa: PLC0415
         from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn  # noqa: PLC0415
 
         console = Console(stderr=True)
         columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn()
-        progress = Progress(*columns, console=console, disable=self.quiet or not console.is_terminal)
+        progress = Progress(*columns, console=console, transient=True, disable=self.quiet or not console.is_terminal)
         progress.add_task(title, total=None)
         return progress
 

@@ -11,6 +11,7 @@ import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
+from smadrive.cli.views.announcement import announced
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
 from smadrive.control.references.shapes import SHAPES
@@ -62,7 +63,7 @@ def main(
             plan = plan_tracking(open_rig, given, identified, smooth=smooth)
             output.warn(plan.caveats)
             watch = shown("tracking", config.limits.current_max_a, quiet=output.quiet)
-            loop = track(log_file, open_rig, plan, watch)
+            loop = track(log_file, open_rig, plan, announced(output, log_file, "the run", open_rig.clock, watch))
     except TripError as trip:
         try:
             _print_metrics(read_log(log_file), None, output, tripped=str(trip))

@@ -11,9 +11,7 @@ from smadrive.errors import ConfigError, DeviceError
 from smadrive.files.number_text import parse_whole
 from smadrive.rig.discovery import DiscoveredDevice, discover
 
-Port = Annotated[
-    str, typer.Argument(help="serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port", metavar="PORT")
-]
+Port = Annotated[str, typer.Argument(help="/dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port", metavar="PORT")]
 Units = Annotated[str, typer.Option(help="Unit ids to ask, as in 1-10 or 1,3,7.", metavar="IDS")]
 
 HEADER = ("unit id", "line", "profile")
@@ -38,11 +36,11 @@ def main(port: Port, units: Units = "1-10", as_json: AsJson = False) -> None:
 
 def _discovered(port: str, units: str, output: Output) -> list[DiscoveredDevice]:
     unit_ids = unit_ids_of(units)
-    with output.progress("asking") as progress:
+    with output.progress("opening the port") as progress:
         (task,) = progress.task_ids
 
         def show(line: str, unit_id: int) -> None:
-            progress.update(task, description=f"asking unit {unit_id} {line}")
+            progress.update(task, description=f"asking unit {unit_id}{line and ', '}{line}")
 
         return discover(port, unit_ids, show)
 

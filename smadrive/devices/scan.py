@@ -2,8 +2,10 @@
 
 Devices without Modbus are asked first, because their answer to a Modbus frame is undefined.
 
-If no register can prove a profile, the profile is possible when the registers of its roles read as valid numbers. A
-unit that does not answer `SILENT` requests counts as absent.
+On an RTU line a survey (line_survey.py) first finds the units that may be there; it waits `PATIENCE_MS` for the last
+reply. Each of these units is then asked for every profile. A profile without a register that proves it is possible
+where the registers of its roles read as valid numbers. A unit that leaves `SILENT` requests unanswered counts as
+absent.
 """
 
 from __future__ import annotations
@@ -11,20 +13,27 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import nullcontext, suppress
 from dataclasses import dataclass
+from functools import partial
 
 from smadrive.devices.device import Device
 from smadrive.devices.heating.tclab_board import TCLabBoard
+from smadrive.devices.identity import IdentityCheck
+from smadrive.devices.line_survey import units_to_ask
 from smadrive.devices.profile.profile import Profile
+from smadrive.devices.read_plan import RequestPlans
 from smadrive.devices.state.lock import Role, lock_line
 from smadrive.errors import DeadlineError, DeviceError, ProtocolError, TransportError
 from smadrive.modbus.client import ModbusClient
+from smadrive.modbus.requests import Request
 from smadrive.modbus.transports.connect import open_transport, port_of
 from smadrive.modbus.transports.transport import SerialSettings, Transport
 
 SILENT = 3
 """Number of unanswered requests after which a unit counts as absent."""
 TIMEOUT_MS = 200.0
-"""Response timeout of a scan in milliseconds. Every shipped device answers sooner when it is not busy."""
+"""Least response timeout of a scan. A profile with a longer one keeps it."""
+PATIENCE_MS = 500.0
+"""Least response time that the survey of a line allows; more if a profile allows more."""
 
 
 @dataclass(frozen=True)
@@ -64,14 +73,36 @@ def _scan(
                 yield FoundDevice(None, line, proved, ())
                 return
             client = ModbusClient(transport)
-            for unit_id in unit_ids:
-                if unit_id in found:
-                    continue
+            in_order = sorted(units, key=lambda one: one.serial_settings() != line)
+            missing = [unit_id for unit_id in unit_ids if unit_id not in found]
+            for unit_id in _present(client, missing, in_order, partial(ask, _text(line))):
                 ask(_text(line), unit_id)
-                answer = _identified(client, unit_id, sorted(units, key=lambda one: one.serial_settings() != line))
+                answer = _identified(client, unit_id, in_order)
                 if answer is not None:
                     found.add(unit_id)
                     yield FoundDevice(unit_id, line, *answer)
+
+
+def _present(
+    client: ModbusClient, unit_ids: Sequence[int], profiles: Sequence[Profile], ask: Callable[[int], None]
+) -> list[int]:
+    """The units that may be there. On Modbus TCP all of them: the gateway answers for an absent unit.
+
+    ConfigError for a unit id that no device can have.
+    """
+    for unit_id in unit_ids:
+        Device(profiles[0], client, unit_id)
+    if client.transport.framing.numbered or not unit_ids:
+        return [*unit_ids]
+    requests = dict.fromkeys(_identity_request(profile) for profile in profiles[:SILENT])
+    patience_ms = max(PATIENCE_MS, *(profile.timing.response_timeout_ms for profile in profiles))
+    return units_to_ask(client.transport, unit_ids, requests, patience_ms / 1e3, ask)
+
+
+def _identity_request(profile: Profile) -> Request:
+    """The first request of the identity check of a profile."""
+    names = IdentityCheck(profile, profile.unit_id).registers
+    return RequestPlans(profile).read(names)[0].read_request(profile.timing.function_codes)
 
 
 def _lines(url: str, profiles: Iterable[Profile]) -> list[SerialSettings | None]:
@@ -101,7 +132,8 @@ def _identified(
     matching: dict[bool, list[str]] = {True: [], False: []}
     silent, answered = 0, False
     for profile in profiles:
-        quick = {"response_timeout_ms": TIMEOUT_MS, "retries": 0, "boot_ms": 0.0, "poll_interval_ms": 0.0}
+        timeout_ms = max(TIMEOUT_MS, profile.timing.response_timeout_ms)
+        quick = {"response_timeout_ms": timeout_ms, "retries": 0, "boot_ms": 0.0, "poll_interval_ms": 0.0}
         quick_profile = profile.model_copy(update={"timing": profile.timing.model_copy(update=quick)})
         try:
             if _is_one(Device(quick_profile, client, unit_id)):

@@ -14,6 +14,7 @@ from smadrive.files.kinds import check_regular
 from smadrive.files.number_text import shortened
 from smadrive.files.spelling import suggestion_or_list
 from smadrive.files.toml import parse_toml
+from smadrive.files.toml_mistakes import TomlMistakeError
 
 MOST_WHOLE = 1 << 63
 """Whole numbers of a config file are smaller than this in absolute value: TOML guarantees 64 bits."""
@@ -58,6 +59,9 @@ def read_toml(path: Path) -> dict[str, Any]:
         raise ConfigError("no such file", where=path) from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"cannot be read: {error}", where=path) from None
+    except TomlMistakeError as error:
+        line, what, value, cure = error.mistake
+        raise ConfigError(what, where=f"{path}, line {line}", value=value, cure=cure) from None
     except ValueError as error:
         raise ConfigError(f"not valid TOML: {error}", where=path) from None
     except RecursionError:

@@ -2,13 +2,41 @@
 
 from __future__ import annotations
 
+import re
+from itertools import takewhile
 from pathlib import Path
+from typing import NamedTuple
 
 from smadrive.errors import ConfigError
-from smadrive.files.kinds import CONFIGS, FileKind, check_kind
+from smadrive.files.kinds import CONFIGS, PROFILE, RIG, SIM, WIRE, FileKind, check_kind
 from smadrive.files.spelling import suggestion
 
 _PACKAGE = Path(__file__).parents[1]
+
+
+class ShippedFile(NamedTuple):
+    """A shipped file: the name by which a command takes it, its path, and the first sentence of its comment."""
+
+    name: str
+    path: Path
+    what: str
+
+
+def shipped_files() -> dict[str, list[ShippedFile]]:
+    """The shipped rigs, wires, device profiles and simulated wires, by the name of their folder."""
+    kinds = (RIG, WIRE, PROFILE, SIM)
+    return {
+        kind.folder: [ShippedFile(name, path, _first_sentence(path)) for name, path in _shipped(kind.folder).items()]
+        for kind in kinds
+    }
+
+
+def _first_sentence(path: Path) -> str:
+    """The first sentence of the comment at the head of a file, without its sources."""
+    lines = path.read_text(encoding="utf-8").splitlines()
+    head = takewhile(lambda line: line.startswith("#") and not line.startswith("# Sources:"), lines)
+    text = " ".join(line.removeprefix("#").strip() for line in head)
+    return re.split(r"\. (?=[A-Z]|docs/)", text)[0].rstrip(".")
 
 
 def configs_dir() -> Path:

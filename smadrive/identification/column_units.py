@@ -1,7 +1,8 @@
 """Check of a column's numbers against the unit in its name.
 
 A table in kelvin or metres gives as good a fit as a table in °C or mm, and a certified model. Only the names of the
-columns contain units. So the only sign of a wrong unit are values that no wire has in the unit of the name.
+columns contain units. So the only sign of a wrong unit are values that no wire has in the unit of the name. Where the
+length of the wire is known, its stroke is checked against that length.
 """
 
 from __future__ import annotations
@@ -15,6 +16,12 @@ COLDEST_C = 250.0
 SPANS_MM = (0.1, 1000.0)
 """Smallest and largest usual span of a displacement. Wires move by a few percent of their length, a few mm to 20 m."""
 
+STRAINS = (0.001, 0.1)
+"""Strokes over lengths: a wire in use moves by 2 to 5 % of its length; nickel-titanium recovers 8 % at most."""
+
+SLOWEST_K_PER_S = 0.01
+"""36 K an hour. Every record moves faster on average; one of some kelvins per second is below it if read as ms."""
+
 
 def unit_doubts(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
     """Return the reasons to doubt the unit of the column `name`, one sentence each.
@@ -26,5 +33,30 @@ def unit_doubts(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
         return (f"{name} ranges from {low:.6g} to {high:.6g}, which looks like kelvin: convert it to °C",)
     if name.endswith("_mm") and not SPANS_MM[0] <= high - low <= SPANS_MM[1]:
         meant = "metres" if high - low < SPANS_MM[0] else "micrometres"
-        return (f"{name} has a span of {high - low:.3g}, which looks like {meant}: convert it to mm",)
+        return (f"{name} moves by {high - low:.6g} in all, which looks like {meant}: convert it to mm",)
     return ()
+
+
+def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tuple[str, ...]:
+    """Reasons to doubt the stroke of a wire of `length_mm`, one sentence each. Empty for a stroke that it can have."""
+    span_mm = float(np.ptp(displacement_mm))
+    strain = span_mm / length_mm
+    if STRAINS[0] <= strain <= STRAINS[1]:
+        return ()
+    low, high = (100 * limit for limit in STRAINS)
+    moves = f"displacement_mm moves by {span_mm:.6g}, which is {100 * strain:.4g} % of length_mm = {length_mm:g}"
+    cure = "check the unit and the scale of the sensor, a lever in front of it, and length_mm in the wire file"
+    return (f"{moves}, and a wire moves by {low:g} to {high:g} %: {cure}",)
+
+
+def time_doubts(times_s: NDArray[np.float64], name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
+    """Reasons to doubt that times are in s, from the rate of the temperature in column `name`, one sentence each.
+
+    Empty for a column of another quantity.
+    """
+    duration_s = float(np.ptp(times_s))
+    rate = float(np.abs(np.diff(values)).sum()) / duration_s if duration_s > 0 else np.inf
+    if not name.endswith("_c") or rate >= SLOWEST_K_PER_S:
+        return ()
+    moves = f"time_s lasts {duration_s:.6g}, and {name} moves by {rate:.1g} K/s on average"
+    return (f"{moves}: time_s looks like milliseconds: convert it to s",)

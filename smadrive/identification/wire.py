@@ -43,16 +43,29 @@ class WireFit:
         return IdentifiedWire(fit.model, self.thermal.balance, fit.caveats, fit.metrics)
 
 
-def identify_hysteresis(v: ArrayLike, y: ArrayLike, kind: Kind, sets: int) -> AnyFit:
-    """Fit output y over input v, both (samples,), with a T-S fuzzy model of `sets` sets or a Duhem model."""
-    return identify_tsfuzzy(v, y, sets=sets) if kind == "tsfuzzy" else identify_duhem(v, y, components=DUHEM_COMPONENTS)
+def identify_hysteresis(
+    v: ArrayLike, y: ArrayLike, kind: Kind, sets: int, components: int = DUHEM_COMPONENTS
+) -> AnyFit:
+    """Fit output y over input v, both (samples,).
+
+    The model is a T-S fuzzy model of `sets` sets, or a Duhem model of `components` Gaussians for each branch.
+    """
+    return identify_tsfuzzy(v, y, sets=sets) if kind == "tsfuzzy" else identify_duhem(v, y, components=components)
 
 
-def identify_wire(record: ExcitationRecord, start: HeatBalance, *, kind: Kind = "tsfuzzy", sets: int = 11) -> WireFit:
+def identify_wire(
+    record: ExcitationRecord,
+    start: HeatBalance,
+    *,
+    kind: Kind = "tsfuzzy",
+    sets: int = 11,
+    components: int = DUHEM_COMPONENTS,
+) -> WireFit:
     """Fit heat balance and hysteresis to a recorded excitation.
 
     The search begins at the nominal heat balance `start`. Raises the errors of `identify_thermal`, and those of
     `identify_tsfuzzy` or `identify_duhem`.
     """
     thermal = identify_thermal(record, start)
-    return WireFit(thermal, identify_hysteresis(thermal.wire_temperature_c, record.displacement_mm, kind, sets))
+    fit = identify_hysteresis(thermal.wire_temperature_c, record.displacement_mm, kind, sets, components)
+    return WireFit(thermal, fit)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.scan import scan
@@ -37,17 +38,25 @@ class DiscoveredDevice:
         return entry if self.unit_id is None else f"{entry}\nunit_id = {self.unit_id}\n"
 
 
+def port_url(port: str) -> str:
+    """The URL of a port that is given as a URL, as a path, or as the name of a port in /dev."""
+    path = Path("/dev") / port
+    return port if "://" in port or not ("/" in port or path.exists()) else f"serial://{path}"
+
+
 def discover(port: str, unit_ids: Sequence[int], ask: Callable[[str, int], None]) -> list[DiscoveredDevice]:
-    """Find the devices at the URL `port` by all shipped profiles, and return them. Nothing is written to a device.
+    """Find the devices at `port` (see `port_url`) by all shipped profiles, and return them. Nothing is written to them.
 
     `ask(line, unit_id)` is called before each request. BusyError when another process uses the port.
     """
+    port = port_url(port)
     profiles = [load_profile(file) for file in sorted((configs_dir() / "devices").glob("*.toml"))]
     devices = []
     for found in scan(port, unit_ids, profiles, ask):
         line, url = "", port
         if (settings := found.line) is not None:
             line = f"{settings.baudrate} 8{settings.parity}{settings.stopbits}"
-            url = f"{port}?baudrate={settings.baudrate}&parity={settings.parity}&stopbits={settings.stopbits}"
+            options = f"baudrate={settings.baudrate}&parity={settings.parity}&stopbits={settings.stopbits}"
+            url = f"{port}{'&' if '?' in port else '?'}{options}"
         devices.append(DiscoveredDevice(found.unit_id, line, url, found.proved, found.possible))
     return devices

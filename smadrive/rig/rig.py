@@ -77,9 +77,9 @@ class Rig:
     ) -> None:
         self.config = config
         self._where = f"rig '{config.name}'"
-        wire = load_data_sheet(config.wire)
-        check_limits(config, wire)
-        self.nominal_balance = wire.heat_balance()
+        self.data_sheet = load_data_sheet(config.wire)
+        check_limits(config, self.data_sheet)
+        self.nominal_balance = self.data_sheet.heat_balance()
         self._clock = clock
         self._transports = transports or {}
         profiles = {device.name: load_profile(device.profile) for device in config.devices}

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -11,9 +11,9 @@ from numpy.typing import NDArray
 from smadrive.errors import DataError
 from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import LOG, TABLE
-from smadrive.identification.column_units import unit_doubts
+from smadrive.identification.column_units import time_doubts, unit_doubts
 from smadrive.identification.thermal import ThermalFit
-from smadrive.identification.wire import AnyFit, Kind, identify_hysteresis, identify_wire
+from smadrive.identification.wire import DUHEM_COMPONENTS, AnyFit, Kind, identify_hysteresis, identify_wire
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_metadata import excitation_caveats, excitation_record, nominal_balance
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -37,30 +37,41 @@ class RecordFit:
         return IdentifiedWire(self.fit.model, balance, self.caveats, self.fit.metrics, source)
 
 
-def fit_file(path: Path, columns: tuple[str, str], kind: Kind, sets: int) -> RecordFit:
+def fit_file(
+    path: Path, columns: tuple[str, str], kind: Kind, sets: int, *, components: int = DUHEM_COMPONENTS
+) -> RecordFit:
     """Fit the record in a log, or the two `columns` of a CSV file. DataError for another kind of file."""
     if LOG.has_ending(path):
-        return fit_log(read_log(path), kind, sets)
+        return fit_log(read_log(path), kind, sets, components=components)
     if not TABLE.has_ending(path):
         raise DataError(
             "neither a log nor a CSV", where=path, cure="give the log (.h5) of `smadrive excite`, or a .csv"
         )
     table = read_table(path)
     v, y = (table.column(name) for name in columns)
-    return fit_columns(v, y, columns, kind, sets)
+    fit = fit_columns(v, y, columns, kind, sets, components=components)
+    if "time_s" not in table.cells:
+        return fit
+    return replace(fit, caveats=(*time_doubts(table.column("time_s"), columns[0], v), *fit.caveats))
 
 
-def fit_log(log: Log, kind: Kind, sets: int) -> RecordFit:
+def fit_log(log: Log, kind: Kind, sets: int, *, components: int = DUHEM_COMPONENTS) -> RecordFit:
     """Fit heat balance and hysteresis to the log of an excitation."""
-    wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind, sets=sets)
+    wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind, sets=sets, components=components)
     caveats = (*log.caveats, *excitation_caveats(log), *wire.hysteresis.caveats)
     return RecordFit(wire.hysteresis, wire.thermal, caveats, ("wire temperature, °C", "displacement, mm"))
 
 
 def fit_columns(
-    v: NDArray[np.float64], y: NDArray[np.float64], names: tuple[str, str], kind: Kind, sets: int
+    v: NDArray[np.float64],
+    y: NDArray[np.float64],
+    names: tuple[str, str],
+    kind: Kind,
+    sets: int,
+    *,
+    components: int = DUHEM_COMPONENTS,
 ) -> RecordFit:
     """Fit the hysteresis of output `y` on input `v`; their `names` tell their units."""
-    fit = identify_hysteresis(v, y, kind, sets)
+    fit = identify_hysteresis(v, y, kind, sets, components)
     doubts = (*unit_doubts(names[0], v), *unit_doubts(names[1], y))
     return RecordFit(fit, None, (*doubts, *fit.caveats), names)

@@ -114,6 +114,7 @@ def reference_text(reference: Reference) -> str:
 def _open(path: Path, rig: Rig, metadata: Mapping[str, str], duration_s: float) -> TickRecorder:
     of_the_rig = {
         "rig": rig.config.model_dump_json(),
+        "data_sheet": rig.data_sheet.model_dump_json(),
         "nominal_balance": json.dumps(asdict(rig.nominal_balance)),
         "devices": json.dumps({name: str(identity) for name, identity in rig.identities.items()}),
         "profiles": json.dumps({name: device.profile.model_dump(mode="json") for name, device in rig.devices.items()}),

@@ -22,16 +22,31 @@ from smadrive.runs.run_log import TickRecorder
 
 DRAWN_PER_S = 5
 BAR = 40
-"""Length of the progress bar, in characters."""
+"""Greatest length of the progress bar, in characters."""
+NAME, VALUE, GAP = 12, 11, 3
+"""Widths of a name, of its value, and of the gap to the next name."""
+WIDE = 120
+"""Width of a terminal that shows every row in one line."""
 
 GIVE_WAY_S = 0.0005
 """The drawing thread gives the interpreter to the waiting loop after this time. Python's default is 5 ms."""
 
 
 class RunView:
-    """The display of a run of `duration_s`. `current_max_a` is the limit of the rig, `latest` the tick on display."""
+    """The display of a run of `duration_s` with the limit `current_max_a`. `latest` is the tick on display.
 
-    def __init__(self, title: str, duration_s: float, current_max_a: float, recorder: TickRecorder) -> None:
+    `width` returns the present width of the terminal. A narrow one has fewer values in a row, and a shorter bar.
+    """
+
+    def __init__(
+        self,
+        title: str,
+        duration_s: float,
+        current_max_a: float,
+        recorder: TickRecorder,
+        width: Callable[[], int] = lambda: WIDE,
+    ) -> None:
+        self._width = width
         self._title = title
         self._duration_s = duration_s
         self._current_max_a = current_max_a
@@ -43,49 +58,46 @@ class RunView:
         tick = self.latest
         if tick is None:
             return Text(f"{self._title}: starting")
-        text = Text(no_wrap=True, overflow="ellipsis")
-        self._add_progress(text, tick.time_s)
-        self._add_values(text, tick)
+        text, width = Text(overflow="fold"), self._width()
+        self._add_progress(text, tick.time_s, width)
+        self._add_values(text, tick, width)
         if tick.measurement.device_faults:
             text.append(f"\nfaults       {', '.join(tick.measurement.device_faults)}", "bold red")
         for event in tuple(self._recorder.latest):
-            text.append(f"\n{event.time_s:9.2f} s  {event.message}", "yellow")
+            text.append(f"\n{event.time_s:.2f} s: {event.message}", "yellow")
         return text
 
-    def _add_progress(self, text: Text, time_s: float) -> None:
+    def _add_progress(self, text: Text, time_s: float, width: int) -> None:
         text.append(f"{self._title}  ", "bold")
         if isfinite(self._duration_s):
             time_s = min(time_s, self._duration_s)  # the last tick may come after the end
-            done = round(BAR * time_s / self._duration_s)
-            text.append("━" * done, "green").append("━" * (BAR - done), "dim")
-            text.append(f"  {time_s:.1f} of {self._duration_s:.1f} s")
+            times = f"{time_s:.1f} of {self._duration_s:.1f} s"
+            bar = max(min(BAR, width - len(text) - len(times) - 2), 0)
+            done = round(bar * time_s / self._duration_s)
+            text.append("━" * done, "green").append("━" * (bar - done), "dim").append("  " if bar else "")
+            text.append(times)
         else:
             text.append(f"{time_s:.1f} s")
 
-    def _add_values(self, text: Text, tick: Tick) -> None:
+    def _add_values(self, text: Text, tick: Tick, width: int) -> None:
         measured, command = tick.measurement, tick.command
         limits = ", ".join(measured.device_limits + measured.host_limits)
         temperature = measured.temperature_fault or number(measured.temperature_c, 1, "°C")
-        for row in (
-            (
-                ("reference", number(command.setpoint_mm, 3, "mm")),
-                ("displacement", number(measured.displacement_mm, 3, "mm")),
-                ("error", number(command.setpoint_mm - measured.displacement_mm, 3, "mm")),
-            ),
-            (
-                ("setpoint", number(command.setpoint_c, 1, "°C")),
-                ("temperature", temperature),
-                ("late", f"{1e3 * tick.late_s:.1f} ms"),
-            ),
-            (
-                ("current", number(measured.current_a, 3, "A")),
-                ("limit", number(self._current_max_a, 3, "A")),
-                ("limited by", limits or "nothing"),
-            ),
-        ):
-            text.append("\n")
-            for name, value in row:
-                text.append(f"{name:<12} ", "dim").append(f"{value:>11}   ")
+        values = (
+            ("reference", number(command.setpoint_mm, 3, "mm")),
+            ("displacement", number(measured.displacement_mm, 3, "mm")),
+            ("error", number(command.setpoint_mm - measured.displacement_mm, 3, "mm")),
+            ("setpoint", number(command.setpoint_c, 1, "°C")),
+            ("temperature", temperature),
+            ("late", f"{1e3 * tick.late_s:.1f} ms"),
+            ("current", number(measured.current_a, 3, "A")),
+            ("limit", number(self._current_max_a, 3, "A")),
+            ("limited by", limits or "nothing"),
+        )
+        in_a_row = min(max((width + GAP) // (NAME + 1 + VALUE + GAP), 1), 3)
+        for n, (name, value) in enumerate(values):
+            text.append(" " * GAP if n % in_a_row else "\n")
+            text.append(f"{name:<{NAME}} ", "dim").append(f"{value:>{VALUE}}")
 
 
 @contextmanager
@@ -97,7 +109,7 @@ def watched(
     if quiet or not console.is_terminal:
         yield recorder.tick
         return
-    view = RunView(title, duration_s, current_max_a, recorder)
+    view = RunView(title, duration_s, current_max_a, recorder, lambda: console.width)
 
     def record(tick: Tick) -> None:
         recorder.tick(tick)

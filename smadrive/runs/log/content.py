@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from smadrive.runs.log.checksums import SUM, VALUE, Sums, end_sum, event_sum, first_bad, metadata_sum, row_sums
 from smadrive.runs.log.errors import DamageError
+from smadrive.runs.log.event_text import joined
 from smadrive.runs.log.layout import EVENT_BYTES, MOST_OPEN_ROWS
 from smadrive.runs.log.old_layouts import layout_of, metadata_group, translated
 from smadrive.runs.log.self_contained import check_self_contained
@@ -98,7 +99,7 @@ def _checked(entry: h5py.Group, layout: int) -> Content:
     if sums.end and sums.end != end_sum(end_time, columns["time_s"].size, len(verified_events)):
         raise DamageError(DIFFERENT, "end of the log")
     end_time = end_time if sums.end else ""
-    return Content(columns, metadata, verified_events, start_time, end_time, version, has_checksums=True)
+    return Content(columns, metadata, joined(verified_events), start_time, end_time, version, has_checksums=True)
 
 
 def _unchecked(entry: h5py.Group) -> Content:
@@ -109,7 +110,7 @@ def _unchecked(entry: h5py.Group) -> Content:
     return Content(
         columns,
         metadata,
-        events.first(int(np.count_nonzero(np.isfinite(events.times_s)))),
+        joined(events.first(int(np.count_nonzero(np.isfinite(events.times_s))))),
         _unchecked_text(entry["start_time"]),
         _end_time(entry),
         UNCHECKED_VERSION,

@@ -34,7 +34,10 @@ EVENT_ROWS = 128
 """The room for events grows by this number of events."""
 
 EVENT_BYTES = 400
-"""Length of the text of every event in bytes. A shorter text is padded, so that the place of each event is known."""
+"""Length of the text of every event in bytes. A shorter text is padded, so that the place of each event is known.
+
+A longer text continues in the next events (see event_text.py).
+"""
 
 MOST_OPEN_ROWS = 1000
 """Largest number of rows in one write. A killed writer leaves at most this number of rows without a checksum."""

@@ -7,6 +7,7 @@ a writer that was killed. Checksums verify the content.
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -30,7 +31,11 @@ ENDED_BY = "ended by "
 """The first words of the event that gives the reason for the early end of a run."""
 
 RESTORE = "restore the log from a copy, or record it again"
+COPY_AGAIN = "copy the whole file again, or record it again; was the disk full, or the copy interrupted?"
 CONVERT = "update smadrive, or copy the columns into a CSV with h5py (docs/records.md)"
+
+_CUT = re.compile(r"truncated file: eof = (?P<found>\d+),.* stored_eof = (?P<stored>\d+)")
+"""What HDF5 says of a file that is shorter than its first block requires."""
 
 
 class RunEvent(NamedTuple):
@@ -151,6 +156,9 @@ def _log(path: Path, content: Content) -> Log:
 def _unreadable(path: Path, error: Exception) -> DataError:
     if not h5py.is_hdf5(path):
         return DataError("not a readable log of smadrive", where=path, cure=LOG.cure)
+    if sizes := _CUT.search(str(error)):
+        value = f"{sizes['found']} of {sizes['stored']} bytes"
+        return DataError("the end of the log is missing", where=path, value=value, cure=COPY_AGAIN)
     what = f"not a readable log of smadrive, or damaged: {_first_line(error)}"
     return DataError(what, where=path, cure=f"{RESTORE}, or {LOG.cure}")
 

@@ -28,6 +28,7 @@ from numpy.typing import NDArray
 from smadrive.errors import DataError
 from smadrive.files.atomic import creating
 from smadrive.runs.log.checksums import SUM, VALUE, alphabetical, end_sum, event_sum, row_sums
+from smadrive.runs.log.event_text import parts_of
 from smadrive.runs.log.layout import CHUNK_ROWS, EVENT_BYTES, EVENT_ROWS, create_log, time_text
 
 GROWTH_ROWS = 8 * CHUNK_ROWS
@@ -122,9 +123,12 @@ class LogFile:
             self._rows += len(block)
 
     def add_event(self, time_s: float, message: str) -> None:
-        """Write one event. A longer message is cut to `EVENT_BYTES`."""
+        """Write one event. A message longer than `EVENT_BYTES` takes several events of the file."""
         self._check_untouched()
-        text = message.encode()[:EVENT_BYTES].ljust(EVENT_BYTES, b"\0")
+        for part in parts_of(message, EVENT_BYTES):
+            self._add_part(time_s, part.ljust(EVENT_BYTES, b"\0"))
+
+    def _add_part(self, time_s: float, text: bytes) -> None:
         checksum = np.array(event_sum(time_s, text, self._events), SUM)
         with self._as_data_error():
             if self._events >= self._event_fields[-1].rows:

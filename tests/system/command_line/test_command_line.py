@@ -115,6 +115,14 @@ def test_duhem_model_has_no_rules(data):
     assert found["rms_percent"] < 1.0
 
 
+def test_duhem_model_has_the_given_number_of_gaussians_per_branch(data):
+    fit = ("identify", "wire.csv", "--output", "strain", "-o", "model.json", "--kind", "duhem")
+    for options, count in ((), 2), (("--components", "1"), 1):
+        assert succeed(*fit, *options, cwd=data)["rms_percent"] < 1.0
+        model = json.loads((data / "model.json").read_text())
+        assert len(model["heating"]["weights"]) == len(model["cooling"]["weights"]) == count
+
+
 def test_every_figure_of_a_certificate_has_a_meaning_and_a_verdict():
     good = {name: (value, note) for name, value, note in certificate_rows(LOOP.certificate())}
     assert list(good) == ["contraction", "left after a loop", "bounded", "invertible", "turns back", "certified"]
@@ -248,6 +256,27 @@ def test_command_works_without_a_standard_output(tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.parametrize("encoding", ["ascii", "ascii:strict"])
+def test_output_in_another_encoding_has_substitutes(tmp_path, encoding):
+    environment = {**os.environ, "PYTHONIOENCODING": encoding}
+    probed = smadrive("probe", "in-process", cwd=tmp_path, env=environment, is_from_scratch=True)
+    assert probed.returncode == 0, probed.stderr
+    assert probed.stderr == ""
+    assert "deg C" in probed.stdout
+    assert len({len(line) for line in probed.stdout.splitlines()[1:]}) == 1
+
+
+@pytest.mark.parametrize("argument", ["nosüch", b"nos\xfcch"])
+def test_error_in_ascii_has_substitutes(tmp_path, argument):
+    command = [sys.executable, "-m", "smadrive", "probe", argument]
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, check=False, env=environment)
+    assert done.returncode == 2
+    assert done.stderr.startswith(b"smadrive: 'nos")
+    assert b"neither a .toml file nor one of the shipped rigs" in done.stderr
+    assert b"Traceback" not in done.stderr
+
+
 def test_version_is_printed(tmp_path):
     assert smadrive("--version", cwd=tmp_path).stdout == f"smadrive {version('smadrive')}\n"
 
@@ -280,6 +309,7 @@ WRONG = [
     ("missing column", ("identify", "wire.csv", "-o", "m.json"), 2, "no column 'displacement_mm'"),
     ("text in a cell", ("identify", "text.csv", *STRAIN), 2, "line 3, column 'strain': 'high'"),
     ("nan in a cell", ("identify", "nan.csv", *STRAIN), 2, "line 3, column 'strain': 'nan'"),
+    ("Gaussians of a fuzzy model", ("identify", "wire.csv", *STRAIN, "--components", "2"), 2, "only a Duhem model has"),
     ("constant input", ("identify", "flat.csv", *STRAIN), 5, "constant"),
     ("no such model", ("simulate", "absent.json", "wire.csv", "-o", "o.csv"), 2, "absent.json"),
     ("a model that is no JSON", ("simulate", "text.md", "wire.csv", "-o", "o.csv"), 2, "text.md: not a JSON file"),
@@ -289,6 +319,8 @@ WRONG = [
     ("unknown key", ("probe", "key.toml"), 2, "limits.curent_max_a: unknown key; did you mean 'current_max_a'?"),
     ("limits that contradict", ("probe", "limits.toml"), 2, "must be below limits.temperature_max_c = 110"),
     ("milliamperes", ("probe", "milli.toml"), 2, "limits.current_max_a is far above"),
+    ("a decimal comma", ("probe", "comma.toml"), 2, "line 4: a number has a decimal comma (20,0). Write 20.0."),
+    ("a missing quote", ("probe", "unquoted.toml"), 2, 'a quote is missing (wire = "flexinol-lt-0.15mm). Put the te'),
     ("a wire in metres", ("probe", "metres.toml"), 2, "diameter_mm: Input should be greater than or equal to 0.01"),
     ("a number in quotes", ("probe", "quoted.toml"), 2, "limits: current_max_a = '0.6': put a number there, without"),
     ("a model that is a log", (*RUN, "--model", "kept.h5", "--reference", ANY_SINE), 2, "kept.h5: is a log, and a mod"),
@@ -341,6 +373,8 @@ def test_error_is_one_line_with_its_exit_code_and_writes_nothing(data, arguments
     (data / "key.toml").write_text(rig_text("current_max_a", "curent_max_a"))
     (data / "milli.toml").write_text(rig_text("current_max_a = 0.6", "current_max_a = 600"))
     (data / "quoted.toml").write_text(rig_text("current_max_a = 0.6", "current_max_a = '0.6'"))
+    (data / "comma.toml").write_text(rig_text("rate_hz = 20.0", "rate_hz = 20,0"))
+    (data / "unquoted.toml").write_text(rig_text('"flexinol-lt-0.15mm"', '"flexinol-lt-0.15mm'))
     (data / "metres.toml").write_text(rig_text('"flexinol-lt-0.15mm"', '"metres-wire.toml"'))
     wire = (CONFIGS / "wires" / "flexinol-lt-0.15mm.toml").read_text()
     (data / "metres-wire.toml").write_text(wire.replace("diameter_mm = 0.15", "diameter_mm = 0.15e-3"))

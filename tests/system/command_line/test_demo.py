@@ -45,6 +45,17 @@ def test_model_has_22_rules_and_is_certified(demo):
     assert figures["identify"]["certificate"]["holds"] is True
 
 
+def test_first_line_says_what_the_demo_does_before_the_simulator_serves(tmp_path):
+    with subprocess.Popen(
+        [*DEMO, "-o", tmp_path], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    ) as process:
+        first, second = process.stdout.readline(), process.stdout.readline()
+        process.send_signal(signal.SIGINT)
+        process.communicate()
+    assert first.startswith("demo: excites a simulated wire, identifies it, tracks a reference twice; takes")
+    assert second.startswith("firmware-sim serves")
+
+
 def test_default_folder_is_one_that_is_not_in_use(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert _unused_folder().name == "smadrive-demo"

@@ -11,6 +11,7 @@ import pytest
 
 from smadrive.devices.state.lock import Role, lock_line
 from smadrive.modbus.transports.connect import port_of
+from smadrive.rig.discovery import port_url
 
 
 @contextlib.contextmanager
@@ -63,3 +64,33 @@ def test_no_device_and_invalid_unit_ids_are_errors():
     assert "none of the units 7-8 answers" in nobody.stderr
     for units in ("x", "5-1", "300", ""):
         assert scan("serial:///dev/ttyNONE", "--units", units).returncode == 2
+
+
+def test_port_may_be_a_path():
+    with served("sma-reference") as url:
+        path = url.removeprefix("serial://").partition("?")[0]
+        done = scan(f"{path}?baudrate=115200", "--units", "1", "--json")
+        printed = scan(path, "--units", "1").stdout
+    (found,) = json.loads(done.stdout)["devices"]
+    assert found["profiles"] == ["sma-reference"]
+    assert f'url = "serial://{path}?baudrate=115200&parity=N&stopbits=1"' in printed
+
+
+def test_device_among_empty_units_is_found():
+    with served("sma-reference") as url:
+        done = scan(f"{url}?baudrate=115200", "--units", "1-4", "--json")
+    assert [found["unit_id"] for found in json.loads(done.stdout)["devices"]] == [1]
+
+
+@pytest.mark.parametrize(
+    ("port", "url"),
+    [
+        ("/dev/ttyUSB0", "serial:///dev/ttyUSB0"),
+        ("/dev/serial/by-id/x?baudrate=9600", "serial:///dev/serial/by-id/x?baudrate=9600"),
+        ("null", "serial:///dev/null"),
+        ("tcp://host:502", "tcp://host:502"),
+        ("192.168.1.10", "192.168.1.10"),
+    ],
+)
+def test_url_of_a_port(port, url):
+    assert port_url(port) == url

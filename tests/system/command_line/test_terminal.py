@@ -15,6 +15,7 @@ from urllib.error import HTTPError
 
 import programs
 import pytest
+from rich.console import Console
 
 from smadrive.cli.views.run_view import RunView
 from smadrive.control.controllers.temperature import Command
@@ -136,6 +137,35 @@ def test_display_has_values_limits_faults_and_events(recorder):
         assert shown in lines
 
 
+@pytest.mark.parametrize("width", [200, 120, 80, 79, 60, 53, 40, 30])
+def test_display_fits_a_narrow_terminal(recorder, width):
+    recorder.event("disarmed")
+    view = RunView("tracking", 122.0, 0.6, recorder, lambda: width)
+    view.latest = tick(device_faults=("watchdog",))
+    lines = str(view.__rich__()).splitlines()
+    assert max(map(len, lines)) <= width
+    assert len(view.__rich__().wrap(Console(width=width), width)) == len(lines)
+    shown = " ".join(" ".join(lines).split())
+    for value in ("34.2 of 122.0 s", "reference 4.210 mm", "error 0.010 mm", "limited by nothing", "0.00 s: disarmed"):
+        assert value in shown
+
+
+def test_long_event_is_shown_whole(recorder):
+    message = "fault 3: " + "the wire is too hot; " * 20 + "let it cool"
+    recorder.event(message)
+    view = RunView("tracking", 122.0, 0.6, recorder, lambda: 60)
+    view.latest = tick()
+    lines = view.__rich__().wrap(Console(width=60), 60)
+    assert message in " ".join(line.plain.strip() for line in lines)
+
+
+def test_spinner_vanishes(tmp_path, identified):
+    log = str(identified.log.path)
+    seen = on_a_terminal("identify", log, "-o", "wire.json", cwd=tmp_path)
+    assert f"fitting {identified.log.path.name}" in seen
+    assert seen.endswith("\x1b[2K")
+
+
 def test_last_tick_after_the_end_is_shown_at_the_end(recorder):
     view = RunView("tracking", 34.1, 0.6, recorder)
     view.latest = tick()
@@ -150,3 +180,11 @@ def test_unknown_values_are_dashes(recorder):
     assert "temperature open" in lines
     assert "displacement –" in lines
     assert "limited by nothing" in lines
+
+
+def test_length_of_a_run_is_announced_before_it_heats(tmp_path):
+    command = [sys.executable, "-m", "smadrive", "excite", "in-process", "-o", "l.h5"]
+    with programs.Program(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as process:
+        announced, ended = process.stdout.readline(), process.stdout.readlines()
+    assert re.fullmatch(r"l.h5: the experiment takes \d min \d+ s of virtual time\n", announced)
+    assert "the heater is off" in ended[-1]

@@ -156,6 +156,16 @@ def test_cut_file_is_refused(sound, tmp_path):
             read_log(path)
 
 
+def test_cut_file_is_named_with_its_sizes(sound, tmp_path):
+    whole, path = sound.read_bytes(), tmp_path / "run.h5"
+    for size in (len(whole) // 3, len(whole) - 1):
+        path.write_bytes(whole[:size])
+        with pytest.raises(DataError) as error:
+            read_log(path)
+        assert error.value.what == "the end of the log is missing"
+        assert error.value.value == f"{size} of {len(whole)} bytes"
+
+
 @pytest.mark.parametrize("times_s", [(0.0, 0.1, 0.05), (0.0, 0.1, 0.1)])
 def test_time_that_does_not_increase_is_refused(tmp_path, times_s):
     with Recorder(tmp_path / "run.h5", COLUMNS, METADATA) as recorder:

@@ -48,9 +48,17 @@ def test_number_of_events_is_unlimited(tmp_path):
     assert [event.message for event in log.events] == [str(n) for n in range(2 * EVENT_ROWS + 1)]
 
 
-def test_long_event_is_cut_between_characters(tmp_path):
-    (event,) = write(tmp_path / "run.h5", 1, "x" + "°" * 1000).events
-    assert event.message == "x" + "°" * 199
+def test_long_event_is_read_back_whole(tmp_path):
+    long = "x" + "°" * 1000
+    events = write(tmp_path / "run.h5", 1, "armed", long, "y" * 400, "z" * 401, *[long] * EVENT_ROWS).events
+    assert [event.message for event in events] == ["armed", long, "y" * 400, "z" * 401, *[long] * EVENT_ROWS]
+
+
+def test_parts_of_a_long_event_are_texts_of_the_file(tmp_path):
+    write(tmp_path / "run.h5", 1, "x" + "°" * 300)
+    with h5py.File(tmp_path / "run.h5") as file:
+        parts = file["entry/events/message"].asstr()[:]
+    assert [*parts] == ["x" + "°" * 199, "…" + "°" * 101]
 
 
 def test_names_are_those_of_nexus(tmp_path):

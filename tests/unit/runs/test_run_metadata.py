@@ -66,3 +66,12 @@ def test_cut_experiment_has_a_caveat(ended_s, expected):
     caveats = excitation_caveats(Log(Path("e.h5"), columns, metadata, (), "", "", ""))
     assert len(caveats) == len(expected)
     assert all(part in caveat for part, caveat in zip(expected, caveats, strict=True))
+
+
+@pytest.mark.parametrize("stroke_mm", [12.0, 12_000.0])
+@pytest.mark.parametrize("metadata", [{"data_sheet": '{"length_mm": 300.0}'}, {}])
+def test_stroke_that_the_wire_cannot_have_is_a_caveat(metadata, stroke_mm):
+    excitation = json.dumps({"turning_points_c": [20.0, 120.0, 20.0], "rate_c_per_s": 1.0})
+    columns = {"time_s": np.linspace(0.0, 200.0, 100), "displacement_mm": np.linspace(0.0, stroke_mm, 100)}
+    caveats = excitation_caveats(Log(Path("e.h5"), columns, {"excitation": excitation, **metadata}, (), "", "", ""))
+    assert [caveat.split(" by ")[0] for caveat in caveats] == ["displacement_mm moves"] * (stroke_mm > 1000.0)

@@ -1,0 +1,22 @@
+"""`smadrive list`: the shipped rigs, wires, device profiles and simulated wires."""
+
+from __future__ import annotations
+
+from smadrive.cli.output import AsJson, Output
+from smadrive.files.shipped import ShippedFile, shipped_files
+
+HEADER = ("name", "kind", "what it is")
+
+
+def main(as_json: AsJson = False) -> None:
+    """List the shipped rigs, wires, device profiles and simulated wires. A command takes them by their names."""
+    output = Output(as_json)
+    files = shipped_files()
+    rows = [(file.name, kind.removesuffix("s"), file.what) for kind, of_kind in files.items() for file in of_kind]
+    output.table(HEADER, rows, notes=True)
+    output.say("own files: copy one of these, change it, and give its path instead of the name")
+    output.result({kind: [_result(file) for file in of_kind] for kind, of_kind in files.items()})
+
+
+def _result(file: ShippedFile) -> dict[str, str]:
+    return {"name": file.name, "what": file.what, "file": str(file.path)}

@@ -1,0 +1,84 @@
+"""The help of the commands: examples, and placeholders in capital letters. A flag shows no type.
+
+typer shows the Python types of arguments and options, also `<bool>` for a flag that takes no value.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from typer.core import TyperCommand, TyperGroup
+
+EXAMPLES = {
+    "demo": ("smadrive demo", "smadrive demo --output-dir first-try --seed 3"),
+    "list": ("smadrive list",),
+    "scan": ("smadrive scan /dev/ttyUSB0", "smadrive scan tcp://192.168.1.10 --units 1-3,7"),
+    "probe": ("smadrive probe my-rig.toml", "smadrive probe simulated --trace traces"),
+    "excite": ("smadrive excite my-rig.toml -o excitation.h5",),
+    "identify": (
+        "smadrive identify excitation.h5 -o wire.json --plot fit.html",
+        "smadrive identify wire.csv --output strain --kind duhem --components 1 -o wire.json",
+    ),
+    "simulate": ("smadrive simulate wire.json temperatures.csv -o displacements.csv",),
+    "invert": ("smadrive invert wire.json displacements.csv -o temperatures.csv --start 22",),
+    "run": (
+        "smadrive run my-rig.toml --model wire.json --reference sine:low_mm=2,high_mm=9,period_s=56 -o run.h5",
+        "smadrive run my-rig.toml --reference steps.csv --smooth -o steps.h5",
+    ),
+    "tune": ("smadrive tune my-rig.toml --model wire.json", "smadrive tune my-rig.toml --port 0 --no-browser"),
+    "report": ("smadrive report run.h5", "smadrive report run.h5 --csv run.csv"),
+    "replay": ("smadrive replay run.h5 --model other.json",),
+    "paper": ("smadrive paper --output-dir figures",),
+    "off": ("smadrive off my-rig.toml", "smadrive off my-rig.toml --clear-faults"),
+}
+
+PLACEHOLDERS = {
+    **dict.fromkeys(("log_file", "model_file", "output_file", "report_file", "plot", "csv", "model"), "FILE"),
+    **dict.fromkeys(("folder", "output_dir", "trace"), "FOLDER"),
+    **dict.fromkeys(("input_column", "output_column"), "COLUMN"),
+    **dict.fromkeys(("sets", "components", "seed", "start", "port"), "NUMBER"),
+    "units": "IDS",
+    "reference": "CSV|SHAPE",
+    "kind": "tsfuzzy|duhem",
+}
+"""What stands for the value of an option, by the name of its parameter."""
+
+
+def epilog_of(command: str) -> str:
+    """Return the examples of a command, which its help shows at its end."""
+    return "\n\n".join(f"Example: {example}" for example in EXAMPLES[command])
+
+
+class PlainCommand(TyperCommand):
+    """A command whose help has placeholders in capital letters."""
+
+    def get_params(self, *arguments: Any, **options: Any) -> Any:
+        """Return the parameters, with their placeholders."""
+        return _with_placeholders(super().get_params(*arguments, **options))
+
+
+class PlainGroup(TyperGroup):
+    """The commands, with the same help."""
+
+    def get_params(self, *arguments: Any, **options: Any) -> Any:
+        """Return the parameters, with their placeholders."""
+        return _with_placeholders(super().get_params(*arguments, **options))
+
+
+def _with_placeholders(params: Any) -> Any:
+    for param in params:
+        vars(param).update(_shown_as(param))
+    return params
+
+
+def _shown_as(param: Any) -> dict[str, object]:
+    """Return the attributes of a parameter that the help shows: an argument by its name, a flag without a value."""
+    if param.param_type_name == "argument":
+        return {"metavar": param.name.upper(), "display_type_rich": _nothing}
+    if getattr(param, "is_flag", False):
+        return {"metavar": "", "display_type_rich": _nothing}
+    return {"metavar": PLACEHOLDERS.get(param.name, param.name.upper())}
+
+
+def _nothing(*_: object, **__: object) -> None:
+    """Return no text for the type of a parameter."""

@@ -1,0 +1,41 @@
+"""The line that says how long a run takes, before anything is heated."""
+
+from __future__ import annotations
+
+from contextlib import AbstractContextManager
+from math import isfinite
+from pathlib import Path
+
+from smadrive.cli.output import Output
+from smadrive.clock import Clock, VirtualClock
+from smadrive.rig.rig import Record
+from smadrive.runs.experiments import Watch
+from smadrive.runs.run_log import TickRecorder
+
+
+def announce(output: Output, log_file: Path, what: str, duration_s: float, clock: Clock) -> None:
+    """Print how long `what` takes and which log it writes."""
+    virtual = " of virtual time" if isinstance(clock, VirtualClock) else ""
+    lasts = f"takes {duration_text(duration_s)}{virtual}" if isfinite(duration_s) else "continues until Ctrl-C"
+    output.say(f"{log_file}: {what} {lasts}")
+
+
+def announced(output: Output, log_file: Path, what: str, clock: Clock, watch: Watch) -> Watch:
+    """Return `watch`, the display of an experiment, with the announcement before it."""
+
+    def both(recorder: TickRecorder, duration_s: float) -> AbstractContextManager[Record]:
+        announce(output, log_file, what, duration_s, clock)
+        return watch(recorder, duration_s)
+
+    return both
+
+
+def duration_text(duration_s: float) -> str:
+    """Return a duration as text with the digits that matter, such as `45 s`, `4 min 3 s` or `2 h 5 min`."""
+    seconds = round(duration_s)
+    if seconds < 60:
+        return f"{seconds} s"
+    if seconds < 3600:
+        return f"{seconds // 60} min {seconds % 60} s"
+    minutes = round(duration_s / 60)
+    return f"{minutes // 60} h {minutes % 60} min"

@@ -1,0 +1,61 @@
+"""Survey of an RTU line: which units may be there, found without waiting for each silent unit.
+
+A silent unit costs its whole response timeout, and a scan asks ten units with several line settings. So the survey
+sends its requests one after the other, with short pauses, and waits only once, after the last one, for as long as the
+slowest device may take. A slow reply thus arrives while a later unit is asked, and may collide with that request. So
+every byte counts: only a line without a byte is empty. The pauses of the rounds differ, so that no constant delay of a
+device lets all its replies collide.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+
+from smadrive.modbus.framing import rtu
+from smadrive.modbus.requests import Request
+from smadrive.modbus.transports.transport import Transport
+
+PAUSES_S = (0.015, 0.019, 0.024)
+"""Pauses after a request, by round. A round asks every unit one request; there are at most as many rounds."""
+
+
+def units_to_ask(
+    transport: Transport,
+    unit_ids: Sequence[int],
+    requests: Iterable[Request],
+    patience_s: float,
+    ask: Callable[[int], None],
+) -> list[int]:
+    """Return the units that may be there: none if nothing arrives, all if what arrives is not made of whole replies.
+
+    `patience_s` is the longest response time of a device. `ask(unit_id)` is called before each request.
+    """
+    transport.discard()
+    heard: list[bytes] = []
+    for request, pause_s in zip(requests, PAUSES_S, strict=False):
+        for unit_id in unit_ids:
+            ask(unit_id)
+            frame = rtu.seal(unit_id, request.pdu)
+            transport.write(frame)
+            heard.append(_received(transport, pause_s + _wire_s(transport, len(frame))))
+    patience_s += transport.latency_s + _wire_s(transport, rtu.MAX_FRAME)
+    while tail := _received(transport, patience_s):
+        heard.append(tail)
+    replies = [data for data in heard if data]
+    if all(rtu.crc_holds(data) and data[0] in unit_ids for data in replies):
+        return [unit_id for unit_id in unit_ids if any(data[0] == unit_id for data in replies)]
+    return [*unit_ids]
+
+
+def _received(transport: Transport, wait_s: float) -> bytes:
+    """Return all bytes that arrive within `wait_s`."""
+    deadline_s = transport.clock.now_s() + wait_s
+    received = b""
+    while data := transport.read(deadline_s):
+        received += data
+    return received
+
+
+def _wire_s(transport: Transport, size: int) -> float:
+    """Return the time of `size` characters on the wire."""
+    return 11 * size / transport.baudrate if transport.baudrate else 0.0

@@ -1,0 +1,79 @@
+"""Frequent mistakes in a TOML file: a decimal comma, a missing quote, a text without quotes.
+
+The parser names the place of a mistake and the rule of the format that is broken. The user needs the value and the
+cure.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import NamedTuple
+
+from smadrive.files.number_text import shortened
+
+_PLACE = re.compile(r"\(at line (\d+), column \d+\)$")
+_ENTRY = re.compile(r"""\s*[\w.-]+\s*=\s*(?P<value>[^"'#\[{]*[^"'#\[{\s])\s*(?:#.*)?""")
+_COMMENT = re.compile(r"\s+#.*")
+_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
+_BARE_TEXT = re.compile(r"[^\W\d][^=]*|[./~][^=]*[^\W\d][^=]*")
+
+
+class Mistake(NamedTuple):
+    """A mistake in a line: what is wrong, the value that was found, and what the user does about it."""
+
+    line: int
+    what: str
+    value: str
+    cure: str
+
+
+class TomlMistakeError(ValueError):
+    """A TOML text with a frequent mistake."""
+
+    def __init__(self, mistake: Mistake) -> None:
+        super().__init__(f"line {mistake.line}: {mistake.what} ({mistake.value})")
+        self.mistake = mistake
+
+
+def find_mistake(text: str, message: str) -> Mistake | None:
+    """Return the frequent mistake that explains the parser's `message`. None when it has another reason.
+
+    Without a place in the message, a line with an open quote is searched.
+    """
+    lines = text.split("\n")
+    place = _PLACE.search(message)
+    if place is None:
+        unclosed = (number for number, line in enumerate(lines, 1) if _ends_in_quotes(line))
+        return next((_missing_quote(number, lines[number - 1]) for number in unclosed), None)
+    number = int(place[1])
+    line = lines[number - 1]
+    if _ends_in_quotes(line):
+        return _missing_quote(number, line)
+    entry = _ENTRY.fullmatch(line)
+    return None if entry is None else _bare_value(number, entry["value"])
+
+
+def _missing_quote(number: int, line: str) -> Mistake:
+    found = _COMMENT.sub("", line).strip()
+    return Mistake(number, "a quote is missing", found, "put the text between two quotes of one kind")
+
+
+def _bare_value(number: int, value: str) -> Mistake | None:
+    if _DECIMAL_COMMA.fullmatch(value):
+        return Mistake(number, "a number has a decimal comma", value, f"write {value.replace(',', '.')}")
+    if value.lower() in {"true", "false"}:
+        return Mistake(number, "a truth value has a capital letter", value, f"write {value.lower()}")
+    if _BARE_TEXT.fullmatch(value):
+        return Mistake(number, "a text has no quotes", shortened(value)[1:-1], f'write "{value}"')
+    return None
+
+
+def _ends_in_quotes(line: str) -> bool:
+    """Whether a text that begins in `line` does not end there."""
+    quote = ""
+    for character in line:
+        if character == "#" and not quote:
+            return False
+        if character in {'"', "'"} and quote in {"", character}:
+            quote = "" if quote else character
+    return bool(quote)
