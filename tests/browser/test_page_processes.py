@@ -149,7 +149,7 @@ def test_page_shows_that_the_run_has_ended_and_the_heater_is_confirmed_off(brows
             page.goto(live.page.url)
             page.get_by_text("controls", exact=True).wait_for(timeout=1000 * PATIENCE_S)
             heat(page, live)
-        page.get_by_text("The run has ended. The heater is off, confirmed.").wait_for()
+        page.get_by_text("The run has ended. The heater is off, confirmed.").wait_for(timeout=1000 * PATIENCE_S)
         page.locator("#off").dispatch_event("click")
         page.wait_for_timeout(2000)
         assert page.get_by_text("connection was lost").count() == 0  # nothing contradicts the end of the run

@@ -66,7 +66,7 @@ def test_a_conftest_that_still_loads_the_plugin_works(pytester):
 
 def test_fixtures_are_listed_with_their_descriptions(pytester):
     result = pytester.runpytest_subprocess("--fixtures", "-p", "no:cacheprovider")
-    result.stdout.fnmatch_lines(["sma_faults -- *", "    The faults of*", "sma_rig -- *", "    A rig with*"])
+    result.stdout.fnmatch_lines(["sma_faults -- *", "    The faults of*", "sma_rig -- *", "    A rig whose*"])
 
 
 def test_other_projects_do_not_pay_for_the_plugin(pytester):

@@ -106,6 +106,8 @@ def test_interrupted_kernel_ends_the_run_confirmed(kernel, identified, tmp_path)
                 manager.interrupt_kernel()
         elif message["msg_type"] == "error":
             error = content
+    while content.get("execution_state") != "idle":  # an earlier request would be aborted with this one
+        content = client.get_iopub_msg(timeout=HANG_GUARD_S)["content"]
     assert error["ename"] == "KeyboardInterrupt"
     assert any("confirmed" in line or "run.h5" in line for line in error["traceback"])
     assert "<progress" in shown[0]

@@ -116,3 +116,10 @@ def test_pipe_in_place_of_a_lock_file_names_no_holder():
     file.unlink()
     os.mkfifo(file)
     assert holder_of(LINE) is None
+
+
+def test_driver_that_starts_while_off_switches_off_is_rejected(held):
+    process = held(LINE, "off")
+    with pytest.raises(BusyError) as error:
+        lock_line(LINE, Role.DRIVER, 600.0)
+    assert f"process {process.pid}" in error.value.what
