@@ -12,6 +12,7 @@ import os
 import signal
 import time
 import uuid
+from itertools import chain, zip_longest
 from pathlib import Path
 
 import programs
@@ -33,16 +34,19 @@ def pytest_xdist_auto_num_workers(config):
 
 
 WAITS_IN_REAL_TIME = ("tests/system/safety/", "tests/browser/", "tests/system/")
-"""Folders whose files take longest, the longest first."""
+"""Folders whose tests wait most of the time, the longest first."""
 
 
 def pytest_collection_modifyitems(items):
-    """Begin with the files that take longest, so that no worker is left with one at the end."""
-
-    def rank(item):
-        return next((n for n, folder in enumerate(WAITS_IN_REAL_TIME) if item.nodeid.startswith(folder)), 9)
-
-    items.sort(key=rank)
+    """Begin with the files that wait longest, each followed by one that computes: waiting and computing overlap."""
+    files = {}
+    for item in items:
+        files.setdefault(item.nodeid.partition("::")[0], []).append(item)
+    waiting = [name for folder in WAITS_IN_REAL_TIME for name in files if name.startswith(folder)]
+    waiting = list(dict.fromkeys(waiting))
+    computing = [name for name in files if name not in waiting]
+    order = chain.from_iterable(zip_longest(waiting, computing))
+    items[:] = [item for name in order if name is not None for item in files[name]]
 
 
 @pytest.fixture(autouse=True)

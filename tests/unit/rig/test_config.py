@@ -87,7 +87,7 @@ def test_tuning_is_saved_completely_or_not_at_all(folder, text):
 def test_tuning_without_a_name_is_not_saved(folder):
     with pytest.raises(ConfigError) as refused:
         save_tuning(folder, "", folder / "rig.toml", TUNED)
-    assert refused.value.cure == "type a name"
+    assert refused.value.cure == "type a name into the field beside Save"
 
 
 def test_model_is_removed_when_its_rig_cannot_be_written(folder):
