@@ -8,7 +8,7 @@ from typing import Literal
 
 Direction = Literal["sent", "received", "discarded"]
 Trace = Callable[[float, Direction, bytes], None]
-"""Called as `trace(time_s, direction, bytes)` for every frame or line of text on a bus."""
+"""Called as `trace(time_s, direction, bytes)` for all that passes on a bus: frames, lines of text, discarded bytes."""
 
 
 class GuardedTrace:
@@ -34,7 +34,7 @@ class GuardedTrace:
 
 
 NEVER_SILENT_S = 2.0
-"""If bytes arrive without a pause for this long, another client uses the bus."""
+"""If bytes arrive without a pause for this time in seconds, another client uses the bus."""
 
 EXCEPTIONS = {
     1: "illegal function",
@@ -53,11 +53,11 @@ EXCEPTIONS = {
 class BusTiming:
     """The timing that one device needs on the bus.
 
-    response_timeout_s   longest wait for a reply, from the end of the request on the wire
-    min_gap_s            shortest pause before a request
-    post_write_s         added to that pause after a write
-    interval_s           shortest time from the end of a request to this device to the next one
-    silence              True keeps the standard's pause of 3.5 characters
+    response_timeout_s   longest wait for a reply, without the time that request and reply take on the wire
+    min_gap_s            shortest pause on the bus before a request
+    post_write_s         added to the pause after a write to this device
+    interval_s           shortest time from the reply of this device, or its deadline, to the next request to it
+    silence              True keeps the standard's pause of 3.5 characters before a request
     read_retries         number of retries of a read; writes are never retried
     """
 

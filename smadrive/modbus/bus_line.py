@@ -1,13 +1,14 @@
-"""The line of one bus. Before each request it is open, silent and empty; every byte is counted and traced.
+"""The line of one bus. It opens a lost connection, keeps the pauses, sends a request, and reads until the deadline.
 
-A lost connection is opened anew. Bytes that arrived before a request answer nothing and are discarded. On RTU, a
-quarantine follows each failure: nothing is sent until the bus has been silent for one response timeout.
+Before a request that is answered, bytes that have arrived are discarded and counted: they answer nothing. On RTU, a
+quarantine follows each failure: nothing is sent until the bus has been silent for one response timeout. Only
+`send_unconfirmed` waits for nothing but the pause between frames.
 
 A socket that missed a deadline may be dead without a sign: its gateway restarted, or a router dropped it from its
-table. So the line closes the socket and opens a new one for the next request. The device on a new connection may be
-another one; callers recognise this by the number `connection`, which has changed.
+table. So the line closes the socket and opens a new one for the next request. A new connection may lead to
+another device. Callers recognise a new connection by its number, `connection`.
 
-The trace gets every frame after it has passed. A trace that fails gets no more frames, and the traffic continues.
+A frame is traced after it has passed. A trace that fails gets no more frames, and the traffic continues.
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from smadrive.modbus.transports.transport import Transport
 from smadrive.modbus.verdict import ConnectionState, Outcome, Verdict
 
 REOPENS_WITHIN_S = 0.5
-"""Time limit of one attempt to open a lost connection."""
+"""Time limit in seconds for opening a lost connection again."""
 TURNAROUND_S = 0.1  # pause after a broadcast: serial line V1.02, section 2.4.1
 
 
@@ -54,11 +55,11 @@ class BusLine:
 
     @property
     def connection(self) -> int:
-        """The number of the connection that the next request uses. A lost connection counts as opened anew."""
+        """The number of the connection that the next request uses: the reopenings so far, and 1 more if it is lost."""
         return self.counters.reopenings + self._transport.lost
 
     def settle(self, unit_id: int, timing: BusTiming) -> None:
-        """Wait until a request to the unit may be sent: the bus is open, empty, and has been silent for long enough."""
+        """Wait until a request to the unit may be sent: the bus is open and empty, and its pauses are over."""
         if self._transport.lost:
             self._reopen()
         gap_s = max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)
@@ -73,10 +74,10 @@ class BusLine:
             self._quarantine(timing, silent_since_s=self.clock.now_s() if stray else self._free_at_s)
 
     def exchange(self, transaction: Transaction) -> Outcome:
-        """Send the request and read until its outcome is known, at the latest until the deadline.
+        """Send the request, read until its outcome is known or its deadline has passed, and return the outcome.
 
-        Time until the deadline: time on the wire + the device's response timeout + latency of the connection. A socket
-        that missed a deadline is closed.
+        Time until the deadline: time of request and reply on the wire + the device's response timeout + latency of the
+        connection. A socket is closed if no whole reply has arrived at the deadline.
         """
         unit_id, request, timing = transaction
         frame = self._protocol.send(unit_id, request)
@@ -97,7 +98,7 @@ class BusLine:
         return outcome
 
     def broadcast(self, request: Request, timing: BusTiming) -> None:
-        """Send a write to every device, and return after the turnaround delay of the standard."""
+        """Send a write to all devices at once, and return after the turnaround delay of the standard."""
         self.settle(rtu.BROADCAST, timing)
         self._write(self._transport.framing.request(rtu.BROADCAST, request.pdu))
         self.clock.sleep_until(self.clock.now_s() + TURNAROUND_S)
@@ -105,7 +106,7 @@ class BusLine:
     def send_unconfirmed(self, transaction: Transaction) -> None:
         """Send a request without waiting for its reply, which counts as outstanding.
 
-        Send nothing if the connection is lost.
+        Send nothing if the connection is known to be lost. Only the pause between frames comes first.
         """
         unit_id, request, timing = transaction
         if self._transport.lost:
@@ -115,7 +116,7 @@ class BusLine:
         self._free_at_s = self.clock.now_s() + timing.post_write_s
 
     def _outcome(self, deadline_s: float) -> Outcome:
-        """Return the outcome as soon as a byte is wrong or the reply is complete, at the latest at the deadline."""
+        """Read until a byte is wrong, the reply is complete, or the deadline has passed; return the outcome."""
         protocol, read = self._protocol, self._transport.read
         while data := read(deadline_s):
             self._received_s = self.clock.now_s()
@@ -146,7 +147,7 @@ class BusLine:
             self._transport.disconnect()
 
     def _discard(self) -> bytes:
-        """Return the bytes that arrived before the request. Reopen the connection if it has ended meanwhile."""
+        """Remove and return the bytes that arrived before the request. Open the connection again if it has ended."""
         try:
             return self._transport.discard()
         except TransportError:
@@ -165,7 +166,7 @@ class BusLine:
         return timing.response_timeout_s + self._transport.latency_s
 
     def _quarantine(self, timing: BusTiming, silent_since_s: float) -> None:
-        """Listen until the bus has been silent for one response timeout; TransportError if it is never silent."""
+        """Discard bytes until the bus has been silent for one response timeout; TransportError if it never is."""
         self.counters.quarantines += 1
         quiet_s = max(self._patience_s(timing), self._silence_s)
         give_up_s = self.clock.now_s() + NEVER_SILENT_S + quiet_s

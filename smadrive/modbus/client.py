@@ -1,8 +1,8 @@
 """The one client of a bus: one request, one reply, an absolute deadline.
 
-The line (bus_line.py) sends and receives, the protocol (protocol.py) judges what arrived. The client decides what goes
-out. If an outstanding reply could be taken for the answer, the client sends a probe first: a read whose reply looks
-different. A device answers in order, so no older reply can follow the reply to the probe.
+The line (bus_line.py) sends and receives, the protocol (protocol.py) judges what arrived. The client decides which
+requests are sent. If a late reply could be taken for the answer, the client sends a probe first: a read whose reply
+looks different. A device answers in order, so no older reply can follow the reply to the probe.
 
 The client retries reads after a missed deadline or a wrong reply. It never retries writes: the caller reads the value
 back, then decides.
@@ -22,14 +22,14 @@ from smadrive.modbus.transports.transport import Transport
 from smadrive.modbus.verdict import FINAL_CODES, Outcome, Verdict
 
 PROBES = 3
-"""Greatest number of probes before a request fails."""
+"""A request fails after this number of probes that proved nothing."""
 
 
 class ModbusClient:
     """Sends requests to the devices of one bus, one at a time; threads wait for each other."""
 
     def __init__(self, transport: Transport, trace: Trace | None = None) -> None:
-        """Take over `transport`. `trace(time_s, direction, bytes)` is called for every frame that passes."""
+        """Use `transport` alone. `trace(time_s, direction, bytes)` is called for all that passes; see bus.py."""
         self.transport = transport
         self.clock = transport.clock
         self._protocol = ClientProtocol(transport.framing)
@@ -40,7 +40,7 @@ class ModbusClient:
 
     @property
     def connection(self) -> int:
-        """The number of the connection that the next request uses. A lost connection counts as opened anew."""
+        """The number of the connection that the next request uses. It changes when the connection is lost."""
         return self._line.connection
 
     def execute(
@@ -56,11 +56,10 @@ class ModbusClient:
 
         connection: the number of the connection that the request must use; None allows any.
         proved: before the request, the device must answer a request of another kind. Then not even the second copy of
-        an earlier reply can be taken for the answer. Reads that a safety decision depends on set it.
+        an earlier reply can be taken for the answer. Set it for a read on which a safety decision depends.
 
-
-        Raises DeadlineError, ProtocolError (reads are retried after these two) or ExceptionReply; raises TransportError
-        when the connection is lost or is not `connection`.
+        DeadlineError or ProtocolError when no right reply arrives (a read is retried first); ExceptionReply when the
+        device rejects the request; TransportError when the connection is lost, is not `connection`, or is never silent.
         """
         transaction = Transaction(unit_id, request, timing)
         retries = 0 if request.writes else timing.read_retries
@@ -75,24 +74,24 @@ class ModbusClient:
             self.counters.retries += 1
 
     def broadcast(self, request: Request, timing: BusTiming) -> None:
-        """Send a write to every device, and return after the turnaround delay of the standard. No device replies."""
+        """Send a write to all devices at once; return after the turnaround delay of the standard. No device replies."""
         with self._turn:
             self._line.broadcast(request, timing)
 
     def send_unconfirmed(self, unit_id: int, request: Request, timing: BusTiming) -> None:
         """Send a request without waiting for its reply, which counts as outstanding.
 
-        Send nothing if the connection is lost. For requests that must go out although the caller cannot wait.
+        Send nothing if the connection is known to be lost. Use this when the request matters more than its reply.
         """
         with self._turn:
             self._line.send_unconfirmed(Transaction(unit_id, request, timing))
 
     def distrust(self) -> None:
-        """Treat the last reply as stale, because its content proved that. The real answer may still arrive."""
+        """Treat the last reply as stale, because its content proves that it is. The right reply may still arrive."""
         self._protocol.distrust(self.clock.now_s())
 
     def _execute_once(self, transaction: Transaction, connection: int | None, *, proved: bool) -> bytes:
-        """Return the payload of the reply, after the probes that exclude an older reply."""
+        """Send the probes that exclude an older reply, then the request; return the payload of its reply."""
         unit_id, request, timing = transaction
         self._line.settle(unit_id, timing)
         if self._protocol.needs_probe(unit_id, request, self.clock.now_s()):
@@ -124,7 +123,7 @@ class ModbusClient:
         return failure(outcome, self._where(transaction.unit_id, transaction.request))
 
     def _probe(self, transaction: Transaction) -> None:
-        """Send reads of other kinds until an answer proves that no older reply can follow; else raise the reason."""
+        """Send up to `PROBES` probes until no older reply can be taken for the answer; else raise the last error."""
         unit_id, request, timing = transaction
         reason: SmadriveError = ProtocolError(
             "not sent, because a late reply to an earlier request could be taken for the answer",
@@ -158,10 +157,10 @@ class ModbusClient:
             self._sync_by_answered_read(transaction)
 
     def _sync_by_answered_read(self, transaction: Transaction) -> None:
-        """Do the same as `_sync` after a silence: the device may answer only familiar reads, or not answer at all now.
+        """Do the work of `_sync` for a device that did not answer its read: such reads may be unknown to the device.
 
-        A read that the device has answered before distinguishes these cases. If the device has answered nothing but
-        `request`, the next answer is accepted only when no copy of an earlier answer can follow any more.
+        A read that the device has answered before is sent instead. If the device has answered no other read than
+        `request`, nothing is sent; DeadlineError if a copy of an earlier reply to `request` may still arrive.
         """
         unit_id, request, timing = transaction
         now_s = self.clock.now_s()
@@ -176,7 +175,7 @@ class ModbusClient:
             )
 
     def _ask(self, sync: Transaction) -> None:
-        """Send `sync` and wait for its reply, or for an exception that ends it."""
+        """Send `sync` and wait for its reply. An exception with a code of `FINAL_CODES` counts as a reply."""
         self.counters.probes += 1
         try:
             self._transact(sync)

@@ -32,11 +32,11 @@ _WRONG = {
         "check the cable, its termination and the baud rate",
     ),
 }
-"""For each verdict on a wrong reply: the message and the cure."""
+"""The message and the cure of the error, by the verdict on a wrong reply."""
 
 
 def failure(outcome: Outcome, where: str) -> SmadriveError:
-    """Return the error for the outcome of a request to `where` that was not answered."""
+    """Return the error for a request to `where` whose outcome is any other than ANSWERED."""
     meaning = f"exception {outcome.code}, {EXCEPTIONS.get(outcome.code, 'unknown')}" if outcome.code else ""
     if outcome.verdict in (Verdict.REFUSED, Verdict.DEFERRED):
         return ExceptionReply("the device rejects the request", outcome.code, where=where, value=meaning)

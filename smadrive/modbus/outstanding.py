@@ -1,7 +1,7 @@
 """Replies that may still arrive although the client no longer waits for them.
 
-A request without an answer leaves two frames that may come later: its reply and its exception. Modbus RTU gives a frame
-no number. So only its kind distinguishes such a frame from the answer to a later request:
+After a request without an answer, two frames may still arrive: the reply and an exception. A Modbus RTU frame has no
+number. So only the kind of the frame distinguishes it from the answer to a later request:
 
     kind of a reply       unit, head (function and byte count, or the echo of a write), payload size
     kind of an exception  unit, function with the top bit set
@@ -15,7 +15,7 @@ from __future__ import annotations
 from smadrive.modbus.requests import Request
 
 LATEST_REPLY_S = 10.0
-"""A reply that has not arrived after this time is lost for good. The time exceeds every latency of a connection."""
+"""After this time in seconds, a reply no longer counts as outstanding. A URL can only set a shorter latency."""
 
 Kind = tuple[int, bytes, int]
 
@@ -31,13 +31,13 @@ def exception_kind(unit_id: int, request: Request) -> Kind:
 
 
 class Outstanding:
-    """The kinds of frames that may still arrive, each with the time until which it may."""
+    """The kinds of frames that may still arrive, each with the last moment at which such a frame may arrive."""
 
     def __init__(self) -> None:
         self._until_s: dict[Kind, float] = {}
 
     def __bool__(self) -> bool:
-        """Return True if any kind of frame is listed; its time may have passed."""
+        """Return True if a kind of frame is listed, even if its time has passed."""
         return bool(self._until_s)
 
     def add(self, kind: Kind, now_s: float) -> None:

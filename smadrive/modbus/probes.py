@@ -1,7 +1,10 @@
 """The choice of reads whose answers prove that older replies cannot arrive any more.
 
+A frame is outstanding if it may still arrive although the client no longer waits for it. The kind of a frame is all
+that distinguishes it from other frames; see outstanding.py.
+
 A probe is a read whose reply differs from every outstanding frame: its answer proves that the unit has dealt with its
-older requests. A sync is a read whose answer is of a kind that has not arrived lately: after its answer no copy of an
+older requests. A sync is a read whose answer is of a kind that has not arrived lately: after this answer no copy of an
 older reply can follow, and no reply lags behind its request.
 """
 
@@ -16,7 +19,7 @@ from smadrive.modbus.outstanding import LATEST_REPLY_S, Kind, Outstanding, excep
 from smadrive.modbus.requests import Request
 
 FRESH = 16
-"""A frame is new if its kind is not among this many last arrivals. No gateway lags by more replies."""
+"""A kind of frame is new if it is not among this many last arrivals. No gateway is assumed to lag by more replies."""
 NEVER = -FRESH - 1
 
 
@@ -32,7 +35,7 @@ class Probes:
         self._silent: set[Kind] = set()
 
     def note_frame(self) -> None:
-        """Count a frame, or a missing reply."""
+        """Count the end of a request: a frame has arrived, or the reply is missing."""
         self._arrivals += 1
 
     def note_reply(self, unit_id: int, request: Request, now_s: float) -> None:
@@ -47,22 +50,24 @@ class Probes:
         self._arrived[exception_kind(unit_id, request)] = self._arrivals
 
     def has_answered(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Return True if a read that the unit has answered before can serve as a probe now, whole or its first part."""
+        """Return True if a read that the unit has answered, or the first part of such a read, can serve as a probe."""
         return next(self._clean(unit_id, request, self._answered_reads(unit_id), now_s), None) is not None
 
     def probe_request(self, unit_id: int, request: Request, attempt: int, now_s: float) -> Request | None:
-        """Return a probe: a read whose reply differs from every outstanding frame. Reads that were answered come first.
+        """Return a probe for `request`. Reads that the unit has answered come first.
 
-        Return None when no such read exists, because too many replies of the unit are outstanding.
+        From `attempt` 1 on, reads with other functions come before reads of other lengths. Return None when so many
+        replies of the unit are outstanding that no read is left.
         """
         others = () if attempt == 0 else _other_functions(request)
         tries = chain(self._answered_reads(unit_id), others, _other_lengths(request))
         return next(self._clean(unit_id, request, tries, now_s), None)
 
     def sync_request(self, unit_id: int, request: Request, now_s: float) -> Request:
-        """Return a sync: a read of another kind than `request`. The kind of its answer arrived longest ago, or never.
+        """Return a sync for `request`: the read whose kind of answer arrived longest ago, or never.
 
-        A read that was answered before is preferred if its kind is not among the last `FRESH` arrivals.
+        A read that the unit has answered is preferred if its kind is not among the last `FRESH` arrivals. If no read
+        of another kind is left, return `request`.
         """
         answered = list(self._clean(unit_id, request, self._answered_reads(unit_id), now_s))
         sure = min(answered, key=lambda one: self._last_arrival(unit_id, one), default=None)
@@ -75,23 +80,23 @@ class Probes:
     def answered_sync_request(self, unit_id: int, request: Request, now_s: float) -> Request | None:
         """Return the sync for a device that does not answer unfamiliar reads.
 
-        It is a read of another kind than `request` that this unit has answered before. Of several, it is the one that
-        arrived longest ago. Return None when the unit has answered no read of another kind.
+        It is a read of another kind than `request` that this unit has answered, or the first part of such a read. Of
+        several, the read whose kind of answer arrived longest ago is returned; None if there is no such read.
         """
         answered = self._clean(unit_id, request, self._answered_reads(unit_id), now_s)
         return min(answered, key=lambda one: self._last_arrival(unit_id, one), default=None)
 
     def stays_silent(self, unit_id: int, request: Request) -> bool:
-        """Note that this sync was not answered. Return True if that is normal: the unit never answered such a read."""
+        """Note that this sync was not answered. Return True if the unit never answered its function and address."""
         self._silent.add(reply_kind(unit_id, request))
         return not any(request.pdu[:3] == one.pdu[:3] for kind, one in self._answered.items() if kind[0] == unit_id)
 
     def copy_may_follow(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Return True if a second copy of an earlier reply of this kind may still arrive."""
+        """Return True if the last such reply is so recent that a second copy of it may still arrive."""
         return now_s < self._arrived_s.get(reply_kind(unit_id, request), -inf) + LATEST_REPLY_S
 
     def _last_arrival(self, unit_id: int, one: Request) -> int:
-        """Return the number of the last arrival of a reply or an exception to this read."""
+        """Return the count of frames when a reply or an exception to this read last arrived; `NEVER` if none did."""
         kinds = reply_kind(unit_id, one), exception_kind(unit_id, one)
         return max(self._arrived.get(kind, NEVER) for kind in kinds)
 
@@ -105,7 +110,7 @@ class Probes:
         return (one for one, kind in kinds if kind != own and not self._outstanding.holds(kind, now_s))
 
     def _answered_reads(self, unit_id: int) -> Iterator[Request]:
-        """Yield the reads that this unit has answered, then their first parts."""
+        """Yield the reads that this unit has answered, then the same reads with fewer addresses."""
         answered = [request for kind, request in self._answered.items() if kind[0] == unit_id]
         yield from answered
         for request in answered:
@@ -114,13 +119,13 @@ class Probes:
 
 
 def _other_lengths(request: Request) -> Iterator[Request]:
-    """Yield reads of all lengths at the address of `request`, with the same function if that is a read."""
+    """Yield reads of 1 to 125 addresses from the address of `request`, with its function if this is a read."""
     for count in range(1, requests.MAX_READ_REGISTERS + 1):
         yield requests.read_like(request, count)
 
 
 def _other_functions(request: Request) -> Iterator[Request]:
-    """Yield one read with each other function.
+    """Yield a read of one address with each reading function (FC01 to FC04) except the function of `request`.
 
     A device without the function answers with an exception, which proves as much as a reply.
     """

@@ -2,9 +2,9 @@
 
 verdict.py holds the rules.
 
-A single frame does not reveal two faults. On RTU, a second copy of an earlier reply may arrive after the next request
-of the same kind, and looks like the answer to this request. On any connection, a gateway may answer with the reply to
-an older request. probes.py chooses reads whose answers exclude both faults.
+Two faults cannot be recognised from one frame. On RTU, a second copy of an earlier reply may arrive after the next
+request of the same kind, and looks like the answer to this request. On any connection, a gateway may answer with the
+reply to an older request. probes.py chooses reads whose answers exclude these two faults.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ class ClientProtocol:
         self._become(ConnectionEvent.NEW_CONNECTION)
 
     def new_connection(self) -> None:
-        """Note a new connection: the requests that went through it before, from whatever program, are unknown."""
+        """Note a new connection. On RTU, replies to unknown requests of other programs may still arrive."""
         self._framing.restart()
         self._become(ConnectionEvent.NEW_CONNECTION)
 
@@ -61,7 +61,7 @@ class ClientProtocol:
         self._become(ConnectionEvent.SILENCE)
 
     def distrust(self, now_s: float) -> None:
-        """Note that the content of the last reply proved that reply stale: the real answer may still arrive."""
+        """Note that the last reply is stale, which its content proves: the right reply may still arrive."""
         self._outstanding.add(reply_kind(self._unit_id, self._request), now_s)
         self._become(ConnectionEvent.FAILED)
 
@@ -92,17 +92,18 @@ class ClientProtocol:
         return None if outcome is None else self._concluded(outcome, now_s)
 
     def give_up(self, now_s: float) -> Outcome:
-        """Return the outcome of a request whose deadline has passed, or whose wait was interrupted."""
+        """End the wait for a reply, at the deadline or after an interruption, and return the outcome."""
         return self._concluded(Outcome(Verdict.SILENT, self._reply), now_s)
 
     def may_be_mistaken(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Return True if an outstanding frame could be taken for the reply to `request`: it must not be sent then."""
+        """Return True if an outstanding frame could be taken for the reply, so that `request` must not be sent yet."""
         return bool(self._outstanding) and self._outstanding.holds(reply_kind(unit_id, request), now_s)
 
     def needs_probe(self, unit_id: int, request: Request, now_s: float) -> bool:
         """Return True if a probe must go first, because an older reply or exception could be taken for the answer.
 
-        For an exception alone, a probe is needed only if the unit has answered a read that can serve as a probe.
+        If only an exception is outstanding, a probe goes first only if the unit has answered a read that can serve as
+        a probe.
         """
         if self.may_be_mistaken(unit_id, request, now_s):
             return True
@@ -121,7 +122,7 @@ class ClientProtocol:
         return Outcome(Verdict.FOREIGN, reply)
 
     def _whole(self, reply: bytes, size: int, arrived: Verdict, now_s: float) -> Outcome | None:
-        """Return the outcome of a reply with the right head; return None until `size` bytes have arrived."""
+        """Return the outcome of a reply with the right head; on RTU, return None until `size` bytes have arrived."""
         if len(reply) < size and not self._framing.numbered:
             return None
         if len(reply) != size:
@@ -144,8 +145,8 @@ class ClientProtocol:
     def _exception_is_doubtful(self, unit_id: int, request: Request, now_s: float) -> bool:
         """Return True if an exception to this request could be an older, outstanding one.
 
-        Transaction numbers exclude that for exceptions. They do not exclude it for replies: a gateway may give a late
-        reply of its serial line the number of the present request.
+        The transaction numbers of Modbus TCP exclude that for exceptions. They do not exclude it for replies: a gateway
+        may give a late reply of its serial line the number of the present request.
         """
         if self._framing.numbered or not self._outstanding:
             return False
@@ -166,7 +167,7 @@ class ClientProtocol:
         return outcome
 
     def _note_arrival(self, verdict: Verdict, now_s: float) -> None:
-        """Keep the number and the time of the last arrival of this kind of frame."""
+        """Count the outcome, and note the arrival of a right reply or an exception."""
         self.probes.note_frame()
         if verdict is Verdict.ANSWERED:
             self.probes.note_reply(self._unit_id, self._request, now_s)

@@ -1,4 +1,4 @@
-"""Modbus requests; each one knows the shape of its right reply.
+"""Modbus requests. Each request knows the shape of its right reply.
 
 A right reply begins with bytes that are known before the request is sent: function and byte count of a read, or the
 echo of a write. Its length is known, too. So a request consists of its PDU, and of the head and the size of the right
@@ -22,7 +22,7 @@ MAX_WRITE_BITS = 1968
 
 
 class Request(NamedTuple):
-    """A request PDU and the shape of its answer: `reply_head` followed by `payload_size` bytes."""
+    """The PDU of a request, and the shape of its right reply: `reply_head`, then `payload_size` bytes."""
 
     pdu: bytes
     reply_head: bytes
@@ -36,7 +36,7 @@ class Request(NamedTuple):
 
     @property
     def address(self) -> int:
-        """The first address that is read or written; for FC23, which does both, the first that is read."""
+        """The first address that the request reads or writes. FC23 does both; then it is the first that is read."""
         return int.from_bytes(self.pdu[1:3], "big")
 
 
@@ -77,7 +77,7 @@ def read_count(request: Request) -> int:
 def read_like(request: Request, count: int) -> Request:
     """Return a read of `count` addresses with the address and the function of `request`.
 
-    The function is FC03 if `request` writes. The address is lower where the read would leave the address space.
+    If `request` writes, the function is FC03. If the read would end beyond 65535, it begins at a lower address.
     """
     read = _READS.get(request.function, read_holding)
     return read(min(request.address, 0x10000 - count), count)
@@ -115,7 +115,10 @@ def write_coils(address: int, states: Sequence[bool]) -> Request:
 
 
 def mask_write(address: int, and_mask: int, or_mask: int) -> Request:
-    """Return a request to set register = (register AND and_mask) OR (or_mask AND NOT and_mask) (FC22)."""
+    """Return a request to set register = (register AND and_mask) OR (or_mask AND NOT and_mask) (FC22).
+
+    ValueError outside the address space.
+    """
     _check_range(address, 1, 1)
     pdu = struct.pack(">BHHH", 22, address, and_mask, or_mask)
     return Request(pdu, reply_head=pdu, payload_size=0, writes=True)
@@ -137,7 +140,7 @@ _READS = {1: read_coils, 2: read_discrete, 3: read_holding, 4: read_input}
 
 
 def packed_bits(states: Sequence[int]) -> bytes:
-    """Return the states packed into bytes; the first state is the lowest bit of the first byte."""
+    """Pack `states` into bytes and return these. The first state is the lowest bit of the first byte."""
     return sum(1 << bit for bit, on in enumerate(states) if on).to_bytes((len(states) + 7) // 8, "little")
 
 

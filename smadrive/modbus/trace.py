@@ -40,9 +40,9 @@ class TraceLine(NamedTuple):
 
 
 class TraceFile:
-    """Writes every frame on the bus of `transport`. Use: `ModbusClient(transport, trace=TraceFile(path, transport))`.
+    """A file with every frame on the bus of `transport`: `ModbusClient(transport, trace=TraceFile(path, transport))`.
 
-    A context manager. Times are in seconds since the trace began. A line is written after its frame has passed. If a
+    It is a context manager. Times are in seconds since the trace began. A line is written after its frame. If a
     line cannot be written (a full disk), the trace ends there, and a warning with time and reason is logged at the exit
     of the context. `speaks_text` is True for a board that exchanges lines of text instead of frames.
     """
@@ -107,24 +107,25 @@ class TraceFile:
 
 
 def read_trace(path: Path) -> tuple[bool, list[TraceLine]]:
-    """Return True if the frames are numbered (Modbus TCP), and the lines of the trace.
+    """Return two values: True if the trace is of Modbus TCP (False for RTU), and its lines.
 
-    ConfigError when the file cannot be read; `where` names the wrong line.
+    ConfigError when the file cannot be read or is no such trace; `where` then names the file, and a wrong line.
     """
     try:
         head, *rows = path.read_text(encoding="ascii").splitlines() or [""]
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError("cannot be read", where=path, value=error) from None
     if not head.startswith(HEADER):
-        raise ConfigError("not a bus trace", where=path, limit=f"its first line begins with '{HEADER}'")
+        raise ConfigError("not a bus trace", where=path, cure=f"give a file that begins with '{HEADER}'")
     kind = head.removeprefix(HEADER).partition(",")[0].strip()
     if kind not in ("rtu", "tcp"):
-        raise ConfigError("this kind of trace cannot be served again", where=path, value=kind, limit="rtu or tcp")
+        cure = "give a trace of rtu or tcp"
+        raise ConfigError("this kind of trace cannot be served again", where=path, value=kind, cure=cure)
     return kind == "tcp", [_line(path, number, row) for number, row in enumerate(rows, 2) if row and row[0] != "#"]
 
 
 def content_of(frame: bytes, *, numbered: bool) -> tuple[int, bytes] | None:
-    """Return unit id and PDU of an intact frame; None for another frame."""
+    """Return unit id and PDU of a frame; None if the frame is damaged or incomplete."""
     if not numbered:
         return (frame[0], frame[1:-2]) if rtu.crc_holds(frame) else None
     whole = len(frame) > mbap.HEADER_SIZE and mbap.frame_size(frame) == len(frame)
@@ -145,4 +146,5 @@ def _line(path: Path, number: int, row: str) -> TraceLine:
 
 
 def _unwritable(path: Path, error: OSError) -> ConfigError:
-    return ConfigError("the trace cannot be written", where=path, value=error.strerror)
+    cure = "check the folder and the free space on its disk"
+    return ConfigError("the trace cannot be written", where=path, value=error.strerror, cure=cure)

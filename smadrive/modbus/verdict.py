@@ -11,10 +11,10 @@ outstanding.py):
     the right head, wrong size   WRONG_SIZE                           WRONG_SIZE
     a wrong CRC                  DAMAGED                              DAMAGED
     no frame of the protocol     MALFORMED                            MALFORMED
-    nothing, or half a frame     SILENT                               SILENT
+    no whole frame in time       SILENT                               SILENT
 
 The consequences of a verdict (`CONSEQUENCES`): after ANSWERED no frame of this unit is outstanding. After a failure
-both the reply and an exception may still arrive. After an exception the real reply may come: a busy device or a gateway
+the reply and an exception may still arrive. After an exception the real reply may come: a busy device or a gateway
 may answer later (DEFERRED), and a second copy of an older exception looks like the present one. So the reply stays
 outstanding, and replies cannot begin to lag by one request. A final exception (REFUSED) proves that the device has
 dealt with its older requests.
@@ -93,7 +93,7 @@ VERDICTS = {
     (Verdict.DEFERRED, False): Verdict.DEFERRED,
     (Verdict.DEFERRED, True): Verdict.STALE,
 }
-"""The verdict by what arrived, and True if such a frame is outstanding. Other arrivals are verdicts themselves."""
+"""The verdict on an intact reply or exception; the second key is True if such a frame is outstanding."""
 
 _FAILED = Consequence(proves=False, reply_remains=True, exception_remains=True, event=ConnectionEvent.FAILED)
 CONSEQUENCES = {
@@ -124,11 +124,12 @@ TRANSITIONS = {
     (ConnectionState.READY, ConnectionEvent.SILENCE): ConnectionState.READY,
     **{(state, ConnectionEvent.NEW_CONNECTION): ConnectionState.SUSPECT for state in ConnectionState},
 }
-"""The next state on RTU. On Modbus TCP, READY takes the place of SUSPECT, or OUT_OF_STEP if a frame is incomplete."""
+"""The next state on RTU, by state and event. On Modbus TCP, READY and SUSPECT both become OUT_OF_STEP after an
+incomplete frame, and READY otherwise."""
 
 
 class Outcome(NamedTuple):
-    """A verdict, with the payload of a reply, the code of an exception, or the bytes of a wrong reply."""
+    """A verdict, with the payload of the right reply or the bytes of another one, and the code of an exception or 0."""
 
     verdict: Verdict
     data: bytes = b""

@@ -1,5 +1,5 @@
 """Frames around a PDU: Modbus RTU with its CRC, Modbus TCP with its header.
 
-This package may import `errors`, and is the only one that imports pymodbus. Ports, clocks and the meaning of a PDU do
-not belong here.
+This package may import `errors`, fastcrc and pymodbus; no other package imports pymodbus. Ports, clocks and the
+meaning of a PDU do not belong here.
 """

@@ -1,7 +1,7 @@
 """Two ways to carry a PDU: RTU frames and Modbus TCP frames.
 
-RTU frames have neither number nor length. The client knows the length of the right reply, and must make sure that it
-does not accept a late reply in its place. Modbus TCP frames have number and length; this file drops each reply whose
+RTU frames have neither number nor length. The client knows the length of the right reply, and must itself exclude that
+a late reply is taken for the right one. Modbus TCP frames have number and length; this file drops each reply whose
 number is not that of the last request.
 """
 
@@ -16,17 +16,17 @@ from smadrive.errors import ProtocolError
 from smadrive.modbus.framing import mbap, rtu
 
 REMEMBERED = 1024
-"""Number of unanswered transaction numbers that are not used again."""
+"""The transaction numbers of this many last unanswered requests are not used again."""
 NEAR = 16
-"""A server that counts transactions itself may be ahead or behind by this many."""
+"""A new transaction number differs from the previous one by more: a server that counts itself may be off by this."""
 
 
 class Framing(Protocol):
     """The frames of one connection.
 
     tail_size    number of bytes after the PDU of a reply
-    numbered     True if a reply carries its length and the number of its request: then a late reply cannot be taken for
-                 another one, and `reply` returns whole frames only
+    numbered     True if a reply carries its length and the number of its request: then `reply` drops frames with
+                 another number, and returns whole frames only
     """
 
     numbered: bool
@@ -46,11 +46,11 @@ class Framing(Protocol):
         ...
 
     def reply(self, data: bytes) -> bytes:
-        """Return unit id, PDU and tail of the reply, as far as they have arrived with `data`."""
+        """Take the received `data`; return unit id, PDU and tail of the reply, as far as they have arrived."""
         ...
 
     def skip(self, data: bytes) -> None:
-        """Skip `data` that arrived before a request and answers nothing. In a stream, the next frame follows `data`."""
+        """Take `data` that arrived before a request, so that none of it is taken for the reply."""
         ...
 
     def intact(self, reply: bytes) -> bool:
@@ -59,7 +59,7 @@ class Framing(Protocol):
 
 
 class RtuFraming:
-    """Frames of unit id, PDU and CRC. Silence separates the frames, so their beginning is always known."""
+    """Frames of unit id, PDU and CRC. Silence separates the frames, so the beginning of each frame is known."""
 
     numbered = False
     tail_size = 2
@@ -82,7 +82,7 @@ class RtuFraming:
         return self._reply
 
     def skip(self, data: bytes) -> None:
-        """Do nothing, because the silence that follows separates the frames."""
+        """Do nothing, because `request` empties the buffer."""
 
     def intact(self, reply: bytes) -> bool:
         """Return True if the CRC holds."""
@@ -92,7 +92,7 @@ class RtuFraming:
 class TcpFraming:
     """Frames of transaction number, length, unit id and PDU. TCP itself detects damage.
 
-    Transaction numbers are random, so that no delayed or forged frame from before the request carries the right number.
+    Transaction numbers are random, so that a delayed or forged frame hardly ever carries the number of the request.
     A new number is neither near the previous one nor that of an unanswered request.
     """
 
@@ -125,9 +125,9 @@ class TcpFraming:
         return mbap.seal(number, unit_id, pdu)
 
     def reply(self, data: bytes) -> bytes:
-        """Return unit id and PDU of the whole reply; return no bytes before that. Drop replies to earlier requests.
+        """Take the received `data`; return unit id and PDU of the reply once it is whole, and no bytes before.
 
-        ProtocolError when the bytes are not Modbus TCP.
+        Replies to earlier requests are dropped. ProtocolError when the bytes are not Modbus TCP.
         """
         self._pending += data
         while (frame := self._frame()) is not None:
@@ -138,7 +138,7 @@ class TcpFraming:
         return b""
 
     def skip(self, data: bytes) -> None:
-        """Drop the whole frames in `data`. The bytes behind them begin another frame and stay pending."""
+        """Drop the whole frames in `data`. The bytes behind these frames begin another frame and stay pending."""
         self._pending += data
         with suppress(ProtocolError):
             while self._frame() is not None:
@@ -149,7 +149,7 @@ class TcpFraming:
         return True
 
     def _frame(self) -> bytes | None:
-        """Remove and return the next whole frame; return None before that. ProtocolError when it is not Modbus TCP."""
+        """Remove and return the next frame; None while it is incomplete. ProtocolError when it is not Modbus TCP."""
         size = mbap.frame_size(self._pending)
         if size is None:
             return None

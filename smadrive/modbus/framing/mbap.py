@@ -38,7 +38,7 @@ def seal(transaction: int, unit_id: int, pdu: bytes) -> bytes:
 
 
 def frame_size(head: bytes) -> int | None:
-    """Return the bytes of the frame that begins with `head`.
+    """Return the number of bytes in the frame that begins with `head`.
 
     Return None while `head` is too short, and NO_FRAME for an impossible length.
     """

@@ -23,9 +23,9 @@ BROADCAST = 0
 
 @cache
 def _requests() -> DecodePDU:
-    """Return pymodbus's decoder, which knows the size of a request.
+    """Return the decoder of pymodbus, which computes the size of a request.
 
-    pymodbus is imported on first use: a driver reads no requests, so it starts sooner.
+    pymodbus is imported at the first call. A driver never calls this, so it starts sooner.
     """
     from pymodbus.pdu import DecodePDU  # noqa: PLC0415
 
@@ -49,7 +49,7 @@ def crc_holds(frame: bytes) -> bool:
 
 
 def request_size(head: bytes) -> int | None:
-    """Return the bytes of the request frame that begins with `head`.
+    """Return the number of bytes in the request frame that begins with `head`.
 
     Return 0 while `head` is too short, and None for an unknown function.
     """

@@ -1,11 +1,11 @@
-"""From a connection URL to an open transport. Only this file lists the kinds of transport.
+"""Opens the transport that a connection URL names. Only this file lists the kinds of transport.
 
 serial:///dev/ttyUSB0?baudrate=115200&parity=N&stopbits=1
 tcp://host:502                  Modbus TCP; the port is 502 if it is left out
 rtu+tcp://host:port             RTU frames through a gateway; ?baudrate= is that of the serial line behind the gateway
 
-Each URL may set latency_ms, for example &latency_ms=200: the longest delay of a reply by the connection, which adds to
-the response timeout of the device.
+Each URL may set latency_ms, for example ?latency_ms=200: the longest time in ms by which the connection delays a reply.
+It is added to the response timeout of the device.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from smadrive.modbus.transports.transport import Parity, PortAccess, SerialSetti
 
 MODBUS_TCP_PORT = 502
 MOST_CHARACTERS = 1000
-"""Longest URL that is read. Every path and every host name is shorter."""
+"""Longest URL that is accepted, in characters."""
 
 _FORMS = "serial:///dev/ttyUSB0, tcp://host:502 or rtu+tcp://host:port"
 _PARITIES: dict[str, Parity] = {"N": "N", "E": "E", "O": "O"}
@@ -39,10 +39,10 @@ BAUDRATES = (50, 12_000_000)
 """The lowest rate that Linux knows, and the highest rate of an adapter on the market, in bits per second."""
 
 _NO_PATH = (errno.ELOOP, errno.ENAMETOOLONG)
-"""Error numbers of a path that can never be a port. A missing or forbidden port may become usable later."""
+"""Error numbers of `stat` for a path that can never be a port. A port that is missing now may appear later."""
 
 MOST_LATENCY_MS = 5000
-"""Longest latency that can be set. Outstanding replies are forgotten after 10 s, which must be longer."""
+"""Longest latency that a URL can set, in ms. It must be shorter than outstanding.py's `LATEST_REPLY_S`."""
 
 
 def open_transport(
@@ -50,9 +50,9 @@ def open_transport(
 ) -> Transport:
     """Open the connection that a URL names, and return it.
 
-    defaults: serial settings (from a profile) where the URL sets nothing.
-    exclusive: if True, the call fails when another process has opened the serial port exclusively.
-    port_access: called before and after every use of the connection.
+    defaults: serial settings (from a profile) for the options that the URL does not set.
+    exclusive: True opens a serial port exclusively, which fails when another process has done so.
+    port_access: called before each use of the connection; see `PortAccess`.
 
     Raises ConfigError when the URL cannot be used. Raises TransportError when the port is missing, busy or forbidden,
     or when the host is unknown, silent or refuses the connection.
@@ -63,10 +63,10 @@ def open_transport(
 
 
 def port_of(url: str) -> str:
-    """Return the port to which a URL leads now, in one spelling.
+    """Return the URL of the port in a canonical form, by which ports can be compared.
 
-    The result has no query and no links. Its host is in lower case without a final dot. host_names.py finds the other
-    names of a network port.
+    Options are removed, and links in a path are resolved. `rtu+tcp` becomes `tcp`, and the host is in lower case
+    without a final dot. host_names.py finds the other names of a network port.
 
     ConfigError when the URL names no port.
     """
@@ -78,14 +78,14 @@ def port_of(url: str) -> str:
 
 
 def latency_s_of(url: str) -> float:
-    """Return the `latency_ms` of a URL, in seconds. ConfigError when the URL has an unknown option."""
+    """Return `latency_ms` of a URL in seconds; 0 if it is not set. ConfigError when an option or value is unknown."""
     return _options(url, _split(url).query, SerialSettings(), tuple(_ALLOWED))[1]
 
 
 def is_remote(url: str) -> bool:
     """Return True if the URL leads over a network.
 
-    There a device may accept only one client, while a local port can be opened twice.
+    A device on a network may accept only one client. A local port can be opened twice.
     """
     return _split(url).scheme in ("tcp", "rtu+tcp")
 
@@ -108,7 +108,7 @@ def _opened(url: str, line: SerialSettings, *, exclusive: bool) -> DescriptorTra
 
 
 def _split(url: str) -> SplitResult:
-    """Split a URL into its parts.
+    """Return the parts of a URL.
 
     ConfigError when the URL has a control character, is too long, or has brackets without an address.
     """
@@ -126,16 +126,17 @@ def _split(url: str) -> SplitResult:
 
 def _port_path(url: str, parts: SplitResult) -> str:
     if parts.netloc or not parts.path.strip("/"):
-        raise ConfigError("names no port", where=_named(url), cure="write three slashes, as in serial:///dev/ttyUSB0")
+        cure = "write three slashes and the path, as in serial:///dev/ttyUSB0"
+        raise ConfigError("names no port", where=_named(url), cure=cure)
     try:
         os.stat(parts.path)  # noqa: PTH116  (only its errors matter)
     except OSError as error:
         if error.errno in _NO_PATH:
             raise ConfigError(
-                "cannot be a path",
+                "is no possible path of a port",
                 where=_named(url),
                 value=error.strerror,
-                cure="write a path, as in serial:///dev/ttyUSB0",
+                cure="write the path of the port, as in serial:///dev/ttyUSB0",
             ) from None
     return parts.path
 

@@ -1,8 +1,8 @@
 """The common part of a serial port and a socket: plain system calls on a file descriptor.
 
-The reads of a library meet an absolute deadline only at a higher cost: pyserial takes its timeout from an attribute,
-and setting this attribute reprograms the port. A lost connection is closed at once, because only then does a USB
-adapter get its old name back. `reopen` opens the connection again.
+pyserial is not used for reads and writes: it takes its timeout from an attribute, and setting this attribute
+reprograms the port. A lost connection is closed at once; otherwise a USB adapter that is plugged in again gets another
+name. `reopen` opens the connection again.
 """
 
 from __future__ import annotations
@@ -37,9 +37,11 @@ class OpenPort(Protocol):
 class DescriptorTransport(ABC):
     """A transport over a file descriptor. A subclass opens the descriptor.
 
-    end             reason in the error when the connection has ended
-    cure            cure in the error when the connection is lost
-    port_access     called before every use; if it raises, nothing is sent and no byte that has arrived is returned
+    end                   reason in the error when the connection has ended
+    cure                  cure in the error when the connection is lost
+    reconnects            True if a connection is closed after a missed deadline, because it may be dead
+    empty_reads_at_end    number of empty reads in a row after which the connection has ended
+    port_access           see `PortAccess`; if it raises, nothing is sent and no byte that has arrived is returned
     """
 
     end: ClassVar[str]
@@ -72,7 +74,7 @@ class DescriptorTransport(ABC):
     def reopen(self, deadline_s: float) -> None:
         """Open a lost connection again; TransportError when that fails, or after `close`."""
         if self._closed:
-            raise TransportError("the connection is closed", where=self.name, cure="open a new one")
+            raise TransportError("the connection is closed", where=self.name, cure="open a new connection")
         self._check_access()
         self.disconnect()
         self._open(max(deadline_s - self.clock.now_s(), 0.0))
@@ -94,7 +96,7 @@ class DescriptorTransport(ABC):
             )
 
     def read(self, deadline_s: float) -> bytes:
-        """Return the bytes that have arrived, at least one; return no bytes if none arrived before `deadline_s`."""
+        """Return bytes as soon as any have arrived; return b"" if none have arrived at `deadline_s`."""
         self._check_access()
         if self.lost:
             self._fail(OSError("closed"))
@@ -113,7 +115,7 @@ class DescriptorTransport(ABC):
         return b""
 
     def _is_readable(self, deadline_s: float) -> bool:
-        """Return True if a byte arrives or the connection ends before `deadline_s`."""
+        """Return True as soon as a byte arrives or the connection ends; return False at `deadline_s`."""
         remaining_s = max(deadline_s - self.clock.now_s(), 0.0)
         return bool(self._poll.poll(remaining_s * 1e3))
 
@@ -125,7 +127,7 @@ class DescriptorTransport(ABC):
         return discarded
 
     def disconnect(self) -> None:
-        """Close the connection. Bytes on their way are dropped."""
+        """Close the connection and drop the bytes that were not read. `reopen` opens it again."""
         if self._descriptor != _GONE:
             self._poll.unregister(self._descriptor)
             self._descriptor = _GONE

@@ -1,6 +1,6 @@
-"""The names of a network port.
+"""The names of a network port, by which ports are compared.
 
-One device answers at `localhost`, `127.0.0.1`, `127.1` and `[::ffff:127.0.0.1]`.
+One host can be written in several ways: `localhost`, `127.0.0.1`, `127.1` and `[::ffff:127.0.0.1]` are the same.
 
 A port has the name that the user wrote, and one more name for each address that the look-up of the host returns. Two
 ports with a common name are the same port. After a failed look-up the names cannot prove that two ports differ.
@@ -14,7 +14,7 @@ from contextlib import suppress
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
 LOOK_UP_WITHIN_S = 0.5
-"""A look-up that takes longer counts as failed."""
+"""A look-up that takes longer, in seconds, counts as failed."""
 NETWORK = "tcp://"
 
 
@@ -28,7 +28,7 @@ def names_of(port: str) -> frozenset[str]:
 
 
 def may_be_one(names: frozenset[str], others: frozenset[str]) -> bool:
-    """Return True if two ports without a common name may be the same, because a look-up failed for one of them."""
+    """Return True if two ports without a common name may be the same: equal numbers, and a look-up has failed."""
     numbers, other_numbers = _numbers(names), _numbers(others)
     return bool(numbers & other_numbers) and not (_is_looked_up(names) and _is_looked_up(others))
 
@@ -51,7 +51,7 @@ def _addresses(host: str) -> set[str]:
 def _canonical(text: str) -> str:
     """Return the canonical form of an address.
 
-    An unspecified address becomes the loopback address, as in the kernel.
+    An unspecified address (0.0.0.0 or ::) becomes the loopback address, because the kernel connects it there.
     """
     address = ip_address(text)
     if isinstance(address, IPv6Address) and address.ipv4_mapped is not None:
@@ -67,12 +67,12 @@ def _parts(port: str) -> tuple[str, str]:
 
 
 def _numbers(names: frozenset[str]) -> set[str]:
-    """Return the port numbers in the names of a network port."""
+    """Return the port numbers in the names; a serial port has none."""
     return {_parts(name)[1] for name in names if name.startswith(NETWORK)}
 
 
 def _is_looked_up(names: frozenset[str]) -> bool:
-    """Return True if an address is among the names."""
+    """Return True if a name contains the address of its host, so that its look-up has not failed."""
     return any(_is_address(_parts(name)[0]) for name in names)
 
 

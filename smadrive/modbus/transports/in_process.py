@@ -1,7 +1,7 @@
-"""A transport without a wire: it passes real frames to a simulated device in the same process.
+"""A transport without a port: it passes real frames to a simulated device in the same process.
 
-Its clock is that of the test or the demo. A virtual clock advances when the client waits for a reply. So timeouts, late
-replies and watchdogs happen at exact times, without waiting in real time.
+The caller gives the clock. A virtual clock advances when the client waits for a reply. So timeouts, late replies and
+watchdogs happen at exact times, without waiting in real time.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ class InProcessTransport:
     """A connection to `peer`. It imitates a serial line, or a TCP connection if `baudrate` is None."""
 
     def __init__(self, peer: Peer, clock: Clock, baudrate: int | None = 115200, latency_s: float = 0.0) -> None:
-        """Connect to `peer`. Bytes take no time here: `baudrate` only sets the pauses of the standard."""
+        """Connect to `peer`, which sets the times of arrival. `baudrate` sets pauses and deadlines of the client."""
         self.clock = clock
         self.name = "in process"
         self.reconnects = False
@@ -41,7 +41,7 @@ class InProcessTransport:
         self._return_s = 0.0
 
     def deliver(self, due_s: float, data: bytes) -> None:
-        """Let `data` arrive at the time `due_s`. Drop `data` if the connection is lost."""
+        """Let `data` from the peer arrive at the time `due_s`. Drop `data` if the connection is lost."""
         if not self._lost:
             self._order += 1
             heapq.heappush(self._arriving, (due_s, self._order, data))
@@ -53,7 +53,7 @@ class InProcessTransport:
             self.deliver(due_s, answer)
 
     def read(self, deadline_s: float) -> bytes:
-        """Return the bytes that have arrived, at least one; return no bytes if none arrived before `deadline_s`."""
+        """Return bytes as soon as any have arrived; return b"" if none have arrived at `deadline_s`."""
         self._check_open()
         arriving = self._arriving
         if not arriving or arriving[0][0] > deadline_s:
@@ -64,7 +64,7 @@ class InProcessTransport:
         return heapq.heappop(arriving)[2]
 
     def discard(self) -> bytes:
-        """Remove and return the bytes that have arrived."""
+        """Remove and return the bytes that have arrived, without waiting."""
         self._check_open()
         discarded = b""
         now_s = self.clock.now_s()
@@ -78,7 +78,7 @@ class InProcessTransport:
         return self._lost
 
     def disconnect(self, return_s: float = 0.0) -> None:
-        """Close the connection and drop the bytes on their way. The connection cannot be reopened before `return_s`."""
+        """Close the connection and drop the bytes on their way. `reopen` fails before the time `return_s`."""
         self._lost = True
         self._return_s = return_s
         self._arriving.clear()
@@ -86,7 +86,7 @@ class InProcessTransport:
     def reopen(self, _deadline_s: float) -> None:
         """Open a lost connection again; TransportError when the peer is still gone, or after `close`."""
         if self._closed:
-            raise TransportError("the connection is closed", where=self.name, cure="open a new one")
+            raise TransportError("the connection is closed", where=self.name, cure="open a new connection")
         if self.clock.now_s() < self._return_s:
             raise TransportError("the peer is still gone", where=self.name, limit=f"back at {self._return_s:g} s")
         self._lost = False
@@ -104,4 +104,4 @@ class InProcessTransport:
 
     def _check_open(self) -> None:
         if self._lost:
-            raise TransportError("the connection is lost or closed", where=self.name, cure="open a new one")
+            raise TransportError("the connection is lost or closed", where=self.name, cure="open a new connection")

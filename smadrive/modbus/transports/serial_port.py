@@ -1,4 +1,4 @@
-"""A transport over a serial port, which pyserial opens and sets."""
+"""A transport over a serial port. pyserial opens the port and sets its baud rate, parity and stop bits."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from smadrive.modbus.transports.transport import SerialSettings
 
 
 class SerialTransport(DescriptorTransport):
-    """An open serial port. If `exclusive` is True, a second process cannot open the port exclusively."""
+    """An open serial port. `exclusive=True` takes the lock of the port, which only one process can have."""
 
     end = "the port is readable but has no data"
     cure = "check that the adapter is plugged in and the device powered"
@@ -34,14 +34,14 @@ class SerialTransport(DescriptorTransport):
         super().__init__(port, RtuFraming(), settings.baudrate, timeout_s=0.0, latency_s=latency_s)
 
     def disconnect(self) -> None:
-        """Close the port and release its lock. Without the release, a forked child would keep the lock."""
+        """Close the port and release its lock: a forked child that inherited the open port would keep the lock."""
         if not self.lost:
             with suppress(OSError):
                 fcntl.flock(self._descriptor, fcntl.LOCK_UN)
         super().disconnect()
 
     def _open_port(self, _timeout_s: float) -> serial.Serial:
-        """Open and return the port. A serial port opens at once or not at all, so the time limit is not used."""
+        """Open and return the port. The call opens the port or fails at once, so the time limit is not used."""
         try:
             port = serial.Serial(
                 self.name,
@@ -87,18 +87,19 @@ def _failure(port: str, error: Exception) -> TransportError:
         return TransportError(
             "not permitted",
             where=port,
-            cure=f"join the group that owns it: sudo usermod -aG {_group_of(port)} $USER, then log in again",
+            cure=f"join the group of the port: sudo usermod -aG {_group_of(port)} $USER, then log in again",
         )
     if code in (errno.EAGAIN, errno.EBUSY):
         pid = _locked_by(port)
-        holder, kill = ("another program", "`kill` of it") if pid is None else (f"process {pid}", f"`kill {pid}`")
+        holder, kill = ("another program", "`kill PID`") if pid is None else (f"process {pid}", f"`kill {pid}`")
         return TransportError(
             f"busy, because {holder} uses the port",
             where=port,
-            cure="end it. A smadrive that runs or tunes there switches the heater off at Ctrl-C in its terminal, at "
-            f"{kill}, or at OFF (POST /off) of its page",
+            cure=f"end that program: press Ctrl-C in its terminal, or run {kill}. A smadrive that ends so switches the "
+            "heater off first; `smadrive tune` does the same at OFF (POST /off) on its page",
         )
-    return TransportError("cannot be opened as a serial port", where=port, value=error)
+    cure = "check the path in the URL"
+    return TransportError("cannot be opened as a serial port", where=port, value=error, cure=cure)
 
 
 def _locked_by(port: str) -> int | None:

@@ -3,7 +3,7 @@
 A TCP connection can be dead without a sign: the gateway restarted, or a router dropped it from its table. Three
 measures help:
 
-- the client closes a socket that missed a deadline and opens another one (`reconnects`);
+- the client closes a socket that missed a deadline, and opens a new one (`reconnects`);
 - with keep-alive and user timeout, the kernel detects a dead idle connection within `DEAD_AFTER_S`;
 - a connection that is abandoned is reset. After a plain close the kernel would send undelivered bytes again: a command
   to heat could arrive after the new connection has switched the heater off.
@@ -21,11 +21,11 @@ from smadrive.modbus.framing.framing import Framing
 from smadrive.modbus.transports.descriptor import DescriptorTransport
 
 CONNECT_TIMEOUT_S = 3.0
-"""Time limit for opening the first connection."""
+"""Time limit in seconds for opening the first connection."""
 ATTEMPT_S = 0.5
-"""Time limit of one attempt to connect."""
+"""Time limit in seconds of one attempt to connect. Attempts are repeated until the time for opening is over."""
 DEAD_AFTER_S = 2
-"""Time without an acknowledgement after which the kernel ends a connection."""
+"""Time in seconds without an acknowledgement, after which the kernel ends the connection."""
 _SHORTEST_TIMEOUT_S = 1e-3  # a timeout of 0 would not wait at all
 _RESET_ON_CLOSE = struct.pack("ii", 1, 0)
 _OPTIONS = (
@@ -46,7 +46,7 @@ class SocketTransport(DescriptorTransport):
     reconnects = True
 
     def __init__(self, host: str, port: int, framing: Framing, baudrate: int | None, latency_s: float = 0.0) -> None:
-        """Connect. `baudrate` is that of the serial line behind a gateway; it is None for Modbus TCP.
+        """Connect. `baudrate` is the baud rate of the serial line behind a gateway; it is None for Modbus TCP.
 
         TransportError when the host is unknown, refuses the connection or does not answer.
         """
@@ -55,7 +55,7 @@ class SocketTransport(DescriptorTransport):
         super().__init__(f"{host}:{port}", framing, baudrate, CONNECT_TIMEOUT_S, latency_s)
 
     def disconnect(self) -> None:
-        """Close the connection. Undelivered bytes are not sent again, except after `close`."""
+        """Close the connection and drop undelivered bytes. Only after `close` does the kernel still deliver them."""
         if not (self.lost or self._closed):
             with suppress(OSError):
                 self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)

@@ -15,11 +15,14 @@ from smadrive.modbus.framing.framing import Framing
 
 Parity = Literal["N", "E", "O"]
 PortAccess = Callable[[], None]
-"""Called before and after every use of a connection. It raises an error when another process uses the port now."""
+"""Called before `write` and `reopen`; in `read` before the wait, and again before bytes are taken.
+
+It raises an error when another process uses the port now.
+"""
 
 
 class Transport(Protocol):
-    """A connection to a bus. Every method raises TransportError when the connection is lost."""
+    """A connection to a bus. `write`, `read` and `discard` raise TransportError when the connection is lost."""
 
     @property
     def clock(self) -> Clock:
@@ -33,17 +36,17 @@ class Transport(Protocol):
 
     @property
     def baudrate(self) -> int | None:
-        """Bits per second, from which the client derives the pauses of the standard; None where bytes take no time."""
+        """Bits per second, from which the client derives pauses and deadlines; None where there is no serial line."""
         ...
 
     @property
     def latency_s(self) -> float:
-        """The longest delay of a reply by the connection, in seconds. It adds to the device's response timeout."""
+        """The longest time in seconds by which the connection delays a reply; added to the response timeout."""
         ...
 
     @property
     def reconnects(self) -> bool:
-        """True for a socket: it may be dead without a sign, so it must be opened anew after a silence."""
+        """True for a socket, which may be dead without a sign: after a missed deadline a new one is opened."""
         ...
 
     @property
@@ -56,7 +59,7 @@ class Transport(Protocol):
         ...
 
     def read(self, deadline_s: float) -> bytes:
-        """Return the bytes that have arrived, at least one; return no bytes if none arrived before `deadline_s`."""
+        """Return bytes as soon as any have arrived; return b"" if none have arrived at `deadline_s`."""
         ...
 
     def discard(self) -> bytes:
@@ -69,11 +72,11 @@ class Transport(Protocol):
         ...
 
     def disconnect(self) -> None:
-        """Close the connection. Bytes on their way are dropped."""
+        """Close the connection and drop the bytes that were not read. `reopen` opens it again."""
         ...
 
     def reopen(self, deadline_s: float) -> None:
-        """Open a lost connection again before `deadline_s` of the clock; TransportError when that fails."""
+        """Open a lost connection again before `deadline_s`; TransportError when that fails, or after `close`."""
         ...
 
     def close(self) -> None:

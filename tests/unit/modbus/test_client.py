@@ -399,7 +399,7 @@ def test_closed_transport_is_not_opened_again(bus, script, timing):
     client.transport.close()
     with pytest.raises(TransportError) as error:
         client.execute(1, READ, timing)
-    assert error.value.cure == "open a new one"
+    assert error.value.cure == "open a new connection"
     assert client.transport.lost
 
 

@@ -170,7 +170,7 @@ def test_a_port_that_has_come_back_is_opened_again_but_not_one_that_was_closed(t
         assert os.read(terminal[0], 10) == b"x"
     with pytest.raises(TransportError) as closed:
         transport.reopen(transport.clock.now_s())
-    assert closed.value.cure == "open a new one"
+    assert closed.value.cure == "open a new connection"
 
 
 def test_closed_port_is_a_lost_connection_and_may_be_closed_again(terminal):
