@@ -214,7 +214,7 @@ class Device:
             self._store(write)
 
     def _read_patiently(self, names: tuple[str, ...]) -> dict[str, RegisterReading]:
-        """Read the registers, proved; repeat this for a silent device until `boot_ms` have passed."""
+        """Read the registers with `proved=True`; if the device is silent, try again until `boot_ms` have passed."""
         give_up_s = self.client.clock.now_s() + self.profile.timing.boot_ms / 1e3
         while True:
             try:

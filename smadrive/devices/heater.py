@@ -107,7 +107,7 @@ class Heater:
     def exchange(self, current_a: float) -> Measurement:
         """Command `current_a`, clamped to the limits, and measure.
 
-        If the command is not a number, zero is sent and SafetyError is raised. After a wrong reply the temperature
+        If the command is not finite, zero is sent and SafetyError is raised. After a wrong reply the temperature
         counts as unknown, so the next command is clamped to zero.
         """
         if self._stop is not None:
@@ -139,8 +139,8 @@ class Heater:
     def enter_safe_state(self) -> None:
         """Set zero current and switch the heater off, confirmed by read-back.
 
-        This is tried several times. Raises the last error if the read-back does not confirm it; SafetyError when
-        current still flows, or the source still reports that it is armed.
+        This is tried several times. If the read-back never confirms it, the first error of the last try is raised;
+        SafetyError when current still flows, or the source still reports that it is armed.
         """
         self._sent_a = 0.0
         if self._guard is None:

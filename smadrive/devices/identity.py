@@ -1,8 +1,8 @@
 """The identity of a device: the proof of its type, its model, and the registers that distinguish it from its twin.
 
-Registers named in the profile's `[[identify]]` hold one of several raw values, or any value (a serial number). If such
-a register cannot be written, it never changes: these registers are the identity. A device with another identity is
-another device, at whatever port it answers.
+Registers named in the profile's `[[identify]]` hold one of several raw values, or any value (a serial number). The
+identity of a device consists of those registers, and of the registers that identify its variant, that cannot be
+written: they never change. A device with another identity is another device, at whatever port it answers.
 """
 
 from __future__ import annotations

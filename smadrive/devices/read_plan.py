@@ -67,7 +67,11 @@ class RequestPlans:
         return spans
 
     def exchange(self, writes: _Names, reads: _Names) -> tuple[RegisterSpan, RegisterSpan]:
-        """Return the spans that one FC23 request writes and reads; ConfigError when registers are not adjacent."""
+        """Return the span that one FC23 request writes, and the span that it reads.
+
+        ConfigError when one request cannot write or read them: not writable, not exchangeable, not holding registers,
+        too far apart, or a gap between written registers.
+        """
         spans = self._exchanges.get((writes, reads))
         if spans is None:
             for name in writes:
@@ -89,7 +93,7 @@ class RequestPlans:
                 f"cannot be {verb} in one request",
                 where=f"'{self._profile.profile.id}'",
                 value=", ".join(names),
-                cure="name adjacent holding registers",
+                cure="name holding registers that are close together (written registers: without a gap)",
             )
         return spans[0]
 

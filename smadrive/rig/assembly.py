@@ -105,7 +105,7 @@ def port_key(device: PlannedDevice) -> DeviceKey | None:
 
 
 def _guard(plan: RigPlan, connections: Connections) -> GuardianClient | None:
-    """Return the client of the guardian, which every use of a connection calls; None if the plan has no guardian."""
+    """Return the client of the guardian, to which each use of a connection sends a heartbeat; None without one."""
     if plan.guardian is None:
         return None
     guard = GuardianClient(plan.guardian, connections.disconnect)

@@ -83,7 +83,7 @@ def _check_temperature(config: RigConfig, wire: WireDataSheet) -> None:
 
 
 def _temperature_cure(limit_c: float, wire: WireDataSheet) -> str:
-    """Return the cure for a limit above that of the wire, which is in the wire file or that of nickel-titanium."""
+    """Return the cure for a limit above the wire's own, which is in its file or else that of nickel-titanium."""
     cure = "lower it"
     if "temperature_max_c" not in wire.model_fields_set:
         cure = (

@@ -1,6 +1,7 @@
-"""Connections to the devices of a rig: one transport and one client per address, with locks and traces.
+"""Connections to the devices of a rig, with locks and traces.
 
-An address is the URL of a port, or sim://NAME for a simulated device in this process and in virtual time.
+An address is the URL of a port, or sim://NAME for a simulated device in this process and in virtual time. All Modbus
+devices with the same port URL share one transport and one client; each simulated device has its own.
 """
 
 from __future__ import annotations
@@ -24,11 +25,12 @@ from smadrive.rig.simulation import SimulatedConnections, simulate
 
 
 class Connections:
-    """Opens one connection per address; `stack` closes them. A trace has the name of the first device at its address.
+    """Opens the connections; `stack` closes them. A trace has the name of the first device on its connection.
 
-    `access` is called at every use of a connection, if it was set before the connection was opened. Serial ports are
-    locked, and so is the line of a device that heats. With the role of `off`, a line that another process has locked is
-    used, too. `stop` listens for an emergency stop at every line as soon as it is locked.
+    `access` is called before each use of a connection (see `PortAccess`), if it was set before that
+    connection was opened. Serial ports are locked, and so is the line of a device that heats. With the role of `off`, a
+    line that another process has locked is used, too. `stop` listens for an emergency stop at every line as soon as
+    the line is locked.
     """
 
     access: PortAccess | None = None

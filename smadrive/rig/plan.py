@@ -131,7 +131,7 @@ def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collecti
 
 
 def check_full_scales(source: PlannedDevice) -> None:
-    """Raise ConfigError if a source that is commanded in amperes has full scales, or one in percent lacks them."""
+    """Raise ConfigError if a source that is commanded in amperes has full scales, or one by duty lacks them."""
     scales = source.config.full_scale_a, source.config.full_scale_v
     if source.source_type is TCLab and None in scales:
         raise ConfigError(
@@ -226,7 +226,7 @@ def _limits(limits: LimitsConfig) -> HeaterLimits:
 
 
 def _guardian(source: PlannedDevice, devices: Iterable[PlannedDevice], limits: LimitsConfig, where: str) -> Task | None:
-    """Return the task of the guardian, or None; ConfigError if it could take a driver that waits for a dead one."""
+    """Return the task of the guardian, or None; ConfigError if a wait for a reply could outlast its patience."""
     if source.is_simulated or source.source_type.has_watchdog:
         return None
     longest_s = max(*PAUSES_S, *(_reply_timeout_s(device) for device in devices if not device.is_simulated))

@@ -123,7 +123,7 @@ class GuardianClient:
     def heartbeat(self) -> None:
         """Send a heartbeat.
 
-        Call this before and after every use of a port; TakenOverError if the guardian uses the ports.
+        Call this before every use of a port (see `PortAccess`). TakenOverError if the guardian uses the ports.
         """
         if self._state is WatchState.STANDING_BY:
             return

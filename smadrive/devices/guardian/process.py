@@ -86,7 +86,10 @@ class DriverProcess:
         return line
 
     def listen(self, within_s: float) -> DriverSignal:
-        """Return the last signal of the driver within `within_s`. After its end, wait `within_s` and return SILENCE."""
+        """Wait up to `within_s` for signals of the driver, and return the last one; SILENCE if none arrive.
+
+        At the end of the pipe return CLOSED; in every later call wait `within_s` and return SILENCE.
+        """
         if self.ended:
             time.sleep(within_s)
             return DriverSignal.SILENCE

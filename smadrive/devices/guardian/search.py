@@ -22,7 +22,10 @@ ASK_AGAIN_S = 10.0
 
 
 class PortSearch:
-    """The ports at which a device may be now. The device was at the port of `url`, which has these `names`."""
+    """Finds the ports at which a device may be now.
+
+    `url` is its port at the start of the guardian, `names` are the names of this port at that time.
+    """
 
     def __init__(self, url: str, names: frozenset[str], now_s: Callable[[], float]) -> None:
         self._url = url
@@ -69,7 +72,7 @@ class PortSearch:
         return self._terminal is not None and os.fstat(self._terminal).st_nlink > 0
 
     def _at(self, name: str) -> str:
-        """Return the URL with the path `name` and the same settings."""
+        """Return the URL of the serial port at path `name`, with the query of the original URL."""
         query = urlsplit(self._url).query
         return f"serial://{name}?{query}" if query else f"serial://{name}"
 

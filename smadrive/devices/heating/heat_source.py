@@ -27,7 +27,7 @@ class HeaterLimits:
     voltage_max_v: float = inf
 
     def __post_init__(self) -> None:
-        """Raise ConfigError if a limit has no effect (not positive, or not finite)."""
+        """Raise ConfigError if a limit has no effect. Only the voltage limit may be infinite."""
         if not (isfinite(self.current_max_a) and self.current_max_a > 0):
             raise _no_limit("current_max_a", self.current_max_a, "a positive number of amperes")
         if not isfinite(self.temperature_max_c):

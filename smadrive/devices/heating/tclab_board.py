@@ -41,7 +41,7 @@ AGREE_C = 1.0
 
 
 class TCLabBoard:
-    """The board, which has its line for itself. Every command is confirmed. `profile` has line settings and timing."""
+    """A TCLab board, alone on its line. Every command is confirmed. `profile` has line settings and timing."""
 
     def __init__(self, profile: Profile, transport: Transport, trace: Trace | None = None) -> None:
         """Send nothing yet."""
@@ -78,7 +78,7 @@ class TCLabBoard:
         return float(self._line.ask(command, NUMBER))
 
     def read_twice(self, command: str) -> float:
-        """Send `command` twice and return the second number; ProtocolError when both differ by more than `AGREE_C`."""
+        """Send `command` twice and return the second number; ProtocolError when they differ by over `AGREE_C`."""
         first, second = self.read(command), self.read(command)
         if abs(first - second) > AGREE_C:
             self._line.distrust()
@@ -154,7 +154,10 @@ class TCLabBoard:
 
 
 def _token(number: int) -> Exchange:
-    """Return the command for one of ten thousand brightnesses of the lamp."""
+    """Return the exchange that sets the lamp to a brightness between 0.00 and 99.99 %.
+
+    The board repeats the number, which distinguishes the reply from the replies to the tokens before.
+    """
     text = f"{number % 10_000 / 100:.2f}"
     return Exchange(f"LED {text}", re.compile(rf"{re.escape(text)}0?"))
 

@@ -6,8 +6,8 @@ Such a reply proves neither that it answers this command nor that it is undamage
 2. no earlier reply was on its way when the command was sent.
 
 After any failure, and at the beginning, the line is out of step, and the greeting is sent before anything else. The
-board must return its banner, the same as before, then repeat a token that it has not received before. Lines in between
-are dropped. A board answers in order, so no older line can follow the token. The banner alone does not prove that,
+board must return its banner, the same as before, then repeat a token other than the last ones. Lines in between are
+dropped. A board answers in order, so no older line can follow the token. The banner alone does not prove that,
 because it may answer an earlier greeting. A greeting costs two lines, but no pause: it may be urgent to switch a heater
 off. A damaged reply can still have the right form. The caller detects it: the board must repeat the value of a command,
 and gives a measured value twice.
@@ -41,8 +41,8 @@ class Exchange(NamedTuple):
 class TextLine:
     """The only client of a text line.
 
-    `greeting` asks for the banner of the board. The reply to `token(n)` is different for every n. A token has no effect
-    on the heaters.
+    `greeting` asks for the banner of the board. The reply to `token(n)` differs from the replies to the tokens shortly
+    before; numbers start at 0 in every driver, and tokens may repeat. A token has no effect on the heaters.
     """
 
     def __init__(

@@ -124,7 +124,8 @@ class Profile(Section):
         """Return the name of the register that has this role; ConfigError if no register has it."""
         name: str | None = getattr(self.roles, role)
         if name is None:
-            raise ConfigError(f"no register for the role '{role}'", where=self._where, cure="add it to [roles]")
+            cure = f'name its register in [roles]: {role} = "REGISTER"'
+            raise ConfigError(f"no register for the role '{role}'", where=self._where, cure=cure)
         return name
 
     def as_variant(self, variant: Variant) -> Profile:

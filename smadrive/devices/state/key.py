@@ -10,7 +10,7 @@ device. So a key holds the permanent names of the port. After the device has ans
     pseudo-terminal          no permanent name; while it exists, its number with its time of creation. After its end it
                              never comes back, and only the serial number of the device counts
 
-    Devices that share a line have different unit ids. `APPLIES` tells when a trip of one key holds for another key.
+Devices that share a line have different unit ids. `APPLIES` tells when a trip of one key holds for another key.
 """
 
 from __future__ import annotations

@@ -100,7 +100,7 @@ def lines_of(key: DeviceKey) -> tuple[str, ...]:
 def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> LineLock:
     """Lock `line` and return the lock; BusyError, with the holder, if another process has it.
 
-    If the holder is a guardian or another `smadrive off`, wait up to `within_s` first.
+    Wait up to `within_s` for the lock, except when the holder is a living driver.
     """
     give_up_s = time.monotonic() + within_s
     while (lock := _try_lock(line)) is None:
@@ -173,7 +173,7 @@ def _busy(line: str, holder: Holder | None) -> BusyError:
             where=line,
             cure="end that driver if it still runs, and try again",
         )
-    name, kill = "another smadrive", "`kill` of it"
+    name, kill = "another smadrive", "`kill PID`"
     if holder is not None:
         name, kill = f"process {holder.pid}", f"`kill {holder.pid}`"
     return BusyError(

@@ -1,4 +1,4 @@
 """The emergency stop between two programs: a driver that listens for it, and `smadrive off`, which requests it.
 
-May import the state of devices and the ground. Never here: a request to a device.
+This package may import `errors` and the state of devices. Requests to a device do not belong here.
 """

@@ -25,7 +25,7 @@ from smadrive.errors import BusyError, StoppedError
 
 BACKLOG = 16
 MOST_ASKERS = 64
-"""Further ones wait in the backlog until the driver has ended."""
+"""More requests than this wait in the backlog until the driver has ended."""
 
 
 class StopListener:

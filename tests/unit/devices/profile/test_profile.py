@@ -99,4 +99,4 @@ def test_a_role_that_is_not_bound_is_named(tmp_path):
     with pytest.raises(ConfigError, match="'watchdog_s'") as error:
         load_profile(path).role("watchdog_s")
     assert error.value.where == "profile 'sma-reference'"
-    assert error.value.cure == "add it to [roles]"
+    assert error.value.cure == 'name its register in [roles]: watchdog_s = "REGISTER"'
