@@ -160,6 +160,8 @@ def test_killed_script_ends_the_run_although_its_child_keeps_the_link_open(ident
 def test_killed_loop_is_an_error_and_the_watchdog_switches_off(identified, tmp_path):
     with on_a_port(tmp_path, "watchdog_s = 0.5\nstale_after_s = 5.0") as (rig_file, simulator):
         with heating(rig_file, identified.wire_file, tmp_path) as (script, loop):
+            while 0.2 not in read_log(tmp_path / "run.h5").column("commanded_a"):
+                time.sleep(0.05)
             os.kill(loop, signal.SIGKILL)
             printed, errors = script.communicate()
         assert "LoopProcessError" in printed
