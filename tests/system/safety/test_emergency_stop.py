@@ -8,7 +8,6 @@ import tomllib
 
 import programs
 import pytest
-from marks import exhaustive
 from served import PATIENT, served
 from supply_rig import DRIVER, RIG, patient
 
@@ -169,7 +168,7 @@ def test_two_requests_at_once_both_confirm_the_heater_off(heated):
         driver.communicate()
 
 
-@pytest.mark.parametrize("heated", ["board", exhaustive("supply")], indirect=True)
+@pytest.mark.parametrize("heated", ["board"], indirect=True)
 @pytest.mark.parametrize(
     "arguments",
     [
