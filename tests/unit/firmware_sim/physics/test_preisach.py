@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.special import ndtr
 
 from firmware_sim.config import Transformation
-from firmware_sim.physics.preisach import Preisach
+from firmware_sim.physics.preisach import CELL_K, Preisach
 from firmware_sim.physics.transformation import Duhem
 
 BRANCHES = {
@@ -88,6 +88,7 @@ def test_duhem_model_of_the_same_branches_behaves_differently():
 @settings(deadline=None)
 @given(PATHS, st.floats(30.0, 130.0))
 def test_slope_agrees_with_finite_differences(path, v):
+    assume(min(v / CELL_K % 1.0, -v / CELL_K % 1.0) > 1e-3)  # the slope jumps where two cells of the plane meet
     state = PLANE.start(22.0)
     for before, after in zip([22.0, *path], [*path, v], strict=True):
         state = PLANE.moved(state, before, after)
