@@ -41,7 +41,7 @@ PLACEHOLDERS = {
     "reference": "CSV|SHAPE",
     "kind": "tsfuzzy|duhem",
 }
-"""What stands for the value of an option, by the name of its parameter."""
+"""The placeholder for the value of an option, by the name of its parameter."""
 
 
 def epilog_of(command: str) -> str:

@@ -69,7 +69,7 @@ def _bare_value(number: int, value: str) -> Mistake | None:
 
 
 def _ends_in_quotes(line: str) -> bool:
-    """Whether a text that begins in `line` does not end there."""
+    """Return True if a quoted text begins in `line` and does not end in it."""
     quote = ""
     for character in line:
         if character == "#" and not quote:

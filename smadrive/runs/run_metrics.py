@@ -23,7 +23,7 @@ FEW_MISSING = 0.03
 
 
 def has_setpoint(log: Log) -> bool:
-    """Whether the run had displacement setpoints: a tracking run, or an own controller that returned some."""
+    """Return True for a tracking run, and for an own controller that returned displacement setpoints."""
     is_own = "controller" in log.metadata and bool(np.isfinite(log.column_with_gaps("setpoint_mm")).any())
     return "reference" in log.metadata or is_own
 

@@ -93,7 +93,7 @@ class OpenRig:
 
     @property
     def is_open(self) -> bool:
-        """Whether `close` has not been called yet."""
+        """True until `close` is called."""
         return self._finalizer.alive
 
     def close(self) -> None:

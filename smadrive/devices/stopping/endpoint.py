@@ -1,9 +1,9 @@
 """The address at which the driver of a line can be asked to stop, and the rights of the one who asks.
 
-The address is a Unix socket in Linux's abstract namespace, named by the line; a serial port has one for each of its
-permanent names, too. So it exists exactly as long as its
-driver, it is the same for every user of the machine, and no permission of a folder can hide it. Elsewhere there is no
-such namespace: a driver cannot be asked to stop there.
+The address is a Unix socket in Linux's abstract namespace. The line names it; a serial port has a further address for
+each of its permanent names. An address exists exactly as long as its driver, it is the same for every user of the
+machine, and no permission of a folder can hide it. Other systems have no such namespace: on them, a driver cannot be
+asked to stop.
 
 A connection is the request. The driver closes it when it has released the line, or answers REFUSED and closes it. The
 kernel closes it when the driver is killed.
@@ -26,7 +26,7 @@ from urllib.parse import urlsplit
 from smadrive.devices.state.key import DeviceKey
 
 IS_POSSIBLE = sys.platform == "linux"
-"""Whether this system has the namespace of the addresses."""
+"""True on Linux, the only system that has such addresses."""
 
 REFUSED = b"refused"
 

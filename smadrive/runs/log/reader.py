@@ -35,7 +35,7 @@ COPY_AGAIN = "copy the whole file again, or record it again; was the disk full, 
 CONVERT = "update smadrive, or copy the columns into a CSV with h5py (docs/records.md)"
 
 _CUT = re.compile(r"truncated file: eof = (?P<found>\d+),.* stored_eof = (?P<stored>\d+)")
-"""What HDF5 says of a file that is shorter than its first block requires."""
+"""The message of HDF5 for a file that is shorter than its first block requires."""
 
 
 class RunEvent(NamedTuple):

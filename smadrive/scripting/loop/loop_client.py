@@ -89,7 +89,7 @@ class LoopClient:
 
     @property
     def is_lost(self) -> bool:
-        """Whether the process has gone."""
+        """True if the process of the loop has ended."""
         return self._is_lost
 
     def call(self, request: Any, show: Show = show_nothing) -> Any:

@@ -79,7 +79,7 @@ def _is_last(link: ScriptLink, rig: Rig) -> bool:
 
 
 def _is_of_controller(error: BaseException) -> bool:
-    """Whether the code of the user raised it: a rejected command says everything by itself."""
+    """Return True if the code of the user raised `error`. The message of a ControllerError needs no traceback."""
     frames = (frame for frame, _ in walk_tb(error.__traceback__))
     is_below = any(frame.f_code is OwnController.update.__code__ for frame in frames)
     return is_below and not isinstance(error, ControllerError)
@@ -113,7 +113,7 @@ def _counts(loop: LoopMetrics, controller: Any = None) -> DrivenRun:
 
 
 def _is_transferable(controller: Any) -> bool:
-    """Whether the controller can be sent back: after its run it may hold an open file, for instance."""
+    """Return True if the controller can be pickled. After its run it may hold an open file, which cannot."""
     try:
         cloudpickle.dumps(controller)
     except Exception:  # noqa: BLE001 (pickling runs code of the user)

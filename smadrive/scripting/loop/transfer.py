@@ -57,7 +57,7 @@ def _own_code_by_value() -> Iterator[None]:
 
 
 def _is_own(module: ModuleType) -> bool:
-    """Whether the module is a file of the user: neither installed, nor of Python, nor of smadrive."""
+    """Return True if the module is a file of the user: not installed, not part of Python, not part of smadrive."""
     file = getattr(module, "__file__", None)
     name = getattr(module, "__name__", "")
     if not isinstance(file, str) or sys.modules.get(name) is not module or name.partition(".")[0] in _OURS:

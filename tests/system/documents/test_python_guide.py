@@ -17,8 +17,11 @@ NOTEBOOKS = sorted((ROOT / "docs" / "notebooks").glob("*.ipynb"))
 
 MOST_LINES = 15
 MOST_BYTES = 400_000
-PRIVATE = re.compile(r"/tmp/|/home/|/root/|/work/|site-packages| at 0x|\bpid\b|image/png", re.IGNORECASE)  # noqa: S108
-"""What tells the machine, or a run on it, and images that are no drawings."""
+PRIVATE = re.compile(
+    rf"{re.escape(str(ROOT))}|/tmp/|/home/|site-packages| at 0x|\bpid\b|image/png",
+    re.IGNORECASE,
+)
+"""Texts that reveal the machine or one run on it, and images that are not drawings."""
 
 
 def run(script, folder):

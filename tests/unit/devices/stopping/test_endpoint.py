@@ -1,4 +1,4 @@
-"""Who may stop the driver of a line: every user that may open its port."""
+"""Every user who may open the port of a line may stop its driver, and nobody else."""
 
 import os
 import socket
