@@ -59,14 +59,18 @@ class LineLock:
 
     def hold_as(self, role: Role, pid: int) -> None:
         """Write the holder into the file."""
-        if self.descriptor != NO_DESCRIPTOR:
-            with suppress(OSError):
-                os.ftruncate(self.descriptor, 0)
-                os.pwrite(self.descriptor, f"{role} {pid}\n".encode(), 0)
+        self._write(f"{role} {pid}\n")
 
     def release(self) -> None:
-        """Release the line. A guardian that shares the lock keeps it. A second call does nothing."""
+        """Release the line. A guardian that shares the lock keeps it. A second call does nothing.
+
+        Before, this process removes its own name from the file: the next process locks first and writes its name then,
+        and between the two nobody may take this process for the holder.
+        """
         if self.descriptor != NO_DESCRIPTOR:
+            holder = holder_of(self.line)
+            if holder is not None and holder.pid == os.getpid():
+                self._write("")
             os.close(self.descriptor)
             self.descriptor = NO_DESCRIPTOR
 
@@ -75,6 +79,12 @@ class LineLock:
 
     def __exit__(self, *exception: object) -> None:
         self.release()
+
+    def _write(self, text: str) -> None:
+        if self.descriptor != NO_DESCRIPTOR:
+            with suppress(OSError):
+                os.ftruncate(self.descriptor, 0)
+                os.pwrite(self.descriptor, text.encode(), 0)
 
 
 _held: WeakSet[LineLock] = WeakSet()

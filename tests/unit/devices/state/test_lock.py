@@ -68,6 +68,18 @@ def test_a_guardian_at_work_is_awaited(held):
         assert holder_of(LINE) == (Role.DRIVER, os.getpid())
 
 
+def test_process_that_released_the_line_is_not_named_as_its_holder():
+    lock_line(LINE, Role.DRIVER, 0.0).release()
+    assert holder_of(LINE) is None
+
+
+def test_driver_that_releases_the_line_leaves_the_name_of_its_guardian():
+    lock = lock_line(LINE, Role.DRIVER, 0.0)
+    lock.hold_as(Role.GUARDIAN, 1)
+    lock.release()
+    assert holder_of(LINE) == (Role.GUARDIAN, 1)
+
+
 def test_guardian_keeps_the_line_that_its_driver_releases():
     lock = lock_line(LINE, Role.DRIVER, 0.0)
     guardian = subprocess.Popen(
