@@ -18,6 +18,7 @@ from pathlib import Path
 import programs
 import pytest
 from hypothesis import settings
+from xdist.scheduler import LoadFileScheduling
 
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
@@ -27,26 +28,44 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 def pytest_xdist_auto_num_workers(config):
-    """Three workers a core, since many tests wait in real time; none when only files or single tests are named."""
+    """Four workers a core, since many tests wait in real time; none when only files or single tests are named."""
     if all(".py" in argument for argument in config.args):
         return 0
-    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else 3 * len(os.sched_getaffinity(0))
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else 4 * len(os.sched_getaffinity(0))
 
 
-WAITS_IN_REAL_TIME = ("tests/system/safety/", "tests/browser/", "tests/system/")
+PROCESSES = "tests/system/processes/"
+"""The folder whose tests wait most: each of them may run on another worker."""
+WAITS_IN_REAL_TIME = (PROCESSES, "tests/browser/", "tests/system/")
 """Folders whose tests wait most of the time, the longest first."""
 
 
+def unit_of(nodeid):
+    """The unit of tests that one worker runs: a file, or a single test of PROCESSES."""
+    return nodeid if nodeid.startswith(PROCESSES) else nodeid.partition("::")[0]
+
+
+class Scheduling(LoadFileScheduling):
+    """Gives a unit at a time to a worker, in the order of the tests."""
+
+    def _split_scope(self, nodeid):
+        return unit_of(nodeid)
+
+
+def pytest_xdist_make_scheduler(config, log):
+    return Scheduling(config, log)
+
+
 def pytest_collection_modifyitems(items):
-    """Begin with the files that wait longest, each followed by one that computes: waiting and computing overlap."""
-    files = {}
+    """Begin with the units that wait longest, each followed by one that computes: waiting and computing overlap."""
+    units = {}
     for item in items:
-        files.setdefault(item.nodeid.partition("::")[0], []).append(item)
-    waiting = [name for folder in WAITS_IN_REAL_TIME for name in files if name.startswith(folder)]
+        units.setdefault(unit_of(item.nodeid), []).append(item)
+    waiting = [name for folder in WAITS_IN_REAL_TIME for name in units if name.startswith(folder)]
     waiting = list(dict.fromkeys(waiting))
-    computing = [name for name in files if name not in waiting]
+    computing = [name for name in units if name not in waiting]
     order = chain.from_iterable(zip_longest(waiting, computing))
-    items[:] = [item for name in order if name is not None for item in files[name]]
+    items[:] = [item for name in order if name is not None for item in units[name]]
 
 
 @pytest.fixture(autouse=True)

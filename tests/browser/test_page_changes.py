@@ -45,6 +45,7 @@ def test_refused_value_shows_its_reason_and_the_value_in_force_again(client, liv
     live.wait(lambda: abs(float(field(page, "μ heating").input_value()) - live.in_force.shape.mu_heating) < 0.001)
 
 
+@pytest.mark.exhaustive
 def test_rule_edited_in_the_table_is_put_in_force(client, live):
     page = client()
     editor = opened_editor(page, page.locator(".slick-row").nth(2).locator(".slick-cell").nth(1))
@@ -76,6 +77,7 @@ def test_table_shows_the_rule_in_force_after_a_refusal(client, live):
     live.wait(lambda: cells(page, 1)[2] == pytest.approx(before.model.heating_law[0][2], abs=0.000051))
 
 
+@pytest.mark.exhaustive
 def test_saved_files_load_and_no_file_is_overwritten(client, live):
     page = client()
     turn(page, "closed loop", 0.4)

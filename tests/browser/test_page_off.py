@@ -20,7 +20,7 @@ def test_start_tracks_hold_keeps_heating_and_disarm_switches_off(client, live):
     live.wait(lambda: live.current_a < NONE_A and not live.session.mode.heats)
 
 
-@pytest.mark.parametrize("way", ["button", "key", "curl"])
+@pytest.mark.parametrize("way", ["button", exhaustive("key"), exhaustive("curl")])
 def test_off_switches_the_heater_off(client, live, way):
     page = client()
     heat(page, live)
@@ -53,6 +53,7 @@ def is_refused_and_the_next_one_arms(page, live):
     live.wait(lambda: live.session.mode.heats)
 
 
+@pytest.mark.exhaustive
 def test_off_elsewhere_wins_over_an_earlier_arm_and_the_next_arm_is_accepted(client, live):
     page = client()
     page.evaluate(HOLD_BACK)
@@ -96,7 +97,8 @@ FOREIGN = [
 ]
 
 
-@pytest.mark.parametrize("headers", [FOREIGN[0], *map(exhaustive, FOREIGN[1:])])
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("headers", FOREIGN)
 def test_off_from_another_site_is_refused(client, live, headers):
     heat(client(), live)
     assert post_off(live, **headers) == 403

@@ -76,6 +76,7 @@ def test_page_requested_during_a_restart_loads_when_the_process_answers(browser,
     context.close()
 
 
+@pytest.mark.exhaustive
 def test_frozen_page_process_delays_neither_the_loop_nor_off(client, live):
     page = client()
     heat(page, live)
@@ -92,6 +93,7 @@ def test_frozen_page_process_delays_neither_the_loop_nor_off(client, live):
     page.get_by_text("The page has lost its server").wait_for(state="hidden")
 
 
+@pytest.mark.exhaustive
 def test_killed_front_process_is_restarted_and_the_page_shows_the_loss(client, live):
     page = client()
     page.evaluate("() => { window.isOld = true }")
@@ -127,6 +129,7 @@ def elsewhere():
         serving.join()
 
 
+@pytest.mark.exhaustive
 def test_page_of_another_server_can_neither_switch_off_nor_load_pages(browser, live, elsewhere):
     live.wait(lambda: live.channel.pages == (0, False))
     offs, url = live.channel.offs, live.page.url.split("?")[0]
@@ -142,6 +145,7 @@ def test_page_of_another_server_can_neither_switch_off_nor_load_pages(browser, l
     assert live.channel.pages == (0, False)
 
 
+@pytest.mark.exhaustive
 def test_page_shows_that_the_run_has_ended_and_the_heater_is_confirmed_off(browser, tmp_path):
     with browser.new_context() as context:
         page = context.new_page()

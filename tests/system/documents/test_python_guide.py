@@ -70,6 +70,7 @@ def executed(once_per_run):
     return once_per_run("notebooks", make)
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("notebook", NOTEBOOKS, ids=lambda notebook: notebook.stem)
 def test_notebook_executes_with_its_stored_outputs(notebook, executed):
     assert outputs(executed / notebook.name) == outputs(notebook)
