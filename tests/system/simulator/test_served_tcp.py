@@ -197,17 +197,6 @@ def is_served(client):
         return False
 
 
-@contextlib.contextmanager
-def few_descriptors(count):
-    """Limit the descriptors of processes that are started in the block."""
-    before = resource.getrlimit(resource.RLIMIT_NOFILE)
-    resource.setrlimit(resource.RLIMIT_NOFILE, (count, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_NOFILE, before)
-
-
 def test_clients_beyond_the_limit_are_rejected_and_logged_once():
     with contextlib.ExitStack() as stack:
         process, url = stack.enter_context(served("--tcp", "0", "--profile", "adam-6018"))
@@ -223,8 +212,8 @@ def test_clients_beyond_the_limit_are_rejected_and_logged_once():
 
 def test_simulator_without_descriptors_goes_on_serving_its_clients():
     with contextlib.ExitStack() as stack:
-        with few_descriptors(40):
-            process, url = stack.enter_context(served("--tcp", "0", "--profile", "adam-6018"))
+        process, url = stack.enter_context(served("--tcp", "0", "--profile", "adam-6018"))
+        resource.prlimit(process.pid, resource.RLIMIT_NOFILE, (40, 40))
         clients = [stack.enter_context(client) for client in connected(url, 50)]
         were_served = [is_served(client) for client in clients]
         assert were_served[:10] == [True] * 10
