@@ -8,6 +8,7 @@ from math import isfinite
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
 from smadrive.measurement import Measurement
+from smadrive.rig.calibration.description import descriptions, today
 from smadrive.rig.config import load_rig
 from smadrive.rig.guardians import notes_waiting_guardians, waiting_guardians
 from smadrive.rig.rig import Rig
@@ -25,6 +26,8 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
     for name, identity in identities.items():
         output.say(f"{config.name}: {name} is a {identity}")
     output.table(("quantity", "value"), _rows(measurement))
+    for description in descriptions(config.calibration, today()).values():
+        output.say(f"{config.name}: {description}")
     _print_latched(output, measurement, tripped, rig)
     for guardian in waiting:
         output.say(guardian)
@@ -33,6 +36,7 @@ def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> No
             "rig": config.name,
             "devices": identities,
             **measurement._asdict(),
+            "calibration": config.calibration.model_dump(mode="json"),
             "tripped": tripped,
             "waiting_guardians": waiting,
         }

@@ -14,6 +14,10 @@ EXAMPLES = {
     "list": ("smadrive list",),
     "scan": ("smadrive scan /dev/ttyUSB0", "smadrive scan tcp://192.168.1.10 --units 1-3,7"),
     "probe": ("smadrive probe my-rig.toml", "smadrive probe simulated --trace traces"),
+    "calibrate": (
+        "smadrive calibrate my-rig.toml temperature --point ice --point boiling --pressure-hpa 985",
+        "smadrive calibrate my-rig.toml displacement --point 0 --point 5 --point 10",
+    ),
     "excite": ("smadrive excite my-rig.toml -o excitation.h5",),
     "identify": (
         "smadrive identify excitation.h5 -o wire.json --plot fit.html",

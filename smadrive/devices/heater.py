@@ -8,9 +8,11 @@ watchdog of the source itself.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from math import isfinite, nan
 
 from smadrive.clock import Clock
+from smadrive.devices.calibration import UNCORRECTED, Corrections
 from smadrive.devices.guardian.client import GuardianClient
 from smadrive.devices.heating.heat_source import HeaterLimits, HeatSource, Sample, Supplied
 from smadrive.devices.heating.zero_current import wait_for_zero_current
@@ -29,7 +31,8 @@ class Heater:
     """A heat source with the sensors of its wire. Methods raise the errors of the devices.
 
     `thermometer` and `displacement` are sensors that replace the measurements of the source. `guard` is the guardian of
-    a source that has no watchdog of its own.
+    a source that has no watchdog of its own. `corrections` turn the readings of the sensors into values; every limit
+    is a limit of values.
     """
 
     def __init__(
@@ -41,6 +44,7 @@ class Heater:
         displacement: PolledSensor | None = None,
         guard: GuardianClient | None = None,
         stop: StopListener | None = None,
+        corrections: Corrections = UNCORRECTED,
     ) -> None:
         """Send nothing yet: call `connect()`. ConfigError when no device measures the temperature."""
         if thermometer is None and "temperature" not in source.measures:
@@ -56,6 +60,7 @@ class Heater:
         self._displacement = displacement
         self._guard = guard
         self._stop = stop
+        self._corrections = corrections
         self._temperature_c = nan
         self._sent_a = 0.0
 
@@ -99,7 +104,7 @@ class Heater:
                 limit=f"{self.limits.temperature_max_c:g} °C",
                 cure="check the thermocouple, or let the wire cool down",
             )
-        self.source.configure(self.limits, watchdog_s)
+        self.source.configure(self._source_limits(), watchdog_s)
         if self._guard is not None:
             self._guard.watch()
         self.source.arm()
@@ -178,6 +183,14 @@ class Heater:
             guard.stand_down()
             return
 
+    def _source_limits(self) -> HeaterLimits:
+        """Return the limits as the source sees them, which compares its own readings with them.
+
+        The limit of its temperature is the reading at the limit of the wire, but never above that limit.
+        """
+        most_c = self.limits.temperature_max_c
+        return replace(self.limits, temperature_max_c=min(most_c, self._corrections.temperature.reading_at(most_c)))
+
     def _allowed(self, current_a: float) -> tuple[float, tuple[str, ...]]:
         """Return the allowed current in amperes, and the names of the limits that hold it back."""
         headroom_c = self.limits.temperature_max_c - self._temperature_c
@@ -195,8 +208,8 @@ class Heater:
     def _measurement(self, supplied: Supplied, in_force_a: float, limits: tuple[str, ...]) -> Measurement:
         temperature = supplied.temperature if self._thermometer is None else self._thermometer.sample()
         displacement = supplied.displacement if self._displacement is None else self._displacement.sample()
-        temperature = temperature or _NOTHING
-        displacement = displacement or _NOTHING
+        temperature = self._corrections.temperature.corrected(temperature or _NOTHING)
+        displacement = self._corrections.displacement.corrected(displacement or _NOTHING)
         now_s = self._clock.now_s()
         self._temperature_c = temperature.value
         return Measurement(

@@ -47,6 +47,11 @@ def configs_dir() -> Path:
     raise ConfigError("no folder 'configs' in or beside it", where=_PACKAGE, cure="reinstall smadrive")
 
 
+def is_shipped(path: Path) -> bool:
+    """Return True if `path` is a file of the folder `configs`."""
+    return path.resolve().is_relative_to(configs_dir().resolve())
+
+
 def config_file(name: str | Path, expected: FileKind) -> Path:
     """Return `name` as a path if it ends in .toml, otherwise the path of the shipped file with this name.
 

@@ -83,6 +83,7 @@ def open_devices(
         sensors.get("displacement"),
         guard,
         stop,
+        plan.corrections,
     )
     return RigDevices(heater, devices, clock, source, port_key(plan.source))
 

@@ -9,6 +9,7 @@ from typing import Any, Literal, NamedTuple, Self
 
 from pydantic import Field, ValidationInfo, field_validator, model_validator
 
+from smadrive.devices.calibration import CalibrationConfig
 from smadrive.errors import ConfigError
 from smadrive.files.config import Section, load_config, read_toml, validate
 from smadrive.files.kinds import RIG
@@ -90,6 +91,7 @@ class RigConfig(Section):
     limits: LimitsConfig
     excitation: ExcitationConfig
     feedback: FeedbackConfig = Field(default_factory=FeedbackConfig, validate_default=True)
+    calibration: CalibrationConfig = CalibrationConfig()
 
     @field_validator("feedback")
     @classmethod

@@ -12,6 +12,7 @@ from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import inf
 
+from smadrive.devices.calibration import Corrections
 from smadrive.devices.guardian.task import GuardedDevice, Task
 from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits
@@ -24,13 +25,9 @@ from smadrive.modbus.transports.connect import latency_s_of
 from smadrive.rig.config import DeviceConfig, LimitsConfig, RigConfig
 
 SIMULATED = "sim://"
-"""The scheme of simulated devices.
-
-They end with this process, so they need no guardian, and their trips are not kept.
-"""
+"""The scheme of simulated devices. They end with this process: they need no guardian, and their trips are not kept."""
 
 HEATING_ROLES = ("heater", "supply")
-
 QUANTITIES = ("temperature", "displacement")
 
 STALE_PERIODS = 3.0
@@ -113,6 +110,7 @@ class RigPlan:
     sensors: tuple[PlannedSensor, ...]
     limits: HeaterLimits
     guardian: Task | None
+    corrections: Corrections
 
 
 def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collection[str] = ()) -> RigPlan:
@@ -127,7 +125,8 @@ def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collecti
     check_full_scales(source)
     _check_thermometer(source, sensors, where)
     _check_addresses(devices, where)
-    return RigPlan(devices, source, sensors, _limits(config.limits), _guardian(source, devices, config.limits, where))
+    guardian = _guardian(source, devices, config.limits, where)
+    return RigPlan(devices, source, sensors, _limits(config.limits), guardian, config.calibration.corrections())
 
 
 def check_full_scales(source: PlannedDevice) -> None:

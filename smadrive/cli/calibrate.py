@@ -1,0 +1,141 @@
+"""`smadrive calibrate`: offset and scale of a sensor from its readings at known values."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from enum import StrEnum
+from typing import Annotated, Any
+
+import typer
+
+from smadrive.cli.options import RigFile
+from smadrive.cli.output import AsJson, Output
+from smadrive.errors import ConfigError, DataError
+from smadrive.identification.calibration import CalibrationFit, CalibrationPoint, fit_calibration
+from smadrive.rig.calibration.description import descriptions, today
+from smadrive.rig.calibration.reading import UNITS, read_steadily
+from smadrive.rig.calibration.rig_file import check_own_file, store_calibration
+from smadrive.rig.config import load_rig, rig_file
+from smadrive.rig.rig import Rig
+from smadrive.wire.boiling_point import STANDARD_HPA, boiling_point_c
+
+SUFFIXES = {"temperature": "c", "displacement": "mm"}
+VALUE_UNCERTAINTIES = {"temperature": 0.1, "displacement": 0.01}
+"""Standard uncertainty of a known value, if --value-uncertainty is not given: a stirred bath in °C, a gauge in mm."""
+
+
+class Sensor(StrEnum):
+    """The sensors of a wire."""
+
+    TEMPERATURE = "temperature"
+    DISPLACEMENT = "displacement"
+
+
+def main(
+    rig: RigFile,
+    sensor: Annotated[Sensor, typer.Argument(help="Sensor to calibrate.")],
+    point: Annotated[
+        list[str],
+        typer.Option(
+            "--point", "-p", help="Known value in °C or mm, `ice` or `boiling`. Give it once for each point, in order."
+        ),
+    ],
+    duration_s: Annotated[float, typer.Option("--for", min=1.0, max=600.0, help="Seconds of readings per point.")] = 10,
+    pressure_hpa: Annotated[
+        float, typer.Option(min=500.0, max=1100.0, help="Air pressure at `boiling`.")
+    ] = STANDARD_HPA,
+    value_uncertainty: Annotated[
+        float | None,
+        typer.Option(min=1e-6, help="Standard uncertainty of the known values; by default 0.1 °C or 0.01 mm."),
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Calibrate a sensor of RIG at known values, and write offset and scale into the rig file. The heater stays off."""
+    output = Output(as_json)
+    path = rig_file(rig)
+    config = load_rig(rig)
+    check_own_file(path)
+    values = [_value(text, sensor, pressure_hpa) for text in point]
+    uncertainty = VALUE_UNCERTAINTIES[sensor] if value_uncertainty is None else value_uncertainty
+    raw = config.calibration.model_copy(update={sensor.value: None})
+    with Rig(config.model_copy(update={"calibration": raw})) as open_rig:
+        points = list(_points(open_rig, sensor, values, uncertainty, duration_s))
+    fit = fit_calibration(points)
+    section = _section(sensor, fit, points)
+    store_calibration(path, sensor, section)
+    _print(output, sensor, fit, points)
+    output.say(f"{path}: {descriptions(load_rig(rig).calibration, today())[sensor]}")
+    if fit.scale_uncertainty is None:
+        output.warn(["one point determines the offset only; a second point would check the scale"])
+    output.result(
+        {
+            "rig_file": str(path),
+            "sensor": sensor.value,
+            **section,
+            "on": section["on"].isoformat(),
+            "points": [one._asdict() for one in points],
+            "residual": fit.residual,
+        }
+    )
+
+
+def _value(text: str, sensor: Sensor, pressure_hpa: float) -> float:
+    """Return the value of a point; ConfigError when it is none."""
+    named = {"ice": 0.0, "boiling": boiling_point_c(pressure_hpa)} if sensor is Sensor.TEMPERATURE else {}
+    if text in named:
+        return named[text]
+    try:
+        value = float(text)
+    except ValueError:
+        value = float("nan")
+    if not abs(value) < 1e4:
+        raise ConfigError(
+            "not a point",
+            where="--point",
+            value=text,
+            cure=f"give a number of {UNITS[sensor]}{', `ice` or `boiling`' if named else ''}",
+        )
+    return value
+
+
+def _points(
+    rig: Rig, sensor: Sensor, values: list[float], value_uncertainty: float, duration_s: float
+) -> Iterator[CalibrationPoint]:
+    """Yield a point for each value, after the user has brought the sensor there."""
+    for value in values:
+        _ask(f"Bring the {sensor} sensor to {value:.2f} {UNITS[sensor]} and let it settle, then press Enter: ")
+        reading = read_steadily(rig, sensor, duration_s)
+        yield CalibrationPoint(value, reading.mean, value_uncertainty, reading.uncertainty)
+
+
+def _ask(text: str) -> None:
+    """Wait for Enter. DataError when the input has ended."""
+    print(text, end="", file=sys.stderr, flush=True)
+    if not sys.stdin.readline():
+        raise DataError(
+            "nobody has confirmed the point",
+            where="stdin",
+            cure="run this in a terminal, and press Enter at each point",
+        )
+
+
+def _section(sensor: Sensor, fit: CalibrationFit, points: list[CalibrationPoint]) -> dict[str, Any]:
+    """Return the section of the rig file, with the points as evidence."""
+    suffix = SUFFIXES[sensor]
+    values: dict[str, Any] = {
+        f"offset_{suffix}": round(fit.offset, 5),
+        f"offset_uncertainty_{suffix}": round(fit.offset_uncertainty, 5),
+        "scale": round(fit.scale, 6),
+    }
+    if fit.scale_uncertainty is not None:
+        values["scale_uncertainty"] = round(fit.scale_uncertainty, 6)
+    values["on"] = today()
+    values["evidence"] = "; ".join(f"{one.reading:.4g} read at {one.value:.4g} {UNITS[sensor]}" for one in points)
+    return values
+
+
+def _print(output: Output, sensor: Sensor, fit: CalibrationFit, points: list[CalibrationPoint]) -> None:
+    unit = UNITS[sensor]
+    rows = [(f"{one.value:.3f}", f"{one.reading:.3f}", f"{fit.scale * one.reading + fit.offset:.3f}") for one in points]
+    output.table((f"known value / {unit}", f"reading / {unit}", f"corrected / {unit}"), rows)

@@ -1,0 +1,84 @@
+"""The calibration of the sensors, as a rig file stores it, and the correction of their readings.
+
+value = scale * reading + offset. The limits of offset and scale are those of a sensor that works: a mistaken number
+must not make a hot wire look cold.
+"""
+
+from __future__ import annotations
+
+from datetime import date
+from typing import NamedTuple
+
+from pydantic import Field
+
+from smadrive.devices.heating.heat_source import Sample
+from smadrive.files.config import Section
+
+
+class Correction(NamedTuple):
+    """The straight line from the readings of a sensor to the values. By default a reading is the value."""
+
+    offset: float = 0.0
+    scale: float = 1.0
+
+    def corrected(self, sample: Sample) -> Sample:
+        """Return the sample with its corrected value. An invalid value stays NaN."""
+        return sample._replace(value=self.scale * sample.value + self.offset)
+
+    def reading_at(self, value: float) -> float:
+        """Return the reading of the sensor at a true `value`."""
+        return (value - self.offset) / self.scale
+
+
+class Corrections(NamedTuple):
+    """The corrections of the two sensors of a wire."""
+
+    temperature: Correction = Correction()
+    displacement: Correction = Correction()
+
+
+UNCORRECTED = Corrections()
+
+
+class TemperatureCalibration(Section):
+    """The calibration of the thermocouple. The uncertainties are expanded (k = 2); None if they are unknown."""
+
+    offset_c: float = Field(ge=-20, le=20)
+    offset_uncertainty_c: float = Field(ge=0)
+    scale: float = Field(default=1.0, ge=0.8, le=1.25)
+    scale_uncertainty: float | None = Field(default=None, ge=0)
+    on: date
+    evidence: str = ""
+
+    def correction(self) -> Correction:
+        """Return the correction of a reading in °C."""
+        return Correction(self.offset_c, self.scale)
+
+
+class DisplacementCalibration(Section):
+    """The calibration of the displacement sensor. The uncertainties are expanded (k = 2); None if unknown."""
+
+    offset_mm: float = Field(ge=-1000, le=1000)
+    offset_uncertainty_mm: float = Field(ge=0)
+    scale: float = Field(default=1.0, ge=0.5, le=2)
+    scale_uncertainty: float | None = Field(default=None, ge=0)
+    on: date
+    evidence: str = ""
+
+    def correction(self) -> Correction:
+        """Return the correction of a reading in mm."""
+        return Correction(self.offset_mm, self.scale)
+
+
+class CalibrationConfig(Section):
+    """The calibrations of a rig. A sensor without a calibration is used as it reads."""
+
+    temperature: TemperatureCalibration | None = None
+    displacement: DisplacementCalibration | None = None
+
+    def corrections(self) -> Corrections:
+        """Return the corrections of both sensors."""
+        none = Correction()
+        return Corrections(
+            *(none if one is None else one.correction() for one in (self.temperature, self.displacement))
+        )

@@ -1,0 +1,67 @@
+"""The reading of a sensor at a known value: the mean of several seconds with the heater off."""
+
+from __future__ import annotations
+
+from math import hypot, isfinite, sqrt
+from statistics import fmean, stdev
+from typing import NamedTuple
+
+from smadrive.errors import DataError
+from smadrive.rig.rig import Rig
+
+UNITS = {"temperature": "°C", "displacement": "mm"}
+FIELDS = {
+    "temperature": ("temperature_c", "temperature_age_s"),
+    "displacement": ("displacement_mm", "displacement_age_s"),
+}
+LEAST_READINGS = 4
+STEADY = {"temperature": 0.5, "displacement": 0.02}
+"""Largest change of the mean between the two halves of the readings, in the unit of the quantity."""
+
+
+class SteadyReading(NamedTuple):
+    """The mean of `samples` readings, and its standard uncertainty: scatter of the mean and drift (uniform)."""
+
+    mean: float
+    uncertainty: float
+    samples: int
+
+
+def read_steadily(rig: Rig, quantity: str, duration_s: float) -> SteadyReading:
+    """Return the reading of a sensor over `duration_s`; the heater stays off.
+
+    DataError when a reading is invalid, or the readings are not steady.
+    """
+    by_time: dict[float, float] = {}
+    end_s = rig.clock.now_s() + duration_s
+    while rig.clock.now_s() < end_s:
+        by_time.update([_valid(rig, quantity)])
+        rig.clock.sleep_until(rig.clock.now_s() + rig.period_s)
+    readings = list(by_time.values())
+    if len(readings) < LEAST_READINGS:
+        raise DataError("too few readings", value=len(readings), limit=LEAST_READINGS, cure="read for a longer time")
+    half = len(readings) // 2
+    change = fmean(readings[half:]) - fmean(readings[:half])
+    if abs(change) > STEADY[quantity]:
+        raise DataError(
+            f"the {quantity} is not steady",
+            value=f"changes by {change:+.3g} {UNITS[quantity]} within {duration_s:g} s",
+            limit=f"{STEADY[quantity]:g} {UNITS[quantity]}",
+            cure="wait until the sensor stands still at the known value, then calibrate again",
+        )
+    scatter = stdev(readings) / sqrt(len(readings))
+    return SteadyReading(fmean(readings), hypot(scatter, abs(change) / sqrt(3)), len(readings))
+
+
+def _valid(rig: Rig, quantity: str) -> tuple[float, float]:
+    """Return the time and the value of the sensor's latest reading; DataError when it is invalid."""
+    measurement = rig.measure()
+    value, age_s = (getattr(measurement, name) for name in FIELDS[quantity])
+    if not isfinite(value):
+        raise DataError(
+            f"no valid {quantity}",
+            where=f"rig '{rig.config.name}'",
+            value=measurement.temperature_fault if quantity == "temperature" else None,
+            cure="connect the sensor, and check it with `smadrive probe RIG`",
+        )
+    return measurement.time_s - age_s, value

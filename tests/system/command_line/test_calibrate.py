@@ -1,0 +1,55 @@
+"""`smadrive calibrate` in virtual time, as a user types it, and with mistakes."""
+
+import json
+import sys
+
+import programs
+import pytest
+
+from smadrive.files.shipped import configs_dir
+
+SHIPPED = configs_dir() / "rigs" / "in-process.toml"
+
+
+@pytest.fixture
+def smadrive(tmp_path):
+    (tmp_path / "rig.toml").write_text(SHIPPED.read_text())
+
+    def run(*arguments, keys="\n\n\n"):
+        command = [sys.executable, "-m", "smadrive", *arguments]
+        return programs.run(command, cwd=tmp_path, input=keys, capture_output=True, text=True, check=False)
+
+    return run
+
+
+def test_offset_is_found_from_raw_readings_and_shown_by_probe(smadrive):
+    for _ in range(2):  # the second calibration must not see the correction of the first
+        done = json.loads(smadrive("calibrate", "rig.toml", "temperature", "--point", "25", "--json").stdout)
+        assert done["offset_c"] == pytest.approx(3.0, abs=0.1)
+        assert done["scale"] == 1.0
+    probed = json.loads(smadrive("probe", "rig.toml", "--json").stdout)
+    assert probed["temperature_c"] == pytest.approx(25.0, abs=0.5)
+    assert probed["calibration"]["temperature"]["offset_c"] == done["offset_c"]
+    assert probed["calibration"]["displacement"] is None
+
+
+@pytest.mark.parametrize(
+    ("arguments", "keys"),
+    [
+        (("rig.toml", "temperature", "--point", "100"), "\n"),
+        (("rig.toml", "temperature", "--point", "ice"), ""),
+        (("rig.toml", "temperature", "--point", "ice", "--point", "boiling"), "\n\n"),
+        (("rig.toml", "temperature", "--point", "warm"), "\n"),
+        (("rig.toml", "temperature", "--point", "nan"), "\n"),
+        (("rig.toml", "displacement", "--point", "ice"), "\n"),
+        (("rig.toml", "force", "--point", "1"), "\n"),
+        (("rig.toml", "temperature"), "\n"),
+        (("in-process", "temperature", "--point", "22"), "\n"),
+    ],
+    ids=lambda value: " ".join(value[1:]) if isinstance(value, tuple) else "",
+)
+def test_mistake_leaves_the_rig_file(smadrive, tmp_path, arguments, keys):
+    done = smadrive("calibrate", *arguments, keys=keys)
+    assert done.returncode == 2
+    assert "Traceback" not in done.stderr
+    assert (tmp_path / "rig.toml").read_text() == SHIPPED.read_text()
