@@ -18,6 +18,7 @@ from dataclasses import replace
 from enum import Enum, auto
 from types import TracebackType
 from typing import IO, Self
+from weakref import WeakSet
 
 from smadrive.devices.guardian.duty import relieve
 from smadrive.devices.guardian.task import FREE, GIVES_WAY, HEARTBEAT, READY, STAND_DOWN, TAKEN, WATCH, SharedLock, Task
@@ -74,6 +75,7 @@ class GuardianClient:
             pass_fds=[lock.descriptor for lock in self._locks],
         )
         self._to, self._from = _piped(self._process.stdin), _piped(self._process.stdout)
+        _clients.add(self)
         return self
 
     def configure(self, identity: Identity) -> None:
@@ -110,6 +112,12 @@ class GuardianClient:
             self._process.wait(ENDS_WITHIN_S)
         except subprocess.TimeoutExpired:  # the guardian stands still, and is not needed any more
             self._end()
+
+    def close_inherited(self) -> None:
+        """Close the pipes in a forked child: the guardian must notice the end of its driver, not that of the child."""
+        self._to.close()
+        self._from.close()
+        self._state = WatchState.STANDING_BY
 
     def watch(self) -> None:
         """Tell the guardian that heating begins; SafetyError when the guardian is gone."""
@@ -194,6 +202,17 @@ class GuardianClient:
         with suppress(OSError):
             return bool(self._to.write(signal))
         return False
+
+
+_clients: WeakSet[GuardianClient] = WeakSet()
+
+
+def _close_inherited() -> None:
+    for client in tuple(_clients):
+        client.close_inherited()
+
+
+os.register_at_fork(after_in_child=_close_inherited)
 
 
 def _gone() -> SafetyError:

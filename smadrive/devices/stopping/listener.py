@@ -32,7 +32,8 @@ class StopListener:
     """Listens for requests to stop the driver called `where`. A context manager.
 
     Leaving it tells every asker that the line is free, so it is entered before the ports are opened and left after they
-    are closed. An interruption that a request has caused leaves it as StoppedError, with the interruption as its cause.
+    are closed. After a request, whatever ends the block leaves it as StoppedError, with the error of the block as its
+    cause: a program that tries again after an error, or goes on to its next run, must not heat again.
     """
 
     def __init__(self, where: str) -> None:
@@ -40,8 +41,9 @@ class StopListener:
         self._requested = self._is_closing = False
         self._mutex = threading.Lock()
         self._selector = selectors.DefaultSelector()
-        self._listening: list[socket.socket] = []
+        self._listening: dict[socket.socket, str] = {}
         self._askers: list[socket.socket] = []
+        self._wakers: tuple[socket.socket, ...] = ()
         self._thread: threading.Thread | None = None
         self._is_main = threading.current_thread() is threading.main_thread()
         _listeners.add(self)
@@ -56,11 +58,12 @@ class StopListener:
         if not IS_POSSIBLE:
             return
         for name in names:
-            self._listening.append(_listening(name))
-            self._selector.register(self._listening[-1], selectors.EVENT_READ, line)
+            listening = _listening(name)
+            self._listening[listening] = line
+            self._selector.register(listening, selectors.EVENT_READ)
         if self._listening and self._thread is None:
-            self._end, self._ended = socket.socketpair()
-            self._selector.register(self._ended, selectors.EVENT_READ, None)
+            self._wakers = socket.socketpair()
+            self._selector.register(self._wakers[1], selectors.EVENT_READ)
             self._thread = threading.Thread(target=self._serve, name="emergency stop", daemon=True)
             self._thread.start()
 
@@ -76,21 +79,24 @@ class StopListener:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop listening, and close the connections of the askers; StoppedError if one of them ended the block."""
+        """Stop listening, and close the connections of the askers; StoppedError if there is one."""
+        late: BaseException | None = None
         try:
             self._close()
-        except (KeyboardInterrupt, SystemExit) as late:  # its request came when the block had already ended
-            error = late
+        except (KeyboardInterrupt, SystemExit) as interruption:  # its request came when the block had already ended
+            late = interruption
             self._close()
-        if self._requested and isinstance(error, KeyboardInterrupt | SystemExit):
+        if self._requested and not isinstance(error, StoppedError):
             stopped = self._stopped()
             for note in getattr(error, "__notes__", ()):
                 stopped.add_note(note)
-            raise stopped from error
+            raise stopped from error or late
+        if late is not None and not self._requested:
+            raise late
 
     def close_inherited(self) -> None:
         """Close the sockets in a forked child: the driver is its parent alone."""
-        for one in (*self._listening, *self._askers):
+        for one in (*self._listening, *self._askers, *self._wakers):
             one.close()
 
     def _stopped(self) -> StoppedError:
@@ -100,40 +106,49 @@ class StopListener:
         with self._mutex:
             self._is_closing = True
         if self._thread is not None:
-            self._end.close()
+            _shut(self._wakers[0])
             self._thread.join()
-            self._ended.close()
-        for one in (*self._listening, *self._askers):
+        for listening, line in self._listening.items():
+            _shut(listening)
+            while self._accept(listening, line):  # a request that the thread has not accepted
+                pass
+        for one in (*self._askers, *self._listening, *self._wakers):
+            _shut(one)
             one.close()
         self._selector.close()
 
     def _serve(self) -> None:
         while True:
             for key, _ in self._selector.select():
-                if key.data is None:
-                    return
                 assert isinstance(key.fileobj, socket.socket)
-                self._accept(key.fileobj, key.data)
+                if key.fileobj not in self._listening:
+                    return
+                self._accept(key.fileobj, self._listening[key.fileobj])
+                if len(self._askers) >= MOST_ASKERS:  # else their descriptors would be exhausted
+                    self._selector.unregister(key.fileobj)
 
-    def _accept(self, listening: socket.socket, line: str) -> None:
-        with suppress(OSError):
+    def _accept(self, listening: socket.socket, line: str) -> bool:
+        """Accept a request, and return False if there is none."""
+        try:
             asker, _ = listening.accept()
+        except OSError:
+            return False
+        with suppress(OSError):
             if peer_of(asker).may_open(line):
                 self._askers.append(asker)
-                if len(self._askers) == MOST_ASKERS:  # else their descriptors would be exhausted
-                    self._selector.unregister(listening)
                 self._interrupt()
             else:
                 with asker:
                     asker.sendall(REFUSED)
+        return True
 
     def _interrupt(self) -> None:
         """Interrupt the driver, unless it has been interrupted already, or ends."""
         with self._mutex:
-            if not (self._requested or self._is_closing):
-                self._requested = True
-                if self._is_main:
-                    signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
+            interrupts = self._is_main and not (self._requested or self._is_closing)
+            self._requested = True
+            if interrupts:
+                signal.pthread_kill(threading.main_thread().ident or 0, signal.SIGINT)
 
 
 _listeners: WeakSet[StopListener] = WeakSet()
@@ -145,6 +160,12 @@ def _close_inherited() -> None:
 
 
 os.register_at_fork(after_in_child=_close_inherited)
+
+
+def _shut(one: socket.socket) -> None:
+    """End the connections of a socket, also those through copies that a forked child has."""
+    with suppress(OSError):
+        one.shutdown(socket.SHUT_RDWR)
 
 
 def _listening(name: str) -> socket.socket:

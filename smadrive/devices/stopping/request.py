@@ -83,7 +83,10 @@ def _kill(driver: PeerProcess, line: str) -> None:
     """
     with suppress(ProcessLookupError), ExitStack() as stack:
         process = _opened(driver.pid, stack)
-        guardians = [_opened(pid, stack) for pid in _guardians_of(driver.pid)]
+        guardians = []
+        for pid in _guardians_of(driver.pid):
+            with suppress(ProcessLookupError):  # it has just ended; the driver must be killed all the same
+                guardians.append(_opened(pid, stack))
         try:
             signal.pidfd_send_signal(process, signal.SIGKILL)
             select.select((process,), (), (), DIES_WITHIN_S)
@@ -105,8 +108,15 @@ def _opened(pid: int, stack: ExitStack) -> int:
 
 
 def _guardians_of(pid: int) -> list[int]:
-    """Return the guardians that this process has started."""
+    """Return the guardians that this process has started, in whichever of its threads."""
+    found = []
+    for task in Path(f"/proc/{pid}/task").glob("*/children"):
+        with suppress(OSError):
+            found += [int(child) for child in task.read_text().split() if _is_guardian(child)]
+    return found
+
+
+def _is_guardian(pid: str) -> bool:
     with suppress(OSError):
-        children = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
-        return [int(child) for child in children if GUARDIAN in Path(f"/proc/{child}/cmdline").read_bytes()]
-    return []
+        return GUARDIAN in Path(f"/proc/{pid}/cmdline").read_bytes()
+    return False

@@ -3,6 +3,9 @@
 pyserial is not used for reads and writes: it takes its timeout from an attribute, and setting this attribute
 reprograms the port. A lost connection is closed at once; otherwise a USB adapter that is plugged in again gets another
 name. `reopen` opens the connection again.
+
+A forked child closes its copies: a device that accepts only one client would otherwise be occupied after the end of the
+driver.
 """
 
 from __future__ import annotations
@@ -12,6 +15,7 @@ import select
 from abc import ABC, abstractmethod
 from contextlib import suppress
 from typing import ClassVar, NoReturn, Protocol, Self
+from weakref import WeakSet
 
 from smadrive.clock import MonotonicClock
 from smadrive.errors import TransportError
@@ -61,6 +65,7 @@ class DescriptorTransport(ABC):
         self._closed = False
         self._descriptor = _GONE
         self._open(timeout_s)
+        _transports.add(self)
 
     @abstractmethod
     def _open_port(self, timeout_s: float) -> OpenPort:
@@ -138,6 +143,13 @@ class DescriptorTransport(ABC):
         self._closed = True
         self.disconnect()
 
+    def close_inherited(self) -> None:
+        """Close the connection for good in a forked child. The lock of the port stays with the parent."""
+        self._closed = True
+        if self._descriptor != _GONE:
+            self._descriptor = _GONE
+            self._port.close()
+
     def __enter__(self) -> Self:
         return self
 
@@ -157,3 +169,14 @@ class DescriptorTransport(ABC):
     def _fail(self, error: Exception) -> NoReturn:
         self.disconnect()
         raise TransportError("the connection is lost", where=self.name, value=error, cure=self.cure) from None
+
+
+_transports: WeakSet[DescriptorTransport] = WeakSet()
+
+
+def _close_inherited() -> None:
+    for transport in tuple(_transports):
+        transport.close_inherited()
+
+
+os.register_at_fork(after_in_child=_close_inherited)

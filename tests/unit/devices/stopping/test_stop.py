@@ -8,6 +8,7 @@ import subprocess
 import sys
 import threading
 import time
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
 from pathlib import Path
 
@@ -18,7 +19,7 @@ from smadrive.devices.state.lock import Role, lock_line
 from smadrive.devices.stopping.endpoint import address_of
 from smadrive.devices.stopping.listener import BACKLOG, MOST_ASKERS, StopListener
 from smadrive.devices.stopping.request import stop_driver
-from smadrive.errors import BusyError
+from smadrive.errors import BusyError, StoppedError
 
 DRIVER = """
 import signal, sys, time
@@ -146,9 +147,52 @@ def test_forked_child_of_a_driver_does_not_keep_its_line(line):
         assert stop_driver(line, line) is None
         with StopListener("driver") as again, lock_line(line, Role.DRIVER):
             again.listen(line, [line])
+        assert child.is_alive()
     finally:
         child.kill()
         child.join()
+
+
+@pytest.mark.parametrize("ending", ["error", "end"])
+def test_request_wins_over_the_way_in_which_the_driver_ends(line, ending):
+    def drive():
+        with StopListener("driver") as listener:
+            listener.listen(line, [line])
+            with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asker:
+                asker.connect(address_of(line))
+                while not listener.requested:
+                    time.sleep(0.001)
+            if ending == "error":
+                raise ValueError
+
+    with ThreadPoolExecutor(1) as pool, pytest.raises(StoppedError) as stopped:
+        pool.submit(drive).result()
+    assert type(stopped.value.__cause__) is (ValueError if ending == "error" else type(None))
+
+
+def test_request_is_either_rejected_or_obeyed_while_the_driver_ends(line):
+    """A driver that is reported as stopped must not go on to its next run."""
+    both = threading.Barrier(2)
+
+    def was_stopped():
+        try:
+            with StopListener("driver") as listener:
+                listener.listen(line, [line])
+                both.wait()
+        except StoppedError:
+            return True
+        return False
+
+    def has_asked(round_):
+        both.wait()
+        time.sleep(1e-5 * (round_ % 20))
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as asker:
+            return asker.connect_ex(address_of(line)) == 0
+
+    with ThreadPoolExecutor(2) as pool:
+        for round_ in range(200):
+            driver, asker = pool.submit(was_stopped), pool.submit(has_asked, round_)
+            assert driver.result() == asker.result()
 
 
 def test_second_driver_of_a_line_is_refused(line):
