@@ -25,7 +25,7 @@ VALUE_UNCERTAINTIES = {"temperature": 0.1, "displacement": 0.01}
 """Standard uncertainty of a known value, if --value-uncertainty is not given: a stirred bath in °C, a gauge in mm."""
 
 
-class Sensor(StrEnum):
+class CalibratedSensor(StrEnum):
     """The sensors of a wire."""
 
     TEMPERATURE = "temperature"
@@ -34,7 +34,7 @@ class Sensor(StrEnum):
 
 def main(
     rig: RigFile,
-    sensor: Annotated[Sensor, typer.Argument(help="Sensor to calibrate.")],
+    sensor: Annotated[CalibratedSensor, typer.Argument(help="Sensor to calibrate.")],
     point: Annotated[
         list[str],
         typer.Option(
@@ -80,9 +80,9 @@ def main(
     )
 
 
-def _value(text: str, sensor: Sensor, pressure_hpa: float) -> float:
+def _value(text: str, sensor: CalibratedSensor, pressure_hpa: float) -> float:
     """Return the value of a point; ConfigError when it is none."""
-    named = {"ice": 0.0, "boiling": boiling_point_c(pressure_hpa)} if sensor is Sensor.TEMPERATURE else {}
+    named = {"ice": 0.0, "boiling": boiling_point_c(pressure_hpa)} if sensor is CalibratedSensor.TEMPERATURE else {}
     if text in named:
         return named[text]
     try:
@@ -100,7 +100,7 @@ def _value(text: str, sensor: Sensor, pressure_hpa: float) -> float:
 
 
 def _points(
-    rig: Rig, sensor: Sensor, values: list[float], value_uncertainty: float, duration_s: float
+    rig: Rig, sensor: CalibratedSensor, values: list[float], value_uncertainty: float, duration_s: float
 ) -> Iterator[CalibrationPoint]:
     """Yield a point for each value, after the user has brought the sensor there."""
     for value in values:
@@ -120,7 +120,7 @@ def _ask(text: str) -> None:
         )
 
 
-def _section(sensor: Sensor, fit: CalibrationFit, points: list[CalibrationPoint]) -> dict[str, Any]:
+def _section(sensor: CalibratedSensor, fit: CalibrationFit, points: list[CalibrationPoint]) -> dict[str, Any]:
     """Return the section of the rig file, with the points as evidence."""
     suffix = SUFFIXES[sensor]
     values: dict[str, Any] = {
@@ -135,7 +135,7 @@ def _section(sensor: Sensor, fit: CalibrationFit, points: list[CalibrationPoint]
     return values
 
 
-def _print(output: Output, sensor: Sensor, fit: CalibrationFit, points: list[CalibrationPoint]) -> None:
+def _print(output: Output, sensor: CalibratedSensor, fit: CalibrationFit, points: list[CalibrationPoint]) -> None:
     unit = UNITS[sensor]
     rows = [(f"{one.value:.3f}", f"{one.reading:.3f}", f"{fit.scale * one.reading + fit.offset:.3f}") for one in points]
     output.table((f"known value / {unit}", f"reading / {unit}", f"corrected / {unit}"), rows)

@@ -10,8 +10,8 @@ import typer
 from smadrive.cli.options import RigFile
 from smadrive.cli.output import AsJson, Output
 from smadrive.errors import SafetyError
-from smadrive.rig.guardians import notes_waiting_guardians, waiting_guardians
-from smadrive.rig.switch_off import switch_off
+from smadrive.rig.switching_off.guardians import notes_waiting_guardians, waiting_guardians
+from smadrive.rig.switching_off.switch_off import switch_off
 
 ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear latched faults; remove the cause first.")]
 

@@ -10,8 +10,8 @@ from smadrive.cli.output import AsJson, Output
 from smadrive.measurement import Measurement
 from smadrive.rig.calibration.description import descriptions, today
 from smadrive.rig.config import load_rig
-from smadrive.rig.guardians import notes_waiting_guardians, waiting_guardians
 from smadrive.rig.rig import Rig
+from smadrive.rig.switching_off.guardians import notes_waiting_guardians, waiting_guardians
 
 
 def main(rig: RigFile, trace: TraceFolder = None, as_json: AsJson = False) -> None:

@@ -15,7 +15,7 @@ from smadrive.devices.heating.heat_source import Sample
 from smadrive.files.config import Section
 
 
-class Correction(NamedTuple):
+class SensorCorrection(NamedTuple):
     """The straight line from the readings of a sensor to the values. By default a reading is the value."""
 
     offset: float = 0.0
@@ -33,8 +33,8 @@ class Correction(NamedTuple):
 class Corrections(NamedTuple):
     """The corrections of the two sensors of a wire."""
 
-    temperature: Correction = Correction()
-    displacement: Correction = Correction()
+    temperature: SensorCorrection = SensorCorrection()
+    displacement: SensorCorrection = SensorCorrection()
 
 
 UNCORRECTED = Corrections()
@@ -50,9 +50,9 @@ class TemperatureCalibration(Section):
     on: date
     evidence: str = ""
 
-    def correction(self) -> Correction:
+    def correction(self) -> SensorCorrection:
         """Return the correction of a reading in °C."""
-        return Correction(self.offset_c, self.scale)
+        return SensorCorrection(self.offset_c, self.scale)
 
 
 class DisplacementCalibration(Section):
@@ -65,9 +65,9 @@ class DisplacementCalibration(Section):
     on: date
     evidence: str = ""
 
-    def correction(self) -> Correction:
+    def correction(self) -> SensorCorrection:
         """Return the correction of a reading in mm."""
-        return Correction(self.offset_mm, self.scale)
+        return SensorCorrection(self.offset_mm, self.scale)
 
 
 class CalibrationConfig(Section):
@@ -78,7 +78,7 @@ class CalibrationConfig(Section):
 
     def corrections(self) -> Corrections:
         """Return the corrections of both sensors."""
-        none = Correction()
+        none = SensorCorrection()
         return Corrections(
             *(none if one is None else one.correction() for one in (self.temperature, self.displacement))
         )

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import select
 import time
 from contextlib import suppress
 from enum import StrEnum
@@ -167,13 +168,22 @@ def _is_driving(holder: Holder | None) -> bool:
     """Return True if a living driver holds the line. Then waiting is useless, because a run may last for hours."""
     if holder is None or holder.role is not Role.DRIVER:
         return False
+    return _lives(holder.pid)
+
+
+def _lives(pid: int) -> bool:
+    """Return True if the process has not ended. A killed process whose parent has not looked yet has ended."""
     try:
-        os.kill(holder.pid, 0)
+        os.kill(pid, 0)
+        descriptor = os.pidfd_open(pid)
     except ProcessLookupError:
         return False
-    except OSError:
+    except (OSError, AttributeError):  # another user's process, or a system without such descriptors
         return True
-    return True
+    try:
+        return not select.select((descriptor,), (), (), 0.0)[0]
+    finally:
+        os.close(descriptor)
 
 
 def _busy(line: str, holder: Holder | None) -> BusyError:

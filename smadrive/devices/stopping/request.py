@@ -54,10 +54,18 @@ def stop_driver(line: str, name: str, within_s: float = ANSWERS_WITHIN_S) -> Sto
         except OSError:
             return None
         driver = peer_of(connection)
-        if _is_released(connection, driver, line):
-            return StoppedDriver(driver.pid, killed=False)
-        _kill(driver, line)
-        return StoppedDriver(driver.pid, killed=True)
+        with ExitStack() as stack:
+            process = _descriptor(driver.pid, stack)
+            if _is_released(connection, driver, line):
+                return StoppedDriver(driver.pid, killed=False)
+            if process is None:
+                raise SafetyError(
+                    "its driver does not answer, and this process cannot end it",
+                    where=line,
+                    cure="end it where it runs, such as in its container, or cut the heater's supply",
+                )
+            _kill(process, driver, line)
+            return StoppedDriver(driver.pid, killed=True)
 
 
 def _is_released(connection: socket.socket, driver: PeerProcess, line: str) -> bool:
@@ -76,33 +84,38 @@ def _is_released(connection: socket.socket, driver: PeerProcess, line: str) -> b
     return True
 
 
-def _kill(driver: PeerProcess, line: str) -> None:
-    """Kill the driver, and wait for its end and for that of its guardians. A descriptor always means the same process.
+def _kill(process: int, driver: PeerProcess, line: str) -> None:
+    """Kill the driver, whose descriptor is `process`, and wait for its end and for that of its guardians.
 
     The guardians may belong to another user, whose locks this process does not see.
     """
-    with suppress(ProcessLookupError), ExitStack() as stack:
-        process = _opened(driver.pid, stack)
-        guardians = []
-        for pid in _guardians_of(driver.pid):
-            with suppress(ProcessLookupError):  # it has just ended; the driver must be killed all the same
-                guardians.append(_opened(pid, stack))
+    with ExitStack() as stack:
+        guardians = [_descriptor(pid, stack) for pid in _guardians_of(driver.pid)]
         try:
             signal.pidfd_send_signal(process, signal.SIGKILL)
-            select.select((process,), (), (), DIES_WITHIN_S)
-            for guardian in guardians:
-                select.select((guardian,), (), (), GUARDIAN_WITHIN_S)
+        except ProcessLookupError:  # it has just ended
+            pass
         except PermissionError:
             raise SafetyError(
                 f"its driver (process {driver.pid}) does not answer, and your user may not end it",
                 where=line,
                 cure=f"end it as its user or as root (`sudo kill -9 {driver.pid}`), then run this again",
             ) from None
+        select.select((process,), (), (), DIES_WITHIN_S)
+        for guardian in guardians:
+            if guardian is not None:
+                select.select((guardian,), (), (), GUARDIAN_WITHIN_S)
 
 
-def _opened(pid: int, stack: ExitStack) -> int:
-    """Return a descriptor of the process, which `stack` closes."""
-    descriptor = os.pidfd_open(pid)
+def _descriptor(pid: int, stack: ExitStack) -> int | None:
+    """Return a descriptor of the process, which `stack` closes; None if the process has ended or is not visible.
+
+    A number may soon name another process, but a descriptor always means the same one.
+    """
+    try:
+        descriptor = os.pidfd_open(pid)
+    except OSError:
+        return None
     stack.callback(os.close, descriptor)
     return descriptor
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from smadrive.devices.calibration import UNCORRECTED, CalibrationConfig, Correction, Corrections
+from smadrive.devices.calibration import UNCORRECTED, CalibrationConfig, Corrections, SensorCorrection
 from smadrive.devices.heater import Heater
 from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits, Sample
@@ -17,18 +17,18 @@ def calibrated(device, clock, temperature=UNCORRECTED.temperature, displacement=
 
 
 def test_values_are_corrected(device, clock, rig):
-    measured = calibrated(device, clock, Correction(3.0, 0.9), Correction(-1.0, 2.0)).connect()
+    measured = calibrated(device, clock, SensorCorrection(3.0, 0.9), SensorCorrection(-1.0, 2.0)).connect()
     assert measured.temperature_c == pytest.approx(0.9 * rig.bench.sensors.temperature_c + 3.0, abs=0.01)
     assert measured.displacement_mm == pytest.approx(2.0 * rig.bench.plant.displacement_mm - 1.0, abs=0.1)
 
 
 def test_invalid_value_stays_invalid():
-    assert math.isnan(Correction(3.0, 0.9).corrected(Sample(math.nan, 0.0, "open")).value)
+    assert math.isnan(SensorCorrection(3.0, 0.9).corrected(Sample(math.nan, 0.0, "open")).value)
 
 
 @pytest.mark.parametrize(
     ("correction", "limit_c"),
-    [(Correction(10.0, 1.0), 120.0), (Correction(0.0, 1.25), 104.0), (Correction(-10.0, 1.0), 130.0)],
+    [(SensorCorrection(10.0, 1.0), 120.0), (SensorCorrection(0.0, 1.25), 104.0), (SensorCorrection(-10.0, 1.0), 130.0)],
 )
 def test_device_switches_off_at_the_limit_of_the_wire_at_the_latest(device, clock, correction, limit_c):
     heater = calibrated(device, clock, correction)
@@ -39,7 +39,7 @@ def test_device_switches_off_at_the_limit_of_the_wire_at_the_latest(device, cloc
 
 
 def test_current_ends_at_the_corrected_limit(device, clock, rig):
-    heater = calibrated(device, clock, Correction(20.0, 1.25))
+    heater = calibrated(device, clock, SensorCorrection(20.0, 1.25))
     heater.connect()
     heater.arm(0.5)
     for _ in range(400):

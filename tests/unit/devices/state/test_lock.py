@@ -1,9 +1,11 @@
 """The lock of a line admits one client, is shared with its guardian, and is released by the kernel."""
 
+import fcntl
 import os
 import signal
 import subprocess
 import sys
+import threading
 
 import pytest
 
@@ -55,6 +57,19 @@ def test_the_kernel_releases_the_lock_of_a_killed_process(held):
     process.send_signal(signal.SIGKILL)
     process.wait()
     lock_line(LINE, Role.GUARDIAN, 0.0).release()
+
+
+def test_killed_driver_that_nobody_has_waited_for_does_not_count_as_a_driver(held):
+    process = held(LINE, "driver")
+    file = locks._file(LINE)
+    process.kill()
+    os.waitid(os.P_PID, process.pid, os.WEXITED | os.WNOWAIT)  # it has ended, and stays in the table of processes
+    with file.open() as shared:  # a guardian still has the lock
+        fcntl.flock(shared, fcntl.LOCK_EX)
+        waiting = threading.Timer(0.3, fcntl.flock, (shared, fcntl.LOCK_UN))
+        waiting.start()
+        lock_line(LINE, Role.OFF, 30.0).release()
+        waiting.join()
 
 
 def test_a_guardian_at_work_is_awaited(held):

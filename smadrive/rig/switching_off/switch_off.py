@@ -13,27 +13,26 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
-from typing import TypeVar
+from functools import partial
 
+from smadrive.clock import Clock
 from smadrive.devices.guardian.duty import relieve, waiting_duties
-from smadrive.devices.heating.heat_source import HeatSource
+from smadrive.devices.heating.heat_source import HeatSource, Supplied
 from smadrive.devices.heating.zero_current import wait_for_zero_current
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import DeviceKey, Match
 from smadrive.devices.state.latch import TripLatch
 from smadrive.devices.state.lock import Role
-from smadrive.devices.stopping.endpoint import names_of_line
-from smadrive.devices.stopping.request import StoppedDriver, stop_driver
+from smadrive.devices.stopping.request import StoppedDriver
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.interrupts import HeldSignals
 from smadrive.rig.assembly import heat_source, port_key
 from smadrive.rig.config import DeviceConfig, OffConfig, load_off_config
-from smadrive.rig.connections import Connections, key_of, line_names
+from smadrive.rig.connections import Connections
 from smadrive.rig.plan import PlannedDevice, check_full_scales
+from smadrive.rig.switching_off.drivers import stop_drivers, stop_late_drivers
+from smadrive.rig.switching_off.each import each
 from smadrive.safety.shutdown import ShutdownOutcome, carry
-
-DeviceT = TypeVar("DeviceT")
-ResultT = TypeVar("ResultT")
 
 
 @dataclass(frozen=True)
@@ -61,13 +60,17 @@ class SwitchedOff:
 
 @dataclass(frozen=True)
 class _SourceOff:
-    """A heat source that is confirmed off, with its key (None if simulated), its trip latch and its faults."""
+    """A heat source that is confirmed off, with its key (None if simulated), its trip latch and its faults.
+
+    `confirm_again` switches it off and confirms it once more.
+    """
 
     name: str
     source: HeatSource
     key: DeviceKey | None
     latch: TripLatch
     faults: tuple[str, ...]
+    confirm_again: Callable[[], Supplied]
 
 
 def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
@@ -80,13 +83,15 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
         with _unconfirmed_on_error(), HeldSignals():
             config = load_off_config(name)
             connections = Connections(stack, trace_folder=None, role=Role.OFF)
-            devices, unreadable = _each(config.devices, _planned)
-            stopped, refused = _stop_drivers(devices)
-            off, failure = _each(
+            devices, unreadable = each(config.devices, _planned)
+            stopped, refused = stop_drivers(devices)
+            off, failure = each(
                 [device for device in devices if device.heats],
                 lambda device: _switch_source_off(device, connections, config.current_max_a),
             )
-            others, other_failure = _each(
+            late, late_refused = stop_late_drivers(devices, lambda: [one.confirm_again() for one in off])
+            stopped, refused = stopped + late, refused or late_refused
+            others, other_failure = each(
                 [device for device in devices if not device.heats],
                 lambda device: _enter_safe_state(device, connections),
             )
@@ -112,37 +117,9 @@ def _unconfirmed_on_error() -> Iterator[None]:
         raise
 
 
-def _each(devices: Iterable[DeviceT], act: Callable[[DeviceT], ResultT]) -> tuple[list[ResultT], Exception | None]:
-    """Call `act` for every device, even after an error. Return the results and the first error."""
-    results: list[ResultT] = []
-    failure: Exception | None = None
-    for device in devices:
-        try:
-            results.append(act(device))
-        except Exception as error:  # noqa: BLE001  (whatever the error is, the other devices must be switched off)
-            failure = failure or error
-    return results, failure
-
-
 def _planned(config: DeviceConfig) -> PlannedDevice:
     """Return the device with its profile; ConfigError if the profile, which switching off needs, is wrong."""
     return PlannedDevice(config, load_profile(config.profile))
-
-
-def _stop_drivers(devices: Iterable[PlannedDevice]) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
-    """Stop the drivers that use the lines of these devices; return them, and the first error."""
-    listed, unknown = _each(devices, _names_and_lines)
-    lines = {name: line for each in listed for name, line in each}
-    stopped, failure = _each(lines.items(), lambda one: stop_driver(one[1], one[0]))
-    return tuple(one for one in stopped if one is not None), unknown or failure
-
-
-def _names_and_lines(device: PlannedDevice) -> list[tuple[str, str]]:
-    """Return the names at which a driver of the device may listen, each with its line."""
-    if device.is_simulated:
-        return []
-    key = key_of(device)
-    return [(name, line) for line in line_names(device) for name in names_of_line(line, key)]
 
 
 def _check_complete(config: OffConfig, off: Iterable[_SourceOff], failure: Exception | None) -> None:
@@ -162,11 +139,17 @@ def _switch_source_off(device: PlannedDevice, connections: Connections, current_
     key = port_key(device)
     opened = connections.device(device)
     source = heat_source(device, opened, opened.clock)
-    source.connect()
-    seen = wait_for_zero_current(source, current_max_a, opened.clock)
+    confirm = partial(_confirm_off, source, current_max_a, opened.clock)
+    seen = confirm()
     if key is not None:
         key = key.with_identity(device.profile, opened.identity)
-    return _SourceOff(device.name, source, key, TripLatch(key), seen.faults)
+    return _SourceOff(device.name, source, key, TripLatch(key), seen.faults, confirm)
+
+
+def _confirm_off(source: HeatSource, current_max_a: float, clock: Clock) -> Supplied:
+    """Switch the source off and return its answer when no current flows."""
+    source.connect()
+    return wait_for_zero_current(source, current_max_a, clock)
 
 
 def _enter_safe_state(device: PlannedDevice, connections: Connections) -> str:

@@ -1,0 +1,54 @@
+"""The drivers of a rig, and how `off` ends them: two programs on one line would take each other's replies."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from smadrive.devices.stopping.endpoint import names_of_line
+from smadrive.devices.stopping.request import StoppedDriver, stop_driver
+from smadrive.errors import SafetyError
+from smadrive.rig.connections import key_of, line_names
+from smadrive.rig.plan import PlannedDevice
+from smadrive.rig.switching_off.each import each
+
+MOST_LATE = 4
+"""After so many drivers that start again, `off` gives up: a person has to end what starts them."""
+
+
+def stop_drivers(devices: Iterable[PlannedDevice]) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
+    """Stop the drivers that use the lines of these devices; return them, and the first error."""
+    listed, unknown = each(devices, _names_and_lines)
+    lines = {name: line for lines_of_device in listed for name, line in lines_of_device}
+    stopped, failure = each(lines.items(), lambda one: stop_driver(one[1], one[0]))
+    return tuple(one for one in stopped if one is not None), unknown or failure
+
+
+def stop_late_drivers(
+    devices: Iterable[PlannedDevice], confirm_again: Callable[[], object]
+) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
+    """Stop the drivers that came between the first request and the lock of the line; call `confirm_again` after each.
+
+    Return the drivers, and the first error of one that could not be stopped. A driver of another user can always come,
+    because locks are per user. SafetyError when a driver has come after each of `MOST_LATE` confirmations.
+    """
+    stopped: tuple[StoppedDriver, ...] = ()
+    for _ in range(MOST_LATE):
+        late, refused = stop_drivers(devices)
+        if not late:
+            return stopped, refused
+        stopped += late
+        confirm_again()
+    raise SafetyError(
+        "a new driver has started after every driver that was stopped",
+        value=f"process {stopped[-1].pid} was the last",
+        limit=MOST_LATE,
+        cure="end the program that starts them, or cut the heater's supply",
+    )
+
+
+def _names_and_lines(device: PlannedDevice) -> list[tuple[str, str]]:
+    """Return the names at which a driver of the device may listen, each with its line."""
+    if device.is_simulated:
+        return []
+    key = key_of(device)
+    return [(name, line) for line in line_names(device) for name in names_of_line(line, key)]

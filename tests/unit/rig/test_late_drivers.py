@@ -1,0 +1,81 @@
+"""A driver that starts while `off` works is stopped too, and the heater is switched off once more after it."""
+
+import os
+import subprocess
+import sys
+
+import programs
+import pytest
+
+from smadrive.devices.profile.profile import load_profile
+from smadrive.errors import SafetyError
+from smadrive.rig.config import DeviceConfig
+from smadrive.rig.plan import PlannedDevice
+from smadrive.rig.switching_off.drivers import MOST_LATE, stop_late_drivers
+
+DRIVER = """
+import sys, time
+from smadrive.devices.stopping.listener import StopListener
+with StopListener('driver') as listener:
+    listener.listen(sys.argv[1], [sys.argv[1]])
+    print("listens", flush=True)
+    time.sleep(60)
+"""
+
+
+@pytest.fixture
+def port():
+    descriptors = os.openpty()
+    yield os.ttyname(descriptors[1])
+    for descriptor in descriptors:
+        os.close(descriptor)
+
+
+@pytest.fixture
+def start(port):
+    """`start()`: a driver of the port begins to listen."""
+    processes = []
+
+    def begin():
+        command = [sys.executable, "-c", DRIVER, f"serial://{port}"]
+        processes.append(programs.Program(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True))
+        assert processes[-1].stdout.readline() == "listens\n"
+        return processes[-1].pid
+
+    yield begin
+    for process in processes:
+        process.kill()
+        process.communicate()
+
+
+@pytest.fixture
+def devices(port):
+    config = DeviceConfig(name="board", profile="sma-reference", url=f"serial://{port}")
+    return [PlannedDevice(config, load_profile("sma-reference"))]
+
+
+def test_no_driver_needs_no_second_confirmation(devices):
+    confirmed = []
+    assert stop_late_drivers(devices, lambda: confirmed.append(1)) == ((), None)
+    assert not confirmed
+
+
+def test_heater_is_confirmed_off_again_after_each_driver_that_came(devices, start):
+    pids, confirmed = [start()], []
+
+    def confirm():
+        confirmed.append(1)
+        if len(confirmed) == 1:
+            pids.append(start())
+
+    stopped, refused = stop_late_drivers(devices, confirm)
+    assert [driver.pid for driver in stopped] == pids
+    assert len(confirmed) == 2
+    assert refused is None
+
+
+def test_drivers_that_start_again_and_again_are_an_error(devices, start):
+    start()
+    with pytest.raises(SafetyError) as error:
+        stop_late_drivers(devices, start)
+    assert error.value.limit == MOST_LATE
