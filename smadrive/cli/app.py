@@ -15,6 +15,7 @@ COMMANDS = {
     "list": "List the shipped rigs, wires, device profiles and simulated wires.",
     "scan": "Find the devices on a line and the profiles that match them.",
     "probe": "Connect to a rig, check its devices, show live values.",
+    "heat": "Hold a current or a temperature of the wire for a time.",
     "excite": "Run the identification experiment on a rig.",
     "identify": "Fit a hysteresis model to recorded data.",
     "simulate": "Simulate a model for the input in a file.",

@@ -14,6 +14,10 @@ EXAMPLES = {
     "list": ("smadrive list",),
     "scan": ("smadrive scan /dev/ttyUSB0", "smadrive scan tcp://192.168.1.10 --units 1-3,7"),
     "probe": ("smadrive probe my-rig.toml", "smadrive probe simulated --trace traces"),
+    "heat": (
+        "smadrive heat my-rig.toml --current 0.2 --for 10",
+        "smadrive heat my-rig.toml --temperature 60 --for 30 -o warm.h5",
+    ),
     "excite": ("smadrive excite my-rig.toml -o excitation.h5",),
     "identify": (
         "smadrive identify excitation.h5 -o wire.json --plot fit.html",
@@ -38,6 +42,9 @@ PLACEHOLDERS = {
     **dict.fromkeys(("input_column", "output_column"), "COLUMN"),
     **dict.fromkeys(("sets", "components", "seed", "start", "port"), "NUMBER"),
     "units": "IDS",
+    "current_a": "A",
+    "temperature_c": "C",
+    "duration_s": "S",
     "reference": "CSV|SHAPE",
     "kind": "tsfuzzy|duhem",
 }

@@ -1,4 +1,4 @@
-"""The experiments of commands, scripts and notebooks: excitation, tracking, and the run of an own controller.
+"""The experiments of commands, scripts and notebooks: excitation, manual step, tracking, run of an own controller.
 
 Each experiment is checked before the wire is heated, and recorded in a log. `Watch` lets the caller show the run.
 """
@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
+from smadrive.control.controllers.step import ManualStep
 from smadrive.control.controllers.temperature import Controller
 from smadrive.control.feasibility import Feasibility, simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
@@ -23,9 +24,17 @@ from smadrive.files.kinds import TABLE
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import check_may_excite
 from smadrive.measurement import Measurement
-from smadrive.rig.controllers import tracking_settings
+from smadrive.rig.config_checks import check_step
+from smadrive.rig.controllers import step_controller, tracking_settings
 from smadrive.rig.rig import Record, Rig
-from smadrive.runs.run_log import TickRecorder, record_controller, record_excitation, record_tracking, reference_text
+from smadrive.runs.run_log import (
+    TickRecorder,
+    record_controller,
+    record_excitation,
+    record_step,
+    record_tracking,
+    reference_text,
+)
 from smadrive.safety.supervisor import check_thermocouple
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import WireModel, WireState
@@ -63,6 +72,17 @@ def excite(log_file: Path, rig: Rig, watch: Watch) -> LoopMetrics:
         watch(recorder, excitation.duration_s) as record,
     ):
         return rig.excite(excitation, record)
+
+
+def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetrics:
+    """Run a manual step and record it in `log_file`. ConfigError beyond a limit of the rig, TripError after a trip."""
+    caveats = check_step(step, rig.config, rig.data_sheet)
+    controller = step_controller(rig.config, step, rig.nominal_balance)
+    with (
+        record_step(log_file, rig, step, caveats=json.dumps(caveats)) as recorder,
+        watch(recorder, step.duration_s) as record,
+    ):
+        return rig.drive(controller, rig.nominal_balance, record)
 
 
 def plan_tracking(rig: Rig, given: Reference, identified: IdentifiedWire, *, smooth: bool) -> PlannedTracking:

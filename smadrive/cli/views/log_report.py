@@ -13,7 +13,7 @@ from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.figures.session_plots import change_table
 from smadrive.runs.log.reader import Log
 from smadrive.runs.report import Banner, Grid, Listing, PagePart, Tiles, write_report
-from smadrive.runs.run_log import OWN_CONTROLLER
+from smadrive.runs.run_log import OWN_CONTROLLER, STEP
 from smadrive.runs.run_metadata import rig_config_of
 from smadrive.runs.run_metrics import RunMetrics, has_setpoint, is_virtual, run_metrics, texts_of, tracking_caveats
 from smadrive.runs.session_record import KIND, SESSION_ENDED, models_of, plain_events
@@ -21,6 +21,7 @@ from smadrive.runs.session_record import KIND, SESSION_ENDED, models_of, plain_e
 TITLES = {
     "excitation": "identification experiment",
     "tracking": "tracking run",
+    STEP: "manual step",
     OWN_CONTROLLER: "run of an own controller",
     KIND: "tuning session",
 }
@@ -118,6 +119,8 @@ def _background(log: Log) -> Iterator[PagePart]:
         yield Listing("Wire: the model of the run", log.text("wire"))
     for number, text in models_of(log).items():
         yield Listing(f"Model {number}", json.dumps(json.loads(text), indent=1))
+    if "step" in log.metadata:
+        yield Grid(("key", "value"), list(_flat(log.json("step"))), "Step", texts=True, folded=True)
     if "excitation" in log.metadata:
         yield Grid(("key", "value"), list(_flat(log.json("excitation"))), "Excitation", texts=True, folded=True)
     yield Grid(("key", "value"), list(_flat(log.json("nominal_balance"))), "Nominal heat balance", True, True)
