@@ -14,6 +14,7 @@ EXAMPLES = {
     "list": ("smadrive list",),
     "scan": ("smadrive scan /dev/ttyUSB0", "smadrive scan tcp://192.168.1.10 --units 1-3,7"),
     "probe": ("smadrive probe my-rig.toml", "smadrive probe simulated --trace traces"),
+    "watch": ("smadrive watch my-rig.toml", "smadrive watch my-rig.toml --for 10 --json"),
     "heat": (
         "smadrive heat my-rig.toml --current 0.2 --for 10",
         "smadrive heat my-rig.toml --temperature 60 --for 30 -o warm.h5",
@@ -30,7 +31,7 @@ EXAMPLES = {
         "smadrive run my-rig.toml --reference steps.csv --smooth -o steps.h5",
     ),
     "tune": ("smadrive tune my-rig.toml --model wire.json", "smadrive tune my-rig.toml --port 0 --no-browser"),
-    "report": ("smadrive report run.h5", "smadrive report run.h5 --csv run.csv"),
+    "report": ("smadrive report run.h5", "smadrive report run.h5 --csv run.csv", "smadrive report before.h5 after.h5"),
     "replay": ("smadrive replay run.h5 --model other.json",),
     "paper": ("smadrive paper --output-dir figures",),
     "off": ("smadrive off my-rig.toml", "smadrive off my-rig.toml --clear-faults"),

@@ -22,7 +22,7 @@ from smadrive.measurement import Measurement
 from smadrive.rig.controllers import excitation_controller, step_controller, tracking_controller
 from smadrive.runs.columns import fields_of
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_log import OWN_CONTROLLER, STEP
+from smadrive.runs.run_log import OBSERVATION, OWN_CONTROLLER, STEP
 from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, step_of, wire_of
 from smadrive.runs.session_record import KIND
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -113,6 +113,9 @@ def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
         if log.metadata["kind"] == STEP:
             return step_controller(config, step_of(log), nominal_balance(log))
         return excitation_controller(config, excitation_of(log), nominal_balance(log))
+    if log.metadata.get("kind") == OBSERVATION:
+        what = "nothing was controlled while the rig was observed"
+        raise DataError(what, where=log.path, cure="replay the log of `run`, `excite` or `heat`")
     if log.metadata.get("kind") == OWN_CONTROLLER:
         what = "a controller of the user ran, which a log does not hold"
         raise DataError(what, where=log.path, cure="call its update with the rows of the log, in Python")

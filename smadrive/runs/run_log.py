@@ -36,6 +36,9 @@ OWN_CONTROLLER = "own controller"
 STEP = "manual step"
 """The kind of a run of `heat`."""
 
+OBSERVATION = "observation"
+"""The kind of a log of `watch`: measurements without heat."""
+
 _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 
 
@@ -72,6 +75,11 @@ def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str
     """Create the log of an identification experiment, and return its recorder. `notes` are further metadata."""
     metadata = {"kind": "excitation", "excitation": json.dumps(asdict(excitation))}
     return _open(path, rig, {**metadata, **notes}, excitation.duration_s)
+
+
+def record_observation(path: Path, rig: Rig, duration_s: float) -> TickRecorder:
+    """Create the log of an observation without heat, and return its recorder."""
+    return _open(path, rig, {"kind": OBSERVATION}, duration_s)
 
 
 def record_step(path: Path, rig: Rig, step: ManualStep, **notes: str) -> TickRecorder:

@@ -100,6 +100,11 @@ def tracking_caveats(log: Log) -> tuple[str, ...]:
     return (*texts_of(log, "caveats"), *_sample_caveats(log))
 
 
+def run_caveats(log: Log) -> tuple[str, ...]:
+    """Return reasons to distrust the content of the log or the metrics of its run, of any kind."""
+    return (*log.caveats, *(tracking_caveats(log) if has_setpoint(log) else texts_of(log, "caveats")))
+
+
 def texts_of(log: Log, name: str) -> tuple[str, ...]:
     """Return the list of texts `name` of the metadata. It is empty when the log has no such list."""
     return log.parsed(name, _texts) if name in log.metadata else ()
