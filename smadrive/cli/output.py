@@ -63,6 +63,11 @@ class Output:
             json.dump(_without_nan(values), sys.stdout, indent=2, allow_nan=False)
             print()
 
+    def json_line(self, values: Mapping[str, Any]) -> None:
+        """Print a JSON object for a program in one line, with null for an unknown number."""
+        if self.quiet:
+            print(json.dumps(_without_nan(values), allow_nan=False))
+
     def progress(self, title: str) -> Progress:
         """Return a progress display with one task of unknown length. The display is a context manager.
 

@@ -1,34 +1,53 @@
-"""`smadrive report`: show a log as one page, and write it as a CSV file for other programs."""
+"""`smadrive report`: show a log as one page, or several side by side; write a log as a CSV file for other programs."""
 
 from __future__ import annotations
 
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
 from smadrive.cli.output import AsJson, Output
+from smadrive.cli.views.comparison_report import SAME, comparison_caveats, setting_rows, write_comparison_report
 from smadrive.cli.views.log_report import write_log_report
+from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import write_table
 from smadrive.files.kinds import LOG, PAGE, TABLE, check_kind
-from smadrive.runs.log.reader import read_log
+from smadrive.runs.comparison.comparison import RunComparison
+from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.session_record import plain_events
 
 
 def main(
-    log_file: Annotated[Path, typer.Argument(metavar="LOG", help="Log (.h5) of `run`, `excite`, `tune` or `demo`.")],
+    log_files: Annotated[
+        list[Path],
+        typer.Argument(metavar="LOG", help="Log (.h5) of `heat`, `run`, `excite`, `tune` or `demo`; or several logs."),
+    ],
     report_file: Annotated[
         Path | None,
-        typer.Option("--report-file", "-o", help="Page (HTML) to write; LOG with the ending .html by default."),
+        typer.Option(
+            "--report-file",
+            "-o",
+            help="Page (HTML) to write; LOG with the ending .html by default, -comparison.html for several logs.",
+        ),
     ] = None,
     csv_file: Annotated[Path | None, typer.Option("--csv", help="CSV to write with every column of the log.")] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Show the run in LOG on one self-contained page: plots, metrics, faults, provenance. The log may be incomplete."""
+    """Show the run in LOG on one self-contained page: plots, metrics, faults, provenance. The log may be incomplete.
+
+    Several logs are shown side by side: the metrics with their differences from the first run, the settings that
+    differ, and plots with all runs.
+    """
     output = Output(as_json)
-    check_kind(log_file, LOG)
+    for log_file in log_files:
+        check_kind(log_file, LOG)
+    if len(log_files) > 1:
+        _compare(log_files, report_file, csv_file, output)
+        return
+    (log_file,) = log_files
     page = report_file or log_file.with_suffix(".html")
     check_output(page, PAGE, log_file)
     if csv_file is not None:
@@ -45,10 +64,44 @@ def main(
             "log_file": str(log_file),
             "report_file": str(page),
             "csv_file": None if csv_file is None else str(csv_file),
-            "complete": bool(log.end_time) and not log.ended_by,
-            "ended_by": log.ended_by if log.end_time else "a kill, or it still runs",
+            **_end(log),
             **asdict(summary),
             "caveats": log.caveats,
             "events": [event._asdict() for event in plain_events(log)],
         }
     )
+
+
+def _compare(log_files: list[Path], report_file: Path | None, csv_file: Path | None, output: Output) -> None:
+    """Show several logs side by side."""
+    if csv_file is not None:
+        raise ConfigError("takes one log", where="--csv", value=f"{len(log_files)} logs", cure="give one log at a time")
+    page = report_file or log_files[0].with_name(f"{log_files[0].stem}-comparison.html")
+    check_output(page, PAGE, *log_files)
+    comparison = RunComparison(tuple(map(read_log, log_files)))
+    with output.progress(f"drawing {len(log_files)} runs"):
+        write_comparison_report(page, comparison)
+    output.table(("", *comparison.names), comparison.metric_rows())
+    if comparison.settings:
+        output.table(("setting", *comparison.names), setting_rows(comparison))
+    else:
+        output.say(SAME)
+    output.warn(comparison_caveats(comparison))
+    output.say(f"report: {page}")
+    output.result({"report_file": str(page), "runs": _runs(comparison), "settings": comparison.settings})
+
+
+def _runs(comparison: RunComparison) -> list[dict[str, Any]]:
+    parts = zip(comparison.names, comparison.logs, comparison.metrics, comparison.differences(), strict=True)
+    return [
+        {"name": name, "log_file": str(log.path), **_end(log), **asdict(metrics), "differences": differences}
+        for name, log, metrics, differences in parts
+    ]
+
+
+def _end(log: Log) -> dict[str, Any]:
+    """Return how the run ended."""
+    return {
+        "complete": bool(log.end_time) and not log.ended_by,
+        "ended_by": log.ended_by if log.end_time else "a kill, or it still runs",
+    }

@@ -18,6 +18,11 @@ EXAMPLES = {
         "smadrive calibrate my-rig.toml temperature --point ice --point boiling --pressure-hpa 985",
         "smadrive calibrate my-rig.toml displacement --point 0 --point 5 --point 10",
     ),
+    "watch": ("smadrive watch my-rig.toml", "smadrive watch my-rig.toml --for 10 --json"),
+    "heat": (
+        "smadrive heat my-rig.toml --current 0.2 --for 10",
+        "smadrive heat my-rig.toml --temperature 60 --for 30 -o warm.h5",
+    ),
     "excite": ("smadrive excite my-rig.toml -o excitation.h5",),
     "identify": (
         "smadrive identify excitation.h5 -o wire.json --plot fit.html",
@@ -30,7 +35,7 @@ EXAMPLES = {
         "smadrive run my-rig.toml --reference steps.csv --smooth -o steps.h5",
     ),
     "tune": ("smadrive tune my-rig.toml --model wire.json", "smadrive tune my-rig.toml --port 0 --no-browser"),
-    "report": ("smadrive report run.h5", "smadrive report run.h5 --csv run.csv"),
+    "report": ("smadrive report run.h5", "smadrive report run.h5 --csv run.csv", "smadrive report before.h5 after.h5"),
     "replay": ("smadrive replay run.h5 --model other.json",),
     "paper": ("smadrive paper --output-dir figures",),
     "off": ("smadrive off my-rig.toml", "smadrive off my-rig.toml --clear-faults"),
@@ -42,6 +47,9 @@ PLACEHOLDERS = {
     **dict.fromkeys(("input_column", "output_column"), "COLUMN"),
     **dict.fromkeys(("sets", "components", "seed", "start", "port"), "NUMBER"),
     "units": "IDS",
+    "current_a": "A",
+    "temperature_c": "C",
+    "duration_s": "S",
     "reference": "CSV|SHAPE",
     "kind": "tsfuzzy|duhem",
 }

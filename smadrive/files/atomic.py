@@ -16,6 +16,7 @@ import os
 import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from itertools import count
 from pathlib import Path
 
 from smadrive.errors import DataError
@@ -34,6 +35,12 @@ def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
             raise DataError("is an input of this command, which would overwrite it", where=path, cure=ANOTHER_NAME)
     if kind.is_record and os.path.lexists(path):
         raise _exists(path)
+
+
+def unused_record(stem: str, kind: FileKind) -> Path:
+    """Return the first of STEM.h5, STEM-2.h5, STEM-3.h5, … that does not exist in the present folder."""
+    names = (f"{stem}{'' if number == 1 else f'-{number}'}{kind.endings[0]}" for number in count(1))
+    return next(Path(name) for name in names if not os.path.lexists(name))
 
 
 @contextmanager

@@ -22,6 +22,8 @@ times slower.
 
 from __future__ import annotations
 
+from smadrive.control.controllers.step import ManualStep
+from smadrive.devices.heater import DERATE_C
 from smadrive.errors import ConfigError
 from smadrive.rig.config import RigConfig
 from smadrive.wire.data_sheet import WireDataSheet
@@ -125,6 +127,62 @@ def _check_voltage(config: RigConfig, balance: HeatBalance, held_a: float) -> No
             limit=f"{least_v:.2g} to {most_v:.2g} V",
             cure=f"set it to about {1.25 * needed_v:.2g} V. Is it in volts?",
         )
+
+
+def check_step(step: ManualStep, config: RigConfig, wire: WireDataSheet) -> tuple[str, ...]:
+    """Raise ConfigError if a manual step exceeds a limit of the rig. Return reasons to doubt that it can be held."""
+    if step.current_a is not None:
+        return _check_current_step(step.current_a, step.duration_s, config, wire.heat_balance())
+    assert step.temperature_c is not None
+    return _check_temperature_step(step.temperature_c, config, wire.heat_balance())
+
+
+def _check_current_step(
+    current_a: float, duration_s: float, config: RigConfig, balance: HeatBalance
+) -> tuple[str, ...]:
+    limits = config.limits
+    if not 0.0 < current_a <= limits.current_max_a:
+        raise ConfigError(
+            f"not a current that rig '{config.name}' may heat with",
+            where="step: current",
+            value=f"{current_a:g} A",
+            limit=f"above 0 A, at most current_max_a = {limits.current_max_a:g} A",
+            cure="choose a current within these limits",
+        )
+    power_w = current_a**2 * balance.resistance_cold_ohm
+    reaches_c = balance.step(balance.ambient_c, power_w, 0.0, duration_s)
+    if reaches_c < limits.temperature_max_c - DERATE_C:
+        return ()
+    held_back = f"{DERATE_C:g} K below temperature_max_c = {limits.temperature_max_c:g} °C"
+    reached = f"by the wire file, the wire would reach {reaches_c:.0f} °C"
+    return (f"{reached}: the driver holds the current back from {held_back}, or trips",)
+
+
+def _check_temperature_step(temperature_c: float, config: RigConfig, balance: HeatBalance) -> tuple[str, ...]:
+    limits = config.limits
+    most_c = limits.temperature_max_c - DERATE_C
+    if not temperature_c <= most_c:
+        raise ConfigError(
+            f"too hot for rig '{config.name}', which holds the current back from {DERATE_C:g} K below "
+            f"temperature_max_c = {limits.temperature_max_c:g} °C",
+            where="step: temperature",
+            value=f"{temperature_c:g} °C",
+            limit=f"{most_c:g} °C",
+            cure="lower it, or raise the limit if the data sheet of the wire allows it",
+        )
+    if not temperature_c > balance.ambient_c:
+        raise ConfigError(
+            "not above the ambient temperature, and a heater cannot cool",
+            where="step: temperature",
+            value=f"{temperature_c:g} °C",
+            limit=f"ambient_c = {balance.ambient_c:g} °C",
+            cure="raise it, or correct ambient_c in the wire file",
+        )
+    needed_a = balance.current_a(balance.power_w(temperature_c, 0.0, 0.0), 1.0)
+    if needed_a <= limits.current_max_a:
+        return ()
+    needed = f"by the wire file, {temperature_c:g} °C needs about {needed_a:.2f} A"
+    return (f"{needed}, more than current_max_a = {limits.current_max_a:g} A: the wire may stay colder",)
 
 
 def check_same_wire(found: HeatBalance, nominal: HeatBalance, wire: str) -> None:

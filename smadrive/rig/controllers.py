@@ -6,7 +6,8 @@ The rig runs such a controller on the wire; a replay runs the same controller on
 from __future__ import annotations
 
 from smadrive.control.controllers.feedback import PIGains
-from smadrive.control.controllers.temperature import TemperatureController
+from smadrive.control.controllers.step import ConstantCurrentController, ConstantTemperatureController, ManualStep
+from smadrive.control.controllers.temperature import Controller, TemperatureController
 from smadrive.control.controllers.tracking import TrackingController, TrackingSettings
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.references.reference import Reference
@@ -30,6 +31,17 @@ def excitation_controller(config: RigConfig, excitation: Excitation, balance: He
         PIGains.for_balance(balance, EXCITATION_SLOWER * feedback.closed_loop_s, feedback.integral_s),
         config.limits.current_max_a,
     )
+
+
+def step_controller(config: RigConfig, step: ManualStep, balance: HeatBalance) -> Controller:
+    """Return the controller that holds the current or the temperature of a manual step."""
+    if step.current_a is not None:
+        return ConstantCurrentController(step.current_a, step.duration_s)
+    assert step.temperature_c is not None
+    feedback = config.feedback
+    gains = PIGains.for_balance(balance, EXCITATION_SLOWER * feedback.closed_loop_s, feedback.integral_s)
+    current_max_a = config.limits.current_max_a
+    return ConstantTemperatureController(step.temperature_c, step.duration_s, balance, gains, current_max_a)
 
 
 def tracking_controller(

@@ -1,4 +1,4 @@
-"""The experiments of commands, scripts and notebooks: excitation, tracking, and the run of an own controller.
+"""The experiments of commands, scripts and notebooks: excitation, manual step, tracking, run of an own controller.
 
 Each experiment is checked before the wire is heated, and recorded in a log. `Watch` lets the caller show the run.
 """
@@ -12,26 +12,39 @@ from dataclasses import dataclass
 from math import isfinite
 from pathlib import Path
 
-from smadrive.control.controllers.temperature import Controller
+from smadrive.control.controllers.step import ManualStep
+from smadrive.control.controllers.temperature import Command, Controller
 from smadrive.control.feasibility import Feasibility, simulate_run
 from smadrive.control.feedforward.displacement import HysteresisInverse
-from smadrive.control.loop import LoopMetrics
+from smadrive.control.loop import LoopMetrics, StopRequested, Tick
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
+from smadrive.errors import ProtocolError, TransportError
 from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import TABLE
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.excitation import check_may_excite
 from smadrive.measurement import Measurement
-from smadrive.rig.controllers import tracking_settings
+from smadrive.rig.config_checks import check_step
+from smadrive.rig.controllers import step_controller, tracking_settings
 from smadrive.rig.rig import Record, Rig
-from smadrive.runs.run_log import TickRecorder, record_controller, record_excitation, record_tracking, reference_text
+from smadrive.runs.run_log import (
+    TickRecorder,
+    record_controller,
+    record_excitation,
+    record_step,
+    record_tracking,
+    reference_text,
+)
 from smadrive.safety.supervisor import check_thermocouple
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import WireModel, WireState
 
 APPROACH_S = 10.0
 """Duration of the approach, in which the wire moves to the beginning of the reference. The approach is not scored."""
+
+LOST_S = 5.0
+"""An observation without a measurement for this time ends with the error of the last exchange."""
 
 NOT_ADAPTED = "adapt = true under [feedback] has an effect only in `smadrive tune`: this run does not change the rules"
 
@@ -63,6 +76,41 @@ def excite(log_file: Path, rig: Rig, watch: Watch) -> LoopMetrics:
         watch(recorder, excitation.duration_s) as record,
     ):
         return rig.excite(excitation, record)
+
+
+def observe(rig: Rig, duration_s: float, record: Record, is_ended: StopRequested) -> None:
+    """Measure in every period of the rig, without arming the heater, and pass every measurement to `record`.
+
+    The end comes after `duration_s`, or when `is_ended` returns True. A lost exchange is left out. Its error is raised
+    if no exchange has succeeded for `LOST_S`.
+    """
+    clock = rig.clock
+    begun_s = fresh_s = clock.now_s()
+    number = 0
+    while number * rig.period_s <= duration_s and not is_ended():
+        due_s = begun_s + number * rig.period_s
+        clock.sleep_until(due_s)
+        late_s = clock.now_s() - due_s
+        try:
+            measurement = rig.measure()
+        except (TransportError, ProtocolError):
+            if clock.now_s() - fresh_s > LOST_S:
+                raise
+        else:
+            fresh_s = measurement.time_s
+            record(Tick(fresh_s - begun_s, late_s, measurement, Command(0.0)))
+        number += 1 + int((clock.now_s() - due_s) / rig.period_s)
+
+
+def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetrics:
+    """Run a manual step and record it in `log_file`. ConfigError beyond a limit of the rig, TripError after a trip."""
+    caveats = check_step(step, rig.config, rig.data_sheet)
+    controller = step_controller(rig.config, step, rig.nominal_balance)
+    with (
+        record_step(log_file, rig, step, caveats=json.dumps(caveats)) as recorder,
+        watch(recorder, step.duration_s) as record,
+    ):
+        return rig.drive(controller, rig.nominal_balance, record)
 
 
 def plan_tracking(rig: Rig, given: Reference, identified: IdentifiedWire, *, smooth: bool) -> PlannedTracking:

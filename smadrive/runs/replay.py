@@ -19,11 +19,11 @@ from smadrive.control.feedforward.displacement import HysteresisInverse
 from smadrive.errors import DataError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.measurement import Measurement
-from smadrive.rig.controllers import excitation_controller, tracking_controller
+from smadrive.rig.controllers import excitation_controller, step_controller, tracking_controller
 from smadrive.runs.columns import fields_of
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_log import OWN_CONTROLLER
-from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, wire_of
+from smadrive.runs.run_log import OBSERVATION, OWN_CONTROLLER, STEP
+from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, step_of, wire_of
 from smadrive.runs.session_record import KIND
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.wire_model import travel_mm
@@ -106,10 +106,16 @@ def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
         what = "a tuning session cannot be replayed, because its tuning and its reference changed while it ran"
         raise DataError(what, where=log.path, cure="save the tuning on the page, and record it with `smadrive run`")
     config = rig_config_of(log)
-    if log.metadata.get("kind") == "excitation":
+    if log.metadata.get("kind") in ("excitation", STEP):
         if wire is not None:
-            raise DataError("an excitation uses no model", where=log.path, cure="replay it without --model")
+            name = "an excitation" if log.metadata["kind"] == "excitation" else f"a {STEP}"
+            raise DataError(f"{name} uses no model", where=log.path, cure="replay it without --model")
+        if log.metadata["kind"] == STEP:
+            return step_controller(config, step_of(log), nominal_balance(log))
         return excitation_controller(config, excitation_of(log), nominal_balance(log))
+    if log.metadata.get("kind") == OBSERVATION:
+        what = "nothing was controlled while the rig was observed"
+        raise DataError(what, where=log.path, cure="replay the log of `run`, `excite` or `heat`")
     if log.metadata.get("kind") == OWN_CONTROLLER:
         what = "a controller of the user ran, which a log does not hold"
         raise DataError(what, where=log.path, cure="call its update with the rows of the log, in Python")

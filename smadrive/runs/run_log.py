@@ -14,6 +14,7 @@ from importlib.metadata import version
 from math import inf, isfinite
 from pathlib import Path
 
+from smadrive.control.controllers.step import ManualStep
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
@@ -31,6 +32,12 @@ from smadrive.wire.identified_wire import IdentifiedWire
 _row = row_getter(COLUMNS)
 OWN_CONTROLLER = "own controller"
 """The kind of a run whose controller is not of smadrive; its log cannot be replayed."""
+
+STEP = "manual step"
+"""The kind of a run of `heat`."""
+
+OBSERVATION = "observation"
+"""The kind of a log of `watch`: measurements without heat."""
 
 _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 
@@ -68,6 +75,16 @@ def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str
     """Create the log of an identification experiment, and return its recorder. `notes` are further metadata."""
     metadata = {"kind": "excitation", "excitation": json.dumps(asdict(excitation))}
     return _open(path, rig, {**metadata, **notes}, excitation.duration_s)
+
+
+def record_observation(path: Path, rig: Rig, duration_s: float) -> TickRecorder:
+    """Create the log of an observation without heat, and return its recorder."""
+    return _open(path, rig, {"kind": OBSERVATION}, duration_s)
+
+
+def record_step(path: Path, rig: Rig, step: ManualStep, **notes: str) -> TickRecorder:
+    """Create the log of a manual step, and return its recorder. `notes` are further metadata."""
+    return _open(path, rig, {"kind": STEP, "step": json.dumps(asdict(step)), **notes}, step.duration_s)
 
 
 def record_tracking(

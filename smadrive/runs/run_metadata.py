@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smadrive.control.controllers.step import ManualStep
 from smadrive.control.references.reference import Reference
 from smadrive.errors import DataError
 from smadrive.files.config import validate
@@ -65,6 +66,11 @@ def _stroke_caveats(log: Log) -> tuple[str, ...]:
         return unit_doubts("displacement_mm", displacement_mm)
     length_mm = log.parsed("data_sheet", lambda sheet: float(sheet["length_mm"]))
     return stroke_doubts(displacement_mm, length_mm)
+
+
+def step_of(log: Log) -> ManualStep:
+    """Return the manual step of a run of `heat`. DataError for a log of another experiment."""
+    return log.parsed("step", lambda values: ManualStep(**values))
 
 
 def reference_of(log: Log) -> Reference:

@@ -13,10 +13,19 @@ from numpy.typing import NDArray
 from smadrive.control.loop import LATE_FRACTION, LoopMetrics
 from smadrive.errors import DataError
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_metadata import reference_of, rig_config_of, wire_of
+from smadrive.runs.run_metadata import reference_of, rig_config_of, step_of, wire_of
 from smadrive.wire.wire_model import travel_mm
 
 Array = NDArray[np.float64]
+
+END_S = 1.0
+"""Time before the end of a manual step whose median counts as the value at its end."""
+
+MEASURABLE = 0.05
+"""A resistance is computed from currents of at least this share of current_max_a; offsets falsify smaller ones."""
+
+NOT_REACHED_K = 2.0
+"""A step that ends farther than this from its setpoint has not reached it."""
 
 FEW_MISSING = 0.03
 """Largest share of samples that a working sensor misses. A larger share gives a warning about the metrics."""
@@ -91,6 +100,11 @@ def tracking_caveats(log: Log) -> tuple[str, ...]:
     return (*texts_of(log, "caveats"), *_sample_caveats(log))
 
 
+def run_caveats(log: Log) -> tuple[str, ...]:
+    """Return reasons to distrust the content of the log or the metrics of its run, of any kind."""
+    return (*log.caveats, *(tracking_caveats(log) if has_setpoint(log) else texts_of(log, "caveats")))
+
+
 def texts_of(log: Log, name: str) -> tuple[str, ...]:
     """Return the list of texts `name` of the metadata. It is empty when the log has no such list."""
     return log.parsed(name, _texts) if name in log.metadata else ()
@@ -117,8 +131,8 @@ def _sample_caveats(log: Log) -> tuple[str, ...]:
 class RunMetrics:
     """Metrics of a complete or interrupted run, computed from its log alone. Unknown metrics are NaN.
 
-    `kind` is `excitation` or `tracking`. `energy_j` is the electrical energy that the wire received. `limited_percent`
-    is the share of ticks in which a limit held the output back.
+    `kind` is for example `excitation` or `tracking`. `energy_j` is the electrical energy that the wire received.
+    `limited_percent` is the share of ticks in which a limit held the output back.
     """
 
     kind: str
@@ -132,6 +146,48 @@ class RunMetrics:
     current_max_a: float
     energy_j: float
     limited_percent: float
+
+
+@dataclass(frozen=True)
+class StepMetrics:
+    """The wire at the end of a manual step, and over the whole step. Unknown values are NaN.
+
+    The values at the end are medians over the last second, and the last sample of a step that ended early. The
+    resistance includes leads and clamps.
+    """
+
+    temperature_end_c: float
+    temperature_max_c: float
+    displacement_end_mm: float
+    current_end_a: float
+    resistance_end_ohm: float
+    energy_j: float
+
+
+def step_metrics(log: Log) -> StepMetrics:
+    """Return the metrics of a manual step. DataError when the log has no row."""
+    whole = run_metrics(log)
+    time_s = log.column("time_s")
+    names = ("temperature_c", "displacement_mm", "current_a", "voltage_v")
+    is_end = time_s > time_s[-1] - END_S if not log.ended_by else time_s == time_s[-1]
+    temperature_c, displacement_mm, current_a, voltage_v = (log.column_with_gaps(name)[is_end] for name in names)
+    flows = current_a >= MEASURABLE * rig_config_of(log).limits.current_max_a
+    return StepMetrics(
+        _median(temperature_c),
+        whole.temperature_max_c,
+        _median(displacement_mm),
+        _median(current_a),
+        _median(voltage_v[flows] / current_a[flows]),
+        whole.energy_j,
+    )
+
+
+def step_caveats(log: Log) -> tuple[str, ...]:
+    """Return a reason to distrust a manual step: its temperature was not reached."""
+    setpoint_c, end_c = step_of(log).temperature_c, step_metrics(log).temperature_end_c
+    if setpoint_c is None or not abs(end_c - setpoint_c) > NOT_REACHED_K:
+        return ()
+    return (f"the step ended at {end_c:.1f} °C, and its setpoint was {setpoint_c:g} °C",)
 
 
 def run_metrics(log: Log) -> RunMetrics:
@@ -163,6 +219,11 @@ def _rms_and_max(values: Array) -> tuple[float, float]:
     """Return the RMS and the largest magnitude of the finite values. Both are NaN when no value is finite."""
     finite = values[np.isfinite(values)]
     return float(np.sqrt(np.mean(finite**2))) if finite.size else nan, _largest(np.abs(finite))
+
+
+def _median(values: Array) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.median(finite)) if finite.size else nan
 
 
 def _largest(values: Array) -> float:

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 import os
-from itertools import count
 from pathlib import Path
 from typing import Literal
 
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
-from smadrive.files.atomic import check_output
+from smadrive.files.atomic import check_output, unused_record
 from smadrive.files.kinds import LOG
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.runs.experiments import read_reference
@@ -42,11 +41,10 @@ def reference_of_argument(reference: ReferenceLike) -> Reference:
     return read_reference(os.fspath(path_text(reference, "reference", wanted)))
 
 
-def new_log(log: PathText | None, kind: Literal["excitation", "run"]) -> Path:
+def new_log(log: PathText | None, kind: Literal["excitation", "heat", "run"]) -> Path:
     """Return the path of a log to write; without one KIND.h5, or the next unused KIND-2.h5, in the present folder."""
     if log is None:
-        names = (f"{kind}.h5" if number == 1 else f"{kind}-{number}.h5" for number in count(1))
-        return next(Path(name) for name in names if not os.path.lexists(name))
+        return unused_record(kind, LOG)
     path = Path(path_text(log, "log", "the path of a file to write, such as 'run.h5'"))
     check_output(path, LOG)
     return path

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Protocol, Self
 
+from smadrive.control.controllers.step import ManualStep
 from smadrive.control.controllers.temperature import Command
 from smadrive.display.card import card
 from smadrive.errors import ConfigError
@@ -33,6 +34,7 @@ from smadrive.scripting.loop.messages import (
     DrivenRun,
     DriveRequest,
     ExciteRequest,
+    HeatRequest,
     MeasureRequest,
     OpenedRig,
     OpenRequest,
@@ -120,6 +122,23 @@ class OpenRig:
         """
         path = new_log(log, "excitation")
         return self._run("exciting", ExciteRequest(path.absolute()), path)
+
+    def heat(
+        self,
+        duration_s: float,
+        *,
+        current_a: float | None = None,
+        temperature_c: float | None = None,
+        log: PathText | None = None,
+    ) -> Run:
+        """Hold a current or a temperature for `duration_s`, and record it. ConfigError beyond a limit of the rig.
+
+        warm = rig.heat(30, temperature_c=60)
+        """
+        current_a, temperature_c = (None if value is None else float(value) for value in (current_a, temperature_c))
+        step = ManualStep(current_a, temperature_c, float(duration_s))
+        path = new_log(log, "heat")
+        return self._run(f"heating, {step}", HeatRequest(path.absolute(), step), path)
 
     def track(
         self, reference: ReferenceLike, wire: WireLike, log: PathText | None = None, *, smooth: bool = False

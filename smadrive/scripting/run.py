@@ -63,7 +63,7 @@ class Run:
 
     @property
     def kind(self) -> str:
-        """`excitation`, `tracking` or `own controller`."""
+        """`excitation`, `manual step`, `tracking` or `own controller`."""
         return self.log.text("kind")
 
     @property

@@ -9,18 +9,21 @@ from pathlib import Path
 from typing import Any
 
 from smadrive.errors import UNCONFIRMED
+from smadrive.runs.comparison.settings import flat
 from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.figures.session_plots import change_table
 from smadrive.runs.log.reader import Log
 from smadrive.runs.report import Banner, Grid, Listing, PagePart, Tiles, write_report
-from smadrive.runs.run_log import OWN_CONTROLLER
+from smadrive.runs.run_log import OBSERVATION, OWN_CONTROLLER, STEP
 from smadrive.runs.run_metadata import rig_config_of
-from smadrive.runs.run_metrics import RunMetrics, has_setpoint, is_virtual, run_metrics, texts_of, tracking_caveats
+from smadrive.runs.run_metrics import RunMetrics, is_virtual, run_caveats, run_metrics
 from smadrive.runs.session_record import KIND, SESSION_ENDED, models_of, plain_events
 
 TITLES = {
     "excitation": "identification experiment",
     "tracking": "tracking run",
+    STEP: "manual step",
+    OBSERVATION: "observation without heat",
     OWN_CONTROLLER: "run of an own controller",
     KIND: "tuning session",
 }
@@ -34,7 +37,7 @@ def write_log_report(path: Path, log: Log) -> RunMetrics:
     config, summary = rig_config_of(log), run_metrics(log)
     devices = ", ".join(f"{name}: {identity}" for name, identity in log.parsed("devices", _items))
     parts: list[PagePart] = [
-        _state(log, summary),
+        state_of(log, summary),
         *_caveats(log),
         Tiles(list(_tiles(summary, config.limits.current_max_a, is_virtual=is_virtual(log)))),
         *log_plots(log),
@@ -42,12 +45,13 @@ def write_log_report(path: Path, log: Log) -> RunMetrics:
         *_events(log),
     ]
     parts += [_provenance(log), *_background(log)]
-    lead = f"{_clock(log.start_time)} · wire {config.wire} · {devices}"
+    lead = f"{clock_text(log.start_time)} · wire {config.wire} · {devices}"
     write_report(path, f"{config.name}: {TITLES.get(summary.kind, summary.kind)}", lead, parts)
     return summary
 
 
-def _state(log: Log, summary: RunMetrics) -> Banner:
+def state_of(log: Log, summary: RunMetrics) -> Banner:
+    """Return the line that says how the run ended."""
     if not log.end_time:
         return Banner(
             "warning",
@@ -71,8 +75,7 @@ def _is_ended_safely(log: Log) -> bool:
 
 def _caveats(log: Log) -> Iterator[Banner]:
     """Yield the reasons to distrust the content or the metrics, as `run` prints them on the terminal."""
-    of_the_run = tracking_caveats(log) if has_setpoint(log) else texts_of(log, "caveats")
-    for caveat in (*log.caveats, *of_the_run):
+    for caveat in run_caveats(log):
         yield Banner("warning", f"Warning: {caveat}.")
 
 
@@ -100,8 +103,8 @@ def _provenance(log: Log) -> Grid:
     versions = ", ".join(f"{name} {number}" for name, number in log.parsed("versions", _items))
     rows = [
         ("log", str(log.path)),
-        ("begun", _clock(log.start_time)),
-        ("ended", _clock(log.end_time) or "not ended"),
+        ("begun", clock_text(log.start_time)),
+        ("ended", clock_text(log.end_time) or "not ended"),
         *((f"device {name}", identity) for name, identity in log.parsed("devices", _items)),
         *((f"address of {device.name}", device.url) for device in rig_config_of(log).devices),
         ("versions", versions),
@@ -113,32 +116,23 @@ def _provenance(log: Log) -> Grid:
 
 def _background(log: Log) -> Iterator[PagePart]:
     """Yield the configuration of the run. The reader opens each part by a click on its title."""
-    yield Grid(("key", "value"), list(_flat(log.json("rig"))), "Rig file", texts=True, folded=True)
+    yield Grid(("key", "value"), list(flat(log.json("rig"))), "Rig file", texts=True, folded=True)
     if "wire" in log.metadata:
         yield Listing("Wire: the model of the run", log.text("wire"))
     for number, text in models_of(log).items():
         yield Listing(f"Model {number}", json.dumps(json.loads(text), indent=1))
+    if "step" in log.metadata:
+        yield Grid(("key", "value"), list(flat(log.json("step"))), "Step", texts=True, folded=True)
     if "excitation" in log.metadata:
-        yield Grid(("key", "value"), list(_flat(log.json("excitation"))), "Excitation", texts=True, folded=True)
-    yield Grid(("key", "value"), list(_flat(log.json("nominal_balance"))), "Nominal heat balance", True, True)
+        yield Grid(("key", "value"), list(flat(log.json("excitation"))), "Excitation", texts=True, folded=True)
+    yield Grid(("key", "value"), list(flat(log.json("nominal_balance"))), "Nominal heat balance", True, True)
     yield Listing("Device profiles", json.dumps(log.json("profiles"), indent=1))
-
-
-def _flat(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
-    """Yield (path, value) for each value in a tree of JSON objects. A path is for example `limits.current_max_a`."""
-    if isinstance(value, dict):
-        for name, inner in value.items():
-            yield from _flat(inner, f"{key}.{name}" if key else name)
-    elif isinstance(value, list) and any(isinstance(inner, dict) for inner in value):
-        for number, inner in enumerate(value):
-            yield from _flat(inner, f"{key}[{number}]")
-    else:
-        yield key, json.dumps(value, ensure_ascii=False)
 
 
 def _items(values: dict[str, Any]) -> list[tuple[str, str]]:
     return [(name, str(value)) for name, value in values.items()]
 
 
-def _clock(time: str) -> str:
+def clock_text(time: str) -> str:
+    """Return a time of a log as a person reads it."""
     return time.replace("T", " ").replace("+00:00", " UTC")

@@ -52,6 +52,12 @@ class Controller(Protocol):
         ...
 
 
+def power_envelope_w(balance: HeatBalance, setpoint_c: float, rate_c_per_s: float) -> float:
+    """Return the largest power for an unknown wire that should be at `setpoint_c` and change at `rate_c_per_s`."""
+    transforming = balance.latent_heat_j / TRANSFORMATION_C * rate_c_per_s
+    return ENVELOPE * (balance.power_w(setpoint_c + LAGS_C, rate_c_per_s, 0.0) + transforming)
+
+
 class TemperatureController:
     """Follows a temperature path with the nominal heat balance: the excitation, before anything is identified.
 
@@ -90,16 +96,11 @@ class TemperatureController:
         rate_c_per_s = (setpoint_c - self._path_c(on_path_s)) / dt_s
         feedforward_w = self._balance.power_w(setpoint_c, rate_c_per_s, 0.0)
         limit_w = self._current_limit_a**2 * self._balance.resistance_cold_ohm
-        limit_w = min(limit_w, self._envelope_w(setpoint_c, abs(rate_c_per_s)))
+        limit_w = min(limit_w, power_envelope_w(self._balance, setpoint_c, abs(rate_c_per_s)))
         power_w = self._feedback.update(setpoint_c - reading_c, feedforward_w, limit_w, dt_s)
         return Command(
             self._balance.current_a(power_w, 0.0), setpoint_c=setpoint_c, estimated_c=reading_c, power_w=power_w
         )
-
-    def _envelope_w(self, setpoint_c: float, rate_c_per_s: float) -> float:
-        balance = self._balance
-        transforming = balance.latent_heat_j / TRANSFORMATION_C * rate_c_per_s
-        return ENVELOPE * (balance.power_w(setpoint_c + LAGS_C, rate_c_per_s, 0.0) + transforming)
 
     def _wait(self, time_s: float, reading_c: float, dt_s: float) -> None:
         """Hold the path while the wire is farther than `LAGS_C` from the path."""

@@ -17,7 +17,7 @@ from smadrive.clock import MonotonicClock, VirtualClock
 from smadrive.control.loop import LoopMetrics
 from smadrive.errors import ControllerError, StoppedError
 from smadrive.rig.rig import Rig
-from smadrive.runs.experiments import drive, excite, plan_tracking, track
+from smadrive.runs.experiments import drive, excite, heat, plan_tracking, track
 from smadrive.scripting.loop.messages import (
     AnyScriptRequest,
     ClearFaultsRequest,
@@ -26,6 +26,7 @@ from smadrive.scripting.loop.messages import (
     DrivenRun,
     DriveRequest,
     ExciteRequest,
+    HeatRequest,
     MeasureRequest,
     OpenedRig,
     OpenRequest,
@@ -92,6 +93,8 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
             return rig.measure()
         case ExciteRequest(log_file=log_file):
             return _counts(excite(log_file, rig, link.watch))
+        case HeatRequest(log_file=log_file, step=step):
+            return _counts(heat(log_file, rig, step, link.watch))
         case TrackRequest(log_file=log_file, reference=reference, wire=wire, smooth=smooth):
             with link.at_once():  # the simulation of a long reference takes minutes
                 plan = plan_tracking(rig, reference, wire, smooth=smooth)

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from smadrive.control.controllers.step import ManualStep
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
 from smadrive.rig.config import RigConfig
@@ -41,6 +42,14 @@ class ExciteRequest:
     """Run the identification experiment."""
 
     log_file: Path
+
+
+@dataclass(frozen=True)
+class HeatRequest:
+    """Hold a current or a temperature."""
+
+    log_file: Path
+    step: ManualStep
 
 
 @dataclass(frozen=True)
@@ -88,6 +97,7 @@ class CloseRequest:
 AnyScriptRequest = (
     MeasureRequest
     | ExciteRequest
+    | HeatRequest
     | TrackRequest
     | DriveRequest
     | CoolDownRequest

@@ -1,0 +1,51 @@
+"""The key that ends a command on a terminal."""
+
+from __future__ import annotations
+
+import os
+import select
+import sys
+import termios
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+
+END_KEYS = b"qQ"
+
+
+@contextmanager
+def end_key() -> Iterator[Callable[[], bool]]:
+    """Yield a function that returns True after q was pressed. It never waits, and without a terminal it is False.
+
+    Within the block the terminal passes each key on at once and shows none; Ctrl-C keeps its effect.
+    """
+    terminal = _own_terminal()
+    if terminal is None:
+        yield lambda: False
+        return
+    before = termios.tcgetattr(terminal)
+    tty.setcbreak(terminal, termios.TCSANOW)
+    try:
+        yield lambda: _is_pressed(terminal)
+    finally:
+        with suppress(OSError, termios.error):
+            termios.tcsetattr(terminal, termios.TCSANOW, before)
+
+
+def _own_terminal() -> int | None:
+    """Return the terminal at standard input, None without one, or when the command runs in the background."""
+    try:
+        descriptor = sys.stdin.fileno()
+        is_own = os.isatty(descriptor) and os.tcgetpgrp(descriptor) == os.getpgrp()
+    except (AttributeError, OSError, ValueError):
+        return None
+    return descriptor if is_own else None
+
+
+def _is_pressed(terminal: int) -> bool:
+    try:
+        if not select.select([terminal], [], [], 0)[0]:
+            return False
+        return any(key in END_KEYS for key in os.read(terminal, 64))
+    except OSError:
+        return False

@@ -1,0 +1,128 @@
+"""Runs side by side: names, metrics with their differences from the first run, and the settings that differ."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import cached_property
+from math import isfinite, nan
+from typing import NamedTuple
+
+import numpy as np
+
+from smadrive.errors import DataError
+from smadrive.runs.comparison.settings import differing_settings
+from smadrive.runs.log.reader import Log
+from smadrive.runs.run_metrics import RunMetrics, run_metrics
+
+MOST_RUNS = 8
+"""Largest number of runs in a comparison: plots have this number of colours."""
+
+NAME_LENGTH = 28
+"""A longer name of a run is cut."""
+
+
+class Quantity(NamedTuple):
+    """A row of the table of metrics: name, attribute of `ComparedMetrics`, unit, factor and digits of the text."""
+
+    name: str
+    attribute: str
+    unit: str
+    digits: int
+    factor: float = 1.0
+
+
+QUANTITIES = (
+    Quantity("RMS error", "rms_percent", "%", 2),
+    Quantity("largest error", "max_percent", "%", 2),
+    Quantity("measured stroke", "stroke_mm", "mm", 3),
+    Quantity("highest temperature", "temperature_max_c", "°C", 1),
+    Quantity("largest current", "current_max_a", "A", 3),
+    Quantity("electrical energy", "energy_j", "J", 1),
+    Quantity("at a limit", "limited_percent", "% of the time", 1),
+    Quantity("length", "duration_s", "s", 1),
+    Quantity("missed deadlines", "missed_deadlines", "", 0),
+    Quantity("largest delay", "late_max_s", "ms", 1, 1e3),
+)
+
+
+@dataclass(frozen=True)
+class ComparedMetrics(RunMetrics):
+    """The metrics of a run, and the span of its measured displacement, NaN without one."""
+
+    stroke_mm: float = nan
+
+
+@dataclass(frozen=True)
+class RunComparison:
+    """Two runs or more, by their logs. The first one is the one that the others are compared with."""
+
+    logs: tuple[Log, ...]
+
+    def __post_init__(self) -> None:
+        """Raise DataError for too few or too many runs, or for a log that is given twice."""
+        count, where = len(self.logs), "comparison"
+        if not 2 <= count <= MOST_RUNS:
+            cure = "choose some of the logs"
+            what, limit = "not a number of runs to compare", f"2 to {MOST_RUNS}"
+            raise DataError(what, where=where, value=count, limit=limit, cure=cure)
+        for number, log in enumerate(self.logs):
+            if any(log.path.samefile(other.path) for other in self.logs[:number]):
+                raise DataError("is given twice", where=log.path, cure="give each log once")
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The name of each run: that of its file, or its path where two files have one name."""
+        stems = [log.path.stem for log in self.logs]
+        names = [stem if stems.count(stem) == 1 else str(log.path) for stem, log in zip(stems, self.logs, strict=True)]
+        return tuple(name if len(name) <= NAME_LENGTH else f"…{name[1 - NAME_LENGTH :]}" for name in names)
+
+    @cached_property
+    def metrics(self) -> tuple[ComparedMetrics, ...]:
+        """The metrics of each run. DataError when a log has no row."""
+        return tuple(ComparedMetrics(**asdict(run_metrics(log)), stroke_mm=_stroke_mm(log)) for log in self.logs)
+
+    @cached_property
+    def settings(self) -> dict[str, tuple[str, ...]]:
+        """The settings in which the runs differ: the text of each run by the name of the setting."""
+        return differing_settings(self.logs)
+
+    def differences(self) -> list[dict[str, float]]:
+        """Return for each run the differences of its metrics from those of the first run, by their names."""
+        names = [field.name for field in fields(ComparedMetrics) if field.name != "kind"]
+        first = self.metrics[0]
+        return [{name: getattr(run, name) - getattr(first, name) for name in names} for run in self.metrics]
+
+    def metric_rows(self) -> list[tuple[str, ...]]:
+        """Return the table of metrics as texts: name, then the value of each run with its difference from the first."""
+        rows = []
+        for quantity in QUANTITIES:
+            values = [quantity.factor * getattr(run, quantity.attribute) for run in self.metrics]
+            if any(map(isfinite, values)):
+                rows.append((_title(quantity), *_cells(values, quantity.digits)))
+        return rows
+
+
+def _title(quantity: Quantity) -> str:
+    return f"{quantity.name} / {quantity.unit}" if quantity.unit else quantity.name
+
+
+def _cells(values: Sequence[float], digits: int) -> list[str]:
+    first, *others = values
+    cells = [_text(first, digits)]
+    for value in others:
+        difference = value - first
+        shown = f"{difference:+.{digits}f}"
+        is_other = isfinite(difference) and float(shown) != 0.0
+        cells.append(f"{_text(value, digits)} ({shown})" if is_other else _text(value, digits))
+    return cells
+
+
+def _text(value: float, digits: int) -> str:
+    return f"{value:.{digits}f}" if isfinite(value) else "–"
+
+
+def _stroke_mm(log: Log) -> float:
+    displacement_mm = log.column_with_gaps("displacement_mm")
+    finite = displacement_mm[np.isfinite(displacement_mm)]
+    return float(np.ptp(finite)) if finite.size else nan

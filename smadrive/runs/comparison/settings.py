@@ -1,0 +1,141 @@
+"""The settings of a run as texts by their names, and those in which runs differ."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from typing import Any
+from zlib import crc32
+
+import numpy as np
+
+from smadrive.control.controllers.feedback import PIGains
+from smadrive.control.references.reference import Reference
+from smadrive.rig.controllers import EXCITATION_SLOWER
+from smadrive.runs.log.reader import Log
+from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, wire_of
+from smadrive.wire.wire_model import travel_mm
+
+MOST_VALUES = 8
+"""Models that differ in more values are compared by the number of these values."""
+
+MODEL = "model: "
+BALANCE = "heat balance: "
+"""The names of the values of a model, and of its heat balance, begin with these texts."""
+
+PLAIN = ("inverse", "controller", "seed", "machine")
+"""Texts of the metadata that are settings as they stand."""
+
+
+def differing_settings(logs: Sequence[Log]) -> dict[str, tuple[str, ...]]:
+    """Return the settings in which the runs differ: name to one text per run; the text is empty where it is missing."""
+    found = [settings_of(log) for log in logs]
+    names = dict.fromkeys(name for settings in found for name in settings)
+    rows = {name: tuple(settings.get(name, "") for settings in found) for name in names}
+    return counted(
+        {name: texts for name, texts in rows.items() if len(set(texts)) > 1 and not _is_follow_up(name, texts)}
+    )
+
+
+def _is_follow_up(name: str, texts: Sequence[str]) -> bool:
+    """Return True for a value of a model that a run does not have: the setting `model` shows that already."""
+    return name.startswith((MODEL, BALANCE)) and "" in texts
+
+
+def settings_of(log: Log) -> dict[str, str]:
+    """Return every setting of the run. DataError when the metadata are invalid."""
+    return dict(_settings(log))
+
+
+def flat(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
+    """Yield (path, value) for each value in a tree of JSON objects. A path is for example `limits.current_max_a`."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from flat(inner, f"{key}.{name}" if key else name)
+    elif isinstance(value, list) and any(isinstance(inner, dict) for inner in value):
+        for number, inner in enumerate(value):
+            yield from flat(inner, f"{key}[{number}]")
+    else:
+        yield key, json.dumps(value, ensure_ascii=False)
+
+
+def _settings(log: Log) -> Iterator[tuple[str, str]]:
+    yield "kind of run", log.text("kind")
+    yield from _experiment(log)
+    yield from _gains(log)
+    yield from ((f"rig: {name}", text) for name, text in _plain(log.json("rig")))
+    if "data_sheet" in log.metadata:
+        yield from ((f"wire file: {name}", text) for name, text in _plain(log.json("data_sheet")))
+    if "wire" in log.metadata:
+        yield from _wire(log)
+    for name in ("devices", "versions"):
+        yield from ((f"{name}: {part}", text) for part, text in _plain(log.json(name)))
+    for device, profile in log.json("profiles").items():
+        text = json.dumps(profile, sort_keys=True)
+        yield f"profile of {device}", f"{profile['profile']['id']}, checksum {crc32(text.encode()):08x}"
+    yield from ((name, log.metadata[name]) for name in PLAIN if name in log.metadata)
+
+
+def _experiment(log: Log) -> Iterator[tuple[str, str]]:
+    """Yield reference, excitation or step, without the way from the displacement or temperature at the start."""
+    if "reference" in log.metadata:
+        yield from _reference(reference_of(log))
+    if "excitation" in log.metadata:
+        excitation = excitation_of(log)
+        points = excitation.turning_points_c[1:]
+        span = f"{min(points):g} to {max(points):g} °C at {excitation.rate_c_per_s:g} K/s"
+        yield "excitation", f"{span}, {len(points)} turning points"
+    if "step" in log.metadata:
+        yield from ((f"step: {name}", text) for name, text in _plain(log.json("step")))
+
+
+def _plain(value: Any) -> Iterator[tuple[str, str]]:
+    """Yield (path, value) like `flat`, texts without quotation marks and numbers with five digits."""
+    for name, text in flat(value):
+        inner = json.loads(text)
+        yield name, f"{inner:.5g}" if isinstance(inner, float) else inner if isinstance(inner, str) else text
+
+
+def _reference(reference: Reference) -> Iterator[tuple[str, str]]:
+    is_scored = reference.times_s >= reference.scored_from_s
+    times_s = reference.times_s[is_scored] - reference.scored_from_s
+    displacement_mm = reference.displacement_mm[is_scored]
+    samples = np.round(np.stack((times_s, displacement_mm)), 6) + 0.0  # no negative zero
+    span = f"{displacement_mm.min():.4g} to {displacement_mm.max():.4g} mm"
+    yield "reference", f"{span}, {times_s[-1]:.4g} s"
+    yield "checksum of the reference", f"{crc32(samples.tobytes()):08x}"
+
+
+def _gains(log: Log) -> Iterator[tuple[str, str]]:
+    """Yield the gains of the temperature loop, which follow from the rig file and the heat balance."""
+    kind = log.text("kind")
+    is_identified = kind == "tracking"
+    if not is_identified and not {"excitation", "step"} & log.metadata.keys():
+        return
+    balance = (wire_of(log).heat_balance if is_identified else None) or nominal_balance(log)
+    feedback = rig_config_of(log).feedback
+    slower = 1.0 if is_identified else EXCITATION_SLOWER
+    gains = PIGains.for_balance(balance, slower * feedback.closed_loop_s, feedback.integral_s)
+    yield "gain Kp", f"{gains.proportional_w_per_k:.4g} W/K"
+    yield "gain Ki", f"{gains.integral_w_per_k_s:.4g} W/(K s)"
+
+
+def _wire(log: Log) -> Iterator[tuple[str, str]]:
+    model = wire_of(log).model
+    cold_mm, hot_mm = travel_mm(model)
+    yield "model", type(model).__name__
+    yield "model's stroke", f"{abs(hot_mm - cold_mm):.4g} mm"
+    document = log.json("wire")
+    balance = document.pop("provenance", {}).get("heat_balance") or {}
+    yield from ((f"{BALANCE}{name}", text) for name, text in _plain(balance))
+    yield from ((f"{MODEL}{name}", text) for name, text in flat(document))
+
+
+def counted(rows: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
+    """Replace the values of the models by their number, if there are many."""
+    of_models = [texts for name, texts in rows.items() if name.startswith(MODEL)]
+    if len(of_models) <= MOST_VALUES:
+        return rows
+    counts = [sum(texts[run] != texts[0] for texts in of_models) for run in range(len(of_models[0]))]
+    others = {name: texts for name, texts in rows.items() if not name.startswith(MODEL)}
+    return {**others, "values of the model": tuple(f"{count} others" if count else "as the first" for count in counts)}

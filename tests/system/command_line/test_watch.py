@@ -1,0 +1,172 @@
+"""`watch` shows a rig without heat: live values, lines, JSON lines, a log; the key q ends it."""
+
+import io
+import json
+import subprocess
+import sys
+from math import nan
+
+import programs
+import pytest
+from rich.console import Console
+
+from firmware_sim.bench import simulated_device
+from firmware_sim.config import load_sim
+from smadrive.cli.views.watch_view import LEVELS, WINDOW_S, Extremes, WatchView, plot_lines
+from smadrive.clock import VirtualClock
+from smadrive.control.controllers.temperature import Command
+from smadrive.control.loop import Tick
+from smadrive.errors import DataError, DeadlineError
+from smadrive.measurement import Measurement
+from smadrive.rig.config import load_rig
+from smadrive.rig.rig import Rig
+from smadrive.runs.experiments import LOST_S, observe
+from smadrive.runs.log.reader import read_log
+from smadrive.runs.replay import replay
+
+
+def watch(folder, *arguments):
+    command = [sys.executable, "-m", "smadrive", "watch", *arguments]
+    return programs.run(command, cwd=folder, capture_output=True, text=True, check=False)
+
+
+def test_json_lines_and_log_hold_every_measurement(tmp_path):
+    done = watch(tmp_path, "in-process", "--for", "2", "--json", "-o", "seen.h5")
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = [json.loads(line) for line in done.stdout.splitlines()]
+    assert len(lines) == 41
+    assert not any(line["armed"] or line["in_force_a"] for line in lines)
+    assert lines[-1]["time_s"] == pytest.approx(2.0, abs=0.01)
+    log = read_log(tmp_path / "seen.h5")
+    assert log.column("temperature_c").tolist() == [line["temperature_c"] for line in lines]
+    assert not log.column("commanded_a").any()
+    with pytest.raises(DataError):
+        replay(log)
+
+
+def test_pipe_gets_a_line_a_second_and_a_table(tmp_path):
+    done = watch(tmp_path, "in-process", "--for", "3")
+    assert done.returncode == 0, done.stderr
+    times = [line.partition(" s:")[0] for line in done.stdout.splitlines() if " s: " in line]
+    assert times == ["0.0", "1.0", "2.0", "3.0"]
+    assert "61 measurements" in done.stdout
+    assert "highest" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("arguments", "code", "part"),
+    [
+        (("in-process",), 2, "is virtual"),
+        (("in-process", "--for", "0"), 2, "above 0 s"),
+        (("in-process", "--for", "nan"), 2, "above 0 s"),
+        (("in-process", "--for", "1", "-o", "seen.csv"), 2, ".h5"),
+        (("absent.toml", "--for", "1"), 2, "absent.toml"),
+    ],
+)
+def test_mistake_is_one_sentence(tmp_path, arguments, code, part):
+    done = watch(tmp_path, *arguments)
+    assert (done.returncode, done.stdout) == (code, "")
+    assert part in done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.fixture
+def opened():
+    device = simulated_device(load_sim("flexinol-lt-0.15mm"))
+    clock = VirtualClock()
+    clock.follow(device.bench.advance_to)
+    with Rig(load_rig("in-process"), transports={"board": device.transport(clock)}) as rig:
+        yield device, rig
+
+
+def test_lost_exchanges_are_left_out(opened):
+    device, rig = opened
+    seen = []
+
+    def record(tick):
+        seen.append(tick.time_s)
+        if len(seen) == 3:
+            device.faults.drop(4)
+
+    observe(rig, 3.0, record, lambda: len(seen) >= 10)
+    assert len(seen) == 10
+    assert seen == sorted(seen)
+    assert seen[3] - seen[2] > 0.1
+
+
+def test_silent_device_ends_the_observation(opened):
+    device, rig = opened
+    device.faults.drop(10_000)
+    begun_s = rig.clock.now_s()
+    with pytest.raises(DeadlineError):
+        observe(rig, 100.0, lambda _tick: None, lambda: False)
+    assert LOST_S < rig.clock.now_s() - begun_s < 2.0 * LOST_S
+    device.faults.clear()
+
+
+def tick(time_s, temperature_c, displacement_mm=nan, **fields):
+    return Tick(time_s, 0.0, Measurement(time_s, temperature_c, 0.0, 0.0, displacement_mm, **fields), Command(0.0))
+
+
+def test_display_has_values_plot_and_faults():
+    view = WatchView("rig", lambda: 60)
+    for n in range(100):
+        view.tick(tick(float(n), 20.0 + n))
+    view.tick(tick(100.0, nan, temperature_fault="open", device_faults=("thermocouple_open",)))
+    console = Console(width=60, file=io.StringIO(), record=True)
+    console.print(view)
+    text = console.export_text()
+    for part in ("100.0 s, heater off", "open", "thermocouple_open", "displacement –", LEVELS[-1], "119.00"):
+        assert part in text
+    assert max(map(len, text.splitlines())) <= 60
+
+
+def test_plot_rises_from_the_left_to_the_present():
+    lines = plot_lines([(float(n), float(n)) for n in range(121)], 10, 1.0, 1)
+    assert len(lines) == 4
+    assert "120.0" in lines[0]
+    tops = [line[-10:] for line in lines]
+    assert tops[0].strip() == tops[0][-3:].strip()
+    assert tops[-1][-1] == LEVELS[-1]
+    assert WINDOW_S == 60.0
+
+
+def test_plot_of_a_constant_value_has_the_smallest_span():
+    lines = plot_lines([(0.0, 5.0), (1.0, nan), (2.0, 5.0)], 20, 1.0, 1)
+    assert "5.5" in lines[0]
+    assert "4.5" in lines[-1]
+
+
+def test_extremes_leave_out_what_is_invalid():
+    extremes = Extremes()
+    for one in (tick(0.0, 20.0), tick(1.0, nan), tick(2.0, 25.0)):
+        extremes.add(one)
+    rows = {name: values for name, *values in extremes.rows()}
+    assert rows["temperature"] == ["25.00 °C", "20.00 °C", "25.00 °C"]
+    assert rows["displacement"] == ["–", "–", "–"]
+
+
+KEY = """
+import os, pty, sys, termios, time
+from smadrive.cli.views.keyboard import end_key
+pid, ours = pty.fork()
+if pid == 0:
+    before = termios.tcgetattr(0)
+    with end_key() as is_ended:
+        os.write(1, b"ready")
+        while not is_ended():
+            time.sleep(0.01)
+    os._exit(0 if termios.tcgetattr(0) == before else 1)
+assert os.read(ours, 5) == b"ready"
+os.write(ours, b"xq")
+sys.exit(os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]))
+"""
+
+
+def test_key_q_ends_and_the_terminal_is_restored():
+    subprocess.run([sys.executable, "-c", KEY], check=True, timeout=60)
+
+
+def test_input_that_is_no_terminal_never_ends():
+    code = "from smadrive.cli.views.keyboard import end_key\nwith end_key() as f: assert not f()"
+    subprocess.run([sys.executable, "-c", code], check=True, stdin=subprocess.DEVNULL)
