@@ -94,7 +94,7 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
             return _counts(excite(log_file, rig, link.watch))
         case TrackRequest(log_file=log_file, reference=reference, wire=wire, smooth=smooth):
             with link.at_once():  # the simulation of a long reference takes minutes
-                plan = plan_tracking(rig, reference, wire, smooth=smooth)
+                plan = plan_tracking(rig, reference, wire, smooth=smooth, smooth_option="smooth=True")
             return _counts(track(log_file, rig, plan, link.watch))
         case DriveRequest(log_file=log_file, controller=controller, duration_s=duration_s, wire=wire):
             own = OwnController(controller, duration_s, link.at_once)
