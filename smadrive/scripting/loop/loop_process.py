@@ -16,6 +16,7 @@ import cloudpickle
 from smadrive.clock import MonotonicClock, VirtualClock
 from smadrive.control.loop import LoopMetrics
 from smadrive.errors import ControllerError, StoppedError
+from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import drive, excite, plan_tracking, track
 from smadrive.scripting.loop.messages import (
@@ -34,7 +35,6 @@ from smadrive.scripting.loop.messages import (
 )
 from smadrive.scripting.loop.own_controller import OwnController
 from smadrive.scripting.loop.script_link import ScriptLink
-from smadrive.tuning.link.real_time import use_real_time_scheduling
 
 
 def serve(link: ScriptLink) -> None:
