@@ -22,6 +22,7 @@ from firmware_sim.server.served_line import ServedLine, open_lines
 from firmware_sim.server.server import Server, stop_on_signal
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import ConfigError, SmadriveError
+from smadrive.real_time import use_real_time_scheduling
 
 REFERENCE = "sma-reference"
 
@@ -159,6 +160,8 @@ def _serve_replay(
 
 def _run(server: Server, addresses: Sequence[str], time: Time) -> None:
     with stop_on_signal(), contextlib.suppress(KeyboardInterrupt):
+        if time is Time.REAL:
+            use_real_time_scheduling()  # a reply that is late on a busy machine would trip the driver
         for address in addresses:
             typer.echo(address)
         sys.stdout.flush()

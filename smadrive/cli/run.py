@@ -60,7 +60,7 @@ def main(
     given.check_within(travel_mm(identified.model))
     try:
         with Rig(config, trace_folder=trace) as open_rig:
-            plan = plan_tracking(open_rig, given, identified, smooth=smooth)
+            plan = plan_tracking(open_rig, given, identified, smooth=smooth, smooth_option="--smooth")
             output.warn(plan.caveats)
             watch = shown("tracking", config.limits.current_max_a, quiet=output.quiet)
             loop = track(log_file, open_rig, plan, announced(output, log_file, "the run", open_rig.clock, watch))

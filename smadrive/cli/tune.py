@@ -25,12 +25,12 @@ from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError
 from smadrive.hysteresis import HysteresisModel
+from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import read_reference
 from smadrive.runs.run_log import record_session
 from smadrive.tuning.link.channel import ControlEnd
-from smadrive.tuning.link.real_time import use_real_time_scheduling
 from smadrive.tuning.processes import BuilderProcess, TuningPage
 from smadrive.tuning.session.session import TuningSession
 from smadrive.tuning.tuning import Tuning

@@ -108,14 +108,15 @@ class Feasibility:
             f"{REASONS[self.limit]}"
         )
 
-    def check(self, temperature_max_c: float, *, smooth: bool = False) -> None:
+    def check(self, temperature_max_c: float, *, smooth: bool, smooth_option: str) -> None:
         """Raise ConfigError when the reference is not feasible, or needs a temperature above the limit.
 
-        With `smooth` the nearest feasible reference runs instead, and only its temperature is checked.
+        With `smooth` the nearest feasible reference runs instead, and only its temperature is checked. The error names
+        `smooth_option`, with which the user asks for that: an option of the command line, or an argument in Python.
         """
         if not (self.feasible or smooth):
             slower = "" if self.slower > JUMP else f"slow it down about {self.slower:.1f} times, or "
-            cure = f"{slower}run the nearest reference that the wire can follow (--smooth)"
+            cure = f"{slower}run the nearest reference that the wire can follow ({smooth_option})"
             raise ConfigError(str(self), where="reference", cure=cure)
         if self.hottest_c > temperature_max_c:
             raise ConfigError(

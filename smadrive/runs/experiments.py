@@ -113,14 +113,17 @@ def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetric
         return rig.drive(controller, rig.nominal_balance, record)
 
 
-def plan_tracking(rig: Rig, given: Reference, identified: IdentifiedWire, *, smooth: bool) -> PlannedTracking:
+def plan_tracking(
+    rig: Rig, given: Reference, identified: IdentifiedWire, *, smooth: bool, smooth_option: str
+) -> PlannedTracking:
     """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated.
 
-    ConfigError when the wire cannot follow `given`. With `smooth` the run tracks the nearest reference instead.
+    ConfigError when the wire cannot follow `given`. With `smooth` the run tracks the nearest reference instead. The
+    error names `smooth_option`, with which the user of the command or of the script asks for that.
     """
     wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance)
     given, simulated = _simulated(rig, given, wire)
-    simulated.check(rig.config.limits.temperature_max_c, smooth=smooth)
+    simulated.check(rig.config.limits.temperature_max_c, smooth=smooth, smooth_option=smooth_option)
     source = Path(identified.source).name
     of_the_model = (f"{source}: {caveat}" if source else caveat for caveat in identified.caveats)
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()

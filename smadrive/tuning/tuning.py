@@ -115,7 +115,10 @@ class Tuning:
 
 def _with_rule(model: Model, change: SetRule) -> TSFuzzyDuhem:
     if isinstance(model, DuhemModel):
-        raise ModelError("a Duhem model has no rules", cure="move its branches, or identify with --kind tsfuzzy")
+        raise ModelError(
+            "a Duhem model has no rules",
+            cure="move its branches, or identify the wire by `smadrive identify --kind tsfuzzy`",
+        )
     sets = len(model.sets.centres)
     if change.index >= sets:
         raise ModelError("there is no such rule", where="index", value=change.index, limit=sets - 1)

@@ -37,11 +37,11 @@ import numpy as np
 
 from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
+from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
 from smadrive.testing.simulator import ServedSimulator
 from smadrive.tuning.link.channel import ControlEnd, PageEnd
-from smadrive.tuning.link.real_time import use_real_time_scheduling
 from smadrive.tuning.link.samples import COLUMNS
 from smadrive.tuning.page.view.plots import POINTS
 from smadrive.tuning.processes import BuilderProcess, TuningPage

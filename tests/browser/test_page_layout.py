@@ -1,5 +1,8 @@
 """The layout and the plots of the tuning page in a real browser."""
 
+import os
+import signal
+
 import pytest
 
 from .page_actions import drawn, errors, heat, newest, press
@@ -13,7 +16,7 @@ def test_page_loads_nothing_from_elsewhere_and_its_plots_move(client, live):
     live.wait(lambda: newest(page, "time_s") > first + 1.0)
 
 
-BEYOND = """() => [...document.querySelectorAll("header > *, .card")].filter(
+BEYOND = """() => [...document.querySelectorAll("header > *, .number, .card")].filter(
     element => element.getBoundingClientRect().right > innerWidth).length"""
 """A script that counts the elements that are wider than the window."""
 
@@ -44,7 +47,7 @@ def test_nothing_is_cut_off_at_any_window_width(page_of_each_width, live):
 
 
 OVERLAPS = """() => {
-    const places = [...document.querySelectorAll("header > *, .card")].map(
+    const places = [...document.querySelectorAll("header > *, .number, .card")].map(
         element => [element, element.getBoundingClientRect()]);
     const overlap = (a, b) => Math.min(a.right, b.right) > Math.max(a.left, b.left) + 1
         && Math.min(a.bottom, b.bottom) > Math.max(a.top, b.top) + 1;
@@ -66,6 +69,66 @@ def test_nothing_overlaps_at_any_window_width(page_of_each_width, live):
     for _, page in page_of_each_width([390, 700, 720, 1000, 1280, 1600]):
         live.wait(lambda page=page: page.evaluate(OVERLAPS) == [])
         live.wait(lambda page=page: page.evaluate(OVER_OFF) == 0)
+
+
+SIZES = ((1920, 1080), (1440, 900), (1024, 768), (700, 900), (390, 844))
+
+NEEDED = "#off, header .chips, .number, .times, .plot, .run, .knobs"
+"""The elements that a running session needs."""
+
+GEOMETRY = """() => {
+    const outside = ({left, top, right, bottom}) => left < 0 || top < 0 || right > innerWidth || bottom > innerHeight;
+    const place = (element) => element.getBoundingClientRect();
+    const all = (selector) => [...document.querySelectorAll(selector)];
+    const apart = (a, b) => Math.min(a.right, b.right) <= Math.max(a.left, b.left) + 1
+        || Math.min(a.bottom, b.bottom) <= Math.max(a.top, b.top) + 1;
+    const parts = all("header > *, .number, .times, .card");
+    const names = (elements) => elements.map(element => element.innerText);
+    const off = place(document.getElementById("off"));
+    return {
+        width: innerWidth,
+        isOffOutside: outside(off),
+        scrollsSideways: document.documentElement.scrollWidth > innerWidth,
+        overOff: names(parts.filter(part => part.id !== "off" && !apart(off, place(part)))),
+        overlapping: parts.flatMap((part, n) =>
+            names(parts.slice(n + 1).filter(other => !apart(place(part), place(other))))),
+        cut: names(all(".number b, .number h2, .number .state").filter(part =>
+            place(part).right > place(part.closest(".number")).right - 4)),
+        outside: names(all(NEEDED).filter(one => outside(place(one)))),
+    } }""".replace("NEEDED", repr(NEEDED))
+"""A script that returns what lies where. `outside` are the needed elements that are not wholly inside the window."""
+
+
+def test_off_is_in_reach_and_nothing_overlaps_in_a_running_session(client, live):
+    page = client()
+    heat(page, live)
+    page.locator(".number .state", has_text="measured").nth(3).wait_for()
+    for width, height in SIZES:
+        page.set_viewport_size({"width": width, "height": height})
+        right = {"width": width, "isOffOutside": False, "scrollsSideways": False}
+        right |= {"overOff": [], "overlapping": [], "cut": []}
+
+        def is_right(right=right):
+            found = page.evaluate(GEOMETRY)
+            return {key: found[key] for key in right} == right
+
+        live.wait(is_right)
+        live.wait(lambda: page.evaluate(OVER_OFF) == 0)
+        if (width, height) in SIZES[:2]:
+            live.wait(lambda: page.evaluate(GEOMETRY)["outside"] == [])
+
+
+def test_large_numbers_are_those_of_the_wire_and_vanish_with_their_process(client, live):
+    page = client()
+    value = page.locator(".number", has_text="temperature").locator(".value")
+    live.wait(lambda: value.inner_text() not in {"", "—"})
+    assert abs(float(value.inner_text()) - live.ticks[-1][1].measurement.temperature_c) < 5.0
+    os.kill(live.page.server.pid, signal.SIGSTOP)
+    try:
+        value.wait_for(state="hidden")
+    finally:
+        os.kill(live.page.server.pid, signal.SIGCONT)
+    value.wait_for()
 
 
 @pytest.mark.exhaustive

@@ -111,7 +111,7 @@ def steps(
 ) -> Reference:
     """Jumps between `low_mm` and `high_mm`, each held for `dwell_s`.
 
-    No wire follows a jump: run this with `--smooth`.
+    No wire follows a jump: track the nearest reference, with `smooth=True` or `smadrive run --smooth`.
     """
     _check(low_mm=low_mm, high_mm=high_mm, dwell_s=dwell_s, cycles=cycles)
     _check_pace((2 * cycles + 1) * dwell_s, 2 * cycles, longest_s)

@@ -16,6 +16,7 @@ import cloudpickle
 from smadrive.clock import MonotonicClock, VirtualClock
 from smadrive.control.loop import LoopMetrics
 from smadrive.errors import ControllerError, StoppedError
+from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import drive, excite, heat, plan_tracking, track
 from smadrive.scripting.loop.messages import (
@@ -35,7 +36,6 @@ from smadrive.scripting.loop.messages import (
 )
 from smadrive.scripting.loop.own_controller import OwnController
 from smadrive.scripting.loop.script_link import ScriptLink
-from smadrive.tuning.link.real_time import use_real_time_scheduling
 
 
 def serve(link: ScriptLink) -> None:
@@ -97,7 +97,7 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
             return _counts(heat(log_file, rig, step, link.watch))
         case TrackRequest(log_file=log_file, reference=reference, wire=wire, smooth=smooth):
             with link.at_once():  # the simulation of a long reference takes minutes
-                plan = plan_tracking(rig, reference, wire, smooth=smooth)
+                plan = plan_tracking(rig, reference, wire, smooth=smooth, smooth_option="smooth=True")
             return _counts(track(log_file, rig, plan, link.watch))
         case DriveRequest(log_file=log_file, controller=controller, duration_s=duration_s, wire=wire):
             own = OwnController(controller, duration_s, link.at_once)

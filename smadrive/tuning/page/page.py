@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from concurrent.futures import BrokenExecutor, Future
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +23,7 @@ from smadrive.tuning.page.fit import Fitter
 from smadrive.tuning.page.panel import LoopTiming, banner_html, chips_html, events_html, scores_html
 from smadrive.tuning.page.rules_table import LAWS
 from smadrive.tuning.page.save import save_tuning
+from smadrive.tuning.page.view.live_numbers import LiveNumbers
 from smadrive.tuning.page.view.plots import POINTS, Plots
 from smadrive.tuning.page.view.sample_history import SampleHistory
 from smadrive.tuning.page.view.time_view import TimeView
@@ -67,6 +69,7 @@ class Page:
         self._controls = Controls(self._act, status["references"])
         self._texts = {name: _text(name) for name in ("chips", "banner", "events", "scores")}
         self._view = TimeView(self._plots, history)
+        self._numbers = LiveNumbers(1.0 / status["rate_hz"])
         self._note = ""
         self._timing = LoopTiming(1.0 / status["rate_hz"])
         self._timing_text = ""
@@ -76,8 +79,10 @@ class Page:
         self._frame = 0
         self._show_model(status["tuning"])  # before the first rows: errors are drawn in percent of its stroke
         self._bound_knobs(status["tuning"])
-        for root in (*self._plots.figures, *self._controls.roots, *self._view.buttons.values(), *self._texts.values()):
+        parts = self._plots.figures, self._controls.roots, self._view.buttons.values(), self._texts.values()
+        for root in (*chain.from_iterable(parts), self._numbers.model):
             doc.add_root(root)
+        doc.js_on_event("document_ready", self._numbers.on_load)
         doc.config.notify_connection_status = False  # the page itself shows the end of the run and a lost connection
         doc.title = f"smadrive · {status['rig']}"
         doc.template = (HERE / "page.html").read_text(encoding="utf-8")
@@ -90,6 +95,7 @@ class Page:
     def _draw(self) -> None:
         self._controls.events.set_offs(self._clients.channel.offs)
         self._seen, rows = self._clients.channel.since(self._seen)
+        self._numbers.update(rows, self._plots.stroke_mm)
         self._view.update(self._clients.status)  # before the new rows move the window that the user may have dragged
         if rows.size:
             if self._view.follows:
@@ -113,6 +119,7 @@ class Page:
         self._controls.enable(controls, status=status)
         self._text("chips", chips_html(status, self._timing_text, late=self._timing.missed > 0, controls=controls))
         self._text("banner", banner_html(status, self._note))
+        self._texts["banner"].visible = bool(self._texts["banner"].text)
         self._text("events", events_html(status["events"]))
         self._text("scores", scores_html(status["comparison"]))
 

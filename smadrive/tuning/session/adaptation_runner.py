@@ -57,7 +57,9 @@ class AdaptationRunner:
                 "the adaptation has ended, and the rules from before the fault are not in force yet", cure="try again"
             )
         if on and not isinstance(tuning.model, TSFuzzyDuhem):
-            raise ConfigError("a Duhem model has no rules to adapt", cure="identify with --kind tsfuzzy")
+            raise ConfigError(
+                "a Duhem model has no rules to adapt", cure="identify the wire by `smadrive identify --kind tsfuzzy`"
+            )
         self._adaptation = self._started_from = None
         if on and isinstance(tuning.model, TSFuzzyDuhem):
             self._adaptation, self._started_from = Adaptation(tuning.model, self._noise_c), tuning

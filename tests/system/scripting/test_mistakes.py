@@ -40,6 +40,7 @@ MISTAKES = [
     ("reference", lambda rig, wire: rig.track("sine:low_mm=2", wire), ConfigError, "missing: high_mm, period_s"),
     ("reference", lambda rig, wire: rig.track(_sine(high_mm=40), wire), ConfigError, "outside the travel"),
     ("reference", lambda rig, wire: rig.track(_sine(period_s=1), wire), ConfigError, "cools no faster"),
+    ("reference", lambda rig, wire: rig.track(_sine(period_s=1), wire), ConfigError, "can follow (smooth=True)"),
     ("log", lambda rig, wire: rig.excite(7), ConfigError, "log: of the wrong type (int)"),
     ("log", lambda rig, wire: rig.excite("l.csv"), DataError, "the name of a log ends in .h5"),
     ("log", lambda rig, wire: rig.excite("excitation.h5"), DataError, "a record is never overwritten"),

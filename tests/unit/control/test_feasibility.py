@@ -19,6 +19,9 @@ WIRE = WireModel(LOOP, HeatBalance(0.029, 0.012, 0.83, 22.0, 16.5, -0.12, 0.15))
 SETTINGS = TrackingSettings(0.05, 0.6, closed_loop_s=0.25, integral_s=2.0, noise_c=0.1)
 
 
+OPTION = "--smooth"
+
+
 def simulated(spec, current_limit_a=0.6):
     reference = parse_reference(spec).with_approach(0.0, 10.0)
     settings = TrackingSettings(0.05, current_limit_a, closed_loop_s=0.25, integral_s=2.0, noise_c=0.1)
@@ -32,7 +35,7 @@ def test_feasible_reference_passes_unchanged():
     assert found.nearest is reference
     assert "feasible" in str(found)
     assert 90.0 < found.hottest_c < 110.0
-    found.check(temperature_max_c=135.0)
+    found.check(temperature_max_c=135.0, smooth=False, smooth_option=OPTION)
 
 
 def test_fall_faster_than_cooling_is_rejected_with_reason_and_cure():
@@ -41,21 +44,21 @@ def test_fall_faster_than_cooling_is_rejected_with_reason_and_cure():
     assert found.limit == "cooling"
     assert found.setpoint_mm_per_s < found.reached_mm_per_s < 0.0
     with pytest.raises(ConfigError) as error:
-        found.check(temperature_max_c=135.0)
+        found.check(temperature_max_c=135.0, smooth=False, smooth_option=OPTION)
     assert error.value.where == "reference"
     assert REASONS["cooling"] in error.value.what
     assert f"{found.slower:.1f} times" in error.value.cure
     assert "--smooth" in error.value.cure
-    found.check(temperature_max_c=135.0, smooth=True)
+    found.check(temperature_max_c=135.0, smooth=True, smooth_option=OPTION)
     with pytest.raises(ConfigError) as error:
-        found.check(temperature_max_c=90.0, smooth=True)
+        found.check(temperature_max_c=90.0, smooth=True, smooth_option=OPTION)
     assert error.value.limit == "90 °C"
 
 
 def test_jump_is_not_cured_by_slowing_it_down():
     _, found = simulated("steps:low_mm=3,high_mm=8,dwell_s=50")
     with pytest.raises(ConfigError) as error:
-        found.check(temperature_max_c=135.0)
+        found.check(temperature_max_c=135.0, smooth=False, smooth_option=OPTION)
     assert "times" not in error.value.cure
     assert "--smooth" in error.value.cure
 
@@ -88,7 +91,7 @@ def test_nearest_reference_of_steps_has_feasible_ramps():
 def test_run_above_the_temperature_limit_is_rejected():
     _, found = simulated("sine:low_mm=2.4,high_mm=9.6,period_s=56,cycles=1")
     with pytest.raises(ConfigError) as error:
-        found.check(temperature_max_c=90.0)
+        found.check(temperature_max_c=90.0, smooth=False, smooth_option=OPTION)
     assert error.value.value == f"{found.hottest_c:.0f} °C"
     assert error.value.limit == "90 °C"
 

@@ -5,6 +5,9 @@ from __future__ import annotations
 from bokeh.models import ColumnDataSource, Span
 from bokeh.plotting import figure
 
+WIDTHS = (5.0, 2.8, 1.0)
+"""Widths of the lines of one plot, from the lowest to the uppermost."""
+
 LIMIT, GRID = "#c0392b", "#e6eaee"
 
 
@@ -35,9 +38,12 @@ def plain_figure(name: str, label: str, tools: str = "", **ranges: object) -> fi
 
 
 def lines(plot: figure, source: ColumnDataSource, **traces: str) -> None:
-    """Draw a line for each column, in the given colour."""
-    for column, colour in traces.items():
-        plot.line("time_s", column, source=source, color=colour, line_width=1.6)
+    """Draw a line for each column, in the given colour. The last one is the uppermost and the thinnest.
+
+    So a line on which others lie shows on both sides of them.
+    """
+    for column, colour, width in zip(traces, traces.values(), WIDTHS[-len(traces) :], strict=True):
+        plot.line("time_s", column, source=source, color=colour, line_width=width)
 
 
 def limit(plot: figure, at: float) -> None:

@@ -15,6 +15,7 @@ from bokeh.plotting import figure
 from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.identification.reshape import Model
 from smadrive.tuning.link.samples import COLUMNS, Rows
+from smadrive.tuning.page.view.error_axis import error_axis
 from smadrive.tuning.page.view.figures import limit, lines, plain_figure
 
 POINTS = 2000
@@ -35,9 +36,6 @@ DRAWN = (
 
 MOVED = 0.004
 """The measured loop gets a new point when the wire has moved by this share of an axis."""
-
-ERROR_AXES = (1.0, 2.0, 5.0, 10.0, 20.0, 50.0, 100.0)
-"""Possible ends of the axis of the error, in percent of the stroke."""
 
 BRANCH_POINTS = 200
 
@@ -103,6 +101,12 @@ class Plots:
         self._fit_error_axis()
 
     @property
+    def stroke_mm(self) -> float:
+        """The travel of the wire. `show_model` must have been called before."""
+        assert self._travel_mm is not None
+        return abs(self._travel_mm[1] - self._travel_mm[0])
+
+    @property
     def window(self) -> tuple[float, float]:
         """The time that is shown. The user may have changed it in the browser."""
         return self._x.start, self._x.end
@@ -113,21 +117,20 @@ class Plots:
 
     def _columns(self, rows: Rows) -> dict[str, Rows]:
         """Return the columns of the data source for these rows."""
-        assert self._travel_mm is not None
         columns = {name: rows[:, _COLUMN[name]] for name in DRAWN}
-        stroke_mm = abs(self._travel_mm[1] - self._travel_mm[0])
         measured_mm = columns["displacement_mm"]
         reached_mm = np.where(np.isfinite(measured_mm), measured_mm, columns["estimated_mm"])
-        columns["error_percent"] = 100.0 * (columns["setpoint_mm"] - reached_mm) / stroke_mm
+        columns["error_percent"] = 100.0 * (columns["setpoint_mm"] - reached_mm) / self.stroke_mm
         return columns
 
     def _fit_error_axis(self) -> None:
-        """Choose the end of the error axis from `ERROR_AXES`: with few possible ends, the axis seldom changes."""
-        errors = np.abs(self.time.data["error_percent"])
-        largest = float(np.max(errors[np.isfinite(errors)], initial=0.5))
-        end = next((step for step in ERROR_AXES if step >= 1.05 * largest), ERROR_AXES[-1])
-        if self._error_range.end != end:
-            self._error_range.update(start=-end, end=end)
+        """Fit the error axis to the errors in the window."""
+        times_s, errors = (np.asarray(self.time.data[name]) for name in ("time_s", "error_percent"))
+        from_s, to_s = self.window
+        axis = self._error_range
+        ends = error_axis(errors[(times_s >= from_s) & (times_s <= to_s)], (axis.start, axis.end))
+        if ends != (axis.start, axis.end):
+            axis.update(start=ends[0], end=ends[1])
 
     def show_state(self, rows: Rows) -> None:
         """Show the state of the wire on the hysteresis plane, and the firing strengths of the rules in this state.
@@ -168,23 +171,23 @@ class Plots:
 
     def _displacement(self) -> figure:
         plot = self._over_time("displacement", "displacement / mm", self._mm)
-        lines(plot, self.time, setpoint_mm=SETPOINT, displacement_mm=MEASURED, estimated_mm=ESTIMATED)
+        lines(plot, self.time, estimated_mm=ESTIMATED, displacement_mm=MEASURED, setpoint_mm=SETPOINT)
         return plot
 
     def _temperature(self, temperature_max_c: float) -> figure:
         plot = self._over_time("temperature", "temperature / °C", Range1d(15.0, 1.06 * temperature_max_c))
-        lines(plot, self.time, setpoint_c=SETPOINT, temperature_c=MEASURED, estimated_c=ESTIMATED)
+        lines(plot, self.time, estimated_c=ESTIMATED, temperature_c=MEASURED, setpoint_c=SETPOINT)
         limit(plot, temperature_max_c)
         return plot
 
     def _current(self, current_max_a: float) -> figure:
         plot = self._over_time("current", "current / A", Range1d(-0.03 * current_max_a, 1.1 * current_max_a))
-        lines(plot, self.time, commanded_a=SETPOINT, current_a=MEASURED)
+        lines(plot, self.time, current_a=MEASURED, commanded_a=SETPOINT)
         limit(plot, current_max_a)
         return plot
 
     def _error(self) -> figure:
-        plot = self._over_time("error", "error / % of stroke", self._error_range)
+        plot = self._over_time("error", "error / %", self._error_range)
         lines(plot, self.time, error_percent=HEATING)
         plot.add_layout(Span(location=0.0, dimension="width", line_color=SETPOINT, line_width=1))
         plot.xaxis.visible = True

@@ -1,0 +1,119 @@
+"""The large numbers of the page: temperature, displacement, current and tracking error of the newest sample.
+
+Each number has a state: `measured`, `estimated` or `commanded`; without a value the state says why. The browser only
+writes these texts into the page, so that new numbers need no new layout (see page.html).
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from math import isfinite, nan
+from typing import NamedTuple
+
+from bokeh.core.properties import List, String
+from bokeh.model import DataModel
+from bokeh.models import CustomJS
+
+from smadrive.tuning.link.samples import COLUMNS, Rows
+
+OLD_S = 1.5
+"""A number is not shown if no sample has arrived for this time, or for `OLD_PERIODS` of the loop if that is longer."""
+
+OLD_PERIODS = 4.0
+
+NONE = "—"
+
+DIGITS = 4
+"""Largest number of digits of a value, so that it fits into its place."""
+
+_COLUMN = {name: number for number, name in enumerate(COLUMNS)}
+
+
+class LiveNumber(NamedTuple):
+    """The texts of one number: the value, its state, and a note of two lines."""
+
+    value: str
+    state: str
+    note: str = ""
+
+
+class NumberTexts(DataModel):  # type: ignore[misc]  # bokeh has no type for it
+    """Texts that browser and page process share: value, state and note of each number, in the order of the page."""
+
+    texts = List(List(String))
+
+
+class LiveNumbers:
+    """Shows the newest sample as long as it is new. `model` is the root that the document needs."""
+
+    def __init__(self, period_s: float, clock_s: Callable[[], float] = time.monotonic) -> None:
+        self.model = NumberTexts(name="numbers", texts=[list(number) for number in _without("no sample yet")])
+        self.on_load = CustomJS(args={"numbers": self.model}, code="showNumbers(numbers.texts)")
+        self.model.js_on_change("texts", self.on_load)
+        self._old_s = max(OLD_S, OLD_PERIODS * period_s)
+        self._clock_s = clock_s
+        self._newest_s = float("-inf")
+
+    def update(self, rows: Rows, stroke_mm: float) -> None:
+        """Show the last of the new rows. Without a new row for some time, show no value."""
+        now_s = self._clock_s()
+        if rows.size:
+            self._newest_s = now_s
+            self._show(numbers_of(rows, stroke_mm))
+        elif now_s - self._newest_s > self._old_s:
+            self._show(_without("no new sample"))
+
+    def _show(self, numbers: tuple[LiveNumber, ...]) -> None:
+        texts = [list(number) for number in numbers]
+        if self.model.texts != texts:
+            self.model.texts = texts
+
+
+def numbers_of(rows: Rows, stroke_mm: float) -> tuple[LiveNumber, ...]:
+    """Return temperature, displacement, current and tracking error of the last row.
+
+    A quantity that is not measured is that of the model, or the commanded current.
+    """
+    values = {name: float(rows[-1, number]) for name, number in _COLUMN.items()}
+    setpoint_mm = values["setpoint_mm"]
+    reached_mm = next((mm for mm in (values["displacement_mm"], values["estimated_mm"]) if isfinite(mm)), nan)
+    displacement = _number(values, "displacement_mm", "estimated_mm", "estimated", 2)
+    error_mm = setpoint_mm - reached_mm
+    return (
+        _number(values, "temperature_c", "estimated_c", "estimated", 1)._replace(
+            note=_note("setpoint", values["setpoint_c"], 1, "°C")
+        ),
+        displacement._replace(note=_note("setpoint", setpoint_mm, 2, "mm")),
+        _number(values, "current_a", "commanded_a", "commanded", 3)._replace(
+            note=_note("commanded", values["commanded_a"], 3, "A")
+        ),
+        LiveNumber(
+            _text(error_mm, 2, sign="+"),
+            displacement.state if isfinite(error_mm) else "no setpoint",
+            f"{_text(100.0 * error_mm / stroke_mm, 1, sign='+')} %\nof stroke" if isfinite(error_mm) else "",
+        ),
+    )
+
+
+def _number(values: dict[str, float], measured: str, other: str, state: str, decimals: int) -> LiveNumber:
+    if isfinite(values[measured]):
+        return LiveNumber(_text(values[measured], decimals), "measured")
+    return LiveNumber(_text(values[other], decimals), state if isfinite(values[other]) else "unknown")
+
+
+def _note(name: str, value: float, decimals: int, unit: str) -> str:
+    return f"{name}\n{_text(value, decimals)} {unit}" if isfinite(value) else ""
+
+
+def _text(value: float, decimals: int, *, sign: str = "") -> str:
+    """Return a value with a real minus sign, and with at most `DIGITS` digits. A rounded zero has no minus sign."""
+    if not isfinite(value):
+        return NONE
+    decimals = max(min(decimals, DIGITS - len(f"{abs(value):.0f}")), 0)
+    rounded = round(value, decimals) + 0.0
+    return f"{rounded:{sign}.{decimals}f}".replace("-", "−")
+
+
+def _without(state: str) -> tuple[LiveNumber, ...]:
+    return (LiveNumber(NONE, state),) * 4
