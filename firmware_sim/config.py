@@ -34,7 +34,7 @@ class Wire(Section):
 class Branches(Section):
     """Centre and width of the two branches of the hysteresis, in °C.
 
-    With `[bias]` they are those of the unloaded wire, without `[bias]` those under the load of the wire.
+    With `[bias]` these are the values of the unloaded wire, without `[bias]` the values under its load.
     """
 
     mu_heating_c: float

@@ -66,7 +66,7 @@ class TcpEndpoint:
         return list(self._connections.values())
 
     def receive(self, descriptor: int) -> Received | None:
-        """Return the bytes of a client, or None without any.
+        """Return the bytes of a client, or None if none have arrived.
 
         A new client is accepted, and a client that has left is removed.
         """

@@ -39,8 +39,8 @@ _REFUTED = -1  # takes the place of the proved connection after another device h
 class Device:
     """A device of type `profile` at `unit_id` (the profile's own if None) behind `client`.
 
-    `read_retries` replaces that of the profile; periodic pollers set 0. `identity` is the known identity of this very
-    device. If it is left out, the first identity that is found counts.
+    `read_retries` replaces the value in the profile; periodic pollers set 0. `identity` is the known identity of this
+    very device. If it is left out, the first identity that is found counts.
     """
 
     def __init__(
@@ -55,7 +55,7 @@ class Device:
         lowest, highest = (1, 247) if profile.profile.protocol == "modbus-rtu" else (0, 255)
         if unit_id is not None and not lowest <= unit_id <= highest:
             raise ConfigError(
-                "is no unit id of a single device", where="unit_id", value=unit_id, limit=f"{lowest} to {highest}"
+                "is not the unit id of a single device", where="unit_id", value=unit_id, limit=f"{lowest} to {highest}"
             )
         timing = profile.bus_timing()
         timing = timing if read_retries is None else replace(timing, read_retries=read_retries)

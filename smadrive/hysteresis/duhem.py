@@ -145,8 +145,8 @@ def duhem_branches(
 ) -> tuple[Branch, Branch]:
     """Return the heating and the cooling branch at the nodes of a grid, from the `grid_logs` of both mixtures.
 
-    ModelError for branches that cross. With a finite `steepest`, the largest allowed rate |a|, branches may cross,
-    as those of the trial models of a fit.
+    ModelError for branches that cross. With a finite `steepest`, the largest allowed rate |a|, branches may cross: the
+    trial models of a fit need this.
     """
     log_gap, count = _log_gap(heating, cooling), len(nodes)
     crossed = ~np.isfinite(log_gap[:count])

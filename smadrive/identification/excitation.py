@@ -31,7 +31,7 @@ SPARE = 1.15
 class ExcitationRecord:
     """The measurements of an excitation: five columns of one length.
 
-    Current and voltage of a sample are those of the period before it.
+    Current and voltage of a sample belong to the period before the sample.
     """
 
     time_s: NDArray[np.float64]

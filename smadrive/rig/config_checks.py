@@ -54,7 +54,7 @@ RESISTANCE_CHANGE = 0.4
 
 
 def check_limits(config: RigConfig, wire: WireDataSheet) -> None:
-    """Raise ConfigError if a limit of the rig cannot be meant for this wire."""
+    """Raise ConfigError if a limit of the rig is implausible for this wire."""
     _check_temperature(config, wire)
     balance = wire.heat_balance()
     held_a = balance.current_a(balance.power_w(config.limits.temperature_max_c, 0.0, 0.0), 1.0)
@@ -83,7 +83,7 @@ def _check_temperature(config: RigConfig, wire: WireDataSheet) -> None:
 
 
 def _temperature_cure(limit_c: float, wire: WireDataSheet) -> str:
-    """Return the cure for a limit above the wire's own, which is in its file or else that of nickel-titanium."""
+    """Return the cure for a limit above the limit of the wire, which is in the wire file or else `AGEING_C`."""
     cure = "lower it"
     if "temperature_max_c" not in wire.model_fields_set:
         cure = (
@@ -128,7 +128,7 @@ def _check_voltage(config: RigConfig, balance: HeatBalance, held_a: float) -> No
 
 
 def check_same_wire(found: HeatBalance, nominal: HeatBalance, wire: str) -> None:
-    """Raise ConfigError if the heat balance `found` cannot belong to the wire file `wire`, whose own is `nominal`."""
+    """Raise ConfigError if the heat balance `found` cannot belong to the wire `wire` with the balance `nominal`."""
     most_latent_j = max(LATENT_FACTOR * nominal.latent_heat_j, LATENT_SPAN_K * nominal.heat_capacity_j_per_k)
     ranges = {name: (getattr(nominal, name) / by, getattr(nominal, name) * by) for name, by in FACTORS.items()} | {
         "latent_heat_j": (0.0, most_latent_j),

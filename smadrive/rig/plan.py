@@ -116,7 +116,7 @@ class RigPlan:
 
 
 def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collection[str] = ()) -> RigPlan:
-    """Return the plan of the rig, from its `profiles` by name of the device; ConfigError when it is no rig.
+    """Return the plan of the rig; `profiles` are by device name. ConfigError when the devices do not form a rig.
 
     `given` names the devices whose connection the caller supplies.
     """
@@ -131,7 +131,7 @@ def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collecti
 
 
 def check_full_scales(source: PlannedDevice) -> None:
-    """Raise ConfigError if a source that is commanded in amperes has full scales, or one by duty lacks them."""
+    """Raise ConfigError if full scales are set for a source in amperes, or missing for a source commanded by duty."""
     scales = source.config.full_scale_a, source.config.full_scale_v
     if source.source_type is TCLab and None in scales:
         raise ConfigError(
@@ -217,7 +217,7 @@ def _check_line(url: str, devices: Sequence[PlannedDevice]) -> None:
                 f"two devices at {url} have the same unit id",
                 where=f"devices '{other.name}' and '{device.name}'",
                 value=device.unit_id,
-                cure="set another unit id at one device, and as its unit_id in the rig file",
+                cure="set another unit id at one device, and write it into the rig file",
             )
 
 

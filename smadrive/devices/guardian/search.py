@@ -99,7 +99,7 @@ class PortSearch:
 
 
 def _opened_terminal(url: str) -> int | None:
-    """Open the pseudo-terminal at `url` and return its descriptor; return None if `url` is no pseudo-terminal.
+    """Open the pseudo-terminal at `url` and return its descriptor; return None for any other port.
 
     The link count of the descriptor is 0 after the pseudo-terminal has ended.
     """

@@ -67,7 +67,7 @@ class TCLab:
         self.enter_safe_state()
 
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:  # noqa: ARG002  (the board has no watchdog)
-        """Set the pulse width at 100 % duty, confirmed; ConfigError when the board cannot keep the limits."""
+        """Set the pulse width at 100 % duty and confirm it; ConfigError when the board cannot keep the limits."""
         if limits.current_max_a > self._full_scale_a:
             raise ConfigError(
                 "is more than the board can drive",

@@ -39,12 +39,12 @@ if TYPE_CHECKING:
     from smadrive.numerics.arrays import FloatArray
 
 _TRY, _POLISH = (40, 1e-3), (150, 1e-5)  # iterations and relative gain to stop at: for each start, for the best
-_CLEARLY_BETTER = 0.8  # RMS of the richer Duhem fit over that of the plainer
+_CLEARLY_BETTER = 0.8  # RMS of the Duhem fit with more Gaussians over the RMS of the other
 _HEAVIER = (10.0, 100.0)  # weights of slopes of the wrong sign, for slopes that are right deep in the loop
 _HEAVIEST = (1e3, 1e4)  # weights if not even the branches are right
-_DEPTHS = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the loop to which slopes are right: the first that the record bears is used
+_DEPTHS = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the loop to which slopes are right: the first that raises the misfit little
 _TIES = (3.0, 10.0, 30.0, 100.0)  # factors by which the tie of the rules to the Duhem fit may tighten
-_MOST_COMPONENTS = 3  # Gaussians per branch of that fit
+_MOST_COMPONENTS = 3  # Gaussians per branch of the Duhem fit
 _NOTHING_LEFT = 0.05  # RMS in per cent at which a Duhem fit leaves nothing to explain (its noise, if that is more)
 _AS_GOOD = 1.25  # largest RMS after removing the last slopes of the wrong sign, over RMS before
 _ACTIVITY_SHARES = (0.5, 0.8)  # of a start's centres that go where the output changes, the rest evenly

@@ -29,7 +29,7 @@ from smadrive.numerics.levenberg_marquardt import Minimum, minimise
 LEAST_GAP = 0.01  # of the input span, between centres
 _LEAST_RATE = 1e-3  # contraction per input span that every rule keeps
 _LARGEST_RATE = 300.0
-_SPARE_OUTPUT = 0.05  # of the outputs known: how far the bottom and the top of a model may lie outside
+_SPARE_OUTPUT = 0.05  # distance by which bottom and top of a model may exceed the known outputs, as a share
 _STRAY_GAP = 3.0  # how far the logarithms of the gaps may stray, in units of the tie
 
 
@@ -215,7 +215,7 @@ class RuleProblem:
         return low, high
 
     def _output_bounds(self) -> tuple[list[float], list[float]]:
-        """Return the bounds of bottom, top and first state. Outputs stay near those of the record and the Duhem fit."""
+        """Return the bounds of bottom, top and first state. Outputs stay near the record and the Duhem fit."""
         ends = np.sort(self.start[[BOTTOM, TOP]])
         measured = self.record.mean_y / self.record.output_span
         lowest, highest = min(ends[0], measured.min()), max(ends[1], measured.max())

@@ -28,7 +28,7 @@ def pickled(request: Any) -> bytes:
     try:
         with _own_code_by_value():
             message: bytes = cloudpickle.dumps(request)
-    except Exception:  # noqa: BLE001 (a module of the user may hold an object that cannot be copied; then its name is sent)
+    except Exception:  # noqa: BLE001 (the user's module may hold an object that cannot be copied: send its name)
         return _pickled_by_name(request)
     return message
 

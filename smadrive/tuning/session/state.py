@@ -57,7 +57,7 @@ class SessionState:
         self.status.add_event(self.now_s, event)
 
     def answer(self, request: PageRequest | None, refused: str | None) -> None:
-        """Answer a request, unless it is None. `refused` is None, or the reason for a refusal, then also an event."""
+        """Answer a request, unless it is None. `refused` is None or the reason for a refusal, which is reported."""
         if request is not None:
             self.channel.send({"number": request.number, "refused": refused})
             if refused:
