@@ -20,7 +20,7 @@ from smadrive.identification.record import Record
 from smadrive.identification.tsfuzzy.monotone import least_slope_derivatives, least_slopes
 from smadrive.identification.tsfuzzy.prior import Prior
 from smadrive.identification.tsfuzzy.record_reversal import RecordReversals, find_record_reversals
-from smadrive.identification.tsfuzzy.sensitivity import RuleRates, RuleTables, Runs
+from smadrive.identification.tsfuzzy.sensitivity import RuleRates, RuleTables, Runs, laws_of
 from smadrive.identification.tsfuzzy.unknowns import BOTTOM, FIRST_STATE, TOP, Unknowns
 from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.interpolation_matrix import InterpolationMatrix
@@ -226,17 +226,9 @@ class RuleProblem:
 
     def model(self, x: FloatArray) -> TSFuzzyDuhem:
         """Return the model of the unknowns x."""
-        p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
-        return TSFuzzyDuhem(
-            TriangularSets(tuple(self.place(x)[0].tolist())),
-            a_heating=-(p_heating + q_heating),
-            b_heating=p_heating,
-            a_cooling=p_cooling + q_cooling,
-            b_cooling=-p_cooling,
-            scale=float(x[TOP] - x[BOTTOM]) * self.record.output_span,
-            offset=float(x[BOTTOM]) * self.record.output_span,
-            input_range=self.record.input_range,
-        )
+        sets, record = TriangularSets(tuple(self.place(x)[0].tolist())), self.record
+        scale, offset = float(x[TOP] - x[BOTTOM]) * record.output_span, float(x[BOTTOM]) * record.output_span
+        return TSFuzzyDuhem.from_laws(sets, *laws_of(*self._rates(x)), scale, offset, record.input_range)
 
     def first_output(self, x: FloatArray) -> float:
         """Return the output at the first sample, in the unit of y."""
