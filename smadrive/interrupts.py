@@ -2,7 +2,7 @@
 
 SIGINT (Ctrl-C), SIGTERM and SIGHUP (a closed terminal) normally unwind the program. A signal that interrupted the
 switching off would leave the heater on. `HeldSignals` therefore counts these signals while its block lasts. The user
-still gets out of a device that never answers: signal number `ABORTS_AT` ends the block.
+can still end the wait for a device that never answers: signal number `ABORTS_AT` ends the block.
 """
 
 from __future__ import annotations

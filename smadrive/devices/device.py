@@ -82,7 +82,7 @@ class Device:
     def check_identity(self) -> None:
         """Prove that the profile describes the device, and find its model; IdentityError if the proof fails.
 
-        After the first check, it must be the same device. At the first check the device has `boot_ms` to start.
+        The first check gives the device `boot_ms` to start. Every later check requires the same device as the first.
         """
         connection, names = self.client.connection, self._check.registers
         first = self._proved_on is None

@@ -52,7 +52,7 @@ class Excitation:
     rate_c_per_s: float
 
     def __post_init__(self) -> None:
-        """ConfigError for a rate that is not positive, and for a path that lasts longer than `LONGEST_S`."""
+        """Raise ConfigError for a rate that is not positive, and for a path that lasts longer than `LONGEST_S`."""
         if not self.rate_c_per_s > 0:
             raise ConfigError("must be positive", where="excitation.rate_c_per_s", value=self.rate_c_per_s)
         travel_k = sum(abs(after - before) for before, after in pairwise(self.turning_points_c))

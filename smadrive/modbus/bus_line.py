@@ -55,7 +55,7 @@ class BusLine:
 
     @property
     def connection(self) -> int:
-        """The number of the connection that the next request uses: the reopenings so far, and 1 more if it is lost."""
+        """The number of the connection for the next request: the count of reopenings, plus 1 while it is closed."""
         return self.counters.reopenings + self._transport.lost
 
     def settle(self, unit_id: int, timing: BusTiming) -> None:

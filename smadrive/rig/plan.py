@@ -175,7 +175,7 @@ def _sensors(
 
 
 def _sensor(device: PlannedDevice, quantity: str, config: RigConfig) -> PlannedSensor:
-    """Return the sensor, which is read at every tick or at its rate, but never faster than it converts."""
+    """Return the sensor. It is read at its rate_hz, or else at every tick, but never faster than it converts."""
     period_s = max(1.0 / (device.config.rate_hz or config.rate_hz), device.profile.timing.update_ms / 1e3)
     return PlannedSensor(device, quantity, period_s, max(config.limits.stale_after_s, STALE_PERIODS * period_s))
 

@@ -112,7 +112,7 @@ def _opened_terminal(url: str) -> int | None:
 
 
 def _place(url: str) -> str:
-    """Return the port of a URL with its time of creation: a port that was plugged in again counts as another one."""
+    """Return the port of a URL with its time of creation: a port that was plugged in again is another port."""
     port = port_of(url)
     if port.startswith("serial:"):
         with suppress(OSError):

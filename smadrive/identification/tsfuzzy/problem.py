@@ -236,6 +236,6 @@ class RuleProblem:
 
 
 def _gap_logits(centres: FloatArray, lower: float, upper: float) -> FloatArray:
-    """Return the softmax logits of the gaps lower-c1, c1-c2, ..., cn-upper, each a little above the smallest gap."""
+    """Return the softmax logits of the gaps lower-c1, c1-c2, ..., cn-upper. Gaps near `LEAST_GAP` are raised."""
     gaps = np.diff(np.concatenate([[lower], centres, [upper]])) / (upper - lower)
     return np.log(np.maximum(gaps - LEAST_GAP, 0.1 * LEAST_GAP))
