@@ -1,9 +1,9 @@
 """A device on the bus, used by register names and in engineering units.
 
 Nothing is written before the identity of the device is proved, and a write counts as done only after its read-back. A
-new connection may lead to another device (two adapters of a hub exchange their names), so the device must prove again
-that it is the same one. If the models of a family differ in their registers, the model must be known before a read,
-too. If a setting of the device decides about the registers (a range switch), it is read again before every write.
+new connection may lead to another device (two adapters of a hub exchange their names), so the device must prove its
+identity again. If the models of a family differ in their registers, the model must be known before a read, too. If a
+setting of the device decides about the registers (a range switch), it is read again before every write.
 
 The identity is checked before the uses below, unless it was proved on this connection and no exchange has failed since
 then. After silence, an exception or a wrong read-back another device may be there.
@@ -12,7 +12,8 @@ then. After silence, an exception or a wrong read-back another device may be the
     encode a write      if the registers depend on the model; with a range switch, at every write
     send a write        always
 
-After the safe state it is checked once more, if registers can prove it. Only then is the safe state confirmed.
+After the writes of the safe state the identity is checked once more, if registers can prove it. The safe state counts
+as confirmed after this check.
 """
 
 from __future__ import annotations

@@ -1,10 +1,10 @@
 """Survey of an RTU line: it finds the units that may be there, without a wait for each silent unit.
 
 A silent unit costs its whole response timeout, and a scan asks ten units with several line settings. So the survey
-sends its requests one after the other, with short pauses, and waits only once, after the last one, for as long as the
-slowest device may take. A slow reply thus arrives while a later unit is asked, and may collide with that request. So
-every byte counts: only a line without a byte is empty. The pauses of the rounds differ, so that no constant delay of a
-device lets all its replies collide.
+sends its requests one after the other, with short pauses, and waits only once, after the last request, for as long as
+the slowest device may take. A slow reply thus arrives while a later unit is asked, and may collide with that request.
+So every byte counts: only a line without a byte is empty. The pauses of the rounds differ, so that no constant delay of
+a device lets all its replies collide.
 """
 
 from __future__ import annotations

@@ -136,7 +136,7 @@ def _log_gap(heating: MixtureLogs, cooling: MixtureLogs) -> FloatArray:
 
 
 def grid_logs(mixture: GaussianMixture, nodes: FloatArray) -> MixtureLogs:
-    """Return the logarithms of a mixture at the nodes of a grid, followed by those at its quadrature points."""
+    """Return the logarithms of a mixture at the nodes of a grid, then at the quadrature points of this grid."""
     return mixture.logs(np.concatenate([nodes, quadrature_points(nodes).ravel()]))
 
 

@@ -1,9 +1,9 @@
 """The plan of a rig, which gives every device its task. It is derived from the rig file and the device profiles.
 
 This module opens no port: devices that do not form a rig raise ConfigError before any port is opened. One device heats.
-A device measures every quantity that its profile has a register for, or only those that the rig file lists for it. Two
-devices that measure the same quantity are an error, because only the user knows which one is right. A heat source
-without a watchdog of its own needs a guardian.
+A device measures every quantity that its profile has a register for, or only the quantities that the rig file lists for
+it. Two devices that measure the same quantity are an error, because only the user knows which one is right. A heat
+source without a watchdog of its own needs a guardian.
 """
 
 from __future__ import annotations

@@ -5,10 +5,10 @@ state. A major loop alone does not determine both a and b, and a fit of free rul
 every trial model contracts and is bounded by construction. The slopes of its branches have the right sign over the
 whole range (see monotone.py), unless the wire itself reverses (see record_reversal.py).
 
-Where the record has no samples, the rules stay near those of a Duhem fit. A tie pulls each rule towards the Duhem fit
-with the weight of about one measured sample. The tie becomes tighter if leave-one-out shows that the rules follow
-single samples (see leave_one_out.py). The fit minimises the error of the simulated output with exact derivatives, and
-starts from several placements of the centres.
+Where the record has no samples, the rules stay near the local laws of a Duhem fit. A tie pulls each rule towards the
+Duhem fit with the weight of about one measured sample. The tie becomes tighter if leave-one-out shows that the rules
+follow single samples (see leave_one_out.py). The fit minimises the error of the simulated output with exact
+derivatives, and starts from several placements of the centres.
 """
 
 from __future__ import annotations
@@ -128,7 +128,7 @@ def _polished(start: _Solution) -> _Solution:
 def _validated(solution: _Solution) -> _Solution:
     """Return the solution with the loosest tie to the Duhem fit that passes leave-one-out and has a small misfit.
 
-    If no such solution passes, return the one with the smallest ratio of leave-one-out error to training error.
+    If no such solution passes, return the solution with the smallest ratio of leave-one-out error to training error.
     """
     bearable, tried = float(np.hypot(solution.misfit, MATERIAL)), []
     for tied in takewhile(lambda one: one.misfit <= bearable, _ever_tighter(solution)):

@@ -48,7 +48,7 @@ class Loop(NamedTuple):
 
     @property
     def width(self) -> FloatArray:
-        """Distance of the branches, which is not negative even where the branches of a trial model cross."""
+        """Absolute distance of the branches: the branches of a trial model may cross."""
         return np.abs(self.cooling - self.heating)
 
     def highest(self, depth: float) -> FloatArray:

@@ -53,7 +53,7 @@ class SessionState:
         return Mode.TRACKING if live.reference.endless else Mode.HOLDING
 
     def report(self, event: str) -> None:
-        """Add an event, with the present time, to those that all pages show."""
+        """Add an event, with the present time, to the events that all pages show."""
         self.status.add_event(self.now_s, event)
 
     def answer(self, request: PageRequest | None, refused: str | None) -> None:
