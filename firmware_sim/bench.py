@@ -58,7 +58,7 @@ class SimulatedBench:
     def attach(self, profile: Profile, unit_id: int | None = None, name: str = "") -> SimulatedDevice:
         """Add a device with the register map of `profile`. The names of its events and faults begin with `name`.
 
-        Without `unit_id` the device has that of the profile. ConfigError for a second device that heats.
+        Without `unit_id` the device has the unit id in the profile. ConfigError for a second device that heats.
         """
         heats = profile.profile.role in ("heater", "supply")
         if heats and self._heating is not None:

@@ -34,7 +34,7 @@ class Wire(Section):
 class Branches(Section):
     """Centre and width of the two branches of the hysteresis, in °C.
 
-    With `[bias]` they are those of the unloaded wire, without `[bias]` those under the load of the wire.
+    With `[bias]` these are the values of the unloaded wire, without `[bias]` the values under its load.
     """
 
     mu_heating_c: float
@@ -75,8 +75,8 @@ class Bias(Section):
     """The load that stretches the wire again: a dead weight, or a spring that the wire stretches when it contracts.
 
     Stress = (preload + stiffness · displacement) / cross section. With a bias, `[transformation]` holds the
-    temperatures of the unloaded wire. The stress raises those of the heating branch by 1 K per `heating_mpa_per_k`, and
-    those of the cooling branch by 1 K per `cooling_mpa_per_k` (Clausius-Clapeyron).
+    temperatures of the unloaded wire. The stress raises the temperatures of the heating branch by 1 K per
+    `heating_mpa_per_k`, and the temperatures of the cooling branch by 1 K per `cooling_mpa_per_k` (Clausius-Clapeyron).
     """
 
     preload_n: float = Field(ge=0)

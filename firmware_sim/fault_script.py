@@ -12,7 +12,7 @@
     copies = true           # also copies of replies after the next request, which plain RTU cannot detect
     lag = true              # also replies that each repeat the previous one, which neither RTU nor TCP can detect
 
-Names and keys are those of the methods, so a script can cause the same faults as a test.
+Names and keys are the names and parameters of the methods, so a script can cause the same faults as a test.
 """
 
 from __future__ import annotations

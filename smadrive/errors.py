@@ -20,7 +20,7 @@ The class says where the cause lies; the message names what is wrong, where, the
     │   ├── TakenOverError      the guardian has taken over the heater
     │   ├── FrontSilentError    no process answers OFF of the tuning page
     │   └── LoopProcessError    the process of the loop died
-    ├── ControllerError         a controller of the user does not do its part   exit code 2
+    ├── ControllerError         a controller of the user fails              exit code 2
     └── IdentificationError     the data do not determine the model             exit code 5
 
     BaseException
@@ -65,7 +65,7 @@ class SmadriveError(Exception):
         self.cure = cure
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Pickle with every attribute and note: an error crosses from one process to another as it is."""
+        """Pickle with every attribute and note, so that an error passes between processes unchanged."""
         return _restored, (type(self), self.args), self.__dict__
 
     def __str__(self) -> str:
@@ -102,7 +102,7 @@ class DataError(ConfigError):
 
 
 class ModelError(ConfigError):
-    """Parameters that describe no valid hysteresis model (crossing branches, σ ≤ 0, sets outside the range)."""
+    """A hysteresis model with invalid parameters (crossing branches, σ ≤ 0, sets outside the range)."""
 
 
 class CertificateError(ModelError):
@@ -178,7 +178,7 @@ class LoopProcessError(SafetyError):
 
 
 class ControllerError(SmadriveError):
-    """A controller of the user returned something else than a command, or raised what cannot be transferred."""
+    """A controller of the user returned something else than a command, or its error cannot be pickled."""
 
     exit_code = 2
 
@@ -192,7 +192,7 @@ class IdentificationError(SmadriveError):
 class StoppedError(BaseException):
     """`smadrive off` has stopped the driver. No trip is latched.
 
-    It is no Exception, as KeyboardInterrupt is none: a program that tries again after every error must not heat again
+    Like KeyboardInterrupt, it is not an Exception: a program that tries again after every error must not heat again
     after an emergency stop.
     """
 

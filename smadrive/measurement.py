@@ -43,7 +43,7 @@ class Measurement(NamedTuple):
         return self.device_limits + self.host_limits
 
     def facts(self) -> tuple[tuple[str, str], ...]:
-        """Return the quantities as a person reads them: names and values with units; no faults, no row of them."""
+        """Return the quantities: names and values with units. Without a fault there is no row of faults."""
         temperature = self.temperature_fault or quantity(self.temperature_c, 2, "°C")
         faults = ((", ".join(self.device_faults), "faults"), (", ".join(self.limits), "limited by"))
         return (

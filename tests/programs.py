@@ -11,6 +11,7 @@ import importlib
 import inspect
 import json
 import os
+import pty
 import resource
 import runpy
 import select
@@ -80,6 +81,32 @@ def run(arguments, *, capture_output=False, check=False, input=None, **options):
     if check:
         done.check_returncode()
     return done
+
+
+def run_on_terminal(arguments, cwd):
+    """Run a program whose stderr is a terminal, and return what the terminal got. The program must succeed."""
+    client, slave = pty.openpty()
+    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
+    with Program(arguments, cwd=cwd, env=environment, stdout=subprocess.PIPE, stderr=slave) as program:
+        os.close(slave)
+        seen = b""
+        while True:
+            try:
+                seen += os.read(client, 65536)
+            except OSError:  # the program has ended and closed its end
+                break
+        program.communicate()
+    os.close(client)
+    assert program.returncode == 0
+    return seen.decode()
+
+
+def lives(pid):
+    """Return True if the process exists and is not a zombie."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
+    except FileNotFoundError:
+        return False
 
 
 @cache

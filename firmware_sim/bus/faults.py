@@ -133,7 +133,7 @@ class BusFaults:
         self._plan(replies, for_s, carry=lambda frame: [(0.0, frame + self._random.randbytes(JUNK_BYTES))])
 
     def wrong_unit(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """The reply has the unit id of another device; a line of text is that of another kind of board."""
+        """The reply has the unit id of another device; a line of text is the reply of another kind of board."""
         self._plan(replies, for_s, lambda reply: [(0.0, reply.wrong_unit.frame)])
 
     def wrong_function(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:

@@ -26,7 +26,7 @@ class SlowLine:
         self._reply_end_s = 0.0
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Return the deliveries that answer `data`, sent at `time_s`; their times are those of the last characters."""
+        """Return the deliveries that answer `data`, sent at `time_s`, each at the arrival of its last character."""
         self._request_end_s = max(self._request_end_s, time_s) + len(data) * self._character_s
         late_s = self._request_end_s - time_s + self._silence_s
         deliveries = []

@@ -11,7 +11,7 @@ CODES = (1, 2, 3, 4, 5, 6, 0x0B)
 PIECES = range(2, 6)
 RARE = 0.02  # fraction of the faults that affect more than one reply
 MIXED = 0.1  # fraction of the others that are two faults at once
-LAGGING = range(2, 30)  # number of successive replies that each repeat the one before
+LAGGING = range(2, 30)  # number of successive replies that each repeat the previous reply
 
 
 class RandomBusFaults:

@@ -39,7 +39,7 @@ class SimulatedDevice:
     """One device of `bench`. `faults` are the faults of its bus; `line` leads to this device alone."""
 
     def __init__(self, bench: DeviceHost, profile: Profile, unit_id: int | None, name: str, seed: int) -> None:
-        """Without `unit_id` the device has that of the profile. `seed` seeds the random bytes of bus faults."""
+        """Without `unit_id` the device has the unit id in the profile. `seed` seeds the random bytes of bus faults."""
         self.bench = bench
         self.profile = profile
         self.unit_id = profile.unit_id if unit_id is None else unit_id

@@ -45,7 +45,7 @@ class RegisterCell:
         return tuple(self._words[self.first : self.end])
 
     def store(self, words: Sequence[int]) -> None:
-        """Store `words`. ValueError for a wrong number of words, which would move the registers after this one."""
+        """Store `words`. ValueError for a wrong number of words, which would move all later registers."""
         if len(words) != self.size:
             raise ValueError(f"register '{self.name}' has {self.size} words, {len(words)} were stored")
         self._words[self.first : self.end] = words
@@ -64,7 +64,7 @@ class Write(NamedTuple):
 
 
 class RegisterBank:
-    """The registers of `profile`. At the start all are zero except those that identify the device."""
+    """The registers of `profile`. At the start all are zero, except the registers that identify the device."""
 
     def __init__(self, profile: Profile) -> None:
         self._profile = profile
@@ -182,7 +182,7 @@ class RegisterBank:
 def _words_for(cell: RegisterCell, value: Quantity, context: Context) -> tuple[int, ...]:
     """Return the words that show `value`: a number scaled, a state as its number or its bit.
 
-    A missing reading is shown as a sentinel: the one whose reason contains "open", otherwise the first one, and 0 if
+    A missing reading is shown as the sentinel whose reason contains "open", otherwise as the first sentinel, or as 0 if
     the register has no sentinel. NaN counts as a missing reading if the register cannot hold NaN.
     """
     register = cell.register

@@ -21,7 +21,7 @@ SUBSTEP_K = 1.0
 
 
 class Plant:
-    """A wire that starts at ambient temperature, all martensite. `faults` are those of its heater circuit."""
+    """A wire that starts at ambient temperature, all martensite. `faults` are the faults of its heater circuit."""
 
     def __init__(self, config: SimConfig) -> None:
         wire = config.wire

@@ -93,8 +93,8 @@ class Preisach:
     def _cell(self, a: float, b: float) -> tuple[list[float], list[float], float, int, float]:
         """Return the place of (a, b) in the grid: (row, next row, s, j, t).
 
-        The rows are those of E before and after `a`, and `a` lies the share s beyond the first one. `b` lies the share
-        t beyond column j.
+        The two rows of E are the rows before and after `a`; s, from 0 to 1, is the position of `a` between them. j is
+        the column before `b`, and t, from 0 to 1, the position of `b` behind column j.
         """
         s = min(max((a - self._up_c) / CELL_K, 0.0), self._up_cells - 1e-9)
         t = min(max((b - self._down_c) / CELL_K, 0.0), self._down_cells - 1e-9)

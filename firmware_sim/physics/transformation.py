@@ -68,7 +68,7 @@ class Duhem:
 class LoadedTransformation:
     """The transformation of a wire under a bias load.
 
-    Without `bias`, the temperatures in the config are those under load.
+    Without `bias`, the temperatures in the config hold under load.
     """
 
     def __init__(self, transformation: Transformation, bias: Bias | None, stroke_mm: float, ambient_c: float) -> None:

@@ -10,7 +10,7 @@ BLOCK = 512
 class Noise:
     """Gaussian numbers of standard deviation 1 without end. The same seed gives the same numbers.
 
-    It is no generator function, because an interruption (Ctrl-C) in the middle of a generator function would end it.
+    It is not a generator function, because an interruption (Ctrl-C) in the middle of a generator function would end it.
     """
 
     def __init__(self, seed: int) -> None:

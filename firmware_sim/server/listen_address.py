@@ -45,8 +45,8 @@ def open_endpoint(
 ) -> Endpoint:
     """Open an endpoint at `address`, with ports from `new_port(numbered)`; `numbered` is True for Modbus TCP frames.
 
-    `settings` are those of the serial line; with `line_speed` characters are no faster than its baud rate. `log` gets a
-    line when clients are rejected. ConfigError when the endpoint cannot be opened.
+    `settings` are the settings of the serial line; with `line_speed` characters are no faster than its baud rate. `log`
+    gets a line when clients are rejected. ConfigError when the endpoint cannot be opened.
     """
     if address.kind == "tcp":
         if line_speed:

@@ -77,7 +77,7 @@ def _new_port_of(line: Line) -> Callable[[bool], Port]:
 
 
 def _serial_settings(address: ListenAddress, devices: Sequence[SimulatedDevice]) -> SerialSettings | None:
-    """Return the settings of the serial line, which are those of the first device; None for Modbus TCP.
+    """Return the settings of the serial line, taken from the first device; None for Modbus TCP.
 
     ConfigError for a device without a serial line.
     """

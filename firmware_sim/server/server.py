@@ -154,7 +154,7 @@ def _time_of(line: str) -> float:
 
 @contextlib.contextmanager
 def stop_on_signal() -> Iterator[None]:
-    """Let SIGTERM end the block like Ctrl-C, by KeyboardInterrupt."""
+    """In the `with` block, SIGTERM raises KeyboardInterrupt, like Ctrl-C."""
     before = signal.signal(signal.SIGTERM, signal.default_int_handler)
     try:
         yield

@@ -55,7 +55,7 @@ class TcpEndpoint:
         self._address = (self._address[0], self._listener.getsockname()[1])
 
     def descriptors(self) -> list[int]:
-        """Return the descriptors of the connections, then that of the listening socket.
+        """Return the descriptors of the connections, then the descriptor of the listening socket.
 
         So clients that leave are removed before new clients are accepted.
         """
@@ -66,7 +66,7 @@ class TcpEndpoint:
         return list(self._connections.values())
 
     def receive(self, descriptor: int) -> Received | None:
-        """Return the bytes of a client, or None without any.
+        """Return the bytes of a client, or None if none have arrived.
 
         A new client is accepted, and a client that has left is removed.
         """

@@ -26,7 +26,7 @@ Array = NDArray[np.float64]
 Limit = Literal["cooling", "heater", "hysteresis"]
 
 MARGIN = 0.1
-"""Share by which the simulated wire cools more slowly, and its heater is weaker, than those of the identified wire."""
+"""Share by which the simulated wire cools more slowly than identified, and by which its heater is weaker."""
 
 TOLERANCE = 0.02
 """Largest shortfall of a feasible reference, in strokes; the controller corrects so small an error."""

@@ -1,9 +1,9 @@
 """A device on the bus, used by register names and in engineering units.
 
 Nothing is written before the identity of the device is proved, and a write counts as done only after its read-back. A
-new connection may lead to another device (two adapters of a hub exchange their names), so the device must prove again
-that it is the same one. If the models of a family differ in their registers, the model must be known before a read,
-too. If a setting of the device decides about the registers (a range switch), it is read again before every write.
+new connection may lead to another device (two adapters of a hub exchange their names), so the device must prove its
+identity again. If the models of a family differ in their registers, the model must be known before a read, too. If a
+setting of the device decides about the registers (a range switch), it is read again before every write.
 
 The identity is checked before the uses below, unless it was proved on this connection and no exchange has failed since
 then. After silence, an exception or a wrong read-back another device may be there.
@@ -12,7 +12,8 @@ then. After silence, an exception or a wrong read-back another device may be the
     encode a write      if the registers depend on the model; with a range switch, at every write
     send a write        always
 
-After the safe state it is checked once more, if registers can prove it. Only then is the safe state confirmed.
+After the writes of the safe state the identity is checked once more, if registers can prove it. The safe state counts
+as confirmed after this check.
 """
 
 from __future__ import annotations
@@ -39,8 +40,8 @@ _REFUTED = -1  # takes the place of the proved connection after another device h
 class Device:
     """A device of type `profile` at `unit_id` (the profile's own if None) behind `client`.
 
-    `read_retries` replaces that of the profile; periodic pollers set 0. `identity` is the known identity of this very
-    device. If it is left out, the first identity that is found counts.
+    `read_retries` replaces the value in the profile; periodic pollers set 0. `identity` is the known identity of this
+    very device. If it is left out, the first identity that is found counts.
     """
 
     def __init__(
@@ -55,7 +56,7 @@ class Device:
         lowest, highest = (1, 247) if profile.profile.protocol == "modbus-rtu" else (0, 255)
         if unit_id is not None and not lowest <= unit_id <= highest:
             raise ConfigError(
-                "is no unit id of a single device", where="unit_id", value=unit_id, limit=f"{lowest} to {highest}"
+                "is not the unit id of a single device", where="unit_id", value=unit_id, limit=f"{lowest} to {highest}"
             )
         timing = profile.bus_timing()
         timing = timing if read_retries is None else replace(timing, read_retries=read_retries)
@@ -82,7 +83,7 @@ class Device:
     def check_identity(self) -> None:
         """Prove that the profile describes the device, and find its model; IdentityError if the proof fails.
 
-        After the first check, it must be the same device. At the first check the device has `boot_ms` to start.
+        The first check gives the device `boot_ms` to start. Every later check requires the same device as the first.
         """
         connection, names = self.client.connection, self._check.registers
         first = self._proved_on is None

@@ -2,7 +2,7 @@
 
 Registers named in the profile's `[[identify]]` hold one of several raw values, or any value (a serial number). The
 identity of a device consists of those registers, and of the registers that identify its variant, that cannot be
-written: they never change. A device with another identity is another device, at whatever port it answers.
+written: they never change. A device with another identity is another device, even at the same port.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ UNKNOWN: Identity = MappingProxyType({})
 
 
 class Proof(Enum):
-    """How far the type of a device is proved."""
+    """The result of the check of a device's type."""
 
     NOT_ASKED = "not asked"
     ANSWERED = "it answers; its type cannot be proved"
@@ -35,7 +35,7 @@ class Proof(Enum):
 
 @dataclass(frozen=True, slots=True)
 class DeviceType:
-    """The type of a device according to its profile, and how far this type is proved."""
+    """The type of a device according to its profile, and the result of the check of this type."""
 
     profile: str
     vendor: str
@@ -95,7 +95,7 @@ def check_type(
         raw = readings[proof.register_].raw
         if proof.ranges and not any(first <= raw <= last for first, last in proof.ranges):
             raise IdentityError(
-                f"the device is no '{profile_id}'",
+                f"the device is not of the type '{profile_id}'",
                 where=where,
                 value=f"{proof.register_} = {raw}",
                 limit=" or ".join(

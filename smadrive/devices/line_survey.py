@@ -1,10 +1,10 @@
-"""Survey of an RTU line: which units may be there, found without waiting for each silent unit.
+"""Survey of an RTU line: it finds the units that may be there, without a wait for each silent unit.
 
 A silent unit costs its whole response timeout, and a scan asks ten units with several line settings. So the survey
-sends its requests one after the other, with short pauses, and waits only once, after the last one, for as long as the
-slowest device may take. A slow reply thus arrives while a later unit is asked, and may collide with that request. So
-every byte counts: only a line without a byte is empty. The pauses of the rounds differ, so that no constant delay of a
-device lets all its replies collide.
+sends its requests one after the other, with short pauses, and waits only once, after the last request, for as long as
+the slowest device may take. A slow reply thus arrives while a later unit is asked, and may collide with that request.
+So every byte counts: only a line without a byte is empty. The pauses of the rounds differ, so that no constant delay of
+a device lets all its replies collide.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from smadrive.modbus.requests import Request
 from smadrive.modbus.transports.transport import Transport
 
 PAUSES_S = (0.015, 0.019, 0.024)
-"""Pauses after a request, by round. A round asks every unit one request; there are at most as many rounds."""
+"""Pauses in s after a request, one for each round. In a round every unit gets one request."""
 
 
 def units_to_ask(
@@ -26,7 +26,7 @@ def units_to_ask(
     patience_s: float,
     ask: Callable[[int], None],
 ) -> list[int]:
-    """Return the units that may be there: none if nothing arrives, all if what arrives is not made of whole replies.
+    """Return the units that may be there: none if no byte arrives, all if the bytes are not whole replies.
 
     `patience_s` is the longest response time of a device. `ask(unit_id)` is called before each request.
     """

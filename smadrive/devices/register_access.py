@@ -45,7 +45,7 @@ class RegisterAccess:
         self._timing = timing
 
     def use(self, profile: Profile) -> None:
-        """Use the registers of another profile, which is that of the proved model."""
+        """Use the registers of `profile`, the profile of the proved model."""
         if profile.registers is not self.profile.registers:
             self.profile = profile
             self.plans = RequestPlans(profile)

@@ -1,6 +1,6 @@
 """Repeats steps on a bad bus, to bring a device to its safe state.
 
-If a step fails, by whatever exception, the other steps are still tried, because each of them may end the heat. Only a
+If a step fails with any exception, the other steps are still tried, because each of them may end the heat. Only a
 guardian that has taken over the devices, or a signal, ends the repetition.
 """
 

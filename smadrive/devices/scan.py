@@ -86,7 +86,7 @@ def _scan(
 def _present(
     client: ModbusClient, unit_ids: Sequence[int], profiles: Sequence[Profile], ask: Callable[[int], None]
 ) -> list[int]:
-    """The units that may be there. On Modbus TCP all of them: the gateway answers for an absent unit.
+    """Return the units that may be there. On Modbus TCP these are all units: the gateway answers for absent units.
 
     ConfigError for a unit id that no device can have.
     """
@@ -100,7 +100,7 @@ def _present(
 
 
 def _identity_request(profile: Profile) -> Request:
-    """The first request of the identity check of a profile."""
+    """Return the first request of the identity check of a profile."""
     names = IdentityCheck(profile, profile.unit_id).registers
     return RequestPlans(profile).read(names)[0].read_request(profile.timing.function_codes)
 

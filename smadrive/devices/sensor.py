@@ -1,7 +1,8 @@
 """A measuring device besides the heater. It has its own period and bus, and each of its readings has its own time.
 
-After a failed reading the previous one is used until it is older than `stale_s`; then the value is invalid. This holds
-for every failure of the sensor, also for an exception reply, so that the heater's measurement is not lost with it.
+After a failed reading the previous reading is used until it is older than `stale_s`; then the value is invalid. This
+holds for every failure of the sensor, also for an exception reply, so that the heater's measurement is not lost with
+it.
 """
 
 from __future__ import annotations

@@ -130,7 +130,7 @@ def _labels(x_label: str, y_label: str) -> Iterator[str]:
 
 
 def _legend(curves: Sequence[Curve]) -> Iterator[str]:
-    """The labels of the curves in a row above the axes."""
+    """Return the SVG of the curves' labels, in a row above the axes."""
     x = LEFT
     for curve in curves:
         yield f"<path d='M{x} 10h16' stroke='{curve.colour}'{_dashes(curve)}/>"

@@ -47,7 +47,7 @@ def unused_record(stem: str, kind: FileKind) -> Path:
 def creating(path: Path) -> Iterator[Path]:
     """Create the file `path`: yield a partial file to write, which becomes `path` at the end of the block.
 
-    If the block raises, no file remains. DataError when `path` exists or cannot be written.
+    After an error in the `with` block no file remains. DataError when `path` exists or cannot be written.
     """
     try:
         os.close(os.open(path, os.O_CREAT | os.O_EXCL | os.O_WRONLY, 0o666))
@@ -67,8 +67,9 @@ def creating(path: Path) -> Iterator[Path]:
 def replacing(path: Path) -> Iterator[Path]:
     """Yield a partial file to write, which replaces `path` at the end of the block.
 
-    If the block raises, the partial file is removed and `path` stays as it is. The new file gets the permissions of the
-    old file, and its owner if this is allowed. DataError when `path` may not be replaced or cannot be written.
+    After an error in the `with` block the partial file is removed, and `path` stays unchanged. The new file gets the
+    permissions of the old file, and its owner if this is allowed. DataError when `path` may not be replaced or cannot
+    be written.
     """
     try:
         before = _replaceable(path)

@@ -110,7 +110,7 @@ def check_regular(path: Path, error: type[ConfigError | DataError | ModelError])
 def check_kind(path: Path, expected: FileKind, cure: str = "") -> None:
     """Raise an error when the file is not of the `expected` kind, or not a regular file.
 
-    The type of the error and the cure are those of `expected`, unless `cure` is given. A file of unknown kind passes.
+    The error has the type and the cure of `expected`, unless `cure` is given. A file of unknown kind passes.
     """
     check_regular(path, expected.error)
     found = _kind_of(path, expected)

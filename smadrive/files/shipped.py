@@ -23,7 +23,7 @@ class ShippedFile(NamedTuple):
 
 
 def shipped_files() -> dict[str, list[ShippedFile]]:
-    """The shipped rigs, wires, device profiles and simulated wires, by the name of their folder."""
+    """Return the shipped rigs, wires, device profiles and simulated wires, by the name of their folder."""
     kinds = (RIG, WIRE, PROFILE, SIM)
     return {
         kind.folder: [ShippedFile(name, path, _first_sentence(path)) for name, path in _shipped(kind.folder).items()]
@@ -32,7 +32,7 @@ def shipped_files() -> dict[str, list[ShippedFile]]:
 
 
 def _first_sentence(path: Path) -> str:
-    """The first sentence of the comment at the head of a file, without its sources."""
+    """Return the first sentence of the comment at the head of a file, without the sources."""
     lines = path.read_text(encoding="utf-8").splitlines()
     head = takewhile(lambda line: line.startswith("#") and not line.startswith("# Sources:"), lines)
     text = " ".join(line.removeprefix("#").strip() for line in head)

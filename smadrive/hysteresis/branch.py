@@ -47,7 +47,7 @@ class Branch:
     def pieces(self, nodes: FloatArray) -> FloatArray:
         """Return the coefficients of the cubic pieces in v - nodes[cell], shape (8, cells).
 
-        The first four rows are those of P, from the constant to the cubic term; the last four are those of Λ.
+        The first four rows belong to P, from the constant to the cubic term; the last four belong to Λ.
         """
         width = np.diff(nodes)
         return np.vstack([_hermite(width, self.target, self.target_slope), _hermite(width, self.exponent, self.rate)])
@@ -145,7 +145,7 @@ class BranchEngine:
     def _scalar(self) -> tuple[list[_Bin], list[_Bin]]:
         """The table rows of each uniform cell as plain floats, for single steps: (cooling, heating).
 
-        The upper end of the range has an entry of its own, equal to that of the last cell.
+        The upper end of the range has an additional entry, a copy of the entry of the last cell.
         """
         table = np.vstack([np.tile(self.nodes[:-1], 2), self._coefficients]).T.tolist()
         rows: list[_Row] = [tuple(row) for row in table]

@@ -136,7 +136,7 @@ def _log_gap(heating: MixtureLogs, cooling: MixtureLogs) -> FloatArray:
 
 
 def grid_logs(mixture: GaussianMixture, nodes: FloatArray) -> MixtureLogs:
-    """Return the logarithms of a mixture at the nodes of a grid, followed by those at its quadrature points."""
+    """Return the logarithms of a mixture at the nodes of a grid, then at the quadrature points of this grid."""
     return mixture.logs(np.concatenate([nodes, quadrature_points(nodes).ravel()]))
 
 
@@ -145,8 +145,8 @@ def duhem_branches(
 ) -> tuple[Branch, Branch]:
     """Return the heating and the cooling branch at the nodes of a grid, from the `grid_logs` of both mixtures.
 
-    ModelError for branches that cross. With a finite `steepest`, the largest allowed rate |a|, branches may cross,
-    as those of the trial models of a fit.
+    ModelError for branches that cross. With a finite `steepest`, the largest allowed rate |a|, branches may cross: the
+    trial models of a fit need this.
     """
     log_gap, count = _log_gap(heating, cooling), len(nodes)
     crossed = ~np.isfinite(log_gap[:count])

@@ -112,7 +112,7 @@ class HysteresisModel:
         return HysteresisState(v1, self.offset + self.scale * w, w)
 
     def facts(self) -> list[tuple[str, str]]:
-        """Return what a person asks first: names and values."""
+        """Return the main facts: names and values."""
         (low, high), certificate = self.input_range, self.certificate()
         ends = sorted(round(self.initial_state(end).y / self.scale, 9) * self.scale for end in (low, high))
         verdict = "yes" if certificate.holds else f"no: {', '.join(certificate.shortcomings)}"

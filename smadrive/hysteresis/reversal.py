@@ -29,7 +29,7 @@ from smadrive.numerics.arrays import FloatArray, finite_array
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-_AROUND = 3.0  # radii of input around a turning point from which it is estimated
+_AROUND = 3.0  # a turning point is estimated from the samples within so many radii
 _LEAST_SAMPLES = 4  # on either side, for a parabola that does not follow the noise
 
 

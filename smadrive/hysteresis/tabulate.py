@@ -6,7 +6,7 @@ polynomial that interpolates a (the collocation matrix). So each cell maps P fro
     P(v1) = P(v0) exp(Λ1 - Λ0) + ∫ b(s) exp(Λ1 - Λ(s)) ds
 
 This affine map is applied in the contracting direction only: upward on heating, downward on cooling. The cells are
-halved until the cubic pieces between the nodes agree with those of the next finer grid.
+halved until the cubic pieces between the nodes agree with the pieces of the next finer grid.
 """
 
 from __future__ import annotations

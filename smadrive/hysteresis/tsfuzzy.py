@@ -73,17 +73,24 @@ class TSFuzzyDuhem(HysteresisModel):
         This is the derivation approach of the paper, Eq. (9).
         """
         centres = np.clip(np.array(sets.centres), model.engine.lower, model.engine.upper)
-        a_heating, b_heating = model.local_laws(centres, rising=True)
-        a_cooling, b_cooling = model.local_laws(centres, rising=False)
+        heating, cooling = (model.local_laws(centres, rising=rising) for rising in (True, False))
+        return cls.from_laws(sets, heating, cooling, model.scale, model.offset, model.input_range)
+
+    @classmethod
+    def from_laws(
+        cls, sets: FuzzySets, heating: Law, cooling: Law, scale: float, offset: float, input_range: tuple[float, float]
+    ) -> Self:
+        """Return a model with the rules `heating` for rising input and `cooling` for falling input."""
+        (a_heating, b_heating), (a_cooling, b_cooling) = heating, cooling
         return cls(
             sets,
             a_heating=a_heating,
             b_heating=b_heating,
             a_cooling=a_cooling,
             b_cooling=b_cooling,
-            scale=model.scale,
-            offset=model.offset,
-            input_range=model.input_range,
+            scale=scale,
+            offset=offset,
+            input_range=input_range,
         )
 
     @property

@@ -34,6 +34,7 @@ import numpy as np
 from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.hysteresis.reversal import DeadBand
 from smadrive.identification.reshape import shape_of
+from smadrive.identification.tsfuzzy.sensitivity import laws_of
 from smadrive.numerics.arrays import FloatArray
 
 LEAST_RATE = 1e-3
@@ -109,17 +110,8 @@ class Adaptation:
     def model(self) -> TSFuzzyDuhem:
         """A model with the present rules, which contract and are bounded. Another thread may read this property."""
         theta = self._theta  # every step makes a new array
-        p_heating, q_heating, p_cooling, q_cooling = theta[:-1].reshape(4, -1)
-        return TSFuzzyDuhem(
-            self._base.sets,
-            a_heating=-(p_heating + q_heating),
-            b_heating=p_heating,
-            a_cooling=p_cooling + q_cooling,
-            b_cooling=-p_cooling,
-            scale=self._base.scale * exp(theta[-1]),
-            offset=self._base.offset,
-            input_range=self._base.input_range,
-        )
+        base, laws = self._base, laws_of(*theta[:-1].reshape(4, -1))
+        return TSFuzzyDuhem.from_laws(base.sets, *laws, base.scale * exp(theta[-1]), base.offset, base.input_range)
 
     @property
     def _scale(self) -> float:

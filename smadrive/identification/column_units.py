@@ -20,7 +20,7 @@ STRAINS = (0.001, 0.1)
 """Strokes over lengths: a wire in use moves by 2 to 5 % of its length; nickel-titanium recovers 8 % at most."""
 
 SLOWEST_K_PER_S = 0.01
-"""36 K an hour. Every record moves faster on average; one of some kelvins per second is below it if read as ms."""
+"""36 K per hour. The mean rate of every record is higher, unless its times are in ms instead of s."""
 
 
 def unit_doubts(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
@@ -38,7 +38,7 @@ def unit_doubts(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
 
 
 def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tuple[str, ...]:
-    """Reasons to doubt the stroke of a wire of `length_mm`, one sentence each. Empty for a stroke that it can have."""
+    """Return the reasons to doubt the stroke of a wire of `length_mm`, one sentence each; none for a usual stroke."""
     span_mm = float(np.ptp(displacement_mm))
     strain = span_mm / length_mm
     if STRAINS[0] <= strain <= STRAINS[1]:
@@ -50,9 +50,9 @@ def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tup
 
 
 def time_doubts(times_s: NDArray[np.float64], name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
-    """Reasons to doubt that times are in s, from the rate of the temperature in column `name`, one sentence each.
+    """Return the reasons to doubt that times are in s, one sentence each; none unless column `name` is a temperature.
 
-    Empty for a column of another quantity.
+    The mean rate of the temperature shows a wrong unit of the times.
     """
     duration_s = float(np.ptp(times_s))
     rate = float(np.abs(np.diff(values)).sum()) / duration_s if duration_s > 0 else np.inf

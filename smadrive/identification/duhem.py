@@ -2,7 +2,7 @@
 
 The unknowns are the mean, width and weight of every Gaussian of both branches, the scale and the offset. The fit
 minimises the error of the simulated output; a fit of slopes would amplify noise and bias the loop. The first fit has
-one Gaussian per branch. Fits with more Gaussians start from several splits of this one. The branches must not cross.
+one Gaussian per branch. Fits with more Gaussians start from several splits of this fit. The branches must not cross.
 A penalty acts where the distance of h₋ and h₊ is less than a margin, in standard deviations. The fit raises the penalty
 until the model is valid over the range.
 """

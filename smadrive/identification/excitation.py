@@ -1,8 +1,8 @@
 """The temperature path of an identification experiment.
 
 A major loop alone does not determine both a and b of a rule, because w is a function of v on each of its branches. So
-after two major loops the path reverses inside the loop. Nested reversals shrink towards the middle, first those from
-below, then those from above. So heating and cooling curves start from every depth of transformation.
+after two major loops the path reverses inside the loop. Nested reversals shrink towards the middle, first from below,
+then from above. So heating and cooling curves start from every depth of transformation.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ SPARE = 1.15
 class ExcitationRecord:
     """The measurements of an excitation: five columns of one length.
 
-    Current and voltage of a sample are those of the period before it.
+    Current and voltage of a sample belong to the period before the sample.
     """
 
     time_s: NDArray[np.float64]
@@ -52,7 +52,7 @@ class Excitation:
     rate_c_per_s: float
 
     def __post_init__(self) -> None:
-        """ConfigError for a rate that is not positive, and for a path that lasts longer than `LONGEST_S`."""
+        """Raise ConfigError for a rate that is not positive, and for a path that lasts longer than `LONGEST_S`."""
         if not self.rate_c_per_s > 0:
             raise ConfigError("must be positive", where="excitation.rate_c_per_s", value=self.rate_c_per_s)
         travel_k = sum(abs(after - before) for before, after in pairwise(self.turning_points_c))

@@ -95,17 +95,8 @@ def reshaped(model: Model, shape: BranchShape) -> Model:
     heating, cooling = (  # corrected by the error that the coarse grid of rules made
         move.aimed(*moments) for move, moments in zip((heating, cooling), reached, strict=True)
     )
-    sets, (a_heating, b_heating), (a_cooling, b_cooling) = _moved_rules(model, heating, cooling)
-    moved = TSFuzzyDuhem(
-        sets,
-        a_heating=a_heating,
-        b_heating=b_heating,
-        a_cooling=a_cooling,
-        b_cooling=b_cooling,
-        scale=shape.scale,
-        offset=model.offset,
-        input_range=model.input_range,
-    )
+    rules = _moved_rules(model, heating, cooling)
+    moved = TSFuzzyDuhem.from_laws(*rules, shape.scale, model.offset, model.input_range)
     return moved if moved.certificate().invertible_share > _INVERTIBLE else monotone(moved)
 
 

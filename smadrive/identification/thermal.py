@@ -155,7 +155,7 @@ def _thermal_parameters(balance: HeatBalance) -> Array:
 def _simulate(samples: _Samples, parameters: Array) -> tuple[Array, Array]:
     """Return wire temperature and reading for the parameters (m c, h A, Q, T_a, lag).
 
-    The power of a sample is that of the period before the sample; the phase is linear over each period.
+    The power of a sample belongs to the period before the sample; the phase is linear over each period.
     """
     capacity, loss, latent, ambient, lag = parameters
     net_w = samples.power_w[1:] - latent * np.diff(samples.phase) / samples.dt_s

@@ -8,11 +8,11 @@ from typing import Literal
 
 Direction = Literal["sent", "received", "discarded"]
 Trace = Callable[[float, Direction, bytes], None]
-"""Called as `trace(time_s, direction, bytes)` for all that passes on a bus: frames, lines of text, discarded bytes."""
+"""Called as `trace(time_s, direction, bytes)` for each frame, line of text and discarded piece on a bus."""
 
 
 class GuardedTrace:
-    """Passes frames on to a trace. A trace that raises (a full disk) gets no more frames, and the traffic continues."""
+    """Gives frames to a trace. A trace that fails (full disk) gets no more frames, and the traffic continues."""
 
     def __init__(self, trace: Trace | None) -> None:
         self._trace = trace
@@ -24,7 +24,7 @@ class GuardedTrace:
         return self._trace is not None
 
     def __call__(self, time_s: float, direction: Direction, data: bytes) -> None:
-        """Pass one frame on; an error of the trace is kept in `failure`."""
+        """Give one frame to the trace, and store an error of the trace in `failure`."""
         if self._trace is None:
             return
         try:

@@ -1,8 +1,8 @@
 """The line of one bus. It opens a lost connection, keeps the pauses, sends a request, and reads until the deadline.
 
 Before a request that is answered, bytes that have arrived are discarded and counted: they answer nothing. On RTU, a
-quarantine follows each failure: nothing is sent until the bus has been silent for one response timeout. Only
-`send_unconfirmed` waits for nothing but the pause between frames.
+quarantine follows each failure: nothing is sent until the bus has been silent for one response timeout.
+`send_unconfirmed` waits only for the pause between frames.
 
 A socket that missed a deadline may be dead without a sign: its gateway restarted, or a router dropped it from its
 table. So the line closes the socket and opens a new one for the next request. A new connection may lead to
@@ -55,7 +55,7 @@ class BusLine:
 
     @property
     def connection(self) -> int:
-        """The number of the connection that the next request uses: the reopenings so far, and 1 more if it is lost."""
+        """The number of the connection for the next request: the count of reopenings, plus 1 while it is closed."""
         return self.counters.reopenings + self._transport.lost
 
     def settle(self, unit_id: int, timing: BusTiming) -> None:

@@ -29,7 +29,7 @@ class ModbusClient:
     """Sends requests to the devices of one bus, one at a time; threads wait for each other."""
 
     def __init__(self, transport: Transport, trace: Trace | None = None) -> None:
-        """Use `transport` alone. `trace(time_s, direction, bytes)` is called for all that passes; see bus.py."""
+        """Use `transport` alone. `trace(time_s, direction, bytes)` is called as bus.py describes."""
         self.transport = transport
         self.clock = transport.clock
         self._protocol = ClientProtocol(transport.framing)

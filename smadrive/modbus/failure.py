@@ -36,7 +36,7 @@ _WRONG = {
 
 
 def failure(outcome: Outcome, where: str) -> SmadriveError:
-    """Return the error for a request to `where` whose outcome is any other than ANSWERED."""
+    """Return the error for a request to `where` whose outcome is not ANSWERED."""
     meaning = f"exception {outcome.code}, {EXCEPTIONS.get(outcome.code, 'unknown')}" if outcome.code else ""
     if outcome.verdict in (Verdict.REFUSED, Verdict.DEFERRED):
         return ExceptionReply("the device rejects the request", outcome.code, where=where, value=meaning)

@@ -61,7 +61,7 @@ class ClientProtocol:
         self._become(ConnectionEvent.SILENCE)
 
     def distrust(self, now_s: float) -> None:
-        """Note that the last reply is stale, which its content proves: the right reply may still arrive."""
+        """Note that the content of the last reply proves it stale. The right reply may still arrive."""
         self._outstanding.add(reply_kind(self._unit_id, self._request), now_s)
         self._become(ConnectionEvent.FAILED)
 

@@ -109,7 +109,7 @@ class TraceFile:
 def read_trace(path: Path) -> tuple[bool, list[TraceLine]]:
     """Return two values: True if the trace is of Modbus TCP (False for RTU), and its lines.
 
-    ConfigError when the file cannot be read or is no such trace; `where` then names the file, and a wrong line.
+    ConfigError when the file cannot be read or is not such a trace; `where` then names the file, and a wrong line.
     """
     try:
         head, *rows = path.read_text(encoding="ascii").splitlines() or [""]

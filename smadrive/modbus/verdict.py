@@ -1,6 +1,6 @@
 """The rules of the client as tables: the verdict on the bytes that arrived, its consequences, the connection's states.
 
-A reply is accepted only if unit, function, byte count (or echo), length and CRC are those of the request. A frame that
+A reply is accepted only if unit, function, byte count (or echo), length and CRC match the request. A frame that
 answers an earlier request is recognised by its transaction number (Modbus TCP) or by its kind (RTU, see
 outstanding.py):
 
@@ -129,7 +129,7 @@ incomplete frame, and READY otherwise."""
 
 
 class Outcome(NamedTuple):
-    """A verdict, with the payload of the right reply or the bytes of another one, and the code of an exception or 0."""
+    """A verdict, the payload of the right reply or the bytes of a wrong reply, and the code of an exception or 0."""
 
     verdict: Verdict
     data: bytes = b""

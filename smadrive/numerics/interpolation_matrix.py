@@ -1,8 +1,8 @@
 """Matrices whose rows are weighted sums of a few rows of a smaller matrix, as in table interpolation.
 
-Row i is Σ_j shares[i, j] rows[places[i, j]]. A Jacobian along a record has one row per sample, but its number of
-independent rows is only that of the nodes of its tables. In this form, scaling and the chain rule act on the small
-matrix. The large matrix is computed block by block, so that each block is still in the cache when it is used.
+Row i is Σ_j shares[i, j] rows[places[i, j]]. A Jacobian along a record has one row per sample, but only as many
+independent rows as its tables have nodes. In this form, scaling and the chain rule act on the small matrix. The large
+matrix is computed block by block, so that each block is still in the cache when it is used.
 """
 
 from __future__ import annotations

@@ -31,7 +31,7 @@ class RigDevices(NamedTuple):
     by_name     every device, by its name
     clock       the clock that all devices share
     source      the device that heats
-    port_key    key of that device before it has answered; None for a simulated device
+    port_key    key of the source before it has answered; None for a simulated device
     """
 
     heater: Heater
@@ -58,8 +58,8 @@ def open_devices(
     """Open the devices of the plan without sending a request. `stack` closes the devices.
 
     stop            listens for an emergency stop at every line that is locked
-    transports      connections, by device name, that replace those of the rig file
-    clock           clock that replaces that of the connections
+    transports      connections by device name, used instead of the addresses in the rig file
+    clock           clock to use instead of the clock of the connections
     trace_folder    folder for traces of the traffic, one file for each connection
     ConfigError when a trace file cannot be written; TransportError when a port cannot be opened.
     """
@@ -106,7 +106,7 @@ def port_key(device: PlannedDevice) -> DeviceKey | None:
 
 
 def _guard(plan: RigPlan, connections: Connections) -> GuardianClient | None:
-    """Return the client of the guardian, to which each use of a connection sends a heartbeat; None without one."""
+    """Return the client of the guardian, or None. Each use of a connection sends a heartbeat to the guardian."""
     if plan.guardian is None:
         return None
     guard = GuardianClient(plan.guardian, connections.disconnect)

@@ -64,7 +64,7 @@ class FeedbackConfig(Section):
     closed_loop_s        time constant of the closed loop in s; by default 0.25, and at least `LOOP_PERIODS` periods
     integral_s           integral time in s
     noise_c              noise of the measured temperature in °C
-    feedforward_share    fraction of the feedforward's power that is used; less than 1 shows the feedback alone
+    feedforward_share    fraction of the feedforward's power that is used; less than 1 leaves more to the feedback
     adapt                if True, a session of `tune` adapts the rules to the measured displacement while it is armed;
                          no other command adapts them
     """

@@ -13,11 +13,11 @@ commanded current, the supervisor assumes a broken circuit, so a lower voltage l
 allows for the leads, and for a current limit that is still low for the first heating: V <= `MOST_VOLTS` (R + R_leads)
 max(I_max, I_held).
 
-**Heat balance.** An identified heat balance must be near the nominal one of the rig's wire, because all supervision of
-a run relies on it. With a thermocouple lag in milliseconds instead of seconds, no reading would be implausible; with
-ten times the resistance, the wire would not be heated. The ranges allow for the scatter of right values: published
-specific heats differ by a factor of 2.6, moving air doubles the loss, and a bead of glue makes a thermocouple several
-times slower.
+**Heat balance.** An identified heat balance must be near the nominal heat balance of the rig's wire, because all
+supervision of a run relies on it. With a thermocouple lag in milliseconds instead of seconds, no reading would be
+implausible; with ten times the resistance, the wire would not be heated. The ranges allow for the scatter of right
+values: published specific heats differ by a factor of 2.6, moving air doubles the loss, and a bead of glue makes a
+thermocouple several times slower.
 """
 
 from __future__ import annotations
@@ -44,11 +44,11 @@ LEADS_OHM = 0.5
 ZERO_C_IN_K = 273.15
 
 FACTORS = {"heat_capacity_j_per_k": 3.0, "loss_w_per_k": 3.0, "resistance_cold_ohm": 2.0}
-"""Largest factor, up or down, between an identified parameter and the nominal one."""
+"""Largest factor, up or down, between an identified parameter and its nominal value."""
 LATENT_FACTOR, LATENT_SPAN_K = 5.0, 20.0
-"""The latent heat is at most this multiple of the nominal one, or this span times the heat capacity if that is more."""
+"""The latent heat is at most this multiple of its nominal value, or if more, this span times the heat capacity."""
 LAG_FACTOR, LAG_S = 5.0, 1.0
-"""The lag is at most this multiple of the nominal one, or this time if that is longer."""
+"""The lag is at most this multiple of its nominal value, or this time if that is longer."""
 AMBIENT_K = 20.0
 """Largest difference between identified and nominal ambient temperature."""
 RESISTANCE_CHANGE = 0.4
@@ -56,7 +56,7 @@ RESISTANCE_CHANGE = 0.4
 
 
 def check_limits(config: RigConfig, wire: WireDataSheet) -> None:
-    """Raise ConfigError if a limit of the rig cannot be meant for this wire."""
+    """Raise ConfigError if a limit of the rig is implausible for this wire."""
     _check_temperature(config, wire)
     balance = wire.heat_balance()
     held_a = balance.current_a(balance.power_w(config.limits.temperature_max_c, 0.0, 0.0), 1.0)
@@ -85,7 +85,7 @@ def _check_temperature(config: RigConfig, wire: WireDataSheet) -> None:
 
 
 def _temperature_cure(limit_c: float, wire: WireDataSheet) -> str:
-    """Return the cure for a limit above the wire's own, which is in its file or else that of nickel-titanium."""
+    """Return the cure for a limit above the highest temperature of the wire, by default `AGEING_C`."""
     cure = "lower it"
     if "temperature_max_c" not in wire.model_fields_set:
         cure = (
@@ -186,7 +186,7 @@ def _check_temperature_step(temperature_c: float, config: RigConfig, balance: He
 
 
 def check_same_wire(found: HeatBalance, nominal: HeatBalance, wire: str) -> None:
-    """Raise ConfigError if the heat balance `found` cannot belong to the wire file `wire`, whose own is `nominal`."""
+    """Raise ConfigError if the heat balance `found` cannot belong to the wire `wire` with the balance `nominal`."""
     most_latent_j = max(LATENT_FACTOR * nominal.latent_heat_j, LATENT_SPAN_K * nominal.heat_capacity_j_per_k)
     ranges = {name: (getattr(nominal, name) / by, getattr(nominal, name) * by) for name, by in FACTORS.items()} | {
         "latent_heat_j": (0.0, most_latent_j),

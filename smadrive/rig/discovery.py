@@ -39,7 +39,7 @@ class DiscoveredDevice:
 
 
 def port_url(port: str) -> str:
-    """The URL of a port that is given as a URL, as a path, or as the name of a port in /dev."""
+    """Return the URL of a port that is given as a URL, as a path, or as the name of a port in /dev."""
     path = Path("/dev") / port
     return port if "://" in port or not ("/" in port or path.exists()) else f"serial://{path}"
 

@@ -1,9 +1,9 @@
 """The plan of a rig, which gives every device its task. It is derived from the rig file and the device profiles.
 
 This module opens no port: devices that do not form a rig raise ConfigError before any port is opened. One device heats.
-A device measures every quantity that its profile has a register for, or only those that the rig file lists for it. Two
-devices that measure the same quantity are an error, because only the user knows which one is right. A heat source
-without a watchdog of its own needs a guardian.
+A device measures every quantity that its profile has a register for, or only the quantities that the rig file lists for
+it. Two devices that measure the same quantity are an error, because only the user knows which one is right. A heat
+source without a watchdog of its own needs a guardian.
 """
 
 from __future__ import annotations
@@ -114,7 +114,7 @@ class RigPlan:
 
 
 def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collection[str] = ()) -> RigPlan:
-    """Return the plan of the rig, from its `profiles` by name of the device; ConfigError when it is no rig.
+    """Return the plan of the rig; `profiles` are by device name. ConfigError when the devices do not form a rig.
 
     `given` names the devices whose connection the caller supplies.
     """
@@ -130,7 +130,7 @@ def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collecti
 
 
 def check_full_scales(source: PlannedDevice) -> None:
-    """Raise ConfigError if a source that is commanded in amperes has full scales, or one by duty lacks them."""
+    """Raise ConfigError if full scales are set for a source in amperes, or missing for a source commanded by duty."""
     scales = source.config.full_scale_a, source.config.full_scale_v
     if source.source_type is TCLab and None in scales:
         raise ConfigError(
@@ -174,7 +174,7 @@ def _sensors(
 
 
 def _sensor(device: PlannedDevice, quantity: str, config: RigConfig) -> PlannedSensor:
-    """Return the sensor, which is read at every tick or at its rate, but never faster than it converts."""
+    """Return the sensor. It is read at its rate_hz, or else at every tick, but never faster than it converts."""
     period_s = max(1.0 / (device.config.rate_hz or config.rate_hz), device.profile.timing.update_ms / 1e3)
     return PlannedSensor(device, quantity, period_s, max(config.limits.stale_after_s, STALE_PERIODS * period_s))
 
@@ -216,7 +216,7 @@ def _check_line(url: str, devices: Sequence[PlannedDevice]) -> None:
                 f"two devices at {url} have the same unit id",
                 where=f"devices '{other.name}' and '{device.name}'",
                 value=device.unit_id,
-                cure="set another unit id at one device, and as its unit_id in the rig file",
+                cure="set another unit id at one device, and write it into the rig file",
             )
 
 

@@ -61,11 +61,11 @@ RATE_EXCHANGES = 4
 class Rig:
     """The connected devices of a rig file. The end of this context manager puts every device into its safe state.
 
-    transports      connections, by device name, that replace those of the rig file
-    clock           clock of the loops; by default that of the connection: real time on a port, virtual time on `sim://`
+    transports      connections by device name, used instead of the addresses in the rig file
+    clock           clock of the loops; None: the clock of the connection (real time on a port, virtual time on sim://)
     trace_folder    folder for traces of the traffic, one file for each connection (see TraceFile); None traces nothing
 
-    ConfigError when the devices do not form a rig, or a limit cannot be meant for its wire.
+    ConfigError when the devices do not form a rig, or a limit is implausible for its wire.
     """
 
     def __init__(
@@ -101,7 +101,7 @@ class Rig:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Enter the safe state, then close the ports. An error of the block stays the raised one."""
+        """Enter the safe state, then close the ports. An error in the `with` block is raised again."""
         self._on_exit.__exit__(kind, error, trace)
 
     @property
@@ -167,7 +167,7 @@ class Rig:
     ) -> LoopMetrics:
         """Arm, run `controller` to its end, and disarm. Pass every tick to `record`.
 
-        balance           heat balance of the wire; ConfigError if it cannot be that of the rig's wire
+        balance           heat balance of the wire; ConfigError if it cannot belong to the rig's wire
         model             if given, a displacement outside the model's range at the measured temperature is a fault
         stop_requested    asked before every exchange; True ends the run
         """
@@ -175,7 +175,7 @@ class Rig:
         return self._run(controller, self._supervisor(balance, model), record, stop_requested)
 
     def check_balance(self, balance: HeatBalance) -> None:
-        """Raise ConfigError if this heat balance cannot be that of the rig's wire; see check_same_wire."""
+        """Raise ConfigError if this heat balance cannot belong to the rig's wire; see check_same_wire."""
         check_same_wire(balance, self.nominal_balance, self.config.wire)
 
     def clear_faults(self) -> Measurement:

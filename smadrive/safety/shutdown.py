@@ -19,7 +19,7 @@ from smadrive.interrupts import ABORTS_AT, HeldSignals
 CONFIRMED = "the heater is off, confirmed by read-back"
 
 _CARRIED_AS = "shutdown"
-"""The attribute of an error that holds the outcome."""
+"""The name of the attribute of an error that holds its ShutdownOutcome."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,7 +96,7 @@ def shutdown_of(error: BaseException) -> ShutdownOutcome | None:
 
 @contextmanager
 def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -> Iterator[None]:
-    """Switch the heater off by `enter_safe_state` at the end of the block, whatever ends it.
+    """Switch the heater off by `enter_safe_state` at the end of the `with` block, even after an error or a signal.
 
     `is_run` is True for a block that may heat. An error that ended the block carries the outcome and is raised again;
     signals that arrived meanwhile do not replace this error. After a block without an error, a failure to switch off is

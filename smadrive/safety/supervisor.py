@@ -162,7 +162,7 @@ class Supervisor:
         """Compare the measured current with the commands of the last `settle_s`."""
         tolerance_a, measured_a = self._limits.current_tolerance_a, measurement.current_a
         if not self._commands:
-            self._commands.append((measurement.time_s - 1e-9, 0.0))  # before the first one nothing was commanded
+            self._commands.append((measurement.time_s - 1e-9, 0.0))  # before the first command the current is zero
         self._commands.append((measurement.time_s, measurement.in_force_a))
         while self._commands[0][0] < measurement.time_s - self._limits.settle_s:
             self._commands.popleft()

@@ -39,7 +39,7 @@ FROZEN_C = 3.0
 
 @dataclass(frozen=True, slots=True)
 class Uncertainty:
-    """True capacity and loss of a wire are at most these factors above or below those of its heat balance."""
+    """Largest factors, up or down, between the true capacity and loss of a wire and the values in its heat balance."""
 
     capacity: float
     loss: float

@@ -1,4 +1,4 @@
-"""The arguments of a script as the types that the loop needs. ConfigError names what was given instead."""
+"""Converts the arguments of a script to the types that the loop needs. ConfigError names a wrong type."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def rig_of(rig: RigConfig | PathText) -> RigConfig:
 
 
 def wire_of_argument(wire: WireLike) -> IdentifiedWire:
-    """Return the identified wire, or the one in a file. ModelError, CertificateError for a file that is none."""
+    """Return the identified wire, or load it from a file; raises the errors of `load_wire`."""
     if isinstance(wire, IdentifiedWire):
         return IdentifiedWire(wire.model, wire.heat_balance, wire.caveats, wire.metrics, wire.source)
     return load_wire(path_text(wire, "wire", "the result of smadrive.identify or load_wire, or the path of its file"))
@@ -42,7 +42,7 @@ def reference_of_argument(reference: ReferenceLike) -> Reference:
 
 
 def new_log(log: PathText | None, kind: Literal["excitation", "heat", "run"]) -> Path:
-    """Return the path of a log to write; without one KIND.h5, or the next unused KIND-2.h5, in the present folder."""
+    """Return the path of a new log. Without `log` this is KIND.h5 or, if it exists, KIND-2.h5 and so on."""
     if log is None:
         return unused_record(kind, LOG)
     path = Path(path_text(log, "log", "the path of a file to write, such as 'run.h5'"))
@@ -51,7 +51,7 @@ def new_log(log: PathText | None, kind: Literal["excitation", "heat", "run"]) ->
 
 
 def path_text(value: object, name: str, wanted: str) -> PathText:
-    """Return a path or text. ConfigError for another type, with what is `wanted` instead."""
+    """Return `value` if it is a path or a text. ConfigError for another type; the cure names what is `wanted`."""
     if isinstance(value, str | os.PathLike):
         return value
     raise ConfigError("of the wrong type", where=name, value=type(value).__qualname__, cure=f"pass {wanted}")

@@ -1,4 +1,4 @@
-"""A rig that a script has opened. Its loop runs in a process of its own (loop_process.py)."""
+"""A rig that a script has opened. Its loop runs in a separate process (loop_process.py)."""
 
 from __future__ import annotations
 
@@ -56,14 +56,14 @@ class ScriptController(Protocol):
 
 
 class OpenRig:
-    """The devices of a rig, connected. A context manager: leaving it switches the heater off, confirmed.
+    """The connected devices of a rig. The end of this context manager switches the heater off, and confirms it.
 
         with smadrive.open_rig("in-process") as rig:
             run = rig.excite()
 
-    In a notebook it may stay open from cell to cell: call `close()` at the end. The loop, its supervisor and its log
-    belong to a process of their own. A busy script delays no tick; Ctrl-C, the interruption of a kernel, and the end of
-    the script, however it comes, end a run at zero current. Errors of that process are raised here.
+    In a notebook the rig may stay open from cell to cell; call `close()` at the end. Loop, supervisor and log run in a
+    separate process, so a busy script delays no tick. Ctrl-C, the interruption of a kernel and every end of the script
+    end a run at zero current. Errors of the loop process are raised here.
     """
 
     def __init__(self, config: RigConfig) -> None:
@@ -84,7 +84,7 @@ class OpenRig:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close it. An error that ended the block stays the error that is raised."""
+        """Close the rig. An error in the `with` block is raised again; a failure to close becomes a note of it."""
         if error is None:
             self.close()
             return
@@ -99,7 +99,7 @@ class OpenRig:
         return self._finalizer.alive
 
     def close(self) -> None:
-        """Switch off, confirmed, close the ports and end the process of the loop. Raises when it is not confirmed."""
+        """Switch off, close the ports and end the loop process. Raises an error if the heater is not confirmed off."""
         if not self.is_open:
             return
         try:
@@ -118,7 +118,7 @@ class OpenRig:
 
             run = rig.excite("excitation.h5")
 
-        Without `log` the name is excitation.h5, or the next unused number. TripError after a trip.
+        Without `log` the file is excitation.h5 or, if it exists, excitation-2.h5 and so on. TripError after a trip.
         """
         path = new_log(log, "excitation")
         return self._run("exciting", ExciteRequest(path.absolute()), path)
@@ -163,7 +163,7 @@ class OpenRig:
         *,
         duration_s: float | None = None,
     ) -> Run:
-        """Run a controller of your own on the wire, fully supervised, for `duration_s`.
+        """Run your own controller on the wire for `duration_s`, with the full supervision of every run.
 
             class Warm:
                 def update(self, time_s, measurement, dt_s):
@@ -171,10 +171,11 @@ class OpenRig:
 
             run = rig.drive(Warm(), wire, duration_s=20)
 
-        `update` is called once a tick, in the process of the loop, on a copy of the controller: `run.controller` is
-        that copy after the run. The current is clamped to the limits of the rig. With `setpoint_mm` in its commands the
-        run has tracking errors. Without `duration_s` the controller must have this attribute. An error that `update`
-        raises ends the run at zero current and is raised here. ControllerError when it returns no command.
+        `update` is called once per tick, in the loop process, on a copy of the controller. After the run,
+        `run.controller` is this copy. The current is clamped to the limits of the rig. If the commands have a
+        `setpoint_mm`, the run has tracking errors. Without `duration_s` the controller must have an attribute
+        `duration_s`. An error that `update` raises ends the run at zero current and is raised here. ControllerError if
+        `update` returns no command.
         """
         check_controller(controller, duration_s)
         path = new_log(log, "run")
@@ -183,11 +184,11 @@ class OpenRig:
         return self._run("driving", request, path)
 
     def cool_down(self, duration_s: float) -> None:
-        """Let the wire cool with the heater off."""
+        """Let the wire cool for `duration_s` with the heater off."""
         self._call(CoolDownRequest(float(duration_s)))
 
     def off(self) -> None:
-        """Switch the heater off, confirmed by read-back; raises when it is not confirmed."""
+        """Switch the heater off and confirm it by read-back; raises an error if that fails."""
         self._call(SwitchOffRequest())
 
     def clear_faults(self) -> Measurement:
@@ -215,7 +216,7 @@ class OpenRig:
             raise ConfigError("the rig is closed", where=f"rig '{self.config.name}'", cure="open it again")
 
     def facts(self) -> list[tuple[str, str]]:
-        """Return what a person asks first: names and values with units."""
+        """Return the main facts: names and values with units."""
         limits = self.config.limits
         return [
             *((f"device {name}", identity) for name, identity in self._identities.items()),

@@ -48,7 +48,7 @@ def share_done(progress: RunProgress) -> float:
 
 @contextmanager
 def shown_progress(title: str) -> Iterator[Show]:
-    """Yield the function that shows the progress during the block."""
+    """Yield a function that shows the progress of a run. The display ends with the `with` block."""
     console = Console(stderr=True)
     if is_notebook():
         with _in_notebook(title) as show:

@@ -1,4 +1,4 @@
-"""A recorded run, as scripts and notebooks hold it: metrics, columns, plots, xarray."""
+"""A recorded run in a script or a notebook: metrics, columns, plots, xarray."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import xarray
 
 TRIPPED = "TripError"
-"""The beginning of the cause of a run that a trip has ended."""
+"""The first word of `Log.ended_by` if a trip has ended the run."""
 
 FIGURES = {
     "tracking": "Tracking",
@@ -46,9 +46,9 @@ class Run:
         run.rms_percent, run.max_percent, run.trips
         run["displacement_mm"]
 
-    `run[name]` is a column as a float64 array, NaN where nothing was measured; `columns` are their names. Errors are in
-    percent of the stroke, after the approach, NaN where the run has no setpoint. `log` holds events and metadata.
-    `controller` is the own controller as it was at the end of its run.
+    `run[name]` is a column as a float64 array, with NaN where nothing was measured; `columns` lists the names. Tracking
+    errors are in percent of the stroke, without the approach; they are NaN for a run without a setpoint. `log` holds
+    events and metadata. `controller` is the user's controller as it was at the end of the run.
     """
 
     def __init__(self, log: Log, *, missed_deadlines: int | None = None, controller: Any = None) -> None:
@@ -111,7 +111,7 @@ class Run:
 
     @property
     def trips(self) -> int:
-        """Number of trips: 1 when a trip has ended the run."""
+        """1 if a trip has ended the run, otherwise 0."""
         return int(self.log.ended_by.startswith(TRIPPED))
 
     @property
@@ -120,7 +120,7 @@ class Run:
         return (*self.log.caveats, *(tracking_caveats(self.log) if has_setpoint(self.log) else ()))
 
     def plot(self, figure: str | None = None) -> PlotFigure:
-        """Return a figure (matplotlib): 'tracking', 'heat', 'loop' or 'timing'; by default the one that tells most.
+        """Return the matplotlib figure 'tracking', 'loop', 'heat' or 'timing'; by default the first that the run has.
 
         ConfigError when the run has no such figure.
         """
@@ -150,7 +150,7 @@ class Run:
         return xarray.Dataset(data, {"time_s": time}, {"log_file": str(self.log_file), "kind": self.kind})
 
     def facts(self) -> list[tuple[str, str]]:
-        """Return what a person asks first: names and values with units."""
+        """Return the main facts: names and values with units."""
         metrics = self.metrics
         facts = [("length", quantity(metrics.duration_s, 1, "s")), ("ticks", str(self.ticks))]
         if isfinite(metrics.rms_percent):

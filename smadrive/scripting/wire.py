@@ -1,4 +1,4 @@
-"""Identification in a script: a run, a file, a table or two arrays in, an identified wire with its plot out."""
+"""Identification in a script: from a run, a file, a table or two arrays to an identified wire with a plot."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SETS = (3, 99)
 
 @dataclass(frozen=True, repr=False)
 class Wire(IdentifiedWire):
-    """An identified wire with its plot, and with its `fit` when this script has identified it.
+    """An identified wire with a plot. `fit` is None unless this script has identified the wire.
 
     wire = smadrive.identify(run)
     wire.fit.rms_percent, wire.model, wire.heat_balance
@@ -43,7 +43,7 @@ class Wire(IdentifiedWire):
     axes: tuple[str, str] = ("wire temperature / °C", "displacement / mm")
 
     def plot(self) -> PlotFigure:
-        """Return the loop as a figure (matplotlib): the record and the model on it; of a loaded wire the model."""
+        """Return a matplotlib figure of the loop: record and model, or only the model for a loaded wire."""
         return model_figure(self.model) if self.fit is None else loop_figure(self.fit, self.axes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
@@ -61,17 +61,17 @@ def identify(
     input: str = INPUT,  # noqa: A002 (as the option of the command is called)
     output: str = OUTPUT,
 ) -> Wire:
-    """Fit a hysteresis model to a record, and the heat balance of the wire if the record is that of an excitation.
+    """Fit a hysteresis model to a record and, for the log of an excitation, also the heat balance of the wire.
 
         wire = smadrive.identify(rig.excite())                        a run of this script
         wire = smadrive.identify("excitation.h5")                     a log, or a CSV file
         wire = smadrive.identify(frame)                               columns temperature_c and displacement_mm
         wire = smadrive.identify(temperature_c, displacement_mm)      two arrays
 
-    `input` and `output` choose other columns of a CSV file, or of a table: anything with columns by name (a DataFrame,
-    a dict, an xarray.Dataset). `kind` is "tsfuzzy" or "duhem", `sets` the number of fuzzy sets.
+    `input` and `output` choose other columns of a CSV file or a table. A table is any object with columns by name, such
+    as a DataFrame, a dict or an xarray.Dataset. `kind` is "tsfuzzy" or "duhem", `sets` the number of fuzzy sets.
 
-    DataError for a record that cannot be used, IdentificationError for one that does not determine the model.
+    DataError for a record that cannot be used, IdentificationError for a record that does not determine the model.
     """
     _check_options(kind, sets)
     record, source = _fitted(data, displacement_mm, (input, output), kind, sets)
@@ -81,7 +81,9 @@ def identify(
 
 
 def load_wire(path: str | os.PathLike[str]) -> Wire:
-    """Return the wire in a file (.json) of `smadrive identify` or `Wire.save`. ModelError, CertificateError.
+    """Load a wire from a file (.json) of `smadrive identify` or `Wire.save`.
+
+    ModelError for a malformed file, CertificateError for an uncertified model.
 
     wire = smadrive.load_wire("wire.json")
     """
@@ -115,14 +117,14 @@ def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], kind: Kin
 
 
 def _check_excitation(run: Run) -> None:
-    """DataError for a run that does not lead the wire through its loops."""
+    """Raise DataError for a run that is not an excitation."""
     if run.kind != "excitation":
         cure = "identify the run of rig.excite; to fit its columns anyway, pass run.to_xarray()"
         raise DataError("not the log of an excitation", where=run.log_file, value=run.kind, cure=cure)
 
 
 def _column(table: Any, name: str) -> NDArray[np.float64]:
-    """Return a column of a table. DataError when the table has none of that name."""
+    """Return the column `name` of a table. DataError when the table has no such column."""
     names = [str(key) for key in table.keys()]  # noqa: SIM118 (a DataFrame iterates over its columns, others do not)
     coordinates = [str(key) for key in getattr(table, "coords", ())]
     if name not in [*names, *coordinates]:

@@ -43,7 +43,7 @@ def sma_faults(request: pytest.FixtureRequest) -> SimulatedFaults:
 
 @pytest.fixture
 def sma_rig(request: pytest.FixtureRequest, sma_faults: SimulatedFaults) -> Iterator[Rig]:
-    """A rig whose devices are simulated, whatever their addresses in the rig file are.
+    """A rig whose devices are simulated. Their addresses in the rig file have no effect.
 
     At the end of the test the rig enters its safe state.
     """

@@ -40,7 +40,7 @@ class IdentifiedWire:
     source: str = ""
 
     def facts(self) -> list[tuple[str, str]]:
-        """Return what a person asks first: names and values with units."""
+        """Return the main facts: names and values with units."""
         cold_mm, hot_mm = travel_mm(self.model)
         low_c, high_c = self.model.input_range
         facts = [
@@ -52,7 +52,7 @@ class IdentifiedWire:
             facts.append(("RMS error of the fit", f"{self.metrics['rms_percent']:.2f} % of the span"))
         facts.append(self.model.facts()[-1])
         if self.heat_balance is None:
-            return [*facts, ("heat balance", "not identified: that of the data sheet is used")]
+            return [*facts, ("heat balance", "not identified: the data sheet's is used")]
         return [
             *facts,
             ("time constant", f"{self.heat_balance.time_constant_s:.2f} s"),

@@ -9,7 +9,7 @@ would then change the integral by a large amount.
 The gains follow from the heat balance by pole placement. With Kp = m c / Tc the error decays with the chosen time
 constant Tc. With Ki = Kp / Ti the effect of a model error decays within about Ti.
 
-Bumpless transfer: a feedback that replaces another one adds the difference of the two commands, which then decays.
+Bumpless transfer: a feedback that replaces another feedback adds the difference of the two commands, which then decays.
 """
 
 from __future__ import annotations

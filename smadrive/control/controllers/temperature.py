@@ -59,7 +59,7 @@ def power_envelope_w(balance: HeatBalance, setpoint_c: float, rate_c_per_s: floa
 
 
 class TemperatureController:
-    """Follows a temperature path with the nominal heat balance: the excitation, before anything is identified.
+    """Follows the temperature path of an excitation with the nominal heat balance, as none is identified yet.
 
     The reading of the thermocouple counts as the temperature of the wire; the identification corrects its lag. The path
     waits while the wire is farther than `LAGS_C` from the path, so that every wire reaches every turning point.

@@ -69,7 +69,7 @@ class GainSchedule:
     def by_both(self, slope: float, read_c: float, seen: float) -> Correction:
         """Return the correction by thermocouple and displacement.
 
-        The gains are interpolated between those of the two nearest slopes.
+        The gains are interpolated between the gains of the two nearest slopes.
         """
         place = min(max(slope / self._apart, 0.0), SLOPES - 1.0)
         cell = min(int(place), SLOPES - 2)

@@ -6,9 +6,9 @@ balance with the latent heat of the transformation, and the hysteresis model. Th
 
 The model is linear only locally. Its rules, at their present firing strengths, give the slope of the phase over the
 temperature, dξ/dT ∝ Σ μ_i (a_i w + b_i). Along the loop only this slope varies, so the gain is solved for several
-slopes and interpolated (see gain.py). Without a displacement the correction of ξ is that of the temperature, times the
-slope. Only the predicted temperature steps the hysteresis model, and only through a dead band: noise reverses the
-temperature, and each reversal would move the model along a minor loop (ratcheting).
+slopes and interpolated (see gain.py). Without a displacement, ξ is corrected by the correction of the temperature,
+times the slope. Only the predicted temperature steps the hysteresis model, and only through a dead band: noise reverses
+the temperature, and each reversal would move the model along a minor loop (ratcheting).
 
 The estimate is the whole state of an observer, so another observer can continue from it.
 """

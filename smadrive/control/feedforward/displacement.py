@@ -69,7 +69,7 @@ class DisplacementInverse(Protocol):
     ) -> TemperatureTarget:
         """Return the temperature that takes the wire from `state` to `setpoint_mm`.
 
-        `direction` is that of the reference (+1: the phase rises), `rate_mm_per_s` the rate of the setpoint.
+        `direction` is the direction of the reference (+1: the phase rises), `rate_mm_per_s` the rate of the setpoint.
         """
         ...
 
@@ -172,7 +172,7 @@ class DisplacementFeedforward:
     def update(self, estimate: WireEstimate, setpoint_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
         """Return temperature setpoint and power for the displacement `setpoint_mm`, which moves at `rate_mm_per_s`.
 
-        `direction` is that of the phase (+1: the phase rises).
+        `direction` is the direction of the phase (+1: it rises).
         """
         target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s)
         rate_c_per_s = target.k_per_mm * rate_mm_per_s

@@ -38,8 +38,8 @@ BEYOND = 0.01
 class Reversal:
     """A reversal that has begun. The wire meets the reference at the time `meets_s`.
 
-    `meets_mm` and `meets_c` are displacement and temperature of the meeting point. `direction` is that of the phase
-    after the reversal.
+    `meets_mm` and `meets_c` are displacement and temperature of the meeting point. `direction` is the direction of the
+    phase after the reversal.
     """
 
     meets_s: float

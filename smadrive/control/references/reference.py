@@ -112,7 +112,7 @@ class Reference:
         return max(0, int((time_s - self.scored_from_s) // self.cycle_s)) if self.endless else 0
 
     def value_mm(self, time_s: float) -> float:
-        """Return the setpoint at `time_s`, mm. Before the table the first value holds, after the table the last one."""
+        """Return the setpoint at `time_s`, mm. Before the table the first value holds, after it the last value."""
         return self._table.at(time_s - self._begun_s(time_s))
 
     @cached_property

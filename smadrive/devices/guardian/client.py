@@ -1,4 +1,4 @@
-"""The driver's end of the guardian: it starts the guardian, sends heartbeats, and ends a take-over.
+"""The driver's client of the guardian: it starts the guardian, sends heartbeats, and ends a take-over.
 
 STANDING_BY    the guardian does not watch: nothing heats, or the source is confirmed off
 WATCHED        the guardian watches: the driver heats and sends heartbeats

@@ -99,7 +99,7 @@ class PortSearch:
 
 
 def _opened_terminal(url: str) -> int | None:
-    """Open the pseudo-terminal at `url` and return its descriptor; return None if `url` is no pseudo-terminal.
+    """Open the pseudo-terminal at `url` and return its descriptor; return None for any other port.
 
     The link count of the descriptor is 0 after the pseudo-terminal has ended.
     """
@@ -112,7 +112,7 @@ def _opened_terminal(url: str) -> int | None:
 
 
 def _place(url: str) -> str:
-    """Return the port of a URL with its time of creation: a port that was plugged in again counts as another one."""
+    """Return the port of a URL with its time of creation: a port that was plugged in again is another port."""
     port = port_of(url)
     if port.startswith("serial:"):
         with suppress(OSError):

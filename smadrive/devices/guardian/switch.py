@@ -41,8 +41,8 @@ class LineAccess:
     def to(self, lines: Collection[str], *, alone: bool) -> Iterator[bool]:
         """Use the line with these names. Yield True if the guardian has its port for itself.
 
-        One shared name is enough, because a look-up may give other addresses than that of the driver. BusyError when
-        another program has the line.
+        One shared name is enough, because a look-up may give other addresses than the driver's look-up did. BusyError
+        when another program has the line.
         """
         if not alone or any(lock.line in lines for lock in self._shared):
             yield False

@@ -14,8 +14,8 @@ from random import SystemRandom
 
 from smadrive.clock import Clock
 from smadrive.devices.device import Device
+from smadrive.devices.heating.device_source import DeviceSource
 from smadrive.devices.heating.heat_source import HeaterLimits, Sample, Supplied
-from smadrive.devices.heating.register_source import RegisterSource
 from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ProtocolError, SafetyError
 
@@ -38,7 +38,7 @@ _MEASURED = (
 )
 
 
-class HeaterBoard(RegisterSource):
+class HeaterBoard(DeviceSource[Device]):
     """A heater board as heat source. Its profile binds the roles of command and measurement; see HeatSource.
 
     ConfigError when the profile lacks a role.

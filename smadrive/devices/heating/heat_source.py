@@ -74,7 +74,7 @@ class HeatSource(Protocol):
     def identity(self) -> Identity:
         """The registers that distinguish the device from its twin.
 
-        It is empty before `connect`, and for a device without any.
+        It is empty before `connect`, and for a device without such registers.
         """
         ...
 
@@ -98,7 +98,7 @@ class HeatSource(Protocol):
     def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
         """Command `current_a` (zero while the source is not armed) and measure.
 
-        With `proved`, the reply cannot be an older one.
+        If `proved` is True, an older reply cannot be taken for this one.
         """
         ...
 

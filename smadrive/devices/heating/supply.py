@@ -11,8 +11,8 @@ from __future__ import annotations
 from math import inf, isfinite
 
 from smadrive.devices.device import Device
+from smadrive.devices.heating.device_source import DeviceSource
 from smadrive.devices.heating.heat_source import HeaterLimits, Supplied
-from smadrive.devices.heating.register_source import RegisterSource
 from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ConfigError, ReadBackError, SafetyError
 
@@ -26,7 +26,7 @@ PROTECTION = 1.1
 """The supply's own protections are set to the limits of the rig times this factor."""
 
 
-class BenchSupply(RegisterSource):
+class BenchSupply(DeviceSource[Device]):
     """A bench supply as heat source. Its profile binds the roles of a supply; see HeatSource.
 
     ConfigError when the profile lacks a role.

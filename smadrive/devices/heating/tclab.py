@@ -16,9 +16,9 @@ from __future__ import annotations
 
 from math import floor, nan, sqrt
 
+from smadrive.devices.heating.device_source import DeviceSource
 from smadrive.devices.heating.heat_source import HeaterLimits, Sample, Supplied
 from smadrive.devices.heating.tclab_board import TCLabBoard
-from smadrive.devices.identity import Identity
 from smadrive.errors import ConfigError, ReadBackError, SafetyError
 
 STEPS = 200
@@ -32,7 +32,7 @@ SENSOR_RANGE_C = (-40.0, 150.0)
 """Range of the board's TMP36 sensor. An open or shorted sensor reads as an end of the converter, -50 or 280 °C."""
 
 
-class TCLab:
+class TCLab(DeviceSource[TCLabBoard]):
     """A TCLabBoard as heat source; see HeatSource.
 
     `full_scale_a` and `full_scale_v` are the root mean square of current and voltage at the wire at 100 % duty, with P1
@@ -44,30 +44,13 @@ class TCLab:
 
     def __init__(self, board: TCLabBoard, full_scale_a: float, full_scale_v: float) -> None:
         """Send nothing yet."""
-        self.settle_s = board.profile.timing.settle_ms / 1e3
-        self._board = board
+        super().__init__(board)
         self._full_scale_a = full_scale_a
         self._full_scale_v = full_scale_v
-        self._armed = False
         self._may_be: tuple[float, ...] = (0.0,)
 
-    @property
-    def identity(self) -> Identity:
-        """See HeatSource."""
-        return self._board.identity
-
-    @property
-    def armed(self) -> bool:
-        """True if the source was armed at every exchange since `arm`."""
-        return self._armed
-
-    def connect(self) -> None:
-        """Prove the identity of the board and switch its heaters off."""
-        self._board.check_identity()
-        self.enter_safe_state()
-
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:  # noqa: ARG002  (the board has no watchdog)
-        """Set the pulse width at 100 % duty, confirmed; ConfigError when the board cannot keep the limits."""
+        """Set the pulse width at 100 % duty and confirm it; ConfigError when the board cannot keep the limits."""
         if limits.current_max_a > self._full_scale_a:
             raise ConfigError(
                 "is more than the board can drive",
@@ -84,11 +67,11 @@ class TCLab:
                 limit=f"full_scale_v = {self._full_scale_v:g} V",
                 cure="lower the supply of the board, or leave voltage_max_v out",
             )
-        self._board.limit_pulses(STEPS)
+        self.device.limit_pulses(STEPS)
 
     def arm(self) -> None:
         """Arm if the board confirms zero duty; SafetyError when its heater is on. Nothing is switched."""
-        if duty := self._board.read("R1", proved=True):
+        if duty := self.device.read("R1", proved=True):
             raise SafetyError(
                 "not armed, because the board already heats",
                 value=f"{duty:g} % duty",
@@ -98,7 +81,7 @@ class TCLab:
 
     def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
         """Command `current_a` and measure; ReadBackError when the duty in force was not the commanded one."""
-        in_force = self._board.read_back("R1", self._may_be, proved=proved)
+        in_force = self.device.read_back("R1", self._may_be, proved=proved)
         if in_force not in self._may_be:
             self._armed = False
             raise ReadBackError(
@@ -106,19 +89,18 @@ class TCLab:
                 value=f"{in_force:g} %, commanded {self._may_be[-1]:g} %",
                 cure="check whether the board restarted, and that no other program uses it",
             )
-        temperature_c = self._board.read_twice("T1")
+        temperature_c = self.device.read_twice("T1")
         steps = floor(STEPS * (current_a / self._full_scale_a) ** 2 + 1e-9) if self._armed else 0
         duty = round(100.0 * (steps + WITHIN) / STEPS, 2) if steps else 0.0
         duty = min(duty, 100.0)
         self._may_be = (*self._may_be, duty)
-        self._board.heat(1, duty)
+        self.device.heat(1, duty)
         self._may_be = (duty,)
         return self._supplied(in_force, temperature_c, current_a - self._full_scale_a * sqrt(steps / STEPS))
 
     def enter_safe_state(self) -> None:
         """See HeatSource."""
-        self._armed = False
-        self._board.enter_safe_state()
+        super().enter_safe_state()
         self._may_be = (0.0,)
 
     def clear_faults(self) -> None:
@@ -134,5 +116,5 @@ class TCLab:
             self._full_scale_v * part,
             self._armed,
             limits=("pulse_width_step",) if self._armed and lacking_a > COARSE * self._full_scale_a else (),
-            temperature=Sample(temperature_c if valid else nan, self._board.clock.now_s(), problem),
+            temperature=Sample(temperature_c if valid else nan, self.device.clock.now_s(), problem),
         )

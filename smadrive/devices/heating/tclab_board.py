@@ -91,7 +91,7 @@ class TCLabBoard:
         return second
 
     def read_back(self, command: str, expected: Sequence[float], *, proved: bool = False) -> float:
-        """Send `command` and return the number in the reply. Ask once more if it is not an `expected` one."""
+        """Send `command` and return the number in the reply. If it is not one of the `expected` numbers, ask again."""
         number = self.read(command, proved=proved)
         if number in expected:
             return number
@@ -110,7 +110,7 @@ class TCLabBoard:
                 )
 
     def limit_pulses(self, steps: int) -> None:
-        """Set the pulse width of heater 1 at 100 % duty, confirmed; ReadBackError when the value did not arrive."""
+        """Set the pulse width of heater 1 at 100 % duty and confirm it; ReadBackError when the value did not arrive."""
         if not self._says_back("P1", steps):
             self._line.distrust()
             raise ReadBackError(
@@ -139,7 +139,7 @@ class TCLabBoard:
             raise
 
     def _says_back(self, command: str, value: float) -> bool:
-        """Send a value and return True if the board repeats it. Nothing is sent to a device that is no TCLab."""
+        """Send a value and return True if the board repeats it. Nothing is sent to a device that is not a TCLab."""
         self.check_identity()
         return self.read(f"{command} {value:.2f}") == value
 

@@ -9,7 +9,7 @@ from smadrive.devices.heating.heat_source import HeatSource, Supplied
 from smadrive.errors import DeviceError, ProtocolError, SafetyError, TransportError
 
 CURRENT_ZERO_A = 0.05
-"""A smaller current, in amperes, is noise of the current measurement."""
+"""A smaller current than this, in A, is noise of the measurement."""
 ZERO_SHARE = 0.1
 """For thin wires, the bound is this fraction of current_max_a. The smaller bound applies."""
 CURRENT_GONE_S = 0.2

@@ -76,7 +76,10 @@ class Codec:
         return self._decoded(words, context)
 
     def encode(self, value: float, name: str, context: Context = ALONE) -> tuple[int, ...]:
-        """Return the words for `value`; ConfigError if it is not finite, outside [min, max] or no state of the enum."""
+        """Return the words for `value`.
+
+        ConfigError for a value that is not finite, outside [min, max] or not in the enum.
+        """
         where = f"register '{name}'"
         if not isfinite(value):
             raise ConfigError("the value is not finite", where=where, value=value, cure="give a finite number")
@@ -97,7 +100,7 @@ class Codec:
     def saturated(self, value: float, context: Context = ALONE) -> tuple[int, ...]:
         """Return the words with which a device shows `value`.
 
-        A value outside the type's range becomes its nearest end.
+        A value outside the range of the type becomes the nearest end of this range.
         """
         raw = self._raw_of(value, context)
         if not self._lowest <= raw <= self._highest:

@@ -1,4 +1,4 @@
-"""The function code that reads or writes each table, which is the first one that the device knows.
+"""The function code that reads or writes each table: the first suitable code that the device knows.
 
 Some devices (Delta DTB) read their coils by FC02. Some know only the single write or only the multiple write.
 """

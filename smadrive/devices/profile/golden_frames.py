@@ -42,7 +42,7 @@ def _frame(text: str) -> bytes:
     try:
         frame = bytes.fromhex(text)
     except ValueError:
-        raise ValueError(f"vectors: '{text}' is no frame in hexadecimal digits") from None
+        raise ValueError(f"vectors: '{text}' is not a frame in hexadecimal digits") from None
     if not rtu.crc_holds(frame):
         right = rtu.crc(frame[:-2]).hex(" ").upper()
         raise ValueError(f"vectors: '{text}' ends with a wrong CRC; the right one is {right}")
@@ -52,7 +52,7 @@ def _frame(text: str) -> bytes:
 def _addressed(request: bytes) -> AddressRange:
     function, address = request[1], int.from_bytes(request[2:4], "big")
     if function not in _TABLES or rtu.request_size(request) != len(request):
-        raise ValueError(f"vectors: '{request.hex(' ')}' is no complete request of functions 1 to 6, 15 or 16")
+        raise ValueError(f"vectors: '{request.hex(' ')}' is not a complete request of functions 1 to 6, 15 or 16")
     count = 1 if function in (5, 6) else int.from_bytes(request[4:6], "big")
     return AddressRange(function, address, count)
 

@@ -25,7 +25,7 @@ class Context(NamedTuple):
     """The information that other registers give about a register.
 
     sign          sign of the magnitude, 1 or -1
-    scale         scale factor, or None for that of the profile
+    scale         scale factor, or None for the scale in the profile
     fahrenheit    True if the value is in °F
     problem       reason why the value is invalid, else None
     """

@@ -68,7 +68,7 @@ class Register(Section):
         if (self.table in ("coil", "discrete")) != (self.type == "bool"):
             raise ValueError(f"type '{self.type}' in table '{self.table}': coils and discrete inputs are 'bool'")
         if (self.type == "string") != (self.length > 0):
-            raise ValueError("only a string has a length, which is the number of its registers; a string must have one")
+            raise ValueError("a string needs a length, its number of registers; other types have none")
         if self.writable:
             self._check_writable()
         if self.nonvolatile and self.access != "rw":
@@ -93,7 +93,7 @@ class Register(Section):
 
     @cached_property
     def exchangeable(self) -> bool:
-        """True if the register may be written at every exchange, with others and without reading another register."""
+        """True if every exchange may write the register, with other registers and without reading one first."""
         return not (self.nonvolatile or self.depends_on or self.block)
 
     @cached_property

@@ -32,7 +32,7 @@ def applied(registers: Mapping[str, Register], variant: Variant) -> dict[str, Re
     for target, override in variant.registers.items():
         names = [name for name, register in registers.items() if target in (name, _array_of(name, register))]
         if not names:
-            raise ValueError(f"variants: registers.{target} is no register; {suggestion_or_list(target, registers)}")
+            raise ValueError(f"variants: registers.{target} is not a register; {suggestion_or_list(target, registers)}")
         for name in names:
             tables = registers[name].model_dump(exclude_unset=True) | override.model_dump(exclude_none=True)
             try:

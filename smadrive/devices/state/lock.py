@@ -65,8 +65,8 @@ class LineLock:
     def release(self) -> None:
         """Release the line. A guardian that shares the lock keeps it. A second call does nothing.
 
-        Before, this process removes its own name from the file: the next process locks first and writes its name then,
-        and between the two nobody may take this process for the holder.
+        This process first removes its own name from the file. The next process locks the file before it writes its
+        name; in between, no program may take this process for the holder.
         """
         if self.descriptor != NO_DESCRIPTOR:
             holder = holder_of(self.line)
@@ -92,7 +92,7 @@ _held: WeakSet[LineLock] = WeakSet()
 
 
 def _release_inherited() -> None:
-    """Let a forked child hold no line: its parent is the driver."""
+    """Close the locks in a forked child, because only its parent is the driver."""
     for lock in tuple(_held):
         lock.release()
 
@@ -160,7 +160,7 @@ def _try_lock(line: str) -> LineLock | None:
 
 
 def _starts_during_off(role: Role, holder: Holder | None) -> bool:
-    """Return True for a driver that starts while `smadrive off` switches off: it must not heat afterwards."""
+    """Return True for a driver that starts while `smadrive off` holds the line: it must not heat after that."""
     return role is Role.DRIVER and holder is not None and holder.role is Role.OFF
 
 

@@ -1,12 +1,12 @@
-"""The address at which the driver of a line can be asked to stop, and the rights of the one who asks.
+"""The address at which a program asks the driver of a line to stop, and the check that this program may ask.
 
-The address is a Unix socket in Linux's abstract namespace. The line names it; a serial port has a further address for
-each of its permanent names. An address exists exactly as long as its driver, it is the same for every user of the
-machine, and no permission of a folder can hide it. Other systems have no such namespace: on them, a driver cannot be
-asked to stop.
+The address is a Unix socket in Linux's abstract namespace. It follows from the name of the line; a serial port has one
+more address for each of its permanent names. An address exists exactly as long as its driver, it is the same for every
+user of the machine, and no permission of a folder can hide it. Other systems have no such namespace: on them, a driver
+cannot be asked to stop.
 
-A connection is the request. The driver closes it when it has released the line, or answers REFUSED and closes it. The
-kernel closes it when the driver is killed.
+To connect is the request. The driver closes the connection when it has released the line. A driver that refuses answers
+REFUSED and closes the connection. The kernel closes the connection of a killed driver.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class PeerProcess(NamedTuple):
             port = path.stat()
             if _ACL in os.listxattr(path):  # the access list names more users than the permissions do
                 return True
-        except OSError:  # the port is gone: nobody can be kept from a driver without a port
+        except OSError:  # without the port there are no permissions to check
             return True
         if self.user_id == port.st_uid:
             return port.st_mode & 0o600 == 0o600
@@ -59,7 +59,7 @@ class PeerProcess(NamedTuple):
         return port.st_mode & 0o006 == 0o006
 
     def _groups(self) -> list[int]:
-        with suppress(KeyError):  # a user without an entry has the group of its process alone
+        with suppress(KeyError):  # a user without a passwd entry has only the group of the process
             return os.getgrouplist(pwd.getpwuid(self.user_id).pw_name, self.group_id)
         return [self.group_id]
 
@@ -72,7 +72,7 @@ def address_of(name: str) -> str:
 def names_of_line(line: str, key: DeviceKey) -> tuple[str, ...]:
     """Return the names at which the driver of a line listens: the line, and the permanent names of a serial port.
 
-    A link that leads to another port meanwhile still names the driver that was started by it.
+    So a link finds the driver that was started with it, even if the link leads to another port now.
     """
     return (line,) if port_path(line) is None else (line, *sorted(key.names))
 
@@ -91,7 +91,7 @@ def port_path(line: str) -> Path | None:
 
 
 def who_may_open(line: str) -> str:
-    """Return who may open the port of a line, as a part of a sentence."""
+    """Return the users who may open the port of a line as text, for example `user ann or a member of group dialout`."""
     path = port_path(line)
     try:
         port = None if path is None else path.stat()

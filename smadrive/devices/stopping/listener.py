@@ -1,10 +1,10 @@
 """The driver's end of the emergency stop: it listens for requests, and ends the driver's use of the heater.
 
-A request interrupts a driver in the main thread as Ctrl-C does (SIGINT). Every program already ends at zero current
-after that, whether it waits for a reply, for a deadline or for anything else. A driver that ignores the interruption,
-or uses its rig in another thread, is ended by `check`, which the heater calls before every exchange.
+A request interrupts the main thread of the driver like Ctrl-C (SIGINT). After Ctrl-C every driver ends at zero current,
+also while it waits for a reply or a deadline. A driver that ignores the interruption, or uses its rig in another
+thread, is ended by `check`, which the heater calls before every exchange.
 
-Only the first request interrupts, so further ones cannot disturb the switching off.
+Only the first request interrupts, so later requests cannot disturb the switching off.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from smadrive.errors import BusyError, StoppedError
 
 BACKLOG = 16
 MOST_ASKERS = 64
-"""More requests than this wait in the backlog until the driver has ended."""
+"""Largest number of accepted requests. Further requests wait in the backlog until the driver has ended."""
 
 
 class StopListener:
     """Listens for requests to stop the driver called `where`. A context manager.
 
-    Leaving it tells every asker that the line is free, so it is entered before the ports are opened and left after they
-    are closed. After a request, whatever ends the block leaves it as StoppedError, with the error of the block as its
-    cause: a program that tries again after an error, or goes on to its next run, must not heat again.
+    The end of the context tells every program that asked that the line is free. So enter the context before the ports
+    are opened, and leave it after they are closed. After a request, whatever ends the block leaves it as StoppedError,
+    with the error of the block as its cause: a program that tries again after an error must not heat again.
     """
 
     def __init__(self, where: str) -> None:
@@ -73,17 +73,17 @@ class StopListener:
             raise self._stopped()
 
     def __enter__(self) -> Self:
-        """Do nothing yet: `listen` begins."""
+        """Do nothing: `listen` begins to listen."""
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Stop listening, and close the connections of the askers; StoppedError if there is one."""
+        """Stop listening, and close all connections. StoppedError if a process has asked to stop."""
         late: BaseException | None = None
         try:
             self._close()
-        except (KeyboardInterrupt, SystemExit) as interruption:  # its request came when the block had already ended
+        except (KeyboardInterrupt, SystemExit) as interruption:  # a request arrived after the end of the block
             late = interruption
             self._close()
         if self._requested and not isinstance(error, StoppedError):
@@ -95,7 +95,7 @@ class StopListener:
             raise late
 
     def close_inherited(self) -> None:
-        """Close the sockets in a forked child: the driver is its parent alone."""
+        """Close the sockets in a forked child, because only its parent is the driver."""
         for one in (*self._listening, *self._askers, *self._wakers):
             one.close()
 
@@ -124,7 +124,7 @@ class StopListener:
                 if key.fileobj not in self._listening:
                     return
                 self._accept(key.fileobj, self._listening[key.fileobj])
-                if len(self._askers) >= MOST_ASKERS:  # else their descriptors would be exhausted
+                if len(self._askers) >= MOST_ASKERS:  # otherwise the process could run out of descriptors
                     self._selector.unregister(key.fileobj)
 
     def _accept(self, listening: socket.socket, line: str) -> bool:
@@ -143,7 +143,7 @@ class StopListener:
         return True
 
     def _interrupt(self) -> None:
-        """Interrupt the driver, unless it has been interrupted already, or ends."""
+        """Interrupt the driver, unless it is already interrupted or ending."""
         with self._mutex:
             interrupts = self._is_main and not (self._requested or self._is_closing)
             self._requested = True

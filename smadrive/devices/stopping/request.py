@@ -1,7 +1,7 @@
-"""The request for an emergency stop, as `smadrive off` makes it: at the end the line is free, or an error says why not.
+"""The request with which `smadrive off` stops a driver: afterwards the line is free, or an error gives the reason.
 
-A driver that is stopped (SIGSTOP) or hung cannot release its line. It is killed then: its guardian, or the watchdog of
-its device, switches the heater off, and nobody uses the line beside it.
+A driver that is paused (SIGSTOP) or hangs cannot release its line, so it is killed. Its guardian, or the watchdog of
+its device, then switches the heater off, and no other program uses the line.
 """
 
 from __future__ import annotations
@@ -19,17 +19,17 @@ from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, PeerProcess
 from smadrive.errors import SafetyError
 
 ANSWERS_WITHIN_S = 5.0
-"""A driver that switches off at the first try has released its line after this time, on a busy machine too."""
+"""Longest time in s until a driver releases its line if its first try to switch off succeeds."""
 
 DIES_WITHIN_S = 5.0
-"""A process that was killed has ended after this time."""
+"""Longest wait in s for the end of a killed process."""
 
 GUARDIAN = b"smadrive.devices.guardian.process"
 
 
 @dataclass(frozen=True)
 class StoppedDriver:
-    """A driver that was asked to stop, and has ended its use of the line; `killed` if it did not answer."""
+    """A driver that was asked to stop and has released the line. `killed` is True if it did not answer."""
 
     pid: int
     killed: bool
@@ -38,8 +38,8 @@ class StoppedDriver:
 def stop_driver(line: str, name: str, within_s: float = ANSWERS_WITHIN_S) -> StoppedDriver | None:
     """Ask the driver of `line` to stop, and wait until it has released the line; return None if there is no driver.
 
-    The driver is asked by one `name` of the line. A driver that has not released the line after `within_s` is killed,
-    and its guardian is awaited. SafetyError when this user may not stop the driver.
+    `name` is the name of the line under which the driver listens. A driver that has not released the line after
+    `within_s` is killed; then this function waits for its guardian. SafetyError when this user may not stop the driver.
     """
     if not IS_POSSIBLE:
         return None
@@ -47,7 +47,7 @@ def stop_driver(line: str, name: str, within_s: float = ANSWERS_WITHIN_S) -> Sto
         connection.settimeout(within_s)
         try:
             connection.connect(address_of(name))
-        except TimeoutError:  # its backlog is full: it is stopped or hung, and others have asked already
+        except TimeoutError:  # its backlog is full: it is paused or hangs, and other programs wait
             raise SafetyError(
                 "its driver does not answer", where=line, cure="end that driver (kill -9), then run this again"
             ) from None
@@ -69,7 +69,7 @@ def stop_driver(line: str, name: str, within_s: float = ANSWERS_WITHIN_S) -> Sto
 
 
 def _is_released(connection: socket.socket, driver: PeerProcess, line: str) -> bool:
-    """Wait for the end of the connection; return False when its time is over. SafetyError when the driver refuses."""
+    """Wait for the end of the connection. Return False after a timeout. SafetyError when the driver refuses."""
     try:
         if connection.recv(len(REFUSED)) == REFUSED:
             raise SafetyError(
@@ -85,7 +85,7 @@ def _is_released(connection: socket.socket, driver: PeerProcess, line: str) -> b
 
 
 def _kill(process: int, driver: PeerProcess, line: str) -> None:
-    """Kill the driver, whose descriptor is `process`, and wait for its end and for that of its guardians.
+    """Kill the driver, whose descriptor is `process`, then wait until the driver and its guardians have ended.
 
     The guardians may belong to another user, whose locks this process does not see.
     """

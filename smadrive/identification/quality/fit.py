@@ -1,6 +1,6 @@
 """Metrics of an identified model on its record.
 
-The metrics are those of the residual, predicted - measured, in percent of the output span of the record (peak to peak).
+The metrics describe the residual, predicted - measured, in percent of the output span of the record (peak to peak).
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ _REGULAR = 1e-10  # relative to the diagonal of JᵀJ
 def leave_one_out_ratio(residuals: FloatArray, jacobian: FloatArray, samples: int, scatter: float) -> float:
     """Return the leave-one-out error divided by the training error, both RMS.
 
-    `residuals` (rows,) and `jacobian` (rows, free variables) are those at the minimum; the first `samples` rows belong
+    `residuals` (rows,) and `jacobian` (rows, free variables) are taken at the minimum; the first `samples` rows belong
     to the measured cells. `scatter` is the sum of squares within the cells, which no model can explain.
     """
     error = residuals[:samples]

@@ -5,10 +5,10 @@ state. A major loop alone does not determine both a and b, and a fit of free rul
 every trial model contracts and is bounded by construction. The slopes of its branches have the right sign over the
 whole range (see monotone.py), unless the wire itself reverses (see record_reversal.py).
 
-Where the record has no samples, the rules stay near those of a Duhem fit. A tie pulls each rule towards the Duhem fit
-with the weight of about one measured sample. The tie becomes tighter if leave-one-out shows that the rules follow
-single samples (see leave_one_out.py). The fit minimises the error of the simulated output with exact derivatives, and
-starts from several placements of the centres.
+Where the record has no samples, the rules stay near the local laws of a Duhem fit. A tie pulls each rule towards the
+Duhem fit with the weight of about one measured sample. The tie becomes tighter if leave-one-out shows that the rules
+follow single samples (see leave_one_out.py). The fit minimises the error of the simulated output with exact
+derivatives, and starts from several placements of the centres.
 """
 
 from __future__ import annotations
@@ -39,12 +39,12 @@ if TYPE_CHECKING:
     from smadrive.numerics.arrays import FloatArray
 
 _TRY, _POLISH = (40, 1e-3), (150, 1e-5)  # iterations and relative gain to stop at: for each start, for the best
-_CLEARLY_BETTER = 0.8  # RMS of the richer Duhem fit over that of the plainer
+_CLEARLY_BETTER = 0.8  # RMS of the Duhem fit with more Gaussians over the RMS of the other
 _HEAVIER = (10.0, 100.0)  # weights of slopes of the wrong sign, for slopes that are right deep in the loop
 _HEAVIEST = (1e3, 1e4)  # weights if not even the branches are right
-_DEPTHS = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the loop to which slopes are right: the first that the record bears is used
+_DEPTHS = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the loop to which slopes are right: the first that raises the misfit little
 _TIES = (3.0, 10.0, 30.0, 100.0)  # factors by which the tie of the rules to the Duhem fit may tighten
-_MOST_COMPONENTS = 3  # Gaussians per branch of that fit
+_MOST_COMPONENTS = 3  # Gaussians per branch of the Duhem fit
 _NOTHING_LEFT = 0.05  # RMS in per cent at which a Duhem fit leaves nothing to explain (its noise, if that is more)
 _AS_GOOD = 1.25  # largest RMS after removing the last slopes of the wrong sign, over RMS before
 _ACTIVITY_SHARES = (0.5, 0.8)  # of a start's centres that go where the output changes, the rest evenly
@@ -128,7 +128,7 @@ def _polished(start: _Solution) -> _Solution:
 def _validated(solution: _Solution) -> _Solution:
     """Return the solution with the loosest tie to the Duhem fit that passes leave-one-out and has a small misfit.
 
-    If no such solution passes, return the one with the smallest ratio of leave-one-out error to training error.
+    If no such solution passes, return the solution with the smallest ratio of leave-one-out error to training error.
     """
     bearable, tried = float(np.hypot(solution.misfit, MATERIAL)), []
     for tied in takewhile(lambda one: one.misfit <= bearable, _ever_tighter(solution)):

@@ -22,7 +22,7 @@ import numpy as np
 
 from smadrive.hysteresis.tsfuzzy import MembershipGrid, TSFuzzyDuhem
 from smadrive.identification.tsfuzzy.record_reversal import NOWHERE, Mask, RecordReversals
-from smadrive.identification.tsfuzzy.sensitivity import RuleTables
+from smadrive.identification.tsfuzzy.sensitivity import RuleTables, laws_of
 from smadrive.numerics.arrays import FloatArray
 
 _ROUNDS = 20  # shrinking q lifts H, shrinking p lowers C: a few rounds settle; after them shares are set to zero
@@ -48,7 +48,7 @@ class Loop(NamedTuple):
 
     @property
     def width(self) -> FloatArray:
-        """Distance of the branches, which is not negative even where the branches of a trial model cross."""
+        """Absolute distance of the branches: the branches of a trial model may cross."""
         return np.abs(self.cooling - self.heating)
 
     def highest(self, depth: float) -> FloatArray:
@@ -146,18 +146,10 @@ def monotone(model: TSFuzzyDuhem, depth: float = 1.0, reversals: RecordReversals
         if number >= _ROUNDS:
             share_q, share_p = np.floor(share_q), np.floor(share_p)
         q_heating, p_cooling = q_heating * share_q, p_cooling * share_p
-        branches = grid.closed_branches((-(p_heating + q_heating), p_heating), (p_cooling + q_cooling, -p_cooling))
+        branches = grid.closed_branches(*laws_of(p_heating, q_heating, p_cooling, q_cooling))
         heating, cooling = (branch.target for branch in branches)
-    return TSFuzzyDuhem(
-        model.sets,
-        a_heating=-(p_heating + q_heating),
-        b_heating=p_heating,
-        a_cooling=p_cooling + q_cooling,
-        b_cooling=-p_cooling,
-        scale=model.scale,
-        offset=model.offset,
-        input_range=model.input_range,
-    )
+    laws = laws_of(p_heating, q_heating, p_cooling, q_cooling)
+    return TSFuzzyDuhem.from_laws(model.sets, *laws, model.scale, model.offset, model.input_range)
 
 
 def _largest_share(mu: FloatArray, gain: FloatArray, loss: FloatArray, far: FloatArray, turns: Mask) -> FloatArray:

@@ -65,8 +65,8 @@ class Prior:
     def slope_tie(self, v: FloatArray) -> FloatArray:
         """Return the weights of slopes of the wrong sign at the inputs v, shape (2, len(v)).
 
-        The weights are those of the rates, and larger near saturation. There the state hardly moves, so a slope of the
-        wrong sign hardly changes the misfit, but it can stop an inverse.
+        The weights equal the weights of the rates, and are larger near saturation. There the state hardly moves, so a
+        slope of the wrong sign hardly changes the misfit, but it can stop an inverse.
         """
         pairs = _interpolate(v, self.grid, self.rates).reshape(2, 2, -1)
         far = np.array([self.model.cooling.cdf(v), self.model.heating.cdf(v)])

@@ -20,7 +20,7 @@ from smadrive.identification.record import Record
 from smadrive.identification.tsfuzzy.monotone import least_slope_derivatives, least_slopes
 from smadrive.identification.tsfuzzy.prior import Prior
 from smadrive.identification.tsfuzzy.record_reversal import RecordReversals, find_record_reversals
-from smadrive.identification.tsfuzzy.sensitivity import RuleRates, RuleTables, Runs
+from smadrive.identification.tsfuzzy.sensitivity import RuleRates, RuleTables, Runs, laws_of
 from smadrive.identification.tsfuzzy.unknowns import BOTTOM, FIRST_STATE, TOP, Unknowns
 from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.interpolation_matrix import InterpolationMatrix
@@ -29,7 +29,7 @@ from smadrive.numerics.levenberg_marquardt import Minimum, minimise
 LEAST_GAP = 0.01  # of the input span, between centres
 _LEAST_RATE = 1e-3  # contraction per input span that every rule keeps
 _LARGEST_RATE = 300.0
-_SPARE_OUTPUT = 0.05  # of the outputs known: how far the bottom and the top of a model may lie outside
+_SPARE_OUTPUT = 0.05  # distance by which bottom and top of a model may exceed the known outputs, as a share
 _STRAY_GAP = 3.0  # how far the logarithms of the gaps may stray, in units of the tie
 
 
@@ -215,7 +215,7 @@ class RuleProblem:
         return low, high
 
     def _output_bounds(self) -> tuple[list[float], list[float]]:
-        """Return the bounds of bottom, top and first state. Outputs stay near those of the record and the Duhem fit."""
+        """Return the bounds of bottom, top and first state. Outputs stay near the record and the Duhem fit."""
         ends = np.sort(self.start[[BOTTOM, TOP]])
         measured = self.record.mean_y / self.record.output_span
         lowest, highest = min(ends[0], measured.min()), max(ends[1], measured.max())
@@ -226,17 +226,9 @@ class RuleProblem:
 
     def model(self, x: FloatArray) -> TSFuzzyDuhem:
         """Return the model of the unknowns x."""
-        p_heating, q_heating, p_cooling, q_cooling = self._rates(x)
-        return TSFuzzyDuhem(
-            TriangularSets(tuple(self.place(x)[0].tolist())),
-            a_heating=-(p_heating + q_heating),
-            b_heating=p_heating,
-            a_cooling=p_cooling + q_cooling,
-            b_cooling=-p_cooling,
-            scale=float(x[TOP] - x[BOTTOM]) * self.record.output_span,
-            offset=float(x[BOTTOM]) * self.record.output_span,
-            input_range=self.record.input_range,
-        )
+        sets, record = TriangularSets(tuple(self.place(x)[0].tolist())), self.record
+        scale, offset = float(x[TOP] - x[BOTTOM]) * record.output_span, float(x[BOTTOM]) * record.output_span
+        return TSFuzzyDuhem.from_laws(sets, *laws_of(*self._rates(x)), scale, offset, record.input_range)
 
     def first_output(self, x: FloatArray) -> float:
         """Return the output at the first sample, in the unit of y."""
@@ -244,6 +236,6 @@ class RuleProblem:
 
 
 def _gap_logits(centres: FloatArray, lower: float, upper: float) -> FloatArray:
-    """Return the softmax logits of the gaps lower-c1, c1-c2, ..., cn-upper, each a little above the smallest gap."""
+    """Return the softmax logits of the gaps lower-c1, c1-c2, ..., cn-upper. Gaps near `LEAST_GAP` are raised."""
     gaps = np.diff(np.concatenate([[lower], centres, [upper]])) / (upper - lower)
     return np.log(np.maximum(gaps - LEAST_GAP, 0.1 * LEAST_GAP))

@@ -22,6 +22,7 @@ from numpy.typing import NDArray
 from smadrive.hysteresis.branch import Branch, BranchEngine
 from smadrive.hysteresis.fuzzy import hat_weights
 from smadrive.hysteresis.tabulate import WEIGHTS, cell_maps, integrate_rate, march, quadrature_points, uniform_grid
+from smadrive.hysteresis.tsfuzzy import Law
 from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.interpolation_matrix import InterpolationMatrix
 
@@ -36,6 +37,13 @@ class RuleRates(NamedTuple):
     p_cooling: FloatArray
     q_cooling: FloatArray
     centres: FloatArray
+
+
+def laws_of(
+    p_heating: FloatArray, q_heating: FloatArray, p_cooling: FloatArray, q_cooling: FloatArray
+) -> tuple[Law, Law]:
+    """Return the consequents (a, b) of the heating rules and of the cooling rules with these rates."""
+    return (-(p_heating + q_heating), p_heating), (p_cooling + q_cooling, -p_cooling)
 
 
 class Runs:

@@ -2,7 +2,7 @@
 
 RTU frames have neither number nor length. The client knows the length of the right reply, and must itself exclude that
 a late reply is taken for the right one. Modbus TCP frames have number and length; this file drops each reply whose
-number is not that of the last request.
+number differs from the number of the last request.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from smadrive.modbus.framing import mbap, rtu
 REMEMBERED = 1024
 """The transaction numbers of this many last unanswered requests are not used again."""
 NEAR = 16
-"""A new transaction number differs from the previous one by more: a server that counts itself may be off by this."""
+"""A new transaction number differs by more from the previous one: the count of a server may be off by this."""
 
 
 class Framing(Protocol):
@@ -93,7 +93,7 @@ class TcpFraming:
     """Frames of transaction number, length, unit id and PDU. TCP itself detects damage.
 
     Transaction numbers are random, so that a delayed or forged frame hardly ever carries the number of the request.
-    A new number is neither near the previous one nor that of an unanswered request.
+    A new number is not near the previous number, and no unanswered request has it.
     """
 
     numbered = True

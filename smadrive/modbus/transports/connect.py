@@ -2,7 +2,7 @@
 
 serial:///dev/ttyUSB0?baudrate=115200&parity=N&stopbits=1
 tcp://host:502                  Modbus TCP; the port is 502 if it is left out
-rtu+tcp://host:port             RTU frames through a gateway; ?baudrate= is that of the serial line behind the gateway
+rtu+tcp://host:port             RTU frames through a gateway; ?baudrate= is the rate of the serial line behind it
 
 Each URL may set latency_ms, for example ?latency_ms=200: the longest time in ms by which the connection delays a reply.
 It is added to the response timeout of the device.
@@ -133,7 +133,7 @@ def _port_path(url: str, parts: SplitResult) -> str:
     except OSError as error:
         if error.errno in _NO_PATH:
             raise ConfigError(
-                "is no possible path of a port",
+                "cannot be the path of a port",
                 where=_named(url),
                 value=error.strerror,
                 cure="write the path of the port, as in serial:///dev/ttyUSB0",

@@ -14,7 +14,7 @@ from contextlib import suppress
 from ipaddress import IPv4Address, IPv6Address, ip_address
 
 LOOK_UP_WITHIN_S = 0.5
-"""A look-up that takes longer, in seconds, counts as failed."""
+"""A look-up that takes longer than this time in seconds counts as failed."""
 NETWORK = "tcp://"
 
 

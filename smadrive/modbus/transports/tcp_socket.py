@@ -55,7 +55,7 @@ class SocketTransport(DescriptorTransport):
         super().__init__(f"{host}:{port}", framing, baudrate, CONNECT_TIMEOUT_S, latency_s)
 
     def disconnect(self) -> None:
-        """Close the connection and drop undelivered bytes. Only after `close` does the kernel still deliver them."""
+        """Close the connection and drop undelivered bytes. (After `close`, the kernel still delivers them.)"""
         if not (self.lost or self._closed):
             with suppress(OSError):
                 self._connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, _RESET_ON_CLOSE)

@@ -16,7 +16,7 @@ def waiting_guardians() -> list[str]:
 
 @contextmanager
 def notes_waiting_guardians() -> Iterator[None]:
-    """Add a note for each waiting guardian to an error of the block: a guardian may wait for the missing device."""
+    """Add a note for each waiting guardian to an error in the `with` block: it may wait for the missing device."""
     try:
         yield
     except SmadriveError as error:

@@ -109,7 +109,7 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
 
 @contextmanager
 def _unconfirmed_on_error() -> Iterator[None]:
-    """Attach an unconfirmed outcome to an error of the block."""
+    """Attach an unconfirmed ShutdownOutcome to an error in the `with` block."""
     try:
         yield
     except BaseException as error:
@@ -118,7 +118,7 @@ def _unconfirmed_on_error() -> Iterator[None]:
 
 
 def _planned(config: DeviceConfig) -> PlannedDevice:
-    """Return the device with its profile; ConfigError if the profile, which switching off needs, is wrong."""
+    """Return the device with its profile. ConfigError if the profile is wrong, because switching off needs it."""
     return PlannedDevice(config, load_profile(config.profile))
 
 

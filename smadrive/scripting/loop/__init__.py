@@ -1,4 +1,4 @@
-"""The process of the loop of a script, and both ends of the link to it.
+"""The loop process of a script, and both ends of the link between script and loop process.
 
 May import runs and everything below it, and the scheduling of tuning/link. Plots, files and arguments of a script do
 not belong here.

@@ -1,4 +1,4 @@
-"""Ctrl-C, and the interruption of a kernel, counted instead of raised while a process works for a script."""
+"""Counts Ctrl-C and interruptions of a kernel while the loop process works for a script. Nothing is raised."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""The script's end of the link to the process of its loop: starts it, sends requests, waits, ends it.
+"""The script's end of the link to its loop process: it starts the process, sends requests and waits for replies.
 
-While a request is carried out, Ctrl-C (in a notebook: the interruption of the kernel) is not an exception at any place
-of the script. It is passed on to the process, which ends the run at zero current. KeyboardInterrupt is raised when the
-process has confirmed that. A thread receives, so that a busy script delays nothing, and nothing is lost in a message
-that was read half.
+While a request is carried out, Ctrl-C (in a notebook: the interruption of the kernel) raises nothing in the script. The
+interruption is sent to the loop process, which ends the run at zero current. When the process has confirmed this,
+KeyboardInterrupt is raised. A thread receives the messages: a busy script does not delay them, and no interruption can
+cut a message.
 """
 
 from __future__ import annotations
@@ -30,13 +30,13 @@ from smadrive.scripting.loop.transfer import pickled
 MODULE = "smadrive.scripting.loop.loop_process"
 
 LOOK_S = 0.05
-"""How often a waiting script looks for an interruption."""
+"""Interval in s at which a waiting script checks for an interruption."""
 
 ENDS_WITHIN_S = 30.0
-"""The process is killed when it has not ended after this time; switching off tries for a shorter time."""
+"""The loop process is killed if it has not ended after this time in s. All tries to switch off take less."""
 
 OBEYS_WITHIN_S = 10.0
-"""After `ABORTS_AT` interruptions the process has this time before it is killed."""
+"""After `ABORTS_AT` interruptions, the loop process is killed if it still runs after this time in s."""
 
 Show = Callable[[RunProgress], None]
 
@@ -46,7 +46,7 @@ def show_nothing(_progress: RunProgress) -> None:
 
 
 class RemoteTracebackError(Exception):
-    """The traceback of an error in the process of the loop, as its cause."""
+    """The traceback of an error in the loop process, shown as the cause of the error in the script."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -57,9 +57,9 @@ class RemoteTracebackError(Exception):
 
 
 class LoopClient:
-    """A new process for the loop. `call` sends it a request; `end` ends it.
+    """Starts a loop process. `call` sends a request to this process, and `end` ends it.
 
-    `is_death_raised`: the script has got the error that the process has died.
+    `is_death_raised` is True after `call` has raised the error that the process died.
     """
 
     def __init__(self) -> None:
@@ -84,16 +84,16 @@ class LoopClient:
 
     @property
     def pid(self) -> int:
-        """The process id of the loop."""
+        """The id of the loop process."""
         return self._process.pid
 
     @property
     def is_lost(self) -> bool:
-        """True if the process of the loop has ended."""
+        """True if the loop process has ended."""
         return self._is_lost
 
     def call(self, request: Any, show: Show = show_nothing) -> Any:
-        """Return the result of a request, or raise its error; `show` gets the progress of a run meanwhile.
+        """Send a request. Return its result or raise its error. `show` gets the progress of a run.
 
         KeyboardInterrupt after an interruption, when the process has confirmed the heater off. LoopProcessError when
         the process has died. ControllerError when a controller cannot be transferred.
@@ -121,14 +121,14 @@ class LoopClient:
             self.kill()
 
     def kill(self) -> None:
-        """Kill the process. Watchdog or guardian switch the heater off."""
+        """Kill the process. The watchdog of the device or the guardian then switches the heater off."""
         self._process.kill()
         self._process.wait()
 
     def _reply(self, interrupts: CountedInterrupts, show: Show) -> Result | Failure:
         passed_on, give_up_s = 0, float("inf")
         while True:
-            is_lost = self._is_lost  # before the look at the replies: the last one may be there
+            is_lost = self._is_lost  # read first: the last reply may have arrived just before the end
             if (reply := self._replies.pop(self._number, None)) is not None:
                 return reply
             if is_lost:
@@ -157,7 +157,7 @@ class LoopClient:
         )
 
     def _send(self, message: bytes) -> None:
-        with suppress(OSError):  # it has gone: the listening thread notes that
+        with suppress(OSError):  # the process has ended; the listening thread notices that
             self._connection.send_bytes(message)
 
     def _listen(self) -> None:

@@ -1,7 +1,7 @@
 """The process of the loop: it opens the rig, carries out the requests of the script, and switches off at the end.
 
-However the script ends, this process ends its run at zero current, confirmed, and then itself. Signals of the terminal
-do not reach it: the script passes an interruption on (script_link.py).
+When the script ends, even by a kill, this process ends the run at zero current, confirms that by read-back, and exits.
+Signals of the terminal do not reach this process; the script sends interruptions to it (script_link.py).
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from smadrive.scripting.loop.script_link import ScriptLink
 
 
 def serve(link: ScriptLink) -> None:
-    """Open the rig of the first request, carry out the others until a CloseRequest. Every request gets a reply."""
+    """Open the rig of the first request, then carry out requests until a CloseRequest. Each request gets a reply."""
     try:
         opening: OpenRequest = link.request()
         sys.path[:] = opening.module_path
@@ -63,7 +63,7 @@ def _is_virtual(rig: Rig) -> bool:
 
 
 def _is_last(link: ScriptLink, rig: Rig) -> bool:
-    """Carry out one request, and reply; True for a CloseRequest, which is answered after the rig is closed."""
+    """Carry out one request and reply. Return True for a CloseRequest; `serve` replies after it has closed the rig."""
     request: Any = None
     try:
         request = link.request()
@@ -87,7 +87,7 @@ def _is_of_controller(error: BaseException) -> bool:
 
 
 def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
-    """Return the result of a request to the open rig. Raises what ended it."""
+    """Carry out a request on the open rig, and return its result. Raises the error that ended the request."""
     match request:
         case MeasureRequest():
             return rig.measure()
@@ -116,7 +116,7 @@ def _counts(loop: LoopMetrics, controller: Any = None) -> DrivenRun:
 
 
 def _is_transferable(controller: Any) -> bool:
-    """Return True if the controller can be pickled. After its run it may hold an open file, which cannot."""
+    """Return True if the controller can be pickled. It cannot if it holds, for example, an open file after its run."""
     try:
         cloudpickle.dumps(controller)
     except Exception:  # noqa: BLE001 (pickling runs code of the user)

@@ -1,7 +1,7 @@
 """The messages between a script and the process of its loop.
 
 The script sends requests; each gets one reply, a result or a failure. During a run the process also sends its progress.
-The messages are pickled: both ends belong to one user and share one pair of sockets that nobody else can reach.
+The messages are pickled: both ends belong to one user and share a pair of sockets that no other process can reach.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from smadrive.runs.log.reader import RunEvent
 from smadrive.wire.identified_wire import IdentifiedWire
 
 REQUEST, INTERRUPT, END = b"R", b"I", b"E"
-"""The first byte of a message to the process: a request, the end of the run of that request, the end of the process."""
+"""The first byte of a message to the loop process: carry out a request, interrupt this request, end the process."""
 
 NUMBER_BYTES = 8
 """The number of a request follows the first byte."""
@@ -26,7 +26,7 @@ NUMBER_BYTES = 8
 
 @dataclass(frozen=True)
 class OpenRequest:
-    """Open the rig. Modules are searched for on `module_path`, that of the script."""
+    """Open the rig. Modules are imported from `module_path`, the `sys.path` of the script."""
 
     config: RigConfig
     module_path: tuple[str, ...]
@@ -64,7 +64,7 @@ class TrackRequest:
 
 @dataclass(frozen=True)
 class DriveRequest:
-    """Run an own controller on an identified wire; `duration_s` is None when the controller has one."""
+    """Run the user's controller on an identified wire. `duration_s` is None if the controller has this attribute."""
 
     log_file: Path
     controller: Any
@@ -81,7 +81,7 @@ class CoolDownRequest:
 
 @dataclass(frozen=True)
 class SwitchOffRequest:
-    """Switch the heater off, confirmed."""
+    """Switch the heater off, and confirm it by read-back."""
 
 
 @dataclass(frozen=True)
@@ -91,7 +91,7 @@ class ClearFaultsRequest:
 
 @dataclass(frozen=True)
 class CloseRequest:
-    """Switch off, confirmed, close the ports and end the process."""
+    """Switch the heater off, confirm it by read-back, close the ports and end the process."""
 
 
 AnyScriptRequest = (
@@ -115,7 +115,7 @@ class OpenedRig(NamedTuple):
 
 
 class DrivenRun(NamedTuple):
-    """The result of a run: the counts of its loop, and the own controller as it is after the run."""
+    """The result of a run: the counts of its loop, and the user's controller as it was after the run."""
 
     ticks: int
     missed_deadlines: int
@@ -131,7 +131,7 @@ class RunProgress(NamedTuple):
 
 
 class ScriptEndedError(SystemExit):
-    """The script has gone, or has ended this process."""
+    """The script has ended, or has asked this process to end."""
 
 
 class Result(NamedTuple):
@@ -141,7 +141,7 @@ class Result(NamedTuple):
 
 
 class Failure(NamedTuple):
-    """The reply to a request that failed; `traceback` is empty where the error says everything."""
+    """The reply to a request that failed; `traceback` is empty if the message of the error is enough."""
 
     error: BaseException
     traceback: str

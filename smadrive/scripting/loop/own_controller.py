@@ -19,8 +19,8 @@ class OwnController:
     """Any object with `update(time_s, measurement, dt_s) -> Command`, as the loop needs it.
 
     The run lasts `duration_s`, or as long as the attribute `duration_s` of the controller says. ControllerError when
-    `update` returns something else than a command, or a current that is no finite number. Errors that `update` raises
-    pass unchanged. `update` runs in a block of `at_once`, in which an interruption may act at any place.
+    `update` returns something else than a command, or a current that is not a finite number. Errors that `update`
+    raises pass unchanged. `update` runs inside `at_once`, so an interruption may end it at any place.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class OwnController:
         return numbers
 
     def _number(self, name: str, value: object) -> float:
-        """Return a part of a command as a float. ControllerError when it is no number."""
+        """Return a part of a command as a float. ControllerError when it is not a number."""
         try:
             return float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError):
@@ -71,13 +71,13 @@ class OwnController:
 
 
 def check_controller(controller: object, duration_s: object) -> None:
-    """ConfigError when the object is no controller, or when nothing says how long its run lasts."""
+    """Raise ConfigError if the object is not a controller, or if the length of its run is unknown."""
     name = type(controller).__qualname__
     if isinstance(controller, type):
         raise ConfigError("a class, not an object", where="controller", value=controller.__qualname__, cure="call it")
     if not callable(getattr(controller, "update", None)):
         cure = "give it update(time_s, measurement, dt_s), which returns a smadrive.Command"
-        raise ConfigError("no controller", where="controller", value=name, cure=cure)
+        raise ConfigError("not a controller", where="controller", value=name, cure=cure)
     given = getattr(controller, "duration_s", None) if duration_s is None else duration_s
     if given is None:
         cure = "pass duration_s=…, or give the controller this attribute"
@@ -95,7 +95,7 @@ def _is_duration(value: Any) -> bool:
 
 
 def _shown(value: object) -> str:
-    """Return a short text of any value, whatever its repr does."""
+    """Return a short text of any value, even if its repr raises an error."""
     try:
         text = repr(value)
     except Exception:  # noqa: BLE001 (the user's own class)

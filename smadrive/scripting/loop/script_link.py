@@ -1,9 +1,9 @@
-"""The end of the link that the process of the loop holds: requests in, replies and progress out, signals.
+"""The loop process's end of the link: it receives requests and interruptions, and sends replies and progress.
 
-A thread receives. It turns an interruption, and the end of the script however it came, into a signal for the main
-thread. A run ends by it at its next tick, not in the middle of an exchange with a device, and then as a run that is
-interrupted by Ctrl-C does: at zero current, confirmed. Where no device is used and much time may pass, as in a
-controller of the user, the signal acts at once.
+A thread receives the messages. It turns an interruption, and every end of the script, into a signal for the main
+thread. The signal ends a run at the next tick, never in the middle of an exchange with a device. As after Ctrl-C, the
+run ends at zero current, confirmed by read-back. In code that uses no device and may take long, such as a controller of
+the user, the signal acts at once.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ from smadrive.scripting.loop.messages import (
 )
 
 LOOK_S = 0.5
-"""How often the process looks whether its script still exists: a child of the script may keep the socket open."""
+"""Interval in s of the check that the script still runs, because a child of the script may keep the socket open."""
 
 PROGRESS_S = 0.1
 
 
 class ScriptLink:
-    """The link on the socket `descriptor` to the script, the parent process. Make it in the main thread."""
+    """The link to the script, which is the parent process, on the socket `descriptor`. Create it in the main thread."""
 
     def __init__(self, descriptor: int) -> None:
         self._connection: Connection[Any, Any] = Connection(descriptor)
@@ -57,7 +57,7 @@ class ScriptLink:
         self._is_interruptible = self._is_ending = False
         self._acts_at_once = True
         self.stop_requested = never
-        """Called at an interruption. True means that `smadrive off` has sent it: it ends the rig, not only a run."""
+        """Called at an interruption. True means that `smadrive off` has sent it: then the rig is closed, too."""
         self._pending: type[BaseException] | None = None
         self._loop_thread = threading.main_thread().ident or 0
         signal.signal(signal.SIGINT, self._interrupt)
@@ -66,7 +66,7 @@ class ScriptLink:
         threading.Thread(target=self._listen, name="link to the script", daemon=True).start()
 
     def request(self) -> Any:
-        """Wait for the next request and return it. ScriptEndedError at the end, and whatever unpickling raises."""
+        """Wait for the next request and return it. Raises ScriptEndedError at the end, and errors of unpickling."""
         if self._is_ending:
             raise ScriptEndedError
         message = self._requests.get()
@@ -75,7 +75,7 @@ class ScriptLink:
 
     @contextmanager
     def interruptible(self) -> Iterator[None]:
-        """Let an interruption, or the end of the script, end the block at its next `check` or `at_once`."""
+        """In the `with` block, an interruption or the end of the script is raised by the next `check` or `at_once`."""
         self._pending = None
         self._acts_at_once, self._is_interruptible = False, True
         try:
@@ -85,7 +85,7 @@ class ScriptLink:
 
     @contextmanager
     def at_once(self) -> Iterator[None]:
-        """Let a signal end this block at any place: it may take long, and uses no device."""
+        """Let a signal end the `with` block at any place. Use it for code that may take long and uses no device."""
         self._acts_at_once = True
         try:
             self.check()
@@ -94,13 +94,13 @@ class ScriptLink:
             self._acts_at_once = False
 
     def check(self) -> None:
-        """Raise what a signal asked for: KeyboardInterrupt or ScriptEndedError. The code of a user may drop either."""
+        """Raise the pending KeyboardInterrupt or ScriptEndedError, also if the user's code has caught it before."""
         if self._pending is not None:
             raise self._pending
 
     @contextmanager
     def watch(self, recorder: TickRecorder, duration_s: float) -> Iterator[Record]:
-        """Yield the function that records each tick, and reports some of them to the script. It may `check`."""
+        """Yield the function that records each tick, calls `check`, and sends the progress every `PROGRESS_S`."""
         sent_s = -inf
 
         def record(tick: Tick) -> None:
@@ -148,7 +148,7 @@ class ScriptLink:
         signal.pthread_kill(self._loop_thread, signal.SIGTERM)
 
     def _received(self) -> bytes:
-        """Return the next message; END when the script has gone, empty when nothing came for a while."""
+        """Return the next message; END if the script has ended, b"" if no message arrived within `LOOK_S`."""
         try:
             if self._connection.poll(LOOK_S):
                 return self._connection.recv_bytes()
@@ -166,7 +166,7 @@ class ScriptLink:
             self._act(ScriptEndedError)
 
     def _act(self, kind: type[BaseException]) -> None:
-        """Let the next `check` raise it, or raise it now."""
+        """Raise `kind` now if a signal may act at once, otherwise at the next `check`."""
         self._pending = kind
         if self._acts_at_once:
             raise kind

@@ -1,8 +1,8 @@
-"""A request as bytes, with the code of the user that it needs.
+"""Requests as bytes, with the user's code that they need.
 
-Classes and functions of a script, of a notebook and of the user's own modules travel with their code, as the script has
-them at this moment. So a controller in a module that was edited and reloaded runs as the notebook shows it, and not as
-the process of the loop imported it before. Installed packages travel by name.
+A request contains the present code of the classes and functions from the script, the notebook and the user's own
+modules. So a module that was edited and reloaded takes effect, although the loop process may have imported it before.
+Installed packages are sent by name only.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ _INSTALLED = tuple({str(Path(path).resolve()) for path in (*sysconfig.get_paths(
 
 
 def pickled(request: Any) -> bytes:
-    """Return the request with everything that it needs. ControllerError when it cannot be pickled."""
+    """Return the pickled request with the user's code. ControllerError when it cannot be pickled."""
     try:
         with _own_code_by_value():
             message: bytes = cloudpickle.dumps(request)
-    except Exception:  # noqa: BLE001 (a module of the user may hold what cannot be copied: then it travels by name)
+    except Exception:  # noqa: BLE001 (the user's module may hold an object that cannot be copied: send its name)
         return _pickled_by_name(request)
     return message
 
@@ -44,7 +44,7 @@ def _pickled_by_name(request: Any) -> bytes:
 
 @contextmanager
 def _own_code_by_value() -> Iterator[None]:
-    """Let cloudpickle copy the code of the user's modules during the block."""
+    """In the `with` block, cloudpickle copies the code of the user's modules instead of their names."""
     registered = cloudpickle.list_registry_pickle_by_value()
     own = [module for module in tuple(sys.modules.values()) if _is_own(module) and module.__name__ not in registered]
     for module in own:

@@ -56,7 +56,7 @@ class Places:
 
     @contextmanager
     def one(self) -> Iterator[None]:
-        """Count the block as an action that runs."""
+        """Count one more action during the `with` block."""
         self.taken += 1
         try:
             yield

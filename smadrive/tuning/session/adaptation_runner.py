@@ -111,5 +111,5 @@ class AdaptationRunner:
         return self._adaptation
 
     def taken(self) -> None:
-        """Note that the change queue has accepted the rules. The rules of an ended adaptation are not due again."""
+        """Note that the change queue has accepted the rules. Rules of an ended adaptation are due only once."""
         self._ended = None

@@ -1,4 +1,4 @@
-"""The references that a page can start: those of the session by their names, and others by a one-line form.
+"""The references that a page can start: references of the session by name, and others by a one-line form.
 
 The table of a reference is computed between two ticks, so its length is limited. For a reference of `LONGEST_S`, the
 computation takes half a period at 20 Hz. On the page a reference repeats by itself; `smadrive run` tracks longer
@@ -62,7 +62,7 @@ class ReferenceCatalogue:
         return reference.with_approach(from_mm, APPROACH_S).without_end(APPROACH_S)
 
     def hold(self, tuning: Tuning, measurement: Measurement) -> Reference:
-        """Return a reference that stays at the measured displacement, or without a sensor at that of the model.
+        """Return a constant reference at the measured displacement; without a sensor, at the displacement of the model.
 
         The displacement is limited to the range of the model at this temperature, so that a sensor with a wrong zero
         does not make the controller heat a cold wire.

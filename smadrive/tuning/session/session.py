@@ -44,8 +44,8 @@ from smadrive.wire.heat_balance import HeatBalance
 class TuningSession:
     """A session with one rig, one wire and one page.
 
-    `references` are those that a page can start, by their names (see ReferenceCatalogue). `record` gets every tick.
-    `recorder` writes the log of the session. Without it, the session is not logged.
+    `references` are the references that a page can start, by their names (see ReferenceCatalogue). `record` gets every
+    tick. `recorder` writes the log of the session. Without it, the session is not logged.
     """
 
     def __init__(

@@ -53,11 +53,11 @@ class SessionState:
         return Mode.TRACKING if live.reference.endless else Mode.HOLDING
 
     def report(self, event: str) -> None:
-        """Add an event, with the present time, to those that all pages show."""
+        """Add an event, with the present time, to the events that all pages show."""
         self.status.add_event(self.now_s, event)
 
     def answer(self, request: PageRequest | None, refused: str | None) -> None:
-        """Answer a request, unless it is None. `refused` is None, or the reason for a refusal, then also an event."""
+        """Answer a request, unless it is None. `refused` is None or the reason for a refusal, which is reported."""
         if request is not None:
             self.channel.send({"number": request.number, "refused": refused})
             if refused:

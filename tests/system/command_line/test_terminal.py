@@ -1,7 +1,5 @@
 """The terminal shows a run to a person; a program sees no display."""
 
-import os
-import pty
 import re
 import signal
 import subprocess
@@ -34,21 +32,7 @@ WIRE = DuhemModel.gaussian(
 
 def on_a_terminal(*arguments, cwd):
     """Run a command whose stderr is a terminal, and return its output there."""
-    client, slave = pty.openpty()
-    command = [sys.executable, "-m", "smadrive", *arguments]
-    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
-    with programs.Program(command, cwd=cwd, env=environment, stdout=subprocess.PIPE, stderr=slave) as process:
-        os.close(slave)
-        seen = b""
-        while True:
-            try:
-                seen += os.read(client, 65536)
-            except OSError:  # the command has ended and closed its end
-                break
-        process.communicate()
-    os.close(client)
-    assert process.returncode == 0
-    return seen.decode()
+    return programs.run_on_terminal([sys.executable, "-m", "smadrive", *arguments], cwd)
 
 
 def test_run_shows_its_values_on_a_terminal(tmp_path):

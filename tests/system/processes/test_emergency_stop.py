@@ -14,34 +14,30 @@ from supply_rig import DRIVER, RIG, patient
 from smadrive.files.shipped import configs_dir
 from smadrive.hysteresis import DuhemModel, save_model
 
-TRIES_AGAIN = """
-import sys, time
-from smadrive.rig.rig import Rig
-from smadrive.rig.config import load_rig
-while True:
-    try:
-        with Rig(load_rig(sys.argv[1])) as rig:
-            rig.heater.arm(rig.config.limits.watchdog_s)
-            print("heating", flush=True)
-            while True:
-                rig.heater.exchange(0.3)
-                time.sleep(0.05)
-    except Exception as error:
-        print(type(error).__name__, flush=True)
-"""
-IN_A_THREAD = """
+HEATS = """
 import sys, threading, time
 from smadrive.errors import StoppedError
 from smadrive.rig.rig import Rig
 from smadrive.rig.config import load_rig
+def heat():
+    with Rig(load_rig(sys.argv[1])) as rig:
+        rig.heater.arm(rig.config.limits.watchdog_s)
+        print("heating", flush=True)
+        while True:
+            rig.heater.exchange(0.3)
+            time.sleep(0.05)
+"""
+TRIES_AGAIN = f"""{HEATS}
+while True:
+    try:
+        heat()
+    except Exception as error:
+        print(type(error).__name__, flush=True)
+"""
+IN_A_THREAD = f"""{HEATS}
 def drive():
     try:
-        with Rig(load_rig(sys.argv[1])) as rig:
-            rig.heater.arm(rig.config.limits.watchdog_s)
-            print("heating", flush=True)
-            while True:
-                rig.heater.exchange(0.3)
-                time.sleep(0.05)
+        heat()
     except StoppedError as stopped:
         print(stopped, flush=True)
 thread = threading.Thread(target=drive)

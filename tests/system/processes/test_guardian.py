@@ -98,13 +98,6 @@ def guardians(pid):
     ]
 
 
-def lives(pid):
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
 @contextlib.contextmanager
 def driven(
     tmp_path,
@@ -139,7 +132,7 @@ def driven(
                 yield driver, supply
             finally:
                 driver.kill()
-                while any(map(lives, guardians)):  # the guardian needs its supply to end
+                while any(map(programs.lives, guardians)):  # the guardian needs its supply to end
                     time.sleep(0.05)
 
 
@@ -278,7 +271,7 @@ def test_a_driver_whose_guardian_stands_still_switches_off(tmp_path):
         said = driver.communicate(timeout=300)[1]
         assert "SafetyError: guardian: " in said
         assert "TimeoutExpired" not in said
-        assert not lives(guardian)
+        assert not programs.lives(guardian)
 
 
 def test_a_driver_whose_guardian_is_killed_switches_off_and_knows_that_it_is_off(tmp_path):

@@ -65,7 +65,9 @@ class Stage:
         """Start a driver that heats through the supply at this address; return its process."""
         self.rig.write_text(patient(RIG.format(supply=f"{url}{PATIENT}", reader=f"{self.reader}{PATIENT}")))
         guardians = []
-        self.stack.callback(until, lambda: not any(map(lives, guardians)))  # the guardians need the supply to end
+        self.stack.callback(
+            until, lambda: not any(map(programs.lives, guardians))
+        )  # the guardians need the supply to end
         driver = programs.Program(
             [sys.executable, "-c", DRIVER, str(self.rig)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
         )
@@ -108,13 +110,6 @@ def until(happens, within_s=300.0):
         time.sleep(0.05)
 
 
-def lives(pid):
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
 def events(process):
     """End a simulator and return all its events."""
     process.terminate()
@@ -134,7 +129,7 @@ def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_wai
         assert probed.returncode == 0, probed.stderr
         (shown,) = json.loads(probed.stdout)["waiting_guardians"]
         assert f"process {guardian}" in shown
-    assert lives(guardian)
+    assert programs.lives(guardian)
     off = stage.smadrive("off", "--json")
     assert off.returncode == 4, off.stderr
     assert not json.loads(off.stdout)["safe"]
@@ -144,7 +139,7 @@ def test_another_supply_at_the_port_is_driven_undisturbed_while_the_guardian_wai
     heating.send_signal(signal.SIGINT)
     heating.communicate()
     assert events(other).count("output on") == 1
-    assert lives(guardian)
+    assert programs.lives(guardian)
 
 
 def test_the_supply_that_heated_is_switched_off_when_it_is_back(stage):
@@ -152,7 +147,7 @@ def test_the_supply_that_heated_is_switched_off_when_it_is_back(stage):
     supply, url = stage.serve("riden-rd60xx", 77, "--pty", port)
     guardian = stage.disconnect(stage.heat(url), supply)
     stage.serve("riden-rd60xx", 77, "--pty", port)
-    until(lambda: not lives(guardian))
+    until(lambda: not programs.lives(guardian))
     assert waiting_duties() == []
 
 
@@ -176,7 +171,7 @@ def test_program_that_confirms_the_same_supply_off_relieves_the_guardian(stage, 
     os.kill(guardian, signal.SIGCONT)
     if command == "off":
         assert ended.returncode == 0, ended.stderr
-    until(lambda: not lives(guardian))
+    until(lambda: not programs.lives(guardian))
     assert waiting_duties() == []
     assert again.poll() is None
 
@@ -188,7 +183,7 @@ def test_a_guardian_of_a_pseudo_terminal_that_is_gone_ends(stage):
     supply.kill()
     supply.wait()
     driver.kill()
-    until(lambda: not lives(guardian))
+    until(lambda: not programs.lives(guardian))
     assert waiting_duties() == []
 
 

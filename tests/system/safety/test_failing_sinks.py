@@ -52,6 +52,16 @@ class Scene:
     def drive(self, rig, record):
         return rig.drive(Constant(rig.period_s), rig.nominal_balance, record)
 
+    def failure(self, kind, folder, run):
+        """The error of type `kind` that ends `run(rig, recorder)`."""
+        with (
+            pytest.raises(kind) as caught,
+            self.rig as rig,
+            record_excitation(folder / "l.h5", rig, rig.excitation(22.0)) as recorder,
+        ):
+            run(rig, recorder)
+        return caught.value
+
 
 @pytest.fixture(params=["board", "supply"])
 def scene(request):
@@ -85,14 +95,9 @@ def test_a_log_whose_file_fails_at_its_end_does_not_hide_the_trip(scene, tmp_pat
 
         scene.drive(rig, record)
 
-    with (
-        pytest.raises(TripError) as caught,
-        scene.rig as rig,
-        record_excitation(tmp_path / "l.h5", rig, rig.excitation(22.0)) as recorder,
-    ):
-        run(rig, recorder)
-    assert shutdown_of(caught.value).confirmed
-    assert len(caught.value.__notes__) == 1
+    error = scene.failure(TripError, tmp_path, run)
+    assert shutdown_of(error).confirmed
+    assert len(error.__notes__) == 1
 
 
 class FailingTerminal:
@@ -126,10 +131,5 @@ def test_a_terminal_that_is_gone_hides_no_trip(scene, tmp_path, writes):
             rig.clock.sleep_until(rig.clock.now_s() + 1.0)
             scene.drive(rig, recorder.tick)
 
-    with (
-        pytest.raises(SafetyError) as caught,
-        scene.rig as rig,
-        record_excitation(tmp_path / "l.h5", rig, rig.excitation(22.0)) as recorder,
-    ):
-        run(rig, recorder)
-    assert shutdown_of(caught.value).confirmed
+    error = scene.failure(SafetyError, tmp_path, run)
+    assert shutdown_of(error).confirmed

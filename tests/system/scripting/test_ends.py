@@ -57,13 +57,6 @@ HANGS = {
 }
 
 
-def lives(pid):
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] != "Z"
-    except FileNotFoundError:
-        return False
-
-
 def wait_for(condition):
     while not condition():
         time.sleep(0.05)
@@ -102,7 +95,7 @@ def heating(rig_file, wire_file, tmp_path, fate="pass"):
             yield script, int(said[1])
         finally:
             script.kill()
-            wait_for(lambda: not lives(int(said[1])))
+            wait_for(lambda: not programs.lives(int(said[1])))
 
 
 def assert_off(rig_file):
@@ -135,7 +128,7 @@ def test_killed_script_ends_the_run_confirmed(rig_file, identified, tmp_path, en
     with heating(rig_file, identified.wire_file, tmp_path) as (script, loop):
         script.send_signal(end)
         script.communicate()
-        wait_for(lambda: not lives(loop))
+        wait_for(lambda: not programs.lives(loop))
     assert_confirmed(read_log(tmp_path / "run.h5"))
     assert_off(rig_file)
 
@@ -149,7 +142,7 @@ def test_killed_script_ends_the_run_although_its_child_keeps_the_link_open(ident
         children = Path(f"/proc/{script.pid}/task/{script.pid}/children").read_text().split()
         script.kill()
         try:
-            wait_for(lambda: not lives(loop))
+            wait_for(lambda: not programs.lives(loop))
         finally:
             for child in map(int, children):
                 with contextlib.suppress(ProcessLookupError):
@@ -227,13 +220,13 @@ def test_forgotten_rig_ends_its_process():
     rig = smadrive.open_rig("in-process")
     loop = rig._client.pid
     del rig
-    wait_for(lambda: not lives(loop))
+    wait_for(lambda: not programs.lives(loop))
 
 
 def test_script_that_ends_without_closing_leaves_no_process(tmp_path):
     text = "import smadrive; rig = smadrive.open_rig('in-process'); print(rig._client.pid)"
     done = programs.run([sys.executable, "-c", text], cwd=tmp_path, capture_output=True, text=True, check=True)
-    wait_for(lambda: not lives(int(done.stdout)))
+    wait_for(lambda: not programs.lives(int(done.stdout)))
     assert done.stderr == ""
 
 
@@ -241,5 +234,5 @@ def test_ended_client_is_ended_again_without_an_error():
     client = LoopClient()
     client.end()
     client.end()
-    assert not lives(client.pid)
+    assert not programs.lives(client.pid)
     wait_for(lambda: client.is_lost)

@@ -1,9 +1,6 @@
 """The progress of a script's run: a line in a terminal, a bar in a notebook; an interrupted kernel ends the run."""
 
-import os
-import pty
 import re
-import subprocess
 import sys
 from math import inf, nan
 
@@ -56,21 +53,7 @@ def test_progress_names_time_and_values(time_s, duration_s, share, text):
 
 
 def test_terminal_shows_a_line_that_vanishes(tmp_path):
-    client, slave = pty.openpty()
-    environment = {**os.environ, "TERM": "xterm", "COLUMNS": "120"}
-    command = [sys.executable, "-c", EXCITE]
-    with programs.Program(command, cwd=tmp_path, env=environment, stdout=subprocess.PIPE, stderr=slave) as process:
-        os.close(slave)
-        seen = b""
-        while True:
-            try:
-                seen += os.read(client, 65536)
-            except OSError:  # the other end is closed
-                break
-        process.communicate()
-    os.close(client)
-    text = seen.decode()
-    assert process.returncode == 0
+    text = programs.run_on_terminal([sys.executable, "-c", EXCITE], tmp_path)
     assert "exciting, excitation.h5: " in text
     assert re.search(r"of \d+\.\d s · \d+\.\d °C", text)
     assert "━" in text

@@ -3,6 +3,8 @@
 import pytest
 
 from smadrive.clock import VirtualClock
+from smadrive.errors import DeadlineError, ProtocolError
+from smadrive.modbus import requests
 from smadrive.modbus.bus import BusTiming
 from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.framing import rtu
@@ -74,3 +76,18 @@ def timing():
 @pytest.fixture(scope="session")
 def slow_registers_class():
     return Registers
+
+
+@pytest.fixture(scope="session")
+def check_reads():
+    """Check that each read of a device whose register n holds n fails or returns the right registers."""
+
+    def check(client, asked):
+        for first, count in asked:
+            try:
+                payload = client.execute(1, requests.read_holding(first, count), BusTiming(0.1, read_retries=1))
+            except (DeadlineError, ProtocolError):
+                continue
+            assert requests.registers_of(payload) == tuple(range(first, first + count))
+
+    return check

@@ -13,7 +13,7 @@ MAX_TUNINGS = 200
 
 
 class History:
-    """The tunings that were in force, the present tuning, and those that redo would put in force again."""
+    """The tunings that were in force, the present tuning, and the tunings that redo would put in force again."""
 
     def __init__(self, first: Tuning) -> None:
         self._line = [first]
@@ -53,6 +53,6 @@ class History:
         return self._line[at] if 0 <= at < len(self._line) else None
 
     def move(self, step: int) -> None:
-        """Make the tuning that undo (`step` -1) or redo (`step` +1) leads to the present one. It must exist."""
+        """Go to the tuning that undo (`step` -1) or redo (`step` +1) leads to. There must be such a tuning."""
         self._at += step
         self._changed_s = float("-inf")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass, replace
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
@@ -50,9 +50,11 @@ class Job(ABC):
     """One job of the change queue.
 
     `request` is None for a job that no page requested. `event` is reported when the job is done. A job with
-    `outlives_the_loop` is done even if the loop has ended in the meantime.
+    `outlives_the_loop` is done even if the loop has ended in the meantime. A job with `is_undoable` adds its tuning to
+    the history of changes.
     """
 
+    is_undoable: ClassVar[bool] = True
     request: AnyRequest | None
     event: str = ""
     outlives_the_loop: bool = False
@@ -62,8 +64,11 @@ class Job(ABC):
         """Return the part of the build request that the job sets. SmadriveError if the job is not possible now."""
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:
-        """Put the result in force, as a change that can be undone."""
-        tunings.push(built, live, now_s)
+        """Put the result in force."""
+        if self.is_undoable:
+            tunings.push(built, live, now_s)
+        else:
+            tunings.put(built, live)
 
     def replaces(self, waiting: Job) -> bool:
         """Return True if this job sets the same number as `waiting`, which then need not be done."""
@@ -100,6 +105,7 @@ class StepJob(Job):
 
     _: KW_ONLY
     step: int
+    is_undoable = False
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:
         """Return the tuning that undo or redo leads to."""
@@ -108,9 +114,9 @@ class StepJob(Job):
             raise ConfigError(f"there is no change to {'undo' if self.step < 0 else 'redo'}")
         return BuildTarget(tuning, None, _running(live))
 
-    def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
+    def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:
         """Put the tuning in force, and go one change back or forward in the history."""
-        tunings.put(built, live)
+        super().install(built, tunings, live, now_s)
         tunings.history.move(self.step)
 
 
@@ -118,15 +124,14 @@ class StepJob(Job):
 class PutJob(RecallJob):
     """Put the tuning from before a comparison in force again. The history of changes stays as it is."""
 
-    def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
-        """Put the tuning in force."""
-        tunings.put(built, live)
+    is_undoable = False
 
 
 @dataclass(frozen=True)
 class FollowJob(Job):
     """Track the reference `name`. If `name` is None, stay at the present setpoint."""
 
+    is_undoable = False
     _: KW_ONLY
     path: Path
     name: str | None
@@ -136,10 +141,6 @@ class FollowJob(Job):
         if live is None:
             raise ConfigError("the heater is off", cure="arm first")
         return BuildTarget(tunings.in_force, None, self.path(self.name, tunings.in_force, live.setpoint_mm))
-
-    def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
-        """Track the reference from now on."""
-        tunings.put(built, live)
 
 
 @dataclass(frozen=True)

@@ -15,7 +15,12 @@ WRITABLE = 'access = "rw"\nmin = 0\nmax = 1\nevidence = "two"'
     ("device", "old", "new", "says"),
     [
         ("riden-rd60xx", "power = { scale = 0.001 } }", "power = { scle = 0.1 } }", r"power.scle: .*mean 'scale'"),
-        ("riden-rd60xx", "power = { scale = 0.001 } }", "pover = { scale = 0.1 } }", r"registers.pover is no register"),
+        (
+            "riden-rd60xx",
+            "power = { scale = 0.001 } }",
+            "pover = { scale = 0.1 } }",
+            r"registers.pover is not a register",
+        ),
         ("riden-rd60xx", "max = 30.0 }", "max = 3000.0 }", r"variants: registers.i_set: .*overflows uint16"),
         ("riden-rd60xx", "{ model_id = [60241, 60249] }", "{ model_id = [60180, 60249] }", "match the same device"),
         ("riden-rd60xx", 'register = "serial_number"', 'register = "output"', "output can be written"),

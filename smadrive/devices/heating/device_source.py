@@ -1,0 +1,63 @@
+"""The common part of the heat sources: one device that proves its identity, has a safe state, and is armed."""
+
+from __future__ import annotations
+
+from typing import Generic, Protocol, TypeVar
+
+from smadrive.devices.identity import Identity
+from smadrive.devices.profile.profile import Profile
+
+
+class SwitchableDevice(Protocol):
+    """A device that proves its identity and can be switched off, such as a Device or a TCLabBoard."""
+
+    @property
+    def profile(self) -> Profile:
+        """The profile of the device."""
+        ...
+
+    @property
+    def identity(self) -> Identity:
+        """The registers that distinguish the device from its twin."""
+        ...
+
+    def check_identity(self) -> object:
+        """Prove the identity of the device."""
+        ...
+
+    def enter_safe_state(self) -> None:
+        """Write the safe state and confirm it by read-back."""
+        ...
+
+
+DeviceT = TypeVar("DeviceT", bound=SwitchableDevice)
+
+
+class DeviceSource(Generic[DeviceT]):
+    """A device as heat source; see HeatSource. A subclass has the exchange and the limits."""
+
+    def __init__(self, device: DeviceT) -> None:
+        """Send nothing yet."""
+        self.device = device
+        self.settle_s = device.profile.timing.settle_ms / 1e3
+        self._armed = False
+
+    @property
+    def identity(self) -> Identity:
+        """See HeatSource."""
+        return self.device.identity
+
+    @property
+    def armed(self) -> bool:
+        """True if the device was armed at every exchange since `arm`."""
+        return self._armed
+
+    def connect(self) -> None:
+        """Prove the identity of the device and write its safe state."""
+        self.device.check_identity()
+        self.enter_safe_state()
+
+    def enter_safe_state(self) -> None:
+        """See HeatSource."""
+        self._armed = False
+        self.device.enter_safe_state()
