@@ -21,8 +21,8 @@ from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import LOG
 from smadrive.rig.config import load_rig
-from smadrive.rig.switching_off.guardians import notes_waiting_guardians
 from smadrive.rig.rig import Record, Rig
+from smadrive.rig.switching_off.guardians import notes_waiting_guardians
 from smadrive.runs.experiments import observe
 from smadrive.runs.run_log import record_observation
 
