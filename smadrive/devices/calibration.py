@@ -40,30 +40,32 @@ class Corrections(NamedTuple):
 UNCORRECTED = Corrections()
 
 
-class TemperatureCalibration(Section):
-    """The calibration of the thermocouple. The uncertainties are expanded (k = 2); None if they are unknown."""
+class SensorCalibration(Section):
+    """What the calibrations of both sensors share. Uncertainties are expanded (k = 2); None if they are unknown."""
+
+    scale_uncertainty: float | None = Field(default=None, ge=0)
+    on: date
+    evidence: str = ""
+
+
+class TemperatureCalibration(SensorCalibration):
+    """The calibration of the thermocouple."""
 
     offset_c: float = Field(ge=-20, le=20)
     offset_uncertainty_c: float = Field(ge=0)
     scale: float = Field(default=1.0, ge=0.8, le=1.25)
-    scale_uncertainty: float | None = Field(default=None, ge=0)
-    on: date
-    evidence: str = ""
 
     def correction(self) -> SensorCorrection:
         """Return the correction of a reading in °C."""
         return SensorCorrection(self.offset_c, self.scale)
 
 
-class DisplacementCalibration(Section):
-    """The calibration of the displacement sensor. The uncertainties are expanded (k = 2); None if unknown."""
+class DisplacementCalibration(SensorCalibration):
+    """The calibration of the displacement sensor."""
 
     offset_mm: float = Field(ge=-1000, le=1000)
     offset_uncertainty_mm: float = Field(ge=0)
     scale: float = Field(default=1.0, ge=0.5, le=2)
-    scale_uncertainty: float | None = Field(default=None, ge=0)
-    on: date
-    evidence: str = ""
 
     def correction(self) -> SensorCorrection:
         """Return the correction of a reading in mm."""

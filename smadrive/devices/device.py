@@ -12,7 +12,7 @@ then. After silence, an exception or a wrong read-back another device may be the
     encode a write      if the registers depend on the model; with a range switch, at every write
     send a write        always
 
-After the writes of the safe state the identity is checked once more, if registers can prove it, and then it counts.
+The safe state counts as confirmed after one more check of the identity, if registers can prove it.
 """
 
 from __future__ import annotations
