@@ -10,6 +10,17 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem
+from smadrive.runs.plots import (
+    COOLING,
+    ESTIMATED,
+    FAINT,
+    HEATING,
+    MEASURED,
+    SETPOINT,
+    legend,
+    panels,
+    side_by_side,
+)
 from smadrive.runs.report import Grid, Listing, Notes, Plot, write_report
 
 Array = NDArray[np.float64]
@@ -53,43 +64,47 @@ def write_paper_report(
 
 
 def _curves(model: HysteresisModel, loops: Mapping[str, Array]) -> Figure:
-    figure = Figure(figsize=(9, 4), layout="constrained")
-    for ax, (name, v) in zip(figure.subplots(1, 2, sharey=True), loops.items(), strict=True):
-        ax.plot(v, model.simulate(v), lw=1)
-        ax.set(title=f"{name} loop", xlabel="v", ylabel="y")
-        ax.grid(alpha=0.3)
+    figure, axes = side_by_side(2, 3.8)
+    for ax, (name, v) in zip(axes, loops.items(), strict=True):
+        y = model.simulate(v)
+        rises = np.append(np.diff(v) > 0, False)
+        for where, colour, label in ((rises, HEATING, "v rises"), (~rises, COOLING, "v falls")):
+            ax.plot(v, np.where(where, y, np.nan), color=colour, lw=1.2, label=label)
+        ax.set(xlabel="v", ylabel="y")
+        ax.set_title(f"{name} loop", loc="left", fontsize=10)
+        legend(ax)
     return figure
 
 
 def _inputs(loops: Mapping[str, Array]) -> Figure:
-    figure = Figure(figsize=(9, 3), layout="constrained")
-    for ax, (name, v) in zip(figure.subplots(1, 2, sharey=True), loops.items(), strict=True):
-        ax.plot(v, lw=1)
-        ax.set(title=f"{name} loop", xlabel="sample", ylabel="v")
-        ax.grid(alpha=0.3)
+    figure, axes = side_by_side(2, 2.6)
+    for ax, (name, v) in zip(axes, loops.items(), strict=True):
+        ax.plot(v, color=SETPOINT, lw=1.0)
+        ax.set(xlabel="sample", ylabel="v")
+        ax.set_title(f"{name} loop", loc="left", fontsize=10)
     return figure
 
 
 def _memberships(*models: TSFuzzyDuhem) -> Figure:
-    figure = Figure(figsize=(9, 6), layout="constrained")
-    *upper, last = figure.subplots(len(models) + 1, 1)
+    figure, (*upper, last) = panels((1.8,) * (len(models) + 1), share_x=False)
     for ax, model in zip(upper, models, strict=True):
         v = np.linspace(*model.input_range, 1201)
-        ax.plot(v, model.sets.weights(v), lw=1)
+        ax.plot(v, model.sets.weights(v), color=MEASURED, lw=1.0)
         ax.set(xlabel="v", ylabel="membership")
     rate = np.array([-1.0, 0.0, 0.0, 1.0])
-    last.plot(rate, [1, 1, 0, 0], rate, [0, 0, 1, 1], lw=1)
+    last.plot(rate, [1, 1, 0, 0], color=COOLING, lw=1.2, label="falls")
+    last.plot(rate, [0, 0, 1, 1], color=HEATING, lw=1.2, label="rises")
     last.set(xlabel="dv/dt", ylabel="membership", xticks=[-1, 0, 1], xticklabels=["falls", "0", "rises"])
     return figure
 
 
 def _errors(duhem: DuhemModel, models: Mapping[str, TSFuzzyDuhem], loops: Mapping[str, Array]) -> Figure:
-    figure = Figure(figsize=(9, 7), layout="constrained")
-    for ax, (name, v) in zip(figure.subplots(2, 1), loops.items(), strict=True):
-        ax.axhspan(-1.2, 1.0, color="0.93")
-        for label, model in models.items():
-            ax.plot(model.simulate(v) - duhem.simulate(v), lw=1, label=label)
-        ax.set(title=f"{name} loop", xlabel="sample", ylabel="error")
-        ax.grid(alpha=0.3)
-    figure.axes[0].legend(fontsize=8)
+    figure, axes = panels((2.6, 2.6), share_x=False)
+    for ax, (name, v) in zip(axes, loops.items(), strict=True):
+        ax.axhspan(-1.2, 1.0, color="#f0f2f5")
+        for (label, model), colour in zip(models.items(), (FAINT, ESTIMATED, MEASURED), strict=True):
+            ax.plot(model.simulate(v) - duhem.simulate(v), color=colour, lw=1.0, label=label)
+        ax.set(xlabel="sample", ylabel="error")
+        ax.set_title(f"{name} loop", loc="left", fontsize=10)
+    legend(axes[0])
     return figure

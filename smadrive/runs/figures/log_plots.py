@@ -42,6 +42,8 @@ def log_plots(log: Log) -> Iterator[Plot]:
     """Yield the plots of the log. Plots without data are left out."""
     if has_setpoint(log):
         yield _tracking(log)
+    elif np.isfinite(log.column_with_gaps("displacement_mm")).any():
+        yield _displacement(log)
     if log.metadata.get("kind") == KIND:
         yield session_plot(log)
     yield _heat(log)
@@ -62,6 +64,15 @@ def _tracking(log: Log) -> Plot:
     figure.axes[-1].set_xlabel(COLUMNS["time_s"].axis_label)
     error = f"Error = setpoint − displacement. {NOT_SCORED}"
     return Plot("Tracking", figure, error if is_scored else f"No error is shown: {tracking_caveats(log)[-1]}.")
+
+
+def _displacement(log: Log) -> Plot:
+    """Return the displacement over time of a run that has no reference, such as an excitation."""
+    figure, (ax,) = panels((2.4,))
+    _draw(ax, log, "estimated_mm", color=ESTIMATED, lw=1.8)
+    _draw(ax, log, "displacement_mm", color=MEASURED, lw=1.2)
+    ax.set_xlabel(COLUMNS["time_s"].axis_label)
+    return Plot("Displacement", figure, "Displacement over time. There is no reference, and no tracking error.")
 
 
 def _draw(ax: Axes, log: Log, name: str, **look: Any) -> None:
