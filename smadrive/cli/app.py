@@ -57,7 +57,7 @@ def command_line(command: str) -> typer.Typer:
 
 
 def typed_command(arguments: Sequence[str], environment: Mapping[str, str]) -> str:
-    """Return the first word after `smadrive`: of the command line, or of the one that the shell completes."""
+    """Return the first word after `smadrive`, in the command line or in the line that the shell completes."""
     if COMPLETING in environment:
         typed = environment.get("_TYPER_COMPLETE_ARGS") or environment.get("COMP_WORDS", "")
         arguments = typed.split()[1:]

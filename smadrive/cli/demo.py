@@ -36,7 +36,7 @@ FOLDER = "smadrive-demo"
 SIM = "flexinol-lt-0.15mm"
 RIG = "simulated"
 PERIOD_S = 56.0
-"""Period of the reference. Its frequency, 0.0178 Hz, is that of the published tracking records."""
+"""Period of the reference. It is the period of the published tracking records (0.0178 Hz)."""
 LOW, HIGH = 0.2, 0.8
 """The ends of the reference, as shares of the identified stroke from its cold end."""
 REST_S = 20.0

@@ -41,7 +41,7 @@ def main(
     ] = None,
     input_column: Annotated[str, typer.Option("--input", help="Column of the input (CSV).")] = "temperature_c",
     output_column: Annotated[str, typer.Option("--output", help="Column of the output (CSV).")] = "displacement_mm",
-    plot: Annotated[Path | None, typer.Option(help="Page (HTML) with loop, residuals and rules to write.")] = None,
+    plot: Annotated[Path | None, typer.Option(help="Page (HTML) to write, with loop, residuals and rules.")] = None,
     as_json: AsJson = False,
 ) -> None:
     """Fit a hysteresis model to DATA. For a log, also fit the heat balance and remove the lag of the thermocouple."""

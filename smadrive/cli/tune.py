@@ -99,12 +99,12 @@ def main(
 
 @contextmanager
 def _named_at_the_end(output: Output) -> Iterator[list[Path]]:
-    """Yield a list. At the end of the block, print the path of each log in it that was written."""
+    """Yield a list of logs. At the end of the `with` block, print the path of each log that was written."""
     log_files: list[Path] = []
     try:
         yield log_files
     finally:
-        with suppress(ConfigError, OSError):  # the end of the session counts, not that of the terminal
+        with suppress(ConfigError, OSError):  # the session has ended, even if the terminal is gone
             for path in log_files:
                 if path.exists():
                     output.say(f"log: {path}")

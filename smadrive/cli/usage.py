@@ -70,7 +70,7 @@ class PlainCommand(TyperCommand):
 
 
 class PlainGroup(TyperGroup):
-    """The commands, with the same help."""
+    """The group of all commands, whose help has the same placeholders."""
 
     def get_params(self, *arguments: Any, **options: Any) -> Any:
         """Return the parameters, with their placeholders."""

@@ -42,12 +42,12 @@ POINTS = 3000
 
 
 NOTEBOOK_STYLE: Any = {**STYLE, "svg.fonttype": "none", "path.simplify_threshold": 1.0}
-"""Texts stay texts and lines lose what no pixel shows, so that a notebook with its plots stays small."""
+"""Text is stored as text, and points that no pixel shows are left out, so that a notebook with plots stays small."""
 
 
 _COORDINATES = re.compile(r' (?:d|x|y)="[^"]*"')
 _DIGITS = re.compile(r"(\.\d\d)\d+")
-"""A hundredth of a point is enough: more than half of a drawing are digits."""
+"""Coordinates keep two decimals (0.01 point), because more than half of a drawing's bytes are digits."""
 
 
 class PlotFigure(Figure):

@@ -1,4 +1,4 @@
-"""A fit to a record, wherever the record stands: a log, a CSV file, columns in memory."""
+"""A fit to a record in a log, in a CSV file or in memory."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from smadrive.wire.identified_wire import IdentifiedWire
 
 @dataclass(frozen=True)
 class RecordFit:
-    """The fit of the hysteresis, and that of the heat balance, which needs a log.
+    """The fit of the hysteresis and, for a log, the fit of the heat balance.
 
     `caveats` are reasons to distrust the fits. `axes` are the labels of input and output.
     """
@@ -71,7 +71,7 @@ def fit_columns(
     *,
     components: int = DUHEM_COMPONENTS,
 ) -> RecordFit:
-    """Fit the hysteresis of output `y` on input `v`; their `names` tell their units."""
+    """Fit the hysteresis of output `y` on input `v`; the columns' `names` contain their units."""
     fit = identify_hysteresis(v, y, kind, sets, components)
     doubts = (*unit_doubts(names[0], v), *unit_doubts(names[1], y))
     return RecordFit(fit, None, (*doubts, *fit.caveats), names)

@@ -83,7 +83,7 @@ def models_of(log: Log) -> dict[int, str]:
 
 
 def tunings_of(log: Log) -> list[PutInForce]:
-    """Return the tunings that were put in force, in their order. The first one is that of the start."""
+    """Return the tunings that were put in force, in their order. The first is the tuning at the start."""
     found = ((event.time_s, _IN_FORCE.fullmatch(event.message)) for event in log.events)
     return [PutInForce(time_s, match[1], int(match[2]), match[3]) for time_s, match in found if match is not None]
 

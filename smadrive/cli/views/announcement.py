@@ -21,7 +21,7 @@ def announce(output: Output, log_file: Path, what: str, duration_s: float, clock
 
 
 def announced(output: Output, log_file: Path, what: str, clock: Clock, watch: Watch) -> Watch:
-    """Return `watch`, the display of an experiment, with the announcement before it."""
+    """Return `watch` (the display of an experiment), preceded by the announcement."""
 
     def both(recorder: TickRecorder, duration_s: float) -> AbstractContextManager[Record]:
         announce(output, log_file, what, duration_s, clock)

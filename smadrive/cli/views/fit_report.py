@@ -13,7 +13,10 @@ from smadrive.runs.report import Banner, Grid, Listing, PagePart, Plot, Tiles, w
 
 
 def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: str, axes: tuple[str, str]) -> None:
-    """Write the page. `axes` names input and output with their units; `caveats` are those of the fit and the record."""
+    """Write the page. `axes` names input and output with their units.
+
+    `caveats` are the caveats of the fit and of the record.
+    """
     parts: list[PagePart] = [
         _verdict(fit),
         *(Banner("warning", f"Warning: {caveat}.") for caveat in caveats),

@@ -68,7 +68,7 @@ def state_of(log: Log, summary: RunMetrics) -> Banner:
 
 
 def _is_ended_safely(log: Log) -> bool:
-    """Return True for a session that a signal ended, with the heater confirmed off. A session ends in no other way."""
+    """Return True for a session that a signal ended, with the heater confirmed off. Every session ends like this."""
     messages = [event.message for event in log.events]
     return log.ended_by.startswith("interruption") and SESSION_ENDED["off"] in messages
 

@@ -35,9 +35,10 @@ def write_paper_report(
     rows: Sequence[Sequence[str]],
     reading: Sequence[str],
 ) -> None:
-    """Write the page: the table of errors, the figures 3 to 13, the rules. `loops` are the inputs major and mixed.
+    """Write the page: the table of errors, the figures 3 to 13, the rules. `loops` are the inputs of both loops.
 
-    `models` holds the derived model first and the best model last. `rows` are those of the table, `reading` the notes.
+    `models` holds the derived model first and the best model last. `rows` are the rows of the table of errors, and
+    `reading` is its notes.
     """
     derived, *_, best = models.values()
     plots = [

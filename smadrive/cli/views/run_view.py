@@ -35,7 +35,7 @@ GIVE_WAY_S = 0.0005
 class RunView:
     """The display of a run of `duration_s` with the limit `current_max_a`. `latest` is the tick on display.
 
-    `width` returns the present width of the terminal. A narrow one has fewer values in a row, and a shorter bar.
+    `width` returns the present width of the terminal. A narrow terminal shows fewer values in a row, and a shorter bar.
     """
 
     def __init__(
@@ -126,7 +126,7 @@ def shown(title: str, current_max_a: float, *, quiet: bool) -> Watch:
 
 @contextmanager
 def drawing(view: RichCast, console: Console) -> Iterator[None]:
-    """Draw `view` in a thread during the block. A lost terminal ends the drawing, not the block."""
+    """Draw `view` in a thread during the `with` block. A lost terminal ends only the drawing."""
     before_s = sys.getswitchinterval()
     live = Live(view, console=console, refresh_per_second=DRAWN_PER_S, transient=True)
     with suppress(OSError):

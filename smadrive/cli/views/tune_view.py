@@ -101,7 +101,7 @@ class Changes:
 
 @contextmanager
 def watched(view: TuneView, output: Output) -> Iterator[None]:
-    """Show `view` during the block, unless `output` is quiet."""
+    """Show `view` during the `with` block, unless `output` is quiet."""
     console = Console(stderr=True)
     if output.quiet:
         yield
@@ -115,7 +115,7 @@ def watched(view: TuneView, output: Output) -> Iterator[None]:
 
 @contextmanager
 def _printing(changes: Changes) -> Iterator[None]:
-    """Print the changes of the state in a thread during the block. If stdout fails, only the printing ends."""
+    """Print the changes of the state in a thread during the `with` block. If stdout fails, only the printing ends."""
     is_ending = threading.Event()
 
     def check() -> None:

@@ -37,7 +37,8 @@ DIFFERENT = "the content does not agree with its checksum"
 class Content(NamedTuple):
     """The content of a log file. The columns have their present names, even if the log has an older layout.
 
-    `end_time` is empty if the writer was killed, or still writes. `version` is that of smadrive.
+    `end_time` is empty if the writer was killed, or still writes. `version` is the version of smadrive that wrote the
+    log.
     """
 
     columns: Columns

@@ -1,4 +1,4 @@
-"""Checks that an HDF5 file holds all of its content itself.
+"""Checks that an HDF5 file contains all of its content, without references to other files.
 
 In HDF5, a link, a dataset or a filter can refer to another file, to raw bytes of any file, or to a plugin that HDF5
 loads and runs. With such a reference, a log from a stranger could copy private files of the user into a report. So

@@ -109,7 +109,7 @@ class LogFile:
         return self._rows
 
     def append(self, block: NDArray[np.float64]) -> None:
-        """Append the rows of `block`, whose columns are those of the log in their order; the time is the first.
+        """Append the rows of `block`, with the columns of the log in their order; the time is the first.
 
         The time is written after the other columns, and the checksum after the time: a row with a checksum is complete.
         """
@@ -196,7 +196,7 @@ class LogFile:
         try:
             yield
         except (OSError, RuntimeError) as error:  # h5py raises either
-            number = getattr(error, "errno", None)  # the text of an OSError from h5py is not that of the system
+            number = getattr(error, "errno", None)  # h5py replaces the system's text of an OSError
             reason = os.strerror(number) if number else str(error).splitlines()[0]
             raise DataError(
                 "the log cannot be written",
