@@ -30,7 +30,7 @@ ARM_COLOURS = (MEASURED, ESTIMATED)
 
 
 def write_demo_report(path: Path, wire: WireFit, excitation: Log, arms: Sequence[ArmView]) -> None:
-    """Write the page. `arms` are (name, log, metrics) of the two tracking runs; the run with the inverse comes first."""
+    """Write the page. `arms` are (name, log, metrics) of both tracking runs; the run with the inverse comes first."""
     rows = [
         (name, f"{f.rms_percent:.2f} %", f"{f.max_percent:.2f} %", str(f.trips), str(f.missed_deadlines))
         for name, _, f in arms
