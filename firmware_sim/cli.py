@@ -26,7 +26,7 @@ from smadrive.real_time import use_real_time_scheduling
 
 REFERENCE = "sma-reference"
 
-main = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+main = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
 class Time(StrEnum):
@@ -46,7 +46,9 @@ def serve(
     replay: Annotated[
         Path | None, typer.Option(help="Serve a recorded bus instead of a SIM.toml.", metavar="TRACE")
     ] = None,
-    pty: Annotated[Path | None, typer.Option(help="Path of a symbolic link to the pseudo-terminal.")] = None,
+    pty: Annotated[
+        Path | None, typer.Option(help="Path of a symbolic link to the pseudo-terminal.", metavar="PATH")
+    ] = None,
     tcp: Annotated[
         str | None,
         typer.Option(
@@ -61,7 +63,8 @@ def serve(
         bool, typer.Option("--line-speed", help="Send and receive characters no faster than the baud rate.")
     ] = False,
     profile: Annotated[
-        str | None, typer.Option(help=f"Register map, a shipped name or a path. The default is {REFERENCE}.")
+        str | None,
+        typer.Option(help=f"Register map, a shipped name or a path. The default is {REFERENCE}.", metavar="PROFILE"),
     ] = None,
     time: Annotated[
         Time,
@@ -70,8 +73,12 @@ def serve(
     faults: Annotated[
         Path | None, typer.Option(help="A script of faults (docs/simulator.md).", metavar="FAULTS.toml")
     ] = None,
-    seed: Annotated[int, typer.Option(min=0, max=2**32 - 1, help="Seed of the sensor noise and of random faults.")] = 0,
-    log: Annotated[Path | None, typer.Option(help="Write event lines to this file instead of standard error.")] = None,
+    seed: Annotated[
+        int, typer.Option(min=0, max=2**32 - 1, help="Seed of the sensor noise and of random faults.", metavar="SEED")
+    ] = 0,
+    log: Annotated[
+        Path | None, typer.Option(help="Write event lines to this file instead of standard error.", metavar="FILE")
+    ] = None,
 ) -> None:
     """Serve simulated devices on serial or TCP ports, and print their URLs, one per line."""
     try:
