@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import isnan
 from pathlib import Path
 from typing import Annotated, NamedTuple
@@ -77,10 +77,10 @@ def main(
     check_output(log_file, LOG)
     config = load_rig(rig)
     given = _resumed(resume, config, reference, model, repeat) or _given(config, reference, model, repeat)
-    output.warn(given.caveats)
     try:
         with Rig(config, trace_folder=trace) as open_rig:
             plan = plan_tracking(open_rig, given.reference, given.wire, smooth=smooth, cycling=given.cycling)
+            plan = replace(plan, caveats=(*given.caveats, *plan.caveats))
             output.warn(plan.caveats)
             watch = shown("tracking", config.limits.current_max_a, quiet=output.quiet)
             loop = track(log_file, open_rig, plan, announced(output, log_file, "the run", open_rig.clock, watch))

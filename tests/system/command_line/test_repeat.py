@@ -143,6 +143,16 @@ def test_mistake_of_a_run_is_a_usage_error(folder, arguments, part):
     assert part in done.stderr
 
 
+def test_way_back_of_a_cycle_is_a_caveat_of_the_run(folder):
+    (folder / "wire.json").write_text(WIRE.text())
+    ramp = ("--reference", "trapezoid:low_mm=2,high_mm=4,rise_s=8,dwell_s=1,cycles=0.5", "--smooth", "--repeat", "2")
+    done = smadrive(folder, "run", "in-process", "--model", "wire.json", *ramp, "-o", "ramp.h5", "--json")
+    assert done.returncode == 0, done.stderr
+    result = json.loads(done.stdout)
+    assert "way back of 10 s" in result["caveats"][0]
+    assert len(result["cycles"]) == 2
+
+
 def test_continuation_needs_cycles_and_the_same_wire(folder):
     other = RIG.model_copy(update={"wire": "other-wire"})
     with pytest.raises(ConfigError):
