@@ -1,11 +1,11 @@
-"""`smadrive run`: track a displacement reference."""
+"""`smadrive run`: track a displacement reference, once or many times."""
 
 from __future__ import annotations
 
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from math import isnan
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 import typer
 
@@ -14,53 +14,75 @@ from smadrive.cli.output import AsJson, Output
 from smadrive.cli.views.announcement import announced
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
+from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import SHAPES
 from smadrive.errors import ConfigError, TripError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import LOG
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
-from smadrive.runs.experiments import plan_tracking, read_reference, track
+from smadrive.runs.cycling.continuation import continuation_of
+from smadrive.runs.cycling.cycles import CYCLE_HEADER, Cycling, cycle_rows, cycles_of, cycling_of, thinned
+from smadrive.runs.experiments import RETURN_S, plan_tracking, read_reference, track
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_metrics import TrackingMetrics, tracking_caveats, tracking_metrics, tripped_loop_metrics
-from smadrive.wire.identified_wire import load_wire
+from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 from smadrive.wire.wire_model import travel_mm
 
 HEADER = ("", "RMS error", "max error", "trips", "missed deadlines")
 
+MOST_CYCLES = 20
+"""Largest number of cycles in the table on the terminal; the report and `--json` have more."""
+
+
+class _Given(NamedTuple):
+    """The experiment that the options describe."""
+
+    reference: Reference
+    wire: IdentifiedWire
+    cycling: Cycling | None
+    caveats: tuple[str, ...] = ()
+
 
 def main(
     rig: RigFile,
+    log_file: Annotated[Path, typer.Option("--log-file", "-o", help="Log (.h5) to write.")],
     reference: Annotated[
-        str,
+        str | None,
         typer.Option(
             help="CSV (time_s, displacement_mm), or SHAPE:key=value,… as in sine:low_mm=2,high_mm=9,period_s=56. "
-            f"Shapes: {', '.join(SHAPES)}; a shape without keys prints its keys."
+            f"Shapes: {', '.join(SHAPES)}; a shape without keys prints its keys.  [required without --resume]"
         ),
-    ],
-    log_file: Annotated[Path, typer.Option("--log-file", "-o", help="Log (.h5) to write.")],
+    ] = None,
     model: Annotated[Path | None, typer.Option(help="Model file; the one of the rig file by default.")] = None,
     smooth: Annotated[
         bool,
         typer.Option("--smooth", help="If the wire cannot follow the reference, track the nearest one that it can."),
     ] = False,
+    repeat: Annotated[
+        int | None, typer.Option(min=1, help="Repeat the reference this number of times, and measure every cycle.")
+    ] = None,
+    resume: Annotated[
+        Path | None, typer.Option(help="Log of a run with --repeat that ended early: run its remaining cycles.")
+    ] = None,
     trace: TraceFolder = None,
     as_json: AsJson = False,
 ) -> None:
     """Track a displacement reference with the wire of RIG, by the inverse of its identified model.
 
     The run is simulated on the model before the wire is heated. A reference that the wire cannot follow is an error.
+    --resume takes reference, model and number of cycles from a log, which stays as it is.
     """
     output = Output(as_json)
     check_output(log_file, LOG)
     config = load_rig(rig)
-    path = model_file(config, model)
-    identified = load_wire(path)
-    given = read_reference(reference)
-    given.check_within(travel_mm(identified.model))
+    given = _resumed(resume, config, reference, model, repeat) or _given(config, reference, model, repeat)
     try:
         with Rig(config, trace_folder=trace) as open_rig:
-            plan = plan_tracking(open_rig, given, identified, smooth=smooth, smooth_option="--smooth")
+            plan = plan_tracking(
+                open_rig, given.reference, given.wire, smooth=smooth, smooth_option="--smooth", cycling=given.cycling
+            )
+            plan = replace(plan, caveats=(*given.caveats, *plan.caveats))
             output.warn(plan.caveats)
             watch = shown("tracking", config.limits.current_max_a, quiet=output.quiet)
             loop = track(log_file, open_rig, plan, announced(output, log_file, "the run", open_rig.clock, watch))
@@ -72,14 +94,50 @@ def main(
     _print_metrics(read_log(log_file), loop, output, tripped=None)
 
 
+def _given(config: RigConfig, reference: str | None, model: Path | None, repeat: int | None) -> _Given:
+    """Return the experiment that reference, model and number of cycles describe."""
+    if reference is None:
+        cure = "give a CSV or a shape, or the log of a run to --resume"
+        raise ConfigError("is missing", where="--reference", cure=cure)
+    identified = load_wire(model_file(config, model))
+    given = read_reference(reference)
+    given.check_within(travel_mm(identified.model))
+    if repeat is None:
+        return _Given(given, identified, None)
+    repeated = given.repeated(repeat, RETURN_S)
+    back_s = repeated.cycle_s - given.cycle_s
+    caveats = (f"the reference does not end where it begins: every cycle has a way back of {back_s:g} s",)
+    return _Given(given, identified, Cycling(repeat), caveats if back_s else ())
+
+
+def _resumed(
+    resume: Path | None, config: RigConfig, reference: str | None, model: Path | None, repeat: int | None
+) -> _Given | None:
+    """Return the rest of the run in the log `resume`, None without this option."""
+    if resume is None:
+        return None
+    options = {"--reference": reference, "--model": model, "--repeat": repeat}
+    for option, value in options.items():
+        if value is not None:
+            what, cure = "--resume takes this from its log", "leave the option out"
+            raise ConfigError(what, where=option, value=value, cure=cure)
+    return _Given(*continuation_of(resume, config))
+
+
 def _print_metrics(log: Log, loop: LoopMetrics | None, output: Output, *, tripped: str | None) -> None:
     """Print the metrics of the run up to its end or its trip. `loop` is None after a trip."""
     metrics = tracking_metrics(log, loop or tripped_loop_metrics(log))
     caveats = tracking_caveats(log)
     output.table(HEADER, [table_row("tracking", metrics)])
+    cycles = cycles_of(log)
+    if cycles:
+        output.table(CYCLE_HEADER, cycle_rows(thinned(cycles, MOST_CYCLES)))
     output.warn(caveats)
-    output.say(f"log: {log.path}")
-    output.result({**asdict(metrics), "caveats": caveats, "tripped": tripped})
+    cycling = cycling_of(log)
+    done = "" if cycling is None else f"   {len(cycles)} of {cycling.total} cycles are done"
+    output.say(f"log: {log.path}{done}")
+    of_cycles = {} if cycling is None else {"cycles": [asdict(one) for one in cycles], "cycles_planned": cycling.total}
+    output.result({**asdict(metrics), "caveats": caveats, "tripped": tripped, **of_cycles})
 
 
 def table_row(name: str, metrics: TrackingMetrics) -> tuple[str, ...]:

@@ -33,6 +33,8 @@ EXAMPLES = {
     "run": (
         "smadrive run my-rig.toml --model wire.json --reference sine:low_mm=2,high_mm=9,period_s=56 -o run.h5",
         "smadrive run my-rig.toml --reference steps.csv --smooth -o steps.h5",
+        "smadrive run my-rig.toml --reference sine:low_mm=2,high_mm=9,period_s=20,cycles=1 --repeat 100 -o part-1.h5",
+        "smadrive run my-rig.toml --resume part-1.h5 -o part-2.h5",
     ),
     "tune": ("smadrive tune my-rig.toml --model wire.json", "smadrive tune my-rig.toml --port 0 --no-browser"),
     "report": ("smadrive report run.h5", "smadrive report run.h5 --csv run.csv", "smadrive report before.h5 after.h5"),
@@ -42,10 +44,10 @@ EXAMPLES = {
 }
 
 PLACEHOLDERS = {
-    **dict.fromkeys(("log_file", "model_file", "output_file", "report_file", "plot", "csv", "model"), "FILE"),
+    **dict.fromkeys(("log_file", "model_file", "output_file", "report_file", "plot", "csv", "model", "resume"), "FILE"),
     **dict.fromkeys(("folder", "output_dir", "trace"), "FOLDER"),
     **dict.fromkeys(("input_column", "output_column"), "COLUMN"),
-    **dict.fromkeys(("sets", "components", "seed", "start", "port"), "NUMBER"),
+    **dict.fromkeys(("sets", "components", "seed", "start", "port", "repeat"), "NUMBER"),
     "units": "IDS",
     "current_a": "A",
     "temperature_c": "C",

@@ -66,8 +66,8 @@ def _shown(rig: Rig, length_s: float, log_file: Path | None, extremes: Extremes,
     with ExitStack() as stack:
         takers: list[Callable[[Tick], None]] = [extremes.add]
         if log_file is not None:
-            announce(output, log_file, "the observation", length_s, rig.clock)
             takers.append(stack.enter_context(record_observation(log_file, rig, length_s)).tick)
+            announce(output, log_file, "the observation", length_s, rig.clock)
         takers.append(stack.enter_context(watched_values(rig.config.name, output)))
 
         def record(tick: Tick) -> None:

@@ -31,6 +31,9 @@ MARGIN = 0.1
 TOLERANCE = 0.02
 """Largest shortfall of a feasible reference, in strokes; the controller corrects so small an error."""
 
+CYCLES = 3
+"""Number of cycles of a repeated reference that are simulated; the next ones are like the last of them."""
+
 SUBSTEPS = 3
 """Steps of the wire per period of the loop."""
 
@@ -146,7 +149,8 @@ def _ticks(
     controller = TrackingController(reference, wire, inverse, settings)
     dt_s = settings.period_s
     reading_c, in_force_a, sent_a = state.temperature_c, 0.0, 0.0
-    for number in range(int(reference.times_s[-1] / dt_s) + 1):
+    simulated_s = float(reference.times_s[-1]) + (min(reference.repeats, CYCLES) - 1) * reference.cycle_s
+    for number in range(int(simulated_s / dt_s) + 1):
         ohm = wire.resistance_ohm(state.hysteresis)
         sample = Measurement(number * dt_s, reading_c, in_force_a, in_force_a * ohm, state.hysteresis.y)
         command = controller.update(sample.time_s, sample, dt_s)

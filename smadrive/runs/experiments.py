@@ -28,6 +28,7 @@ from smadrive.measurement import Measurement
 from smadrive.rig.config_checks import check_step
 from smadrive.rig.controllers import step_controller, tracking_settings
 from smadrive.rig.rig import Record, Rig
+from smadrive.runs.cycling.cycles import CycleEvents, Cycling
 from smadrive.runs.run_log import (
     TickRecorder,
     record_controller,
@@ -38,13 +39,16 @@ from smadrive.runs.run_log import (
 )
 from smadrive.safety.supervisor import check_thermocouple
 from smadrive.wire.identified_wire import IdentifiedWire
-from smadrive.wire.wire_model import WireModel, WireState
+from smadrive.wire.wire_model import WireModel, WireState, travel_mm
 
 APPROACH_S = 10.0
 """Duration of the approach, in which the wire moves to the beginning of the reference. The approach is not scored."""
 
 LOST_S = 5.0
 """An observation without a measurement for this time ends with the error of the last exchange."""
+
+RETURN_S = 10.0
+"""Duration of the way back between two cycles of a reference that does not end where it begins."""
 
 NOT_ADAPTED = "adapt = true under [feedback] has an effect only in `smadrive tune`: this run does not change the rules"
 
@@ -64,6 +68,7 @@ class PlannedTracking:
     nearest: Reference
     wire: WireModel
     caveats: tuple[str, ...]
+    cycling: Cycling | None = None
 
 
 def excite(log_file: Path, rig: Rig, watch: Watch) -> LoopMetrics:
@@ -114,31 +119,57 @@ def heat(log_file: Path, rig: Rig, step: ManualStep, watch: Watch) -> LoopMetric
 
 
 def plan_tracking(
-    rig: Rig, given: Reference, identified: IdentifiedWire, *, smooth: bool, smooth_option: str
+    rig: Rig,
+    given: Reference,
+    identified: IdentifiedWire,
+    *,
+    smooth: bool,
+    smooth_option: str,
+    cycling: Cycling | None = None,
 ) -> PlannedTracking:
     """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated.
 
-    ConfigError when the wire cannot follow `given`. With `smooth` the run tracks the nearest reference instead. The
-    error names `smooth_option`, with which the user of the command or of the script asks for that.
+    With `cycling` the reference is repeated. ConfigError when the wire cannot follow `given`. With `smooth` the run
+    tracks the nearest reference instead. The error names `smooth_option`, with which the user asks for that.
     """
     wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance)
-    given, simulated = _simulated(rig, given, wire)
-    simulated.check(rig.config.limits.temperature_max_c, smooth=smooth, smooth_option=smooth_option)
+    start, given = _start(rig, given, wire)
+    limit_c = rig.config.limits.temperature_max_c
+    simulated = _simulated(rig, given, wire, start)
+    simulated.check(limit_c, smooth=smooth, smooth_option=smooth_option)
+    nearest = simulated.nearest
+    if cycling is not None:
+        given, nearest = (one.repeated(cycling.remaining, RETURN_S) for one in (given, nearest))
+        _simulated(rig, nearest, wire, start).check(limit_c, smooth=smooth, smooth_option=smooth_option)
     source = Path(identified.source).name
     of_the_model = (f"{source}: {caveat}" if source else caveat for caveat in identified.caveats)
     not_adapted = (NOT_ADAPTED,) if rig.config.feedback.adapt else ()
-    return PlannedTracking(given, simulated.nearest, wire, (*simulated.caveats, *of_the_model, *not_adapted))
+    caveats = *simulated.caveats, *of_the_model, *not_adapted
+    return PlannedTracking(given, nearest, wire, caveats, cycling)
 
 
 def track(log_file: Path, rig: Rig, plan: PlannedTracking, watch: Watch) -> LoopMetrics:
     """Run `plan` and record it in `log_file`. TripError after a trip."""
-    experiment = plan.nearest, plan.wire.model, plan.wire.balance, HysteresisInverse(plan.wire.model)
-    given, caveats = reference_text(plan.given), json.dumps(plan.caveats)
+    model, balance = plan.wire.model, plan.wire.balance
+    inverse = HysteresisInverse(model)
+    notes = {"given_reference": reference_text(plan.given), "caveats": json.dumps(plan.caveats)}
+    notes |= {} if plan.cycling is None else {"cycling": plan.cycling.text()}
     with (
-        record_tracking(log_file, rig, *experiment, given_reference=given, caveats=caveats) as recorder,
+        record_tracking(log_file, rig, plan.nearest, model, balance, inverse, **notes) as recorder,
         watch(recorder, plan.nearest.duration_s) as record,
     ):
-        return rig.track(*experiment, record)
+        if plan.cycling is None:
+            return rig.track(plan.nearest, model, balance, inverse, record)
+        ends_mm, current_max_a = travel_mm(model), rig.config.limits.current_max_a
+        cycles = CycleEvents(recorder.event, plan.nearest, plan.cycling, ends_mm, current_max_a)
+
+        def record_cycles(tick: Tick) -> None:
+            cycles.tick(tick)
+            record(tick)
+
+        loop = rig.track(plan.nearest, model, balance, inverse, record_cycles)
+        cycles.finish()
+        return loop
 
 
 def drive(
@@ -170,12 +201,15 @@ def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> floa
     return model.initial_state(measured.temperature_c).y
 
 
-def _simulated(rig: Rig, given: Reference, wire: WireModel) -> tuple[Reference, Feasibility]:
-    """Return `given` with its approach, and its simulation."""
+def _start(rig: Rig, given: Reference, wire: WireModel) -> tuple[WireState, Reference]:
+    """Return the present state of the wire, and `given` with the approach from there."""
     measured = rig.measure()
     check_thermocouple(measured)
     start_mm = start_displacement_mm(wire.model, measured)
-    given = given.with_approach(start_mm, APPROACH_S)
     rig.check_balance(wire.balance)
     start = WireState(measured.temperature_c, wire.model.initial_state(measured.temperature_c, start_mm))
-    return given, simulate_run(given, wire, HysteresisInverse(wire.model), tracking_settings(rig.config), start)
+    return start, given.with_approach(start_mm, APPROACH_S)
+
+
+def _simulated(rig: Rig, reference: Reference, wire: WireModel, start: WireState) -> Feasibility:
+    return simulate_run(reference, wire, HysteresisInverse(wire.model), tracking_settings(rig.config), start)

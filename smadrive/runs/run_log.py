@@ -124,6 +124,7 @@ def reference_text(reference: Reference) -> str:
             "displacement_mm": reference.displacement_mm.tolist(),
             "scored_from_s": reference.scored_from_s,
             "endless": reference.endless,
+            "repeats": reference.repeats,
         }
     )
 

@@ -93,7 +93,8 @@ def _reference(values: dict[str, Any]) -> Reference:
         raise ValueError(f"times of shape {times_s.shape} do not fit displacements of shape {displacement_mm.shape}")
     if not (np.isfinite(displacement_mm).all() and (np.diff(times_s) > 0.0).all()):
         raise ValueError("the times do not increase, or a displacement is not finite")
-    return Reference(times_s, displacement_mm, float(values["scored_from_s"]), bool(values["endless"]))
+    repeats = int(values.get("repeats", 1))
+    return Reference(times_s, displacement_mm, float(values["scored_from_s"]), bool(values["endless"]), repeats)
 
 
 def _times_s(log: Log) -> NDArray[np.float64]:

@@ -29,6 +29,7 @@ SESSION_ENDED = {
 _MODE = "mode: "
 _PART_BYTES = EVENT_BYTES - 40
 _PART = re.compile(r"model (\d+), part (\d+) of (\d+): (.*)", re.DOTALL)
+_CYCLE = re.compile(r"cycle \d+: ")
 _IN_FORCE = re.compile(r"in force: (.*), model (\d+): (.*)", re.DOTALL)
 
 
@@ -98,5 +99,5 @@ def spans_of(log: Log) -> Iterator[Span]:
 
 
 def plain_events(log: Log) -> list[RunEvent]:
-    """Return the events without the parts of models."""
-    return [event for event in log.events if not _PART.fullmatch(event.message)]
+    """Return the events without the parts of models, and without the metrics of cycles, which have a table."""
+    return [event for event in log.events if not (_PART.fullmatch(event.message) or _CYCLE.match(event.message))]

@@ -3,20 +3,33 @@
 from __future__ import annotations
 
 import os
+from numbers import Real
 from pathlib import Path
-from typing import Literal
+from typing import Literal, Protocol
 
+from smadrive.control.controllers.step import ManualStep
+from smadrive.control.controllers.temperature import Command
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output, unused_record
 from smadrive.files.kinds import LOG
+from smadrive.measurement import Measurement
 from smadrive.rig.config import RigConfig, load_rig
-from smadrive.runs.experiments import read_reference
+from smadrive.runs.cycling.cycles import Cycling
+from smadrive.runs.experiments import RETURN_S, read_reference
 from smadrive.wire.identified_wire import IdentifiedWire, load_wire
 
 PathText = str | os.PathLike[str]
 ReferenceLike = Reference | PathText
 WireLike = IdentifiedWire | PathText
+
+
+class ScriptController(Protocol):
+    """A controller of the user: one command for each measurement; `time_s` counts from the start of the run."""
+
+    def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
+        """Return the command for the coming period of `dt_s`."""
+        ...
 
 
 def rig_of(rig: RigConfig | PathText) -> RigConfig:
@@ -39,6 +52,28 @@ def reference_of_argument(reference: ReferenceLike) -> Reference:
         return reference
     wanted = "a shape such as smadrive.sine(…), a text such as 'sine:low_mm=…', or the path of a CSV file"
     return read_reference(os.fspath(path_text(reference, "reference", wanted)))
+
+
+def step_of_arguments(duration_s: float, current_a: float | None, temperature_c: float | None) -> ManualStep:
+    """Return the manual step. ConfigError for an argument that is not a number, and for an impossible step."""
+    numbers = {"duration_s": duration_s, "current_a": current_a, "temperature_c": temperature_c}
+    for name, value in numbers.items():
+        if not isinstance(value, Real) and not (value is None and name != "duration_s"):
+            cure = "pass a number"
+            raise ConfigError("of the wrong type", where=name, value=type(value).__qualname__, cure=cure)
+    current_a, temperature_c = (None if value is None else float(value) for value in (current_a, temperature_c))
+    return ManualStep(current_a, temperature_c, float(duration_s))
+
+
+def cycling_of_argument(reference: Reference, repeat: int | None) -> Cycling | None:
+    """Return the plan to repeat the reference `repeat` times, None for one run. ConfigError for another value."""
+    if repeat is None:
+        return None
+    if not isinstance(repeat, int) or repeat < 1:
+        cure = "pass a whole number above 0"
+        raise ConfigError("not a number of cycles", where="repeat", value=repr(repeat), cure=cure)
+    reference.repeated(repeat, RETURN_S)
+    return Cycling(repeat)
 
 
 def new_log(log: PathText | None, kind: Literal["excitation", "heat", "run"]) -> Path:

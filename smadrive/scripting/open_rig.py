@@ -7,10 +7,8 @@ import sys
 import weakref
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
-from smadrive.control.controllers.step import ManualStep
-from smadrive.control.controllers.temperature import Command
 from smadrive.display.card import card
 from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
@@ -20,10 +18,13 @@ from smadrive.safety.shutdown import ShutdownOutcome, carry, shutdown_of
 from smadrive.scripting.arguments import (
     PathText,
     ReferenceLike,
+    ScriptController,
     WireLike,
+    cycling_of_argument,
     new_log,
     reference_of_argument,
     rig_of,
+    step_of_arguments,
     wire_of_argument,
 )
 from smadrive.scripting.loop.loop_client import LoopClient
@@ -45,14 +46,6 @@ from smadrive.scripting.loop.own_controller import check_controller
 from smadrive.scripting.progress import shown_progress
 from smadrive.scripting.run import Run
 from smadrive.wire.wire_model import travel_mm
-
-
-class ScriptController(Protocol):
-    """A controller of the user: one command for each measurement; `time_s` counts from the start of the run."""
-
-    def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the command for the coming period of `dt_s`."""
-        ...
 
 
 class OpenRig:
@@ -135,25 +128,32 @@ class OpenRig:
 
         warm = rig.heat(30, temperature_c=60)
         """
-        current_a, temperature_c = (None if value is None else float(value) for value in (current_a, temperature_c))
-        step = ManualStep(current_a, temperature_c, float(duration_s))
+        step = step_of_arguments(duration_s, current_a, temperature_c)
         path = new_log(log, "heat")
         return self._run(f"heating, {step}", HeatRequest(path.absolute(), step), path)
 
     def track(
-        self, reference: ReferenceLike, wire: WireLike, log: PathText | None = None, *, smooth: bool = False
+        self,
+        reference: ReferenceLike,
+        wire: WireLike,
+        log: PathText | None = None,
+        *,
+        smooth: bool = False,
+        repeat: int | None = None,
     ) -> Run:
         """Track a displacement reference by the inverse of the identified wire.
 
             run = rig.track(smadrive.sine(low_mm=2, high_mm=9, period_s=56), wire, "run.h5")
 
         The run is simulated on the model before the wire is heated. ConfigError when the wire cannot follow; with
-        `smooth` the run tracks the nearest reference that it can follow. TripError after a trip.
+        `smooth` the run tracks the nearest reference that it can follow. With `repeat`, the reference is repeated, and
+        `run.cycles` are the metrics of each cycle. TripError after a trip.
         """
         path = new_log(log, "run")
         identified, given = wire_of_argument(wire), reference_of_argument(reference)
         given.check_within(travel_mm(identified.model))
-        return self._run("tracking", TrackRequest(path.absolute(), given, identified, bool(smooth)), path)
+        request = TrackRequest(path.absolute(), given, identified, bool(smooth), cycling_of_argument(given, repeat))
+        return self._run("tracking", request, path)
 
     def drive(
         self,

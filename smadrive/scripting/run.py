@@ -17,6 +17,7 @@ from smadrive.display.line_plot import Curve, line_plot
 from smadrive.errors import ConfigError
 from smadrive.files.spelling import suggestion_or_list
 from smadrive.runs.columns import COLUMNS
+from smadrive.runs.cycling.cycles import CycleMetrics, cycles_of
 from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import Log
 from smadrive.runs.log.reader import read_log as read_log_file
@@ -88,6 +89,11 @@ class Run:
     def metrics(self) -> RunMetrics:
         """All metrics that the log holds."""
         return run_metrics(self.log)
+
+    @cached_property
+    def cycles(self) -> list[CycleMetrics]:
+        """The metrics of each complete cycle of a repeated reference; empty for another run."""
+        return cycles_of(self.log)
 
     @property
     def rms_percent(self) -> float:

@@ -10,10 +10,12 @@ from typing import Any
 
 from smadrive.errors import UNCONFIRMED
 from smadrive.runs.comparison.settings import flat
+from smadrive.runs.cycling.cycles import CYCLE_HEADER, cycle_rows, cycles_of, cycling_of, thinned
+from smadrive.runs.figures.cycle_plots import cycle_plot
 from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.figures.session_plots import change_table
 from smadrive.runs.log.reader import Log
-from smadrive.runs.report import Banner, Grid, Listing, PagePart, Tiles, write_report
+from smadrive.runs.report import Banner, Grid, Listing, Notes, PagePart, Tiles, write_report
 from smadrive.runs.run_log import OBSERVATION, OWN_CONTROLLER, STEP
 from smadrive.runs.run_metadata import rig_config_of
 from smadrive.runs.run_metrics import RunMetrics, is_virtual, run_caveats, run_metrics
@@ -29,6 +31,10 @@ TITLES = {
 }
 
 
+MOST_CYCLES = 50
+"""Largest number of cycles in the table of the page."""
+
+
 def write_log_report(path: Path, log: Log) -> RunMetrics:
     """Write the page of `log` to `path`, and return the metrics of the run.
 
@@ -40,6 +46,7 @@ def write_log_report(path: Path, log: Log) -> RunMetrics:
         state_of(log, summary),
         *_caveats(log),
         Tiles(list(_tiles(summary, config.limits.current_max_a, is_virtual=is_virtual(log)))),
+        *_cycles(log),
         *log_plots(log),
         *([change_table(log)] if summary.kind == KIND else []),
         *_events(log),
@@ -91,6 +98,19 @@ def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator
     yield f"{summary.ticks}", "ticks"
     worst = "none in virtual time" if is_virtual else f"worst {1e3 * summary.late_max_s:.1f} ms"
     yield f"{summary.missed_deadlines}", f"missed deadlines, {worst}"
+
+
+def _cycles(log: Log) -> Iterator[PagePart]:
+    """Yield the plot over the cycles and their table, for a run that repeats its reference."""
+    cycles, cycling = cycles_of(log), cycling_of(log)
+    if not cycles or cycling is None:
+        return
+    yield cycle_plot(cycles, len(cycling.before))
+    rows, count = cycle_rows(thinned(cycles, MOST_CYCLES)), f"{len(cycles)} of {cycling.total} cycles are complete"
+    yield Grid(CYCLE_HEADER, rows)
+    part = f"; the first {len(cycling.before)} are those of {cycling.continues}" if cycling.before else ""
+    thin = f"; the table shows {len(rows)} of them" if len(rows) < len(cycles) else ""
+    yield Notes([f"{count}{part}{thin}."])
 
 
 def _events(log: Log) -> Iterator[Grid]:

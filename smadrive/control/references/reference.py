@@ -10,7 +10,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf
+from math import inf, isclose
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -37,6 +37,12 @@ SHORTEST_S = 0.1
 FARTHEST_MM = 1e5
 """The largest displacement of a reference, mm: the length of the longest wire that a wire file may describe."""
 
+LONGEST_REPEATED_S = 604_800.0
+"""The longest repeated reference: a week. At 20 Hz its log has about 1.6 GB."""
+
+CLOSED_MM = 1e-6
+"""A reference whose ends differ by less needs no way back before it is repeated."""
+
 TRAVEL_SLACK = 0.005
 """A reference may exceed the travel of the wire by this share, because the measured travel contains sensor noise."""
 
@@ -45,13 +51,15 @@ TRAVEL_SLACK = 0.005
 class Reference:
     """Displacement setpoint over time. At `scored_from_s` the approach ends and the metrics begin.
 
-    When the table of an `endless` reference ends, the reference continues at `scored_from_s`.
+    When the table of an `endless` reference ends, it continues at `scored_from_s`. So does a reference with `repeats`,
+    until this number of cycles is complete.
     """
 
     times_s: Array
     displacement_mm: Array
     scored_from_s: float = 0.0
     endless: bool = False
+    repeats: int = 1
 
     @classmethod
     def from_samples(cls, times_s: ArrayLike, displacement_mm: ArrayLike) -> Reference:
@@ -100,7 +108,7 @@ class Reference:
     @property
     def duration_s(self) -> float:
         """Length of the reference, approach included, s; infinite for an endless reference."""
-        return inf if self.endless else float(self.times_s[-1])
+        return inf if self.endless else float(self.times_s[-1]) + (self.repeats - 1) * self.cycle_s
 
     @property
     def cycle_s(self) -> float:
@@ -108,8 +116,9 @@ class Reference:
         return float(self.times_s[-1]) - self.scored_from_s
 
     def cycle(self, time_s: float) -> int:
-        """Return the number of cycles that an endless reference has completed; 0 for other references."""
-        return max(0, int((time_s - self.scored_from_s) // self.cycle_s)) if self.endless else 0
+        """Return the number of cycles that are completed before the present one; 0 for a reference without cycles."""
+        number = max(0, int((time_s - self.scored_from_s) // self.cycle_s))
+        return number if self.endless else min(number, self.repeats - 1)
 
     def value_mm(self, time_s: float) -> float:
         """Return the setpoint at `time_s`, mm. Before the table the first value holds, after it the last value."""
@@ -121,9 +130,9 @@ class Reference:
 
     @cached_property
     def _reversals(self) -> tuple[list[float], list[float]]:
-        """Return the times of the reversals and the directions after them, of an endless reference for two cycles."""
+        """Return the times of the reversals and the directions after them, for two cycles if there are cycles."""
         times, values = self.times_s, self.displacement_mm
-        if self.endless:
+        if self.endless or self.repeats > 1:
             again = times > self.scored_from_s
             times = np.concatenate((times, times[again] + self.cycle_s))
             values = np.concatenate((values, values[again]))
@@ -138,12 +147,13 @@ class Reference:
         begun_s = self._begun_s(time_s)
         for number in range(bisect_right(times_s, time_s - begun_s), len(times_s)):
             if directions[number] != direction:
-                return begun_s + times_s[number]
+                found_s = begun_s + times_s[number]
+                return found_s if found_s < self.duration_s else inf
         return inf
 
     def _begun_s(self, time_s: float) -> float:
         """Return the duration of the cycles that are completed at `time_s`."""
-        return self.cycle(time_s) * self.cycle_s if self.endless else 0.0
+        return self.cycle(time_s) * self.cycle_s
 
     def check_within(self, ends_mm: tuple[float, float]) -> None:
         """Raise ConfigError when the reference leaves the travel of the wire, from one of `ends_mm` to the other.
@@ -169,7 +179,7 @@ class Reference:
         If its ends differ, each cycle ends with a smooth way back that lasts `return_s`.
         """
         begins_mm, ends_mm = self.value_mm(self.scored_from_s), float(self.displacement_mm[-1])
-        if begins_mm == ends_mm:
+        if isclose(begins_mm, ends_mm, abs_tol=CLOSED_MM):
             return replace(self, endless=True)
         path_mm = _minimum_jerk(ends_mm, begins_mm, return_s)[1:]
         times_s = self.times_s[-1] + np.linspace(0.0, return_s, path_mm.size + 1)[1:]
@@ -179,6 +189,15 @@ class Reference:
             self.scored_from_s,
             endless=True,
         )
+
+    def repeated(self, repeats: int, return_s: float) -> Reference:
+        """Return the same reference, repeated; as in `without_end`, a way back closes each cycle.
+
+        DataError when it is longer than `LONGEST_REPEATED_S`.
+        """
+        cycles = replace(self.without_end(return_s), endless=False, repeats=repeats)
+        check_length(cycles.duration_s, longest_s=LONGEST_REPEATED_S)
+        return cycles
 
     def with_approach(self, from_mm: float, approach_s: float) -> Reference:
         """Return the same reference after a minimum-jerk approach from `from_mm` that lasts `approach_s`."""

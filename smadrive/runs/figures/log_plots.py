@@ -114,7 +114,8 @@ def _heat(log: Log) -> Plot:
 def _plane(log: Log) -> Plot:
     figure, (ax,) = panels((4.6,))
     every = max(1, log.column("time_s").size // PLANE_POINTS)
-    temperature_c = log.column_with_gaps("estimated_c")[::every]
+    is_estimated = bool(np.isfinite(log.column_with_gaps("estimated_c")).any())
+    temperature_c = log.column_with_gaps("estimated_c" if is_estimated else "temperature_c")[::every]
     dots = ax.scatter(
         temperature_c,
         log.column_with_gaps("displacement_mm")[::every],
@@ -126,7 +127,7 @@ def _plane(log: Log) -> Plot:
         label="measured",
     )
     figure.colorbar(dots, ax=ax, label="time / s", pad=0.01, aspect=30).outline.set_visible(False)
-    caption = "Measured displacement over the estimated temperature of the wire."
+    caption = f"Measured displacement over the {'estimated' if is_estimated else 'measured'} temperature of the wire."
     if "wire" in log.metadata:
         draw_branches(ax, wire_of(log).model)
         caption += " Lines: the major loop of the model; the minor loops lie inside it."

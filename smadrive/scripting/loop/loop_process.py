@@ -95,9 +95,9 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
             return _counts(excite(log_file, rig, link.watch))
         case HeatRequest(log_file=log_file, step=step):
             return _counts(heat(log_file, rig, step, link.watch))
-        case TrackRequest(log_file=log_file, reference=reference, wire=wire, smooth=smooth):
+        case TrackRequest(log_file=log_file, reference=reference, wire=wire, smooth=smooth, cycling=cycling):
             with link.at_once():  # the simulation of a long reference takes minutes
-                plan = plan_tracking(rig, reference, wire, smooth=smooth, smooth_option="smooth=True")
+                plan = plan_tracking(rig, reference, wire, smooth=smooth, smooth_option="smooth=True", cycling=cycling)
             return _counts(track(log_file, rig, plan, link.watch))
         case DriveRequest(log_file=log_file, controller=controller, duration_s=duration_s, wire=wire):
             own = OwnController(controller, duration_s, link.at_once)

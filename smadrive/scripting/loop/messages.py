@@ -14,6 +14,7 @@ from smadrive.control.controllers.step import ManualStep
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
 from smadrive.rig.config import RigConfig
+from smadrive.runs.cycling.cycles import Cycling
 from smadrive.runs.log.reader import RunEvent
 from smadrive.wire.identified_wire import IdentifiedWire
 
@@ -60,6 +61,7 @@ class TrackRequest:
     reference: Reference
     wire: IdentifiedWire
     smooth: bool
+    cycling: Cycling | None = None
 
 
 @dataclass(frozen=True)

@@ -74,7 +74,7 @@ def test_command_is_found_in_the_line_that_is_typed(arguments, environment, comm
 
 @pytest.mark.parametrize(
     ("words", "place", "offered"),
-    [("smadrive re", 1, {"replay", "report"}), ("smadrive run --re", 2, {"--reference"})],
+    [("smadrive re", 1, {"replay", "report"}), ("smadrive run --re", 2, {"--reference", "--repeat", "--resume"})],
 )
 def test_shell_completes_commands_and_options(words, place, offered):
     script = "import sys; sys.argv = ['smadrive']; from smadrive.cli import main; main()"

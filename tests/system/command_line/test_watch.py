@@ -6,6 +6,7 @@ import subprocess
 import sys
 from math import nan
 
+import numpy as np
 import programs
 import pytest
 from rich.console import Console
@@ -21,6 +22,7 @@ from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.experiments import LOST_S, observe
+from smadrive.runs.figures.log_plots import log_plots
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.replay import replay
 
@@ -42,6 +44,9 @@ def test_json_lines_and_log_hold_every_measurement(tmp_path):
     assert not log.column("commanded_a").any()
     with pytest.raises(DataError):
         replay(log)
+    (plane,) = (plot for plot in log_plots(log) if plot.title == "Temperature and displacement")
+    assert "measured temperature" in plane.caption
+    assert np.isfinite(plane.figure.axes[0].collections[0].get_offsets()).all()
 
 
 def test_pipe_gets_a_line_a_second_and_a_table(tmp_path):

@@ -45,6 +45,11 @@ MISTAKES = [
     ("log", lambda rig, wire: rig.excite("l.csv"), DataError, "the name of a log ends in .h5"),
     ("log", lambda rig, wire: rig.excite("excitation.h5"), DataError, "a record is never overwritten"),
     ("log", lambda rig, wire: rig.excite("no/folder/l.h5"), DataError, "cannot be written"),
+    ("step", lambda rig, wire: rig.heat(1.0), ConfigError, "step: needs exactly one"),
+    ("step", lambda rig, wire: rig.heat("1", current_a=0.1), ConfigError, "duration_s: of the wrong type (str)"),
+    ("step", lambda rig, wire: rig.heat(1.0, temperature_c=200.0), ConfigError, "step: temperature: too hot"),
+    ("repeat", lambda rig, wire: rig.track(SINE, wire, repeat=0), ConfigError, "repeat: not a number of cycles (0)"),
+    ("repeat", lambda rig, wire: rig.track(SINE, wire, repeat=10**6), DataError, "too long"),
     ("controller", lambda rig, wire: rig.drive(Warm, wire, duration_s=1), ConfigError, "a class, not an object"),
     ("controller", lambda rig, wire: rig.drive(Warm(), wire), ConfigError, "the length of the run is unknown"),
     (

@@ -1,0 +1,73 @@
+"""The rest of a cycling run that ended early: reference, wire and remaining cycles, from the log of the part before.
+
+That log is only read. The continuation writes a log of its own.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import NamedTuple
+
+from smadrive.control.references.reference import Reference
+from smadrive.errors import ConfigError, DataError
+from smadrive.rig.config import RigConfig
+from smadrive.runs.comparison.settings import flat
+from smadrive.runs.cycling.cycles import Cycling, cycles_of, cycling_of
+from smadrive.runs.log.reader import Log, read_log
+from smadrive.runs.run_metadata import reference_of, rig_config_of, wire_of
+from smadrive.wire.identified_wire import IdentifiedWire
+
+
+class Continuation(NamedTuple):
+    """What the rest of a run needs. `caveats` are differences between the rig files of the two parts."""
+
+    reference: Reference
+    wire: IdentifiedWire
+    cycling: Cycling
+    caveats: tuple[str, ...]
+
+
+def continuation_of(path: Path, config: RigConfig) -> Continuation:
+    """Return the rest of the run in the log at `path`, for the rig `config`.
+
+    DataError when the run repeats no reference, or all its cycles are done; ConfigError for a rig with another wire.
+    """
+    log = read_log(path)
+    cycling = cycling_of(log)
+    if cycling is None:
+        cure = "give the log of a run with --repeat"
+        raise DataError("the run repeats no reference, so nothing is left of it", where=path, cure=cure)
+    done = cycles_of(log)
+    if len(done) >= cycling.total:
+        cure = "start a new run with --reference and --repeat"
+        raise DataError("all cycles are done", where=path, value=len(done), limit=cycling.total, cure=cure)
+    _check_wire(log, config)
+    rest = Cycling(cycling.total, tuple(done), str(path))
+    return Continuation(_one_cycle(reference_of(log)), wire_of(log), rest, _differences(log, config))
+
+
+def _one_cycle(reference: Reference) -> Reference:
+    """Return the table of one cycle, without the approach."""
+    is_scored = reference.times_s >= reference.scored_from_s
+    return Reference.from_samples(reference.times_s[is_scored], reference.displacement_mm[is_scored])
+
+
+def _check_wire(log: Log, config: RigConfig) -> None:
+    before = rig_config_of(log)
+    if Path(before.wire).name != Path(config.wire).name:
+        raise ConfigError(
+            "the rig has another wire than the run to resume",
+            where=f"rig '{config.name}'",
+            value=config.wire,
+            limit=before.wire,
+            cure="give the rig of that run",
+        )
+
+
+def _differences(log: Log, config: RigConfig) -> tuple[str, ...]:
+    now = dict(flat(json.loads(config.model_dump_json())))
+    before = dict(flat(log.json("rig")))
+    names = [name for name in {**before, **now} if now.get(name) != before.get(name)]
+    texts = [f"{name} was {before.get(name, 'not set')}, is {now.get(name, 'not set')}" for name in names]
+    return (f"the rig file has changed since {log.path.name}: {'; '.join(texts)}",) if texts else ()

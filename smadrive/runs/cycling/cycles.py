@@ -1,0 +1,233 @@
+"""The metrics of each cycle of a run that repeats its reference.
+
+A cycle is one repetition of the reference. The first part of a run and its continuations have one numbering: the log of
+a continuation holds the metrics of the cycles before it. The resistance at rest is measured near the cold end of the
+reference, from samples with enough current; it includes leads and clamps.
+"""
+
+from __future__ import annotations
+
+import json
+from array import array
+from collections.abc import Callable, Iterable
+from dataclasses import asdict, dataclass
+from math import nan
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from smadrive.control.loop import Tick
+from smadrive.control.references.reference import Reference
+from smadrive.runs.log.reader import Log
+from smadrive.runs.run_metadata import reference_of, rig_config_of, wire_of
+from smadrive.runs.run_metrics import MEASURABLE
+from smadrive.wire.wire_model import travel_mm
+
+Array = NDArray[np.float64]
+
+REST_SHARE = 0.05
+"""The wire counts as at rest within this share of the reference's span from its cold end."""
+
+LEAST_SAMPLES = 3
+"""A resistance at rest needs this number of samples."""
+
+COLUMNS_OF_A_CYCLE = ("time_s", "setpoint_mm", "displacement_mm", "temperature_c", "current_a", "voltage_v")
+
+EVENT = "cycle "
+"""The beginning of the event that a run writes after each cycle."""
+
+
+@dataclass(frozen=True)
+class CycleMetrics:
+    """The metrics of one cycle; errors in % of the model's stroke. Unknown values are NaN."""
+
+    cycle: int
+    stroke_mm: float
+    rms_percent: float
+    max_percent: float
+    rest_ohm: float
+    energy_j: float
+    temperature_max_c: float
+
+    def __str__(self) -> str:
+        """Return the text of the event."""
+        values = (
+            f"stroke {self.stroke_mm:.4g} mm",
+            f"RMS error {self.rms_percent:.3g} %",
+            f"largest error {self.max_percent:.3g} %",
+            f"at rest {self.rest_ohm:.4g} Ω",
+            f"energy {self.energy_j:.4g} J",
+            f"at most {self.temperature_max_c:.4g} °C",
+        )
+        return f"{EVENT}{self.cycle}: {', '.join(values)}"
+
+
+@dataclass(frozen=True)
+class Cycling:
+    """The plan of a run that repeats its reference: `total` cycles, of which `before` are done already.
+
+    `continues` is the log of the part before, empty for the first part.
+    """
+
+    total: int
+    before: tuple[CycleMetrics, ...] = ()
+    continues: str = ""
+
+    @property
+    def remaining(self) -> int:
+        """The number of cycles that are left."""
+        return self.total - len(self.before)
+
+    def text(self) -> str:
+        """Return the plan as the log stores it."""
+        before = [{name: _or_none(value) for name, value in asdict(one).items()} for one in self.before]
+        return json.dumps({"total": self.total, "continues": self.continues, "before": before})
+
+
+def cycling_of(log: Log) -> Cycling | None:
+    """Return the plan of a run that repeats its reference, None for another run. DataError when it is invalid."""
+    return log.parsed("cycling", _cycling) if "cycling" in log.metadata else None
+
+
+def cycles_of(log: Log) -> list[CycleMetrics]:
+    """Return the metrics of each complete cycle, those of the parts before included; none for another run."""
+    cycling = cycling_of(log)
+    if cycling is None or not log.column("time_s").size:
+        return []
+    reference, measure = reference_of(log), _measure_of(log)
+    rows = np.column_stack([log.column_with_gaps(name) for name in COLUMNS_OF_A_CYCLE])
+    numbers = _numbers(reference, rows[:, 0])
+    complete = _complete(reference, float(rows[-1, 0]), 1.5 / rig_config_of(log).rate_hz)
+    edges = np.searchsorted(numbers, np.arange(complete + 1))
+    first = len(cycling.before) + 1
+    own = [measure(first + n, rows[edges[n] : edges[n + 1]]) for n in range(complete)]
+    return [*cycling.before, *own]
+
+
+class CycleEvents:
+    """Writes an event after each cycle of a run. Call `tick` with every tick, `finish` after a complete run."""
+
+    def __init__(
+        self,
+        write: Callable[[str], None],
+        reference: Reference,
+        cycling: Cycling,
+        travel: tuple[float, float],
+        current_max_a: float,
+    ) -> None:
+        self._write = write
+        self._reference = reference
+        self._first = len(cycling.before) + 1
+        self._travel = travel
+        self._current_max_a = current_max_a
+        self._number = 0
+        self._values = array("d")  # turns into rows without a copy, so that a long cycle makes no tick late
+
+    def tick(self, tick: Tick) -> None:
+        """Take one tick, and write an event if it is the first tick of the next cycle."""
+        number = int(_numbers(self._reference, np.array([tick.time_s]))[0])
+        if number > self._number:
+            self.finish()
+            self._number = number
+        if number >= 0:
+            measured = tick.measurement
+            values = measured.displacement_mm, measured.temperature_c, measured.current_a, measured.voltage_v
+            self._values.extend((tick.time_s, tick.command.setpoint_mm, *values))
+
+    def finish(self) -> None:
+        """Write the event of the cycle that has ended."""
+        if self._values:
+            rows = np.frombuffer(self._values).reshape(-1, len(COLUMNS_OF_A_CYCLE))
+            self._write(str(metrics_of(self._first + self._number, rows, self._travel, self._current_max_a)))
+            self._values = array("d")
+
+
+def metrics_of(number: int, rows: Array, travel: tuple[float, float], current_max_a: float) -> CycleMetrics:
+    """Return the metrics of the cycle `number`, whose rows hold the values of `COLUMNS_OF_A_CYCLE`."""
+    time_s, setpoint_mm, displacement_mm, temperature_c, current_a, voltage_v = rows.T
+    cold_mm, hot_mm = travel
+    error = 100.0 * (setpoint_mm - displacement_mm) / abs(hot_mm - cold_mm)
+    error = error[np.isfinite(error)]
+    height = setpoint_mm if hot_mm > cold_mm else -setpoint_mm
+    is_rest = height <= height.min() + REST_SHARE * np.ptp(height)
+    is_rest &= current_a >= MEASURABLE * current_max_a
+    rest_ohm = (voltage_v / np.where(is_rest, current_a, 1.0))[is_rest]
+    rest_ohm = rest_ohm[np.isfinite(rest_ohm)]
+    power_w = current_a * voltage_v
+    return CycleMetrics(
+        number,
+        _span(displacement_mm),
+        float(np.sqrt(np.mean(error**2))) if error.size else nan,
+        float(np.abs(error).max()) if error.size else nan,
+        float(np.median(rest_ohm)) if rest_ohm.size >= LEAST_SAMPLES else nan,
+        float(np.nansum(power_w[1:] * np.diff(time_s))),
+        float(np.nanmax(temperature_c)) if np.isfinite(temperature_c).any() else nan,
+    )
+
+
+def cycle_rows(cycles: Iterable[CycleMetrics]) -> list[tuple[str, ...]]:
+    """Return the table of cycles as texts, under `CYCLE_HEADER`."""
+    return [
+        (
+            str(one.cycle),
+            *(
+                f"{value:.{digits}f}" if np.isfinite(value) else "–"
+                for value, digits in (
+                    (one.stroke_mm, 3),
+                    (one.rms_percent, 2),
+                    (one.max_percent, 2),
+                    (one.rest_ohm, 3),
+                    (one.energy_j, 1),
+                    (one.temperature_max_c, 1),
+                )
+            ),
+        )
+        for one in cycles
+    ]
+
+
+CYCLE_HEADER = ("cycle", "stroke / mm", "RMS error / %", "largest / %", "at rest / Ω", "energy / J", "highest / °C")
+
+
+def thinned(cycles: list[CycleMetrics], most: int) -> list[CycleMetrics]:
+    """Return at most `most` of the cycles, evenly spaced, with the first and the last one."""
+    if len(cycles) <= most:
+        return cycles
+    return [cycles[n] for n in np.unique(np.linspace(0, len(cycles) - 1, most).round().astype(int))]
+
+
+def _measure_of(log: Log) -> Callable[[int, Array], CycleMetrics]:
+    travel, current_max_a = travel_mm(wire_of(log).model), rig_config_of(log).limits.current_max_a
+    return lambda number, rows: metrics_of(number, rows, travel, current_max_a)
+
+
+def _numbers(reference: Reference, time_s: Array) -> NDArray[np.int64]:
+    """Return the number of the cycle at each time, from 0; -1 in the approach. The last cycle includes its end."""
+    numbers = np.floor((time_s - reference.scored_from_s) / reference.cycle_s).astype(np.int64)
+    return np.clip(numbers, -1, reference.repeats - 1)
+
+
+def _complete(reference: Reference, last_s: float, tolerance_s: float) -> int:
+    """Return the number of complete cycles of a run whose last sample was at `last_s`."""
+    cycles = (last_s + tolerance_s - reference.scored_from_s) / reference.cycle_s
+    return min(max(int(cycles), 0), reference.repeats)
+
+
+def _span(values: Array) -> float:
+    finite = values[np.isfinite(values)]
+    return float(np.ptp(finite)) if finite.size else nan
+
+
+def _cycling(values: dict[str, Any]) -> Cycling:
+    before = tuple(_cycle(one) for one in values["before"])
+    return Cycling(int(values["total"]), before, str(values["continues"]))
+
+
+def _cycle(values: dict[str, Any]) -> CycleMetrics:
+    metrics = {name: nan if value is None else float(value) for name, value in values.items() if name != "cycle"}
+    return CycleMetrics(int(values["cycle"]), **metrics)
+
+
+def _or_none(value: float) -> float | None:
+    return value if np.isfinite(value) else None
