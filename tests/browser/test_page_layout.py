@@ -76,7 +76,11 @@ SIZES = ((1920, 1080), (1440, 900), (1024, 768), (700, 900), (390, 844))
 NEEDED = "#off, header .chips, .number, .times, .plot, .run, .knobs"
 """The elements that a running session needs."""
 
-GEOMETRY = """() => {
+LONGEST = [["−135.0", "estimated"], ["−12.34", "estimated"], ["−0.000", "commanded"], ["−12.34", "no setpoint"]]
+"""The longest numbers and states."""
+
+GEOMETRY = """([needed, longest]) => {
+    showNumbers(longest.map(texts => [...texts, ""]));
     const outside = ({left, top, right, bottom}) => left < 0 || top < 0 || right > innerWidth || bottom > innerHeight;
     const place = (element) => element.getBoundingClientRect();
     const all = (selector) => [...document.querySelectorAll(selector)];
@@ -93,9 +97,9 @@ GEOMETRY = """() => {
         overlapping: parts.flatMap((part, n) =>
             names(parts.slice(n + 1).filter(other => !apart(place(part), place(other))))),
         cut: names(all(".number b, .number h2, .number .state").filter(part =>
-            place(part).right > place(part.closest(".number")).right - 4)),
-        outside: names(all(NEEDED).filter(one => outside(place(one)))),
-    } }""".replace("NEEDED", repr(NEEDED))
+            place(part).right > place(part.closest(".number")).right - 4 || part.scrollWidth > part.clientWidth)),
+        outside: names(all(needed).filter(one => outside(place(one)))),
+    } }"""
 """A script that returns what lies where. `outside` are the needed elements that are not wholly inside the window."""
 
 
@@ -109,13 +113,13 @@ def test_off_is_in_reach_and_nothing_overlaps_in_a_running_session(client, live)
         right |= {"overOff": [], "overlapping": [], "cut": []}
 
         def is_right(right=right):
-            found = page.evaluate(GEOMETRY)
+            found = page.evaluate(GEOMETRY, [NEEDED, LONGEST])
             return {key: found[key] for key in right} == right
 
         live.wait(is_right)
         live.wait(lambda: page.evaluate(OVER_OFF) == 0)
         if (width, height) in SIZES[:2]:
-            live.wait(lambda: page.evaluate(GEOMETRY)["outside"] == [])
+            live.wait(lambda: page.evaluate(GEOMETRY, [NEEDED, LONGEST])["outside"] == [])
 
 
 def test_large_numbers_are_those_of_the_wire_and_vanish_with_their_process(client, live):

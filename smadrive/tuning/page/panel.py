@@ -67,7 +67,7 @@ def banner_html(status: dict[str, Any], note: str) -> str:
     if status["fault"]:
         lines.append(("bad", status["fault"]))
     if status["lost"]:
-        lines.append(("bad", f"no answer: {status['lost']}"))
+        lines.append(("bad lost", f"no answer: {status['lost']}"))
     if status["device_faults"]:
         latched = ", ".join(status["device_faults"])
         lines.append(("bad", f"latched on the device: {latched}; remove the cause, then Clear faults"))

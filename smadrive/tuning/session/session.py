@@ -94,7 +94,7 @@ class TuningSession:
         """Switch the heater off, and publish the end: "off", or "unconfirmed" if the safe state was not confirmed."""
         try:
             self._rig.heater.enter_safe_state()
-            self._status.is_safe, self._status.end = True, "off"
+            self._status.is_safe, self._status.end, self._status.lost = True, "off", None
         except Exception:  # noqa: BLE001  (after any error the heater is not confirmed off)
             self._status.is_safe, self._status.end = False, "unconfirmed"
         self._publish()

@@ -48,7 +48,7 @@ class LiveNumbers:
     """Shows the newest sample as long as it is new. `model` is the root that the document needs."""
 
     def __init__(self, period_s: float, clock_s: Callable[[], float] = time.monotonic) -> None:
-        self.model = NumberTexts(name="numbers", texts=[list(number) for number in _without("no sample yet")])
+        self.model = NumberTexts(name="numbers", texts=[list(number) for number in _without("no sample")])
         self.on_load = CustomJS(args={"numbers": self.model}, code="showNumbers(numbers.texts)")
         self.model.js_on_change("texts", self.on_load)
         self._old_s = max(OLD_S, OLD_PERIODS * period_s)
@@ -62,7 +62,7 @@ class LiveNumbers:
             self._newest_s = now_s
             self._show(numbers_of(rows, stroke_mm))
         elif now_s - self._newest_s > self._old_s:
-            self._show(_without("no new sample"))
+            self._show(_without("no sample"))
 
     def _show(self, numbers: tuple[LiveNumber, ...]) -> None:
         texts = [list(number) for number in numbers]

@@ -75,7 +75,7 @@ def test_old_sample_is_not_shown_as_the_present_one():
     assert numbers.model.texts[0][0] == "90.3"
     now_s += 0.2 * OLD_S
     numbers.update(none, 12.0)
-    assert {(value, state) for value, state, _ in numbers.model.texts} == {(NONE, "no new sample")}
+    assert {(value, state) for value, state, _ in numbers.model.texts} == {(NONE, "no sample")}
 
 
 def test_slow_loop_is_not_called_silent_between_two_samples():
