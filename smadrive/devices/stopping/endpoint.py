@@ -30,6 +30,9 @@ IS_POSSIBLE = sys.platform == "linux"
 
 REFUSED = b"refused"
 
+PLACES = 16
+"""So many drivers may listen at the same number of a pseudo-terminal, all but one of them for one that has ended."""
+
 _CREDENTIALS = struct.Struct("3i")
 _ACL = "system.posix_acl_access"
 
@@ -67,6 +70,17 @@ class PeerProcess(NamedTuple):
 def address_of(name: str) -> str:
     """Return the address of the driver of the line that has this name."""
     return f"\0smadrive/{sha256(name.encode()).hexdigest()[:32]}"
+
+
+def places(name: str) -> tuple[str, ...]:
+    """Return the names at which the driver of the line `name` may listen; it takes the first one that is free.
+
+    The number of a pseudo-terminal is soon reused, while the driver of the ended one may still run. So a
+    pseudo-terminal has several places; two drivers of the same one are kept apart by its lock.
+    """
+    if "/dev/pts/" not in name:
+        return (name,)
+    return (name, *(f"{name} place {number}" for number in range(2, PLACES + 1)))
 
 
 def names_of_line(line: str, key: DeviceKey) -> tuple[str, ...]:

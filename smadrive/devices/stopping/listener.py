@@ -20,7 +20,7 @@ from types import TracebackType
 from typing import Self
 from weakref import WeakSet
 
-from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, peer_of
+from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, peer_of, places
 from smadrive.errors import BusyError, StoppedError
 
 BACKLOG = 16
@@ -169,15 +169,18 @@ def _shut(one: socket.socket) -> None:
 
 
 def _listening(name: str) -> socket.socket:
-    listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        listening.bind(address_of(name))
-    except OSError:
-        listening.close()
-        raise _busy(name) from None
-    listening.listen(BACKLOG)
-    listening.setblocking(False)
-    return listening
+    """Return a socket that listens at the first free place of `name`; BusyError if there is none."""
+    for place in places(name):
+        listening = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            listening.bind(address_of(place))
+        except OSError:
+            listening.close()
+            continue
+        listening.listen(BACKLOG)
+        listening.setblocking(False)
+        return listening
+    raise _busy(name)
 
 
 def _busy(name: str) -> BusyError:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from smadrive.devices.stopping.endpoint import names_of_line
+from smadrive.devices.stopping.endpoint import names_of_line, places
 from smadrive.devices.stopping.request import StoppedDriver, stop_driver
 from smadrive.errors import SafetyError
 from smadrive.rig.connections import key_of, line_names
@@ -51,4 +51,5 @@ def _names_and_lines(device: PlannedDevice) -> list[tuple[str, str]]:
     if device.is_simulated:
         return []
     key = key_of(device)
-    return [(name, line) for line in line_names(device) for name in names_of_line(line, key)]
+    names = ((name, line) for line in line_names(device) for name in names_of_line(line, key))
+    return [(place, line) for name, line in names for place in places(name)]

@@ -47,7 +47,7 @@ def run_cycles(path, ends_after_s=1e9):
         return nullcontext(record)
 
     with Rig(RIG) as rig:
-        plan = plan_tracking(rig, SWING, WIRE, smooth=True, cycling=Cycling(TOTAL))
+        plan = plan_tracking(rig, SWING, WIRE, smooth=True, smooth_option="--smooth", cycling=Cycling(TOTAL))
         track(path, rig, plan, watch)
 
 

@@ -11,7 +11,7 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import SafetyError
 from smadrive.rig.config import DeviceConfig
 from smadrive.rig.plan import PlannedDevice
-from smadrive.rig.switching_off.drivers import MOST_LATE, stop_late_drivers
+from smadrive.rig.switching_off.drivers import MOST_LATE, stop_drivers, stop_late_drivers
 
 DRIVER = """
 import sys, time
@@ -72,6 +72,13 @@ def test_heater_is_confirmed_off_again_after_each_driver_that_came(devices, star
     assert [driver.pid for driver in stopped] == pids
     assert len(confirmed) == 2
     assert refused is None
+
+
+def test_driver_of_an_ended_terminal_keeps_no_number_from_a_new_one(devices, start):
+    """The number of a pseudo-terminal is soon reused. Both drivers listen, and both are stopped."""
+    pids = [start(), start()]
+    stopped, _ = stop_drivers(devices)
+    assert [driver.pid for driver in stopped] == pids
 
 
 def test_drivers_that_start_again_and_again_are_an_error(devices, start):
