@@ -41,6 +41,17 @@ HOLD_BACK = """() => {
 """A script that holds back the messages of the page until `letGo()` is called."""
 
 
+WRONG_COUNT = """arm => {
+    Bokeh.documents[0].get_model_by_name('button_events').setv({offs: 7}, {sync: false});
+    arm.click();
+}"""
+"""A script that presses Arm with a wrong count of OFFs. In between, no message of the server can correct the count."""
+
+
+def arm_button(page):
+    return page.locator("button:enabled", has_text=re.compile("^Arm$")).element_handle()
+
+
 def offs(page):
     """Return the number of OFFs that the page knows."""
     return page.evaluate("() => Bokeh.documents[0].get_model_by_name('button_events').offs")
@@ -68,16 +79,14 @@ def test_off_elsewhere_wins_over_an_earlier_arm_and_the_next_arm_is_accepted(cli
 @pytest.mark.exhaustive
 def test_page_with_a_wrong_count_of_offs_gets_the_right_one_after_a_refusal(client, live):
     page = client()
-    page.evaluate("() => Bokeh.documents[0].get_model_by_name('button_events').setv({offs: 7}, {sync: false})")
-    press(page, "Arm")
+    page.evaluate(WRONG_COUNT, arm_button(page))
     is_refused_and_the_next_one_arms(page, live)
 
 
 @pytest.mark.exhaustive
 def test_arm_right_after_off_on_the_same_page_is_accepted(client, live):
     page = client()
-    arm = page.locator("button:enabled", has_text=re.compile("^Arm$")).element_handle()
-    page.evaluate("arm => { document.getElementById('off').click(); arm.click(); }", arm)
+    page.evaluate("arm => { document.getElementById('off').click(); arm.click(); }", arm_button(page))
     live.wait(lambda: live.session.mode.heats)
     assert page.locator(".banner", has_text="OFF was pressed").count() == 0
 
