@@ -54,10 +54,10 @@ def main(
             f"Shapes: {', '.join(SHAPES)}; a shape without keys prints its keys.  [required without --resume]"
         ),
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="Model file; the one of the rig file by default.")] = None,
+    model: Annotated[Path | None, typer.Option(help="Model file; by default the model of the rig file.")] = None,
     smooth: Annotated[
         bool,
-        typer.Option("--smooth", help="If the wire cannot follow the reference, track the nearest one that it can."),
+        typer.Option("--smooth", help="If the wire cannot follow the reference, track the nearest feasible reference."),
     ] = False,
     repeat: Annotated[
         int | None, typer.Option(min=1, help="Repeat the reference this number of times, and measure every cycle.")
@@ -156,7 +156,7 @@ def _percent(value: float) -> str:
 
 
 def model_file(config: RigConfig, option: Path | None) -> Path:
-    """Return the model file that `option` names, or else the one of the rig file. ConfigError if both are missing."""
+    """Return the model file that `option` names, or else the model file of the rig. ConfigError if both are missing."""
     if option is not None:
         return option
     if config.model is None:

@@ -60,8 +60,8 @@ Watch = Callable[[TickRecorder, float], AbstractContextManager[Record]]
 class PlannedTracking:
     """A tracking run that was simulated on the model of its wire.
 
-    `given` is the reference with its approach, `nearest` the one that the run tracks: `given` itself if the wire can
-    follow it. `caveats` are reasons to distrust the run, one sentence each.
+    `given` is the reference with its approach. `nearest` is the reference that the run tracks; it equals `given` if the
+    wire can follow `given`. `caveats` are reasons to distrust the run, one sentence each.
     """
 
     given: Reference
@@ -195,7 +195,10 @@ def read_reference(text: str) -> Reference:
 
 
 def start_displacement_mm(model: HysteresisModel, measured: Measurement) -> float:
-    """Return the measured displacement. Without a sensor, return that of the model for a wire that was cold before."""
+    """Return the measured displacement.
+
+    Without a sensor, return the displacement of the model for a wire that was heated from cold.
+    """
     if isfinite(measured.displacement_mm):
         return measured.displacement_mm
     return model.initial_state(measured.temperature_c).y

@@ -51,7 +51,7 @@ class Recorder:
         """Write the buffer and close the log. If an error ended the run, write the error and its notes as events.
 
         A run that failed before its first row has commanded no current, and leaves no log. The error that ended the run
-        stays the raised one; a failure to complete the log becomes a note of that error.
+        is raised again; a failure to complete the log becomes a note of that error.
         """
         try:
             if error is not None and not self._buffer and not self._file.rows:
@@ -72,7 +72,7 @@ class Recorder:
             self.flush()
 
     def event(self, message: str, time_s: float | None = None) -> None:
-        """Write an event into the file at once. Without `time_s`, its time is that of the last row or event."""
+        """Write an event into the file at once. Without `time_s`, the event gets the time of the last row or event."""
         self.flush()
         latest_s = max([self._now_s, *(event.time_s for event in self.latest)])
         event = RunEvent(latest_s if time_s is None else time_s, message)

@@ -31,7 +31,7 @@ from smadrive.wire.identified_wire import IdentifiedWire
 
 _row = row_getter(COLUMNS)
 OWN_CONTROLLER = "own controller"
-"""The kind of a run whose controller is not of smadrive; its log cannot be replayed."""
+"""The kind of a run with a controller of the user; its log cannot be replayed."""
 
 STEP = "manual step"
 """The kind of a run of `heat`."""

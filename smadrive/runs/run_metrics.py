@@ -38,7 +38,10 @@ def has_setpoint(log: Log) -> bool:
 
 
 def scored_from_s(log: Log) -> float:
-    """Return the time at which the metrics begin: the end of the approach. An own controller has none."""
+    """Return the time at which the metrics begin: the end of the approach.
+
+    A run with a controller of the user has no approach.
+    """
     return reference_of(log).scored_from_s if "reference" in log.metadata else 0.0
 
 

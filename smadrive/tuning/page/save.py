@@ -21,7 +21,7 @@ def save_tuning(folder: Path, name: str, rig_file: Path, status: dict[str, Any])
     """Write the tuning in force, taken from the status of the session, to NAME.json and NAME.toml in `folder`.
 
     ConfigError when the name is invalid or exists already, or when the rig file cannot be read. DataError when a file
-    cannot be written; then none of the two files is left.
+    cannot be written; then neither file is left.
     """
     if not name:
         raise ConfigError("the new files have no name", cure="type a name into the field beside Save")

@@ -12,7 +12,7 @@ LIMIT, GRID = "#c0392b", "#e6eaee"
 
 
 def plain_figure(name: str, label: str, tools: str = "", **ranges: object) -> figure:
-    """Return an empty figure in the style of the page. `label` is that of the vertical axis."""
+    """Return an empty figure in the style of the page. `label` is the label of the vertical axis."""
     plot = figure(
         name=name,
         sizing_mode="stretch_both",

@@ -1,7 +1,7 @@
 """The window of time that one page looks at: the newest minute while it follows the run, or any part of the session.
 
-A page stops to follow when its user presses Pause, drags or zooms a plot, and at a trip. It continues with Resume, and
-after a trip also when the heater is armed again. The run does not depend on it.
+A page stops following the run when its user presses Pause, drags or zooms a plot, and at a trip. It follows again after
+Resume, and after a trip also when the heater is armed again. The run does not depend on it.
 """
 
 from __future__ import annotations
@@ -66,7 +66,7 @@ class TimeView:
             self._draw(*self._window)  # samples of this window have arrived in the meantime
 
     def show(self, from_s: float, to_s: float) -> None:
-        """Stop to follow, and show a window."""
+        """Stop following the run, and show a window."""
         self._window = from_s, max(to_s, from_s + SHORTEST_S)
         self._draw(*self._window)
         self.buttons["pause"].label = "Resume"
