@@ -42,7 +42,8 @@ HOLD_BACK = """() => {
 
 
 WRONG_COUNT = """arm => {
-    Bokeh.documents[0].get_model_by_name('button_events').setv({offs: 7}, {sync: false});
+    const events = Bokeh.documents[0].get_model_by_name('button_events');
+    events.setv({offs: events.offs + 7}, {sync: false});
     arm.click();
 }"""
 """A script that presses Arm with a wrong count of OFFs. In between, no message of the server can correct the count."""
