@@ -54,7 +54,10 @@ def read_steadily(rig: Rig, quantity: str, duration_s: float) -> SteadyReading:
 
 
 def _valid(rig: Rig, quantity: str) -> tuple[float, float]:
-    """Return the time and the value of the sensor's latest reading; DataError when it is invalid."""
+    """Return the time and the value of the sensor's latest reading; DataError when it is invalid.
+
+    The time is rounded to microseconds, so that a reading that is seen twice has the same time twice.
+    """
     measurement = rig.measure()
     value, age_s = (getattr(measurement, name) for name in FIELDS[quantity])
     if not isfinite(value):
@@ -64,4 +67,4 @@ def _valid(rig: Rig, quantity: str) -> tuple[float, float]:
             value=measurement.temperature_fault if quantity == "temperature" else None,
             cure="connect the sensor, and check it with `smadrive probe RIG`",
         )
-    return measurement.time_s - age_s, value
+    return round(measurement.time_s - age_s, 6), value

@@ -13,7 +13,7 @@ from smadrive.files.shipped import configs_dir
 from smadrive.rig.calibration.description import descriptions
 from smadrive.rig.calibration.reading import read_steadily
 from smadrive.rig.calibration.rig_file import check_own_file, store_calibration
-from smadrive.rig.config import load_rig
+from smadrive.rig.config import RigConfig, load_rig
 from smadrive.rig.rig import Rig
 
 SHIPPED = configs_dir() / "rigs" / "in-process.toml"
@@ -45,6 +45,16 @@ def test_reading_is_the_mean_with_its_uncertainty(rig, device):
     assert reading.samples == 400
     assert reading.mean == pytest.approx(device.bench.plant.temperature_c, abs=4 * reading.uncertainty)
     assert 0.0 < reading.uncertainty < 0.05
+
+
+def test_reading_of_a_slow_sensor_counts_once():
+    text = (configs_dir() / "rigs" / "bench-supply.toml").read_text()
+    for number in range(3):
+        text = text.replace(f"serial:///dev/ttyUSB{number}", "sim://flexinol-lt-0.15mm")
+    config = RigConfig.model_validate(tomllib.loads(text))
+    slow = tuple(device.model_copy(update={"rate_hz": 1.0}) for device in config.devices[1:])
+    with Rig(config.model_copy(update={"devices": (config.devices[0], *slow)})) as rig:
+        assert 9 <= read_steadily(rig, "temperature", 10.0).samples <= 11
 
 
 @pytest.mark.parametrize("quantity", ["temperature", "displacement"])
