@@ -7,6 +7,7 @@ process would go on looking for its device and find the device of a later run.
 """
 
 import asyncio
+import contextlib
 import fcntl
 import os
 import signal
@@ -18,6 +19,7 @@ from pathlib import Path
 import programs
 import pytest
 from hypothesis import settings
+from process_tree import is_guardian
 from xdist.scheduler import LoadFileScheduling
 
 settings.register_profile("untimed", deadline=None)
@@ -117,13 +119,10 @@ def guardians_of(run):
     """The guardian processes that were started by this run, or by a program that it started."""
     found = []
     for process in Path("/proc").glob("[0-9]*"):
-        try:
-            if b"smadrive.devices.guardian.process" in (process / "cmdline").read_bytes() and (
-                f"{RUN}={run}".encode() in (process / "environ").read_bytes().split(b"\0")
-            ):
+        with contextlib.suppress(OSError):  # it has just ended, or is another user's
+            environment = (process / "environ").read_bytes().split(b"\0")
+            if f"{RUN}={run}".encode() in environment and is_guardian(process.name):
                 found.append(int(process.name))
-        except OSError:  # it has just ended, or is another user's
-            continue
     return found
 
 

@@ -43,6 +43,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from gateway import Gateway
+from process_tree import guardians, is_guardian
 
 import firmware_sim.cli
 from smadrive.files.shipped import configs_dir
@@ -111,28 +112,14 @@ def through_gateway(kind: str, urls: list[str]) -> Iterator[tuple[Gateway | None
         yield gateway, [f"rtu+tcp://127.0.0.1:{gateway.port}", *others]
 
 
-def guardians_of(driver: BaseProcess) -> list[int]:
-    """Return the guardians that the driver has started."""
-    started = Path(f"/proc/{driver.pid}/task/{driver.pid}/children").read_text().split()
-    return [int(number) for number in started if is_guardian(int(number))]
-
-
-def is_guardian(pid: int) -> bool:
-    """Return True if the process exists and is a guardian."""
-    try:
-        return b"smadrive.devices.guardian.process" in Path(f"/proc/{pid}/cmdline").read_bytes()
-    except OSError:
-        return False
-
-
 @contextlib.contextmanager
 def orphans_ended(driver: BaseProcess) -> Iterator[None]:
     """End the driver's guardians after the block: a guardian would search for the ended bench forever."""
-    guardians = guardians_of(driver)
+    started = guardians(driver.pid)
     try:
         yield
     finally:
-        for number in filter(is_guardian, guardians):
+        for number in filter(is_guardian, started):
             with contextlib.suppress(OSError):
                 os.kill(number, signal.SIGKILL)
 
@@ -310,7 +297,7 @@ def begin_off(rig_file: Path) -> subprocess.Popen[bytes]:
 
 def kill_both(driver: BaseProcess, fate: str, generator: random.Random) -> None:
     """Kill driver and guardian, the second at most BETWEEN_S after the first."""
-    victims = [driver.pid or 0, *guardians_of(driver)]
+    victims = [driver.pid or 0, *guardians(driver.pid)]
     for pid in victims if fate.startswith("driver") else reversed(victims):
         with contextlib.suppress(ProcessLookupError):
             os.kill(pid, signal.SIGKILL)

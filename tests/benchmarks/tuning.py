@@ -35,6 +35,10 @@ from urllib.parse import urlsplit
 
 import numpy as np
 
+sys.path.insert(0, str(Path(__file__).parents[1]))
+
+from process_tree import children
+
 from smadrive.control.references.shapes import sine
 from smadrive.hysteresis import DuhemModel, TriangularSets, TSFuzzyDuhem
 from smadrive.real_time import use_real_time_scheduling
@@ -323,7 +327,7 @@ class shown:  # noqa: N801
         page = self._browser.new_page(viewport={"width": 1600, "height": 1000})
         page.goto(self._script.command("which")["url"])
         page.wait_for_timeout(5000)
-        chromium = [pid for pid in children(os.getpid()) if "chromium" in Path(f"/proc/{pid}/cmdline").read_text()]
+        chromium = [pid for pid in descendants(os.getpid()) if "chromium" in Path(f"/proc/{pid}/cmdline").read_text()]
         self._script.processes["browser"] = chromium
 
     def __exit__(self, *error):
@@ -350,12 +354,8 @@ def until(end_s):
     time.sleep(max(0.0, end_s - time.monotonic()))
 
 
-def children(pid):
-    found = []
-    for task in Path(f"/proc/{pid}/task").glob("*/children"):
-        for child in map(int, task.read_text().split()):
-            found += [child, *children(child)]
-    return found
+def descendants(pid):
+    return [one for child in children(pid) for one in (child, *descendants(child))]
 
 
 def cpu_s(pid):

@@ -51,6 +51,7 @@ from smadrive.devices.guardian.task import ECHO, FREE, GIVES_WAY, HEARTBEAT, REA
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.key import key_at
 from smadrive.devices.state.lock import Role
+from smadrive.real_time import GUARDIAN_PRIORITY, use_real_time_scheduling
 
 DRIVER_FD, TERMINAL_FD = 1, 2
 SIGNALS = {
@@ -201,6 +202,7 @@ def guard(task: Task, driver: DriverProcess) -> None:
         access = LineAccess(task.locks)
         switch = OffSwitch(device, profile, PortSearch(device.url, key.names, time.monotonic), access)
         guardian = Guardian(driver, switch, access, duty, task.timeout_s)
+        use_real_time_scheduling(GUARDIAN_PRIORITY)
         _answer(READY)
         run(driver.listen, guardian.attempt, guardian.act, task.timeout_s)
 

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import programs
 import pytest
+from process_tree import guardians
 from served import PATIENT, served
 from supply_rig import RIG, patient
 
@@ -58,9 +59,8 @@ def test_forked_child_shares_nothing_and_the_guardian_of_its_killed_driver_ends(
     process, child, supply = driver
     shared = links(process.pid) & links(child)
     assert not [link for link in shared if link.startswith("/dev/pts/") or "socket:" in link or "locks/" in link]
-    children = Path(f"/proc/{process.pid}/task/{process.pid}/children").read_text().split()
-    guardian = next(pid for pid in children if b"guardian" in Path(f"/proc/{pid}/cmdline").read_bytes())
-    descriptor = os.pidfd_open(int(guardian))
+    (guardian,) = guardians(process.pid)
+    descriptor = os.pidfd_open(guardian)
     process.kill()
     while "output off" not in supply.stderr.readline():
         pass

@@ -9,12 +9,12 @@ import subprocess
 import sys
 import threading
 import time
-from pathlib import Path
 from urllib.parse import urlsplit
 
 import programs
 import pytest
 from marks import exhaustive
+from process_tree import children, guardians
 from supply_rig import DRIVER, RIG
 
 from smadrive.devices.guardian.client import GuardianClient
@@ -85,19 +85,6 @@ def served(profile, *options):
             process.kill()
 
 
-def children(pid):
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
-
-
-def guardians(pid):
-    """Return the guardians among the children of a process."""
-    return [
-        one
-        for one in children(pid)
-        if b"smadrive.devices.guardian.process" in Path(f"/proc/{one}/cmdline").read_bytes()
-    ]
-
-
 @contextlib.contextmanager
 def driven(
     tmp_path,
@@ -124,15 +111,15 @@ def driven(
         with programs.Program(
             [sys.executable, "-c", script, str(rig), fate], stdout=subprocess.PIPE, stderr=stderr, text=True
         ) as driver:
-            guardians = []
+            started = []
             try:
                 assert driver.stdout.readline() == "heating\n"
-                guardians = children(driver.pid)
+                started = children(driver.pid)
                 assert any(line.endswith("output on, no watchdog\n") for line in supply.stderr)
                 yield driver, supply
             finally:
                 driver.kill()
-                while any(map(programs.lives, guardians)):  # the guardian needs its supply to end
+                while any(map(programs.lives, started)):  # the guardian needs its supply to end
                     time.sleep(0.05)
 
 

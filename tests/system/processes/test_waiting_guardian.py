@@ -7,11 +7,11 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import programs
 import pytest
 from marks import exhaustive
+from process_tree import children
 from served import COMMAND
 from supply_rig import DRIVER, RIG, patient
 
@@ -92,10 +92,6 @@ class Stage:
         """Run a command on the rig and return the finished process."""
         arguments = [sys.executable, "-m", "smadrive", command, str(self.rig), *options]
         return programs.run(arguments, capture_output=True, text=True, check=False)
-
-
-def children(pid):
-    return [int(child) for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split()]
 
 
 def end(pid):

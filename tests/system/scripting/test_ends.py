@@ -12,6 +12,7 @@ from pathlib import Path
 import programs
 import pytest
 from marks import exhaustive
+from process_tree import children
 from served import PATIENT, served
 
 import smadrive
@@ -139,12 +140,12 @@ def test_killed_script_ends_the_run_although_its_child_keeps_the_link_open(ident
     command = [sys.executable, "-c", text, str(RIGS / "in-process.toml"), str(identified.wire_file)]
     with programs.Program(command, cwd=tmp_path, stdout=subprocess.PIPE, text=True) as script:
         loop = int(script.stdout.readline().split()[1])
-        children = Path(f"/proc/{script.pid}/task/{script.pid}/children").read_text().split()
+        started = children(script.pid)
         script.kill()
         try:
             wait_for(lambda: not programs.lives(loop))
         finally:
-            for child in map(int, children):
+            for child in started:
                 with contextlib.suppress(ProcessLookupError):
                     os.kill(child, signal.SIGKILL)
     assert_confirmed(read_log(tmp_path / "run.h5"))

@@ -6,12 +6,11 @@ import resource
 import signal
 import subprocess
 import sys
-import threading
 import time
 from contextlib import contextmanager
-from pathlib import Path
 
 import pytest
+from process_tree import children
 
 from smadrive.tuning.link.supervised_process import SupervisedProcess
 from smadrive.tuning.processes import BuilderProcess
@@ -43,11 +42,6 @@ def no_descriptors():
         resource.setrlimit(resource.RLIMIT_NOFILE, before)
 
 
-def children():
-    """Return the running child processes of this process."""
-    return set(Path(f"/proc/self/task/{threading.get_native_id()}/children").read_text().split())
-
-
 def test_process_starts_again_after_its_restart_has_failed():
     with BuilderProcess() as builder:
         with no_descriptors():
@@ -71,7 +65,7 @@ def test_interrupt_during_the_start_leaves_no_process(slow_module):
     def interrupt(*_):
         raise Interrupted
 
-    before = children()
+    before = set(children(os.getpid()))
     handler = signal.signal(signal.SIGALRM, interrupt)
     signal.setitimer(signal.ITIMER_REAL, 0.5)
     try:
@@ -79,7 +73,7 @@ def test_interrupt_during_the_start_leaves_no_process(slow_module):
             pass
     finally:
         signal.signal(signal.SIGALRM, handler)
-    assert children() == before
+    assert set(children(os.getpid())) == before
 
 
 def test_end_during_a_new_start_leaves_no_process(tmp_path, monkeypatch):
