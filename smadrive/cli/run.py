@@ -98,7 +98,7 @@ def _given(config: RigConfig, reference: str | None, model: Path | None, repeat:
     """Return the experiment that reference, model and number of cycles describe."""
     if reference is None:
         cure = "give a CSV or a shape, or the log of a run to --resume"
-        raise ConfigError("is missing", where="--reference", cure=cure)
+        raise ConfigError("the option is missing", where="--reference", cure=cure)
     identified = load_wire(model_file(config, model))
     given = read_reference(reference)
     given.check_within(travel_mm(identified.model))
@@ -113,13 +113,13 @@ def _given(config: RigConfig, reference: str | None, model: Path | None, repeat:
 def _resumed(
     resume: Path | None, config: RigConfig, reference: str | None, model: Path | None, repeat: int | None
 ) -> _Given | None:
-    """Return the rest of the run in the log `resume`, None without this option."""
+    """Return the experiment that completes the run in the log `resume`, or None if no log is given."""
     if resume is None:
         return None
     options = {"--reference": reference, "--model": model, "--repeat": repeat}
     for option, value in options.items():
         if value is not None:
-            what, cure = "--resume takes this from its log", "leave the option out"
+            what, cure = "--resume takes this value from the log", "leave the option out"
             raise ConfigError(what, where=option, value=value, cure=cure)
     return _Given(*continuation_of(resume, config))
 
