@@ -46,7 +46,7 @@ def main(
     reference: Annotated[
         list[str] | None,
         typer.Option(
-            help="Reference for the page: CSV (time_s, displacement_mm) or sine:low_mm=…. Give one option per reference."
+            help="Reference for the page: CSV (time_s, displacement_mm) or sine:low_mm=…. Give one option for each."
         ),
     ] = None,
     model: Annotated[Path | None, typer.Option(help="Model file; by default the model of the rig file.")] = None,

@@ -33,7 +33,7 @@ def end_key() -> Iterator[Callable[[], bool]]:
 
 
 def _own_terminal() -> int | None:
-    """Return the descriptor of the terminal at standard input. Return None without a terminal, and in the background."""
+    """Return the descriptor of the terminal at standard input; None without a terminal, and in the background."""
     try:
         descriptor = sys.stdin.fileno()
         is_own = os.isatty(descriptor) and os.tcgetpgrp(descriptor) == os.getpgrp()
