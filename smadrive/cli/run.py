@@ -98,7 +98,7 @@ def _given(config: RigConfig, reference: str | None, model: Path | None, repeat:
     """Return the experiment that reference, model and number of cycles describe."""
     if reference is None:
         cure = "give a CSV or a shape, or the log of a run to --resume"
-        raise ConfigError("the option is missing", where="--reference", cure=cure)
+        raise ConfigError("is missing", where="--reference", cure=cure)
     identified = load_wire(model_file(config, model))
     given = read_reference(reference)
     given.check_within(travel_mm(identified.model))
