@@ -68,7 +68,9 @@ def serve(
     ] = None,
     time: Annotated[
         Time,
-        typer.Option(help="Source of the time: real is the machine's clock, lockstep (in 0.1: driven) standard input."),
+        typer.Option(
+            help="Source of the time: real is the machine's clock, lockstep (in 0.1: driven) is standard input."
+        ),
     ] = Time.REAL,
     faults: Annotated[
         Path | None, typer.Option(help="A script of faults (docs/simulator.md).", metavar="FAULTS.toml")
@@ -102,7 +104,7 @@ def serve(
 def _check_alone(other: object) -> None:
     if other:
         raise ConfigError(
-            "cannot be combined with SIM.toml, --profile, --faults or --line-speed",
+            "this option cannot be combined with SIM.toml, --profile, --faults or --line-speed",
             where="--replay",
             cure="leave out the others",
         )
@@ -113,7 +115,9 @@ def _listen_address(pty: Path | None, tcp: str | None, rtu_tcp: str | None) -> L
     given = [ListenAddress(kind, str(address)) for kind, address in options if address is not None]
     if len(given) > 1:
         raise ConfigError(
-            "cannot be combined", where="--pty, --tcp and --rtu-tcp", cure="start one simulator for each address"
+            "these options cannot be combined",
+            where="--pty, --tcp and --rtu-tcp",
+            cure="start one simulator for each address",
         )
     return given[0] if given else None
 

@@ -139,7 +139,10 @@ class DeviceEntry(Section):
 
 
 class SimConfig(Section):
-    """The content of a SIM.toml. Without `devices`, the program that serves the bench chooses the only device."""
+    """The content of a SIM.toml.
+
+    A SIM.toml without `devices` gives a bench with one device; the program that serves the bench decides which.
+    """
 
     wire: Wire
     transformation: Transformation

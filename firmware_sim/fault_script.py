@@ -36,7 +36,7 @@ _ROUNDING_S = 1e-9
 
 
 class RandomConfig(Section):
-    """Random faults of the bus."""
+    """The table [random] of a FAULTS.toml: random faults of the bus."""
 
     share: float = Field(gt=0, le=1)
     slowest_s: float = Field(default=0.5, gt=0)

@@ -23,7 +23,7 @@ from firmware_sim.fault_parameters import Delay, ExceptionCode, Pieces, Replies,
 
 Delivery = tuple[float, bytes]  # time of arrival (seconds of the device), and the bytes that arrive
 Alter = Callable[[Message], list[Delivery]]  # frames that are sent instead of a reply, and their delays
-Carry = Callable[[bytes], list[Delivery]]  # bytes that arrive of a frame, and their delays
+Carry = Callable[[bytes], list[Delivery]]  # the bytes of a frame that arrive, and their delays
 
 JUNK_BYTES = 3
 FAULTS = (
@@ -115,8 +115,8 @@ class BusFaults:
     def corrupt(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
         """A bit of the reply flips.
 
-        It is a bit of the CRC, on Modbus TCP of the header (because TCP protects its payload), in a line of text any
-        bit.
+        On RTU it is a bit of the CRC, on Modbus TCP a bit of the header (because TCP protects its payload), and in a
+        line of text any bit.
         """
         self._plan(replies, for_s, lambda reply: [(0.0, reply.corrupted(self._random.random()))])
 
@@ -133,7 +133,7 @@ class BusFaults:
         self._plan(replies, for_s, carry=lambda frame: [(0.0, frame + self._random.randbytes(JUNK_BYTES))])
 
     def wrong_unit(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """The reply has the unit id of another device; a line of text is the reply of another kind of board."""
+        """The reply has the unit id of another device. A line of text becomes the reply of another kind of board."""
         self._plan(replies, for_s, lambda reply: [(0.0, reply.wrong_unit.frame)])
 
     def wrong_function(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:

@@ -1,4 +1,4 @@
-"""A line as slow as a real serial line: characters take time. A pseudo-terminal or a socket takes none.
+"""Slows a pseudo-terminal or a socket down to a real serial line, on which each character takes time.
 
     arrival of the reply = time of the request + time of its characters + 3.5 characters of silence
                            + response time of the device + time of the reply's characters

@@ -10,7 +10,7 @@ from firmware_sim.bus.faults import BusFaults
 CODES = (1, 2, 3, 4, 5, 6, 0x0B)
 PIECES = range(2, 6)
 RARE = 0.02  # fraction of the faults that affect more than one reply
-MIXED = 0.1  # fraction of the others that are two faults at once
+MIXED = 0.1  # fraction of the other faults that are two faults at once
 LAGGING = range(2, 30)  # number of successive replies that each repeat the previous reply
 
 

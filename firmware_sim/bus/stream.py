@@ -33,12 +33,12 @@ class RequestStream:
         return found
 
     def _next(self) -> bytes | None:
-        """Remove the first complete frame and the junk before it, and return the frame; None without a frame."""
+        """Remove the first complete frame and the junk before it, and return the frame. Return None without a frame."""
         waiting_from = None
         for start in range(len(self._pending) - 1):
             rest = self._pending[start:]
             size = rtu.request_size(rest)
-            if size is None:  # an unknown function: only the end of the data can be its end
+            if size is None:  # an unknown function: the frame can only end where the data end
                 size = len(rest)
             if (size == 0 or size > len(rest)) and size <= rtu.MAX_FRAME:
                 waiting_from = start if waiting_from is None else waiting_from

@@ -155,7 +155,7 @@ class BoardFirmware:
         return faults
 
     def _current_faults(self, dt_s: float) -> list[BoardFault]:
-        """Return the current faults, debounced.
+        """Return the faults of the heater current, debounced.
 
         More current than set means a shorted switch, less than half the set current a broken wire.
         """

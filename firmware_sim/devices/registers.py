@@ -125,7 +125,7 @@ class RegisterBank:
             raise ModbusException(ILLEGAL_ADDRESS)
 
     def checked(self, table: str, first: int, words: Sequence[int]) -> list[Write]:
-        """Split `words` into writes of whole registers, and return them. ModbusException when one is not allowed."""
+        """Split `words` into writes of whole registers and return them. ModbusException when a write is not allowed."""
         writes: list[Write] = []
         at = 0
         while at < len(words):

@@ -64,7 +64,7 @@ class Responder:
         self.counters.requests += 1
         try:
             return bytes((function,)) + self._functions.get(function, _unknown)(data)
-        except struct.error:  # shorter or longer than its function requires
+        except struct.error:  # the request is shorter or longer than its function requires
             code = ILLEGAL_VALUE
         except ModbusException as exception:
             code = exception.code

@@ -10,8 +10,8 @@ cools with the wire. At 0.025 mm the sleeve stores more than half as much heat a
 exceed the heat of the vendor's current, because this current contracts the wire. At 0.025 and 0.05 mm this limit is
 lower than the loss of the correlation.
 
-Measured transformation temperatures in °C at the stress s in MPa: μ₊ = 77.6 + 0.1233 s, μ₋ = 55.5 + 0.1352 s. Those of
-HT wire are 20 K higher.
+Measured transformation temperatures in °C at the stress s in MPa: μ₊ = 77.6 + 0.1233 s, μ₋ = 55.5 + 0.1352 s. The
+temperatures of HT wire are 20 K higher.
 """
 
 from __future__ import annotations
@@ -40,9 +40,9 @@ HEATING_C, HEATING_MPA_PER_K = 77.6, 1 / 0.1233
 COOLING_C, COOLING_MPA_PER_K = 55.5, 1 / 0.1352
 SIGMA_K = 5.0
 HIGHER_C = {"LT": 0.0, "HT": 20.0}
-TABLE_MPA = 172.0  # the pull for which the vendor's currents hold
+TABLE_MPA = 172.0  # the stress for which the vendor's currents hold
 BIAS_MPA = 100.0
-WARM_C = 80.0  # the wire at which h is evaluated
+WARM_C = 80.0  # the wire temperature at which h is evaluated
 
 
 class TableRow(NamedTuple):
@@ -137,7 +137,7 @@ def still_air(diameter_m: float, excess_k: float) -> StillAir:
 def _max_loss_w_per_m_k(row: TableRow) -> float:
     """Return the loss with which the vendor's current just holds the temperature of a contracted wire.
 
-    This is an HT wire, 2 sigma above its transformation.
+    The contracted wire is an HT wire, 2 σ above the centre of its heating branch.
     """
     contracted_c = HEATING_C + TABLE_MPA / HEATING_MPA_PER_K + HIGHER_C["HT"] + 2 * SIGMA_K
     return row.contracting_a**2 * row.ohm_per_m / (contracted_c - AMBIENT_C)

@@ -53,7 +53,7 @@ class Plant:
         return self._cold_ohm * (1.0 + self._change * self._transformation.phase)
 
     def advance(self, current_a: float, dt_s: float, voltage_max_v: float = inf) -> None:
-        """Let the set current `current_a` flow for `dt_s`, or less current if `voltage_max_v` does not drive it.
+        """Let the set current `current_a` flow for `dt_s`, or less current if `voltage_max_v` is too low for it.
 
         Faults of the heater circuit change this current.
         """

@@ -9,8 +9,8 @@ grains with β ≥ v and α ≤ M turn back. So ξ follows from the latest rever
     rising   ξ = ξ_m + E(v, m)          falling   ξ = ξ_M - E(M, v)
 
 When the input passes an earlier reversal, this reversal and all later ones are deleted, so minor loops close exactly. A
-Duhem model, whose only state is ξ, has no such memory. Here (α, β) have a joint Gaussian density on a grid, without the
-grains of almost no hysteresis. Within a cell the density is constant, so E is bilinear.
+Duhem model, whose only state is ξ, has no such memory. Here (α, β) have a joint Gaussian density on a grid, without
+grains that have almost no hysteresis. Within a cell the density is constant, so E is bilinear.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ class Reversal(NamedTuple):
 
 
 class PreisachState(NamedTuple):
-    """The present input and phase. The input rises or falls since `reversal`."""
+    """The present input and phase. Since `reversal` the input has been rising (`rising` is True) or falling."""
 
     v: float
     phase: float
@@ -45,7 +45,7 @@ class PreisachState(NamedTuple):
 
 
 class Preisach:
-    """The Preisach plane of a transformation: state in, state out."""
+    """The Preisach plane of a transformation. Its methods get a state, and never change it."""
 
     def __init__(self, plane: Transformation) -> None:
         up = _edges(plane.mu_heating_c, plane.sigma_heating_c)
@@ -86,7 +86,7 @@ class Preisach:
         return PreisachState(v1, last.phase + change, rising, last)
 
     def _share(self, a: float, b: float) -> float:
-        """Return E(a, b)."""
+        """Return E(a, b), the share of grains with α ≤ a and β ≥ b."""
         row, next_row, s, j, t = self._cell(a, b)
         return (1 - s) * ((1 - t) * row[j] + t * row[j + 1]) + s * ((1 - t) * next_row[j] + t * next_row[j + 1])
 
@@ -103,7 +103,7 @@ class Preisach:
 
 
 def _edges(mu_c: float, sigma_c: float) -> FloatArray:
-    cells = int(np.ceil(2 * SPAN * sigma_c / CELL_K)) + 2  # the outermost on either side stay empty
+    cells = int(np.ceil(2 * SPAN * sigma_c / CELL_K)) + 2  # the outermost cell on either side stays empty
     return np.asarray(mu_c + CELL_K * (np.arange(cells + 1) - cells / 2))
 
 

@@ -1,6 +1,7 @@
 """The phase transformation of a wire under stress: the austenite fraction, by temperature and history.
 
-The stress s shifts the temperatures of the transformation (Clausius-Clapeyron), so that its input is v instead of T:
+The stress s shifts the temperatures of the transformation (Clausius-Clapeyron), so that the input of the hysteresis
+is v instead of T:
 
     heating   v = T - s/C_A          cooling   v = T - s/C_M          s = (preload + stiffness · stroke · ξ) / area
 
@@ -26,7 +27,7 @@ StateT = TypeVar("StateT")
 
 
 class Hysteresis(Protocol[StateT]):
-    """An operator from an input v, in °C, to a phase fraction: state in, state out."""
+    """An operator from an input v, in °C, to a phase fraction. Its methods get a state, and never change it."""
 
     def start(self, v: float) -> StateT:
         """Return the state of a wire that was heated from a much lower temperature to `v`."""

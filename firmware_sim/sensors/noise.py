@@ -8,7 +8,7 @@ BLOCK = 512
 
 
 class Noise:
-    """Gaussian numbers of standard deviation 1 without end. The same seed gives the same numbers.
+    """An endless series of Gaussian numbers with standard deviation 1. The same seed gives the same numbers.
 
     It is not a generator function, because an interruption (Ctrl-C) in the middle of a generator function would end it.
     """

@@ -43,7 +43,7 @@ class Sensors:
         return name if name in ("open", "short") else None
 
     def advance(self, wire_before_c: float, dt_s: float) -> None:
-        """Follow the plant, which has just advanced by `dt_s` from `wire_before_c`."""
+        """Follow the plant, which has just advanced by `dt_s`. Before, the wire temperature was `wire_before_c`."""
         self.faults.advance(dt_s)
         self._lag(wire_before_c, self._plant.temperature_c, dt_s)
         self.cold_junction_c += self._drift_c_per_h * dt_s / 3600

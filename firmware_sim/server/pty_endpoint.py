@@ -78,7 +78,7 @@ class PtyEndpoint:
 
 def _make_link(link: Path, target: str) -> None:
     if link.is_symlink() and (not link.exists() or link.readlink() == Path(target)):
-        link.unlink()  # a killed simulator left it; this terminal may have the same number now
+        link.unlink()  # a killed simulator left this link; the new terminal may have the same number
     try:
         link.symlink_to(target)
     except OSError as error:

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 
 
 def readable(descriptors: Iterable[int], timeout_s: float | None) -> list[int]:
-    """Return the descriptors that are readable within `timeout_s`. None waits for the first one.
+    """Return the descriptors that are readable within `timeout_s`. Without a timeout (None), wait for the first.
 
     `poll` counts in whole milliseconds. The function sleeps for the remaining fraction, so that a reply is in time.
     """

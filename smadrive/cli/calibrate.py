@@ -67,7 +67,7 @@ def main(
     _print(output, sensor, fit, points)
     output.say(f"{path}: {descriptions(load_rig(rig).calibration, today())[sensor]}")
     if fit.scale_uncertainty is None:
-        output.warn(["one point determines the offset only; a second point would check the scale"])
+        output.warn(["one point determines only the offset; a second point would determine the scale, too"])
     output.result(
         {
             "rig_file": str(path),
@@ -81,7 +81,7 @@ def main(
 
 
 def _value(text: str, sensor: CalibratedSensor, pressure_hpa: float) -> float:
-    """Return the value of a point; ConfigError when it is none."""
+    """Return the known value of a point, in °C or mm. ConfigError when `text` does not give such a value."""
     named = {"ice": 0.0, "boiling": boiling_point_c(pressure_hpa)} if sensor is CalibratedSensor.TEMPERATURE else {}
     if text in named:
         return named[text]
@@ -91,7 +91,7 @@ def _value(text: str, sensor: CalibratedSensor, pressure_hpa: float) -> float:
         value = float("nan")
     if not abs(value) < 1e4:
         raise ConfigError(
-            "not a point",
+            "this cannot be a known value",
             where="--point",
             value=text,
             cure=f"give a number of {UNITS[sensor]}{', `ice` or `boiling`' if named else ''}",
@@ -102,7 +102,7 @@ def _value(text: str, sensor: CalibratedSensor, pressure_hpa: float) -> float:
 def _points(
     rig: Rig, sensor: CalibratedSensor, values: list[float], value_uncertainty: float, duration_s: float
 ) -> Iterator[CalibrationPoint]:
-    """Yield a point for each value, after the user has brought the sensor there."""
+    """Yield a point for each value, after the user has brought the sensor to this value."""
     for value in values:
         _ask(f"Bring the {sensor} sensor to {value:.2f} {UNITS[sensor]} and let it settle, then press Enter: ")
         reading = read_steadily(rig, sensor, duration_s)
@@ -114,9 +114,9 @@ def _ask(text: str) -> None:
     print(text, end="", file=sys.stderr, flush=True)
     if not sys.stdin.readline():
         raise DataError(
-            "nobody has confirmed the point",
+            "the point was not confirmed",
             where="stdin",
-            cure="run this in a terminal, and press Enter at each point",
+            cure="run the command in a terminal, and press Enter at each point",
         )
 
 

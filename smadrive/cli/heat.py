@@ -38,7 +38,7 @@ def main(
 ) -> None:
     """Hold a current or a temperature of the wire of RIG for a time, within its limits, and record it.
 
-    The step is supervised like every run, and ends at zero current. Give either --current or --temperature.
+    This step is supervised like every run, and ends at zero current. Give either --current or --temperature.
     """
     output = Output(as_json)
     step = ManualStep(current_a, temperature_c, duration_s)

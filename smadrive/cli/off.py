@@ -56,7 +56,8 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
 def _waiting_guardians(warnings: tuple[str, ...]) -> tuple[list[str], list[str]]:
     """Return a sentence for each guardian that still waits for its device, and `warnings` as a list.
 
-    If the state folder is unreadable, the guardians are unknown. That is one more warning, because the heater is off.
+    If the state folder is unreadable, the guardians are unknown. This is one more warning and no error, because the
+    heater is already off.
     """
     try:
         return waiting_guardians(), [*warnings]

@@ -77,7 +77,12 @@ def main(
 def _compare(log_files: list[Path], report_file: Path | None, csv_file: Path | None, output: Output) -> None:
     """Show several logs side by side."""
     if csv_file is not None:
-        raise ConfigError("takes one log", where="--csv", value=f"{len(log_files)} logs", cure="give one log at a time")
+        raise ConfigError(
+            "this option takes a single log",
+            where="--csv",
+            value=f"{len(log_files)} logs",
+            cure="give one log at a time",
+        )
     page = report_file or log_files[0].with_name(f"{log_files[0].stem}-comparison.html")
     check_output(page, PAGE, *log_files)
     comparison = RunComparison(tuple(map(read_log, log_files)))

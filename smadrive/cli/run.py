@@ -113,13 +113,13 @@ def _given(config: RigConfig, reference: str | None, model: Path | None, repeat:
 def _resumed(
     resume: Path | None, config: RigConfig, reference: str | None, model: Path | None, repeat: int | None
 ) -> _Given | None:
-    """Return the rest of the run in the log `resume`, None without this option."""
+    """Return the experiment that completes the run in the log `resume`, or None if no log is given."""
     if resume is None:
         return None
     options = {"--reference": reference, "--model": model, "--repeat": repeat}
     for option, value in options.items():
         if value is not None:
-            what, cure = "--resume takes this from its log", "leave the option out"
+            what, cure = "--resume takes this value from the log", "leave the option out"
             raise ConfigError(what, where=option, value=value, cure=cure)
     return _Given(*continuation_of(resume, config))
 

@@ -3,7 +3,8 @@
 Each line is written at once. So the command that prints the line gets the error, and can still switch the heater off. A
 pipe that the reader has closed is not an error for the user.
 
-A character that the encoding of an output does not have is written in other characters: "deg C" for the sign in ASCII.
+A character that the encoding of an output does not have is replaced by other characters: in ASCII, "°C"
+becomes "deg C".
 """
 
 from __future__ import annotations
@@ -44,7 +45,7 @@ SUBSTITUTES = {
     "“": '"',
     "”": '"',
 }
-"""The spelling in ASCII of characters that smadrive prints; any other becomes a question mark."""
+"""The spelling in ASCII of characters that smadrive prints; any other such character becomes a question mark."""
 
 _SUBSTITUTING = "smadrive-substitutes"
 
@@ -83,7 +84,7 @@ class _Output(io.FileIO):
 
 
 def open_stdout() -> None:
-    """Replace Python's standard output by one whose failed writes raise ConfigError, and substitute characters.
+    """Replace Python's standard output by one that raises ConfigError at a failed write and substitutes characters.
 
     If standard output is closed, the null device replaces it, so that no other file gets its descriptor.
     """

@@ -46,10 +46,10 @@ def main(
     reference: Annotated[
         list[str] | None,
         typer.Option(
-            help="Reference to offer on the page: CSV (time_s, displacement_mm) or sine:low_mm=…; repeatable."
+            help="Reference for the page: CSV (time_s, displacement_mm) or sine:low_mm=…. Give one option for each."
         ),
     ] = None,
-    model: Annotated[Path | None, typer.Option(help="Model file; the one of the rig file by default.")] = None,
+    model: Annotated[Path | None, typer.Option(help="Model file; by default the model of the rig file.")] = None,
     folder: Annotated[
         Path, typer.Option("--output-dir", "-o", help="Folder for the log, and for saved models and rigs.")
     ] = Path(),

@@ -82,14 +82,16 @@ def _checked_length(duration_s: float | None) -> float:
     if duration_s is None:
         return inf
     if not 0.0 < duration_s < inf:
-        cure = "give a time, or leave it out and end with q"
-        raise ConfigError("not a length", where="--for", value=f"{duration_s:g} s", limit="above 0 s", cure=cure)
+        cure = "give a time above 0 s, or leave the option out and end with q"
+        raise ConfigError(
+            "this is not a possible duration", where="--for", value=f"{duration_s:g} s", limit="above 0 s", cure=cure
+        )
     return duration_s
 
 
 def _check_end(rig: Rig, length_s: float) -> None:
     if isinstance(rig.clock, VirtualClock) and not isfinite(length_s):
-        what, where = "the time of sim:// is virtual, so it needs an end", f"rig '{rig.config.name}'"
+        what, where = "the time of sim:// is virtual, so the command needs an end", f"rig '{rig.config.name}'"
         raise ConfigError(what, where=where, cure="give --for S, or serve the simulated device with `firmware-sim`")
 
 

@@ -61,7 +61,7 @@ class ServedSimulator:
             stderr=subprocess.PIPE,
             text=True,
             bufsize=1,
-            start_new_session=True,  # Ctrl-C reaches only the driver, which switches off, then ends the simulator
+            start_new_session=True,  # Ctrl-C reaches only the driver, which switches off and ends the simulator
         )
         self.url = self._answer() + (LOCKSTEP_LATENCY if self._virtual is not None else "")
         if self._virtual is not None:

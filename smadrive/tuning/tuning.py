@@ -25,7 +25,7 @@ ADAPTED = "adaptation"
 
 @dataclass(frozen=True)
 class Adapted:
-    """The change that the online adaptation makes: the rules that it has when the build request is sent."""
+    """The change to the model that `adaptation` has learnt when the build request is sent."""
 
     adaptation: Adaptation
 
@@ -90,7 +90,7 @@ class Tuning:
             value = getattr(self.shape, name)
             if not value < limits.temperature_max_c:
                 raise ConfigError(
-                    "not below temperature_max_c, so the wire could never follow",
+                    "the centre of this branch is not below temperature_max_c, so the wire could not follow",
                     where=name,
                     value=f"{value:g} °C",
                     limit=f"{limits.temperature_max_c:g} °C",
@@ -121,7 +121,7 @@ def _with_rule(model: Model, change: SetRule) -> TSFuzzyDuhem:
         )
     sets = len(model.sets.centres)
     if change.index >= sets:
-        raise ModelError("there is no such rule", where="index", value=change.index, limit=sets - 1)
+        raise ModelError("the model has no rule with this index", where="index", value=change.index, limit=sets - 1)
     laws = {
         "a_heating": model.heating_law[0],
         "b_heating": model.heating_law[1],
@@ -138,7 +138,7 @@ def _with_rule(model: Model, change: SetRule) -> TSFuzzyDuhem:
 
 
 def _check_rule(change: SetRule, branch: str) -> None:
-    """Raise ModelError when one rule alone breaks the certificate, so that the error names the wrong number.
+    """Raise ModelError when one rule alone breaks the certificate. The error names the number that is wrong, a or b.
 
     A heating rule needs a < 0 and 0 ≤ b ≤ -a, a cooling rule a > 0 and -a ≤ b ≤ 0.
     """

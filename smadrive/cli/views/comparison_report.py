@@ -32,7 +32,7 @@ def write_comparison_report(path: Path, comparison: RunComparison) -> None:
 
 
 def setting_rows(comparison: RunComparison) -> list[tuple[str, ...]]:
-    """Return the table of settings that differ: name, then the text of each run, a dash where the run has none."""
+    """Return the rows of the settings that differ: the name, then the value in each run; a dash stands for no value."""
     rows: list[tuple[str, ...]] = [
         (name, *(text or "–" for text in texts)) for name, texts in comparison.settings.items()
     ]

@@ -25,7 +25,7 @@ def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: st
         Plot(
             "Residuals",
             residual_figure(fit, axes[0]),
-            "Model minus record, along the record and over the input. Structure here is an error of the model.",
+            "Model minus record, along the record and over the input. A pattern here is an error of the model.",
         ),
         *_parameters(fit),
     ]
@@ -34,7 +34,7 @@ def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: st
 
 def _verdict(fit: AnyFit) -> Banner:
     if fit.certificate.holds:
-        return Banner("good", "Certified: contracting, bounded, and no branch turns.")
+        return Banner("good", "Certified: contracting, bounded, and no branch turns back.")
     shortcomings = ", ".join(fit.certificate.shortcomings)
     return Banner("bad", f"Not certified, the model may not drive a feedforward: {shortcomings}.")
 

@@ -15,9 +15,9 @@ END_KEYS = b"qQ"
 
 @contextmanager
 def end_key() -> Iterator[Callable[[], bool]]:
-    """Yield a function that returns True after q was pressed. It never waits, and without a terminal it is False.
+    """Yield a function that returns True after q was pressed. It never waits. Without a terminal, it returns False.
 
-    Within the block the terminal passes each key on at once and shows none; Ctrl-C keeps its effect.
+    During the `with` block, the terminal passes each key on at once and does not show it; Ctrl-C keeps its effect.
     """
     terminal = _own_terminal()
     if terminal is None:
@@ -33,7 +33,7 @@ def end_key() -> Iterator[Callable[[], bool]]:
 
 
 def _own_terminal() -> int | None:
-    """Return the terminal at standard input, None without one, or when the command runs in the background."""
+    """Return the descriptor of the terminal at standard input; None without a terminal, and in the background."""
     try:
         descriptor = sys.stdin.fileno()
         is_own = os.isatty(descriptor) and os.tcgetpgrp(descriptor) == os.getpgrp()

@@ -31,7 +31,7 @@ QUANTITIES = (
     ("current", "current_a", 4, "A", inf),
     ("voltage", "voltage_v", 3, "V", inf),
 )
-"""Name, attribute of a measurement, digits, unit, and the smallest span of its plot; infinite for no plot."""
+"""Name, attribute of a measurement, digits, unit, and the smallest span of its plot, which is infinite for no plot."""
 
 
 class Extremes:
@@ -42,7 +42,7 @@ class Extremes:
         self._values: dict[str, tuple[float, float, float]] = {}
 
     def add(self, tick: Tick) -> None:
-        """Count a measurement. An invalid value changes neither the lowest nor the highest."""
+        """Count a measurement. An invalid value changes neither the lowest nor the highest value."""
         self.count += 1
         for name, attribute, *_ in QUANTITIES:
             value = getattr(tick.measurement, attribute)
@@ -93,9 +93,9 @@ class WatchView:
 
 
 def plot_lines(points: list[tuple[float, float]], width: int, span: float, digits: int) -> list[str]:
-    """Return a plot of (time, value) over the last `WINDOW_S` as lines of text, the present at the right edge.
+    """Return a plot of (time, value) over the last `WINDOW_S` as lines of text. The right edge is the present.
 
-    The values span at least `span`. Each column holds the latest finite value of its time.
+    The value axis spans at least `span`. Each column shows the latest finite value of its part of the time.
     """
     width = max(width, 1)
     columns: list[float | None] = [None] * width

@@ -58,7 +58,7 @@ class ModelBuilder(Protocol):
     """Builds one request at a time."""
 
     def begin(self, request: BuildRequest) -> None:
-        """Begin to build `request`. `result` must have returned the result of the previous request before."""
+        """Begin to build `request`. Call this only after `result` has returned the result of the previous request."""
         ...
 
     def result(self) -> BuildResult | None:

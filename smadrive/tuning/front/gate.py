@@ -5,7 +5,7 @@ Three headers show where a request comes from, and no script of a page can chang
 
     Host             the name in the address; a foreign name that resolves to this machine is an attack
     Origin           the page that sends the request; every POST and every websocket has this header
-    Sec-Fetch-Site   relation of that page to the tuning page; "none" if the user typed the address
+    Sec-Fetch-Site   "same-origin" if the tuning page sends the request; "none" if the user typed the address
 
 Programs that are not browsers, for example curl, send neither Origin nor Sec-Fetch-Site. Their requests are allowed.
 """

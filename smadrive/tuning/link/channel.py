@@ -12,8 +12,8 @@ No process waits for another one.
                                 only watch)
     page → front     heartbeat  the id of the page process, and the time at which it last read the channel
     front → control  heartbeat  a counter that increases while the front process answers
-    both ways        messages   JSON datagrams on a socket pair: each arrives whole or not at all; for a full queue
-                                `send` returns False
+    both ways        messages   JSON datagrams on a socket pair: each arrives whole or not at all; `send`
+                                returns False if the queue is full
 
 The memory has no name: the processes inherit its file descriptor, so nothing is left behind when a process is killed.
 A reader compares the number of a row, or the version of the status, before and after the copy, and drops a copy whose
@@ -96,7 +96,8 @@ class Channel:
 
 
 class ControlEnd(Channel):
-    """The control process's side of the channel, a context manager. It never waits; no page makes it fail.
+    """The control process's side of the channel, a context manager. It never waits, and nothing that a page sends
+    makes it fail.
 
     `offs` is the OFF count at the last call of `off_requested`, `published` the latest status.
     """
@@ -130,7 +131,7 @@ class ControlEnd(Channel):
         self._increase("rows_written")
 
     def publish(self, status: dict[str, Any]) -> None:
-        """Replace the status. ValueError if it is longer than `STATUS_BYTES`, which would be a defect."""
+        """Replace the status. ValueError if its JSON text is longer than `STATUS_BYTES`, a defect of smadrive."""
         self.published = status
         text = np.frombuffer(json.dumps(status).encode(), np.uint8)
         self._increase("status_version")

@@ -1,7 +1,7 @@
 """The common part of all child processes of the control process (see supervised_process.py).
 
-A child reads one line of parameters from standard input, and writes one line when it is ready. When standard input
-ends, the control process has died or ends the child; then the child ends without a message.
+A child reads one line of parameters from standard input, and writes one line when it is ready. Its standard input
+ends when the control process dies or closes it; then the child ends without a message.
 """
 
 from __future__ import annotations

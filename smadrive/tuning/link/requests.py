@@ -2,7 +2,7 @@
 
 A request carries a number, which the answer repeats: `{"number": 7, "refused": null}`. If the request is refused,
 `refused` is the reason. A request that drives the wire also carries the OFF count that the page had received when the
-user clicked. The control process refuses the request if an OFF was counted since.
+user clicked. The control process refuses the request if an OFF was counted since then.
 """
 
 from __future__ import annotations
@@ -79,7 +79,7 @@ class SetValue(PageRequest):
 
 
 class SetShape(SetValue):
-    """Move or widen a branch, or change the scale."""
+    """Change the model: move or widen a branch, or change the scale of the displacement."""
 
     act: Literal["shape"]
     key: ShapeKey
@@ -142,14 +142,14 @@ class Step(PageRequest):
 
 
 class Keep(PageRequest):
-    """Store the tuning in force in a slot, for a comparison or for `Recall`."""
+    """Store the tuning in force in slot A or B, for a comparison or for `Recall`."""
 
     act: Literal["keep"]
     slot: Slot
 
 
 class Recall(PageRequest):
-    """Put the tuning that a slot holds in force."""
+    """Put the tuning of slot A or B in force."""
 
     act: Literal["recall"]
     slot: Slot
@@ -206,7 +206,7 @@ class _NumberedMessage(PageRequest, extra="ignore"):
 
 
 def numbered(message: bytes) -> PageRequest | None:
-    """Return the part of a malformed request that an answer needs: its number. Return None if it has none."""
+    """Return the number of a malformed request as a PageRequest. Return None if the request has no number."""
     try:
         return _NumberedMessage.model_validate_json(message)
     except ValidationError:

@@ -1,9 +1,10 @@
 """A child process of the control process (the process that runs the loop). A child that dies is restarted.
 
-A thread of the control process would delay the ticks, because Python runs one thread at a time. A child only competes
-for the processors, where the loop can have priority. The child gets its parameters as one line on its standard input,
-and ends when its standard input ends. So it ends with the session, and also when the control process dies. A thread of
-the control process watches the child and restarts it, until a restart succeeds; so a death does not delay a tick.
+Work in a thread of the control process would delay the ticks, because Python runs one thread at a time. A child process
+only competes for the processors, where the loop can have priority. The child gets its parameters as one line on its
+standard input, and ends when its standard input ends. So it ends with the session, and also when the control process
+dies. If the child dies, a thread of the control process tries to restart it until a restart succeeds. This thread only
+waits, so it does not delay the ticks.
 """
 
 from __future__ import annotations
@@ -84,7 +85,7 @@ class SupervisedProcess:
             text=True,
             pass_fds=self._fds,
             env={**os.environ, **ONE_THREAD},
-            start_new_session=True,  # Ctrl-C reaches only the control process, which switches off, then ends this one
+            start_new_session=True,  # Ctrl-C reaches only the control process, which switches off and ends the child
         )
         try:
             _set_priority(self._process.pid, self._niceness)
@@ -95,7 +96,7 @@ class SupervisedProcess:
                 raise ConfigError(
                     "the process did not start; its own message, if any, is printed above",
                     where=self._module,
-                    cure="correct its cause; install a missing package with pip install 'smadrive[tune]'",
+                    cure="correct the cause; if a package is missing, install it with pip install 'smadrive[tune]'",
                 ) from None
             raise
 

@@ -5,8 +5,8 @@ meantime, on the same page or elsewhere. So a click carries the OFF count that t
 The control process refuses the click if its own count differs.
 
 A page counts its own OFF at once (page.html), and delays later clicks until this OFF has arrived, or for 3 s.
-`set_offs` sends the count with the OFFs of other pages to the page. If this count arrives late, the user must click
-again; an OFF is never lost.
+`set_offs` sends the count of all OFFs, also those of other pages, to the browser. If this count arrives late, the user
+must click again; an OFF is never lost.
 """
 
 from __future__ import annotations

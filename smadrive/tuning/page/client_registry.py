@@ -1,4 +1,4 @@
-"""The clients of the page process, which are the open pages: which client controls, its requests and their answers.
+"""The clients of the page process (the open pages): which client controls the session, its requests, their answers.
 
 One client controls the session, the others only watch. The first client with the token gets control; the token is part
 of the address that `smadrive tune` prints. When this client leaves, the next client with the token gets control. The

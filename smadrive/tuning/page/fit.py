@@ -1,8 +1,9 @@
 """Fits a model to the last seconds of the run, for the button Fit of the page.
 
-The fit runs in a process of its own, with the priority of the page process: a lower one would let a browser that keeps
-every core busy delay the fit, for which the user waits. A fit to 80 s takes 1 to 3 s of processor time. Before the
-first fit, the start of the process takes another 0.7 s. The fitted model must pass the same checks as any other change.
+The fit runs in a process of its own, with the priority of the page process. With a lower priority, a browser that keeps
+every core busy would delay the fit, and the user waits for the fit. A fit to 80 s takes 1 to 3 s of processor time.
+Before the first fit, the start of the process takes another 0.7 s. The fitted model must pass the same checks as any
+other change.
 
 A running reference moves the wire through only a part of its travel, and such a record does not determine the
 displacement of a cold wire. So the record is completed: for temperatures outside the record, samples of the model in
@@ -45,7 +46,7 @@ MIN_MOVED = 0.1
 """Least movement of the wire, as a share of the travel of the model. A smaller movement counts as noise."""
 
 DRIFTED = 0.5
-"""Largest difference of the mean error between the two halves of a record, in % of the output span.
+"""A larger difference of the mean error between the two halves of a record gives a caveat. Unit: % of the output span.
 
 In a sound record the difference is at most 0.2 %.
 """
@@ -109,7 +110,7 @@ def heated_loop(rows: Rows, seconds: float, wire: str) -> tuple[Array, Array]:
             where=f"the last {seconds:g} s",
             value=error.value,
             limit=error.limit,
-            cure="let a reference go up and down once more, then fit again; the seconds must include that movement",
+            cure="let a reference go up and down once more, then fit again; the seconds must include this movement",
         ) from None
     step = max(1, wire_c.size // MAX_SAMPLES)
     return wire_c[::step], reached_mm[::step]
@@ -189,7 +190,7 @@ def _completing(model: HysteresisModel, wire_c: Array, reached_mm: Array) -> tup
 
 
 def _begun_at(start_mm: float, way_mm: Array) -> Array:
-    """Return the displacements `way_mm` to an end of the travel, scaled to begin at `start_mm`. Their end stays."""
+    """Return the displacements `way_mm` to an end of the travel, scaled to begin at `start_mm`. The last one stays."""
     end_mm, left_mm = way_mm[-1], way_mm - way_mm[-1]
     if abs(left_mm[0]) <= AT_END * max(abs(start_mm - end_mm), AT_END):
         return way_mm

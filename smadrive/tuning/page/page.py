@@ -77,7 +77,7 @@ class Page:
         self._seen_on_plane = self._seen
         self._shown: dict[str, Any] = {}
         self._frame = 0
-        self._show_model(status["tuning"])  # before the first rows: errors are drawn in percent of its stroke
+        self._show_model(status["tuning"])  # before the first rows: errors are drawn in percent of the model's stroke
         self._bound_knobs(status["tuning"])
         parts = self._plots.figures, self._controls.roots, self._view.buttons.values(), self._texts.values()
         for root in (*chain.from_iterable(parts), self._numbers.model):

@@ -41,7 +41,7 @@ class LoopTiming:
 
 
 def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: bool) -> str:
-    """Return the line of the header: heater, limits that act, model, loop timing, and whether this page controls."""
+    """Return the line of the header: heater, active limits, model, loop timing, and whether this page has control."""
     mode, limits = status["mode"], status["limited_by"]
     tuning = status["tuning"]
     certified = f"contracting, {tuning['invertible_percent']:.1f} % invertible"
@@ -70,7 +70,7 @@ def banner_html(status: dict[str, Any], note: str) -> str:
         lines.append(("bad lost", f"no answer: {status['lost']}"))
     if status["device_faults"]:
         latched = ", ".join(status["device_faults"])
-        lines.append(("bad", f"latched on the device: {latched}; remove the cause, then Clear faults"))
+        lines.append(("bad", f"latched on the device: {latched}; remove the cause, then press Clear faults"))
     if status["temperature_fault"]:
         lines.append(("bad", f"thermocouple: {status['temperature_fault']}"))
     lines.extend(("note", f"warning about the model in force: {caveat}") for caveat in status["tuning"]["caveats"])

@@ -13,7 +13,7 @@ STYLE = ".slick-cell, .slick-header-column { font-size: 11.5px; }"
 
 
 class RulesTable:
-    """The table of rules. When the user edits one, `edited` is called with the values of a SetRule."""
+    """The table of rules. When the user edits a rule, `edited` is called with the values of a SetRule."""
 
     def __init__(self, edited: Callable[..., None]) -> None:
         self._edited = edited

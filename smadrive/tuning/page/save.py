@@ -55,7 +55,7 @@ def _model_text(wire: str, metadata: dict[str, Any]) -> str:
 def _rig_text(rig_file: Path, model_file: Path, feedback: dict[str, float], source: str) -> str:
     """Return the text of the rig file, including comments, with the new model and the new feedback.
 
-    The new rig file names the same wire file and device profiles as the old one, wherever it is.
+    The new rig file names the same wire file and device profiles as the old one, whatever folder it is in.
     """
     try:
         load_rig(str(rig_file))

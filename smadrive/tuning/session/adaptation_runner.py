@@ -48,7 +48,7 @@ class AdaptationRunner:
         return self._adaptation is not None
 
     def switch(self, on: bool, tuning: Tuning) -> None:
-        """Switch the adaptation on, so that it begins with the rules of `tuning`, or off.
+        """Switch the adaptation on or off. When it is switched on, it begins with the rules of `tuning`.
 
         ConfigError for a model without rules, and while rules of an ended adaptation wait to be put in force.
         """

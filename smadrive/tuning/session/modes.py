@@ -9,7 +9,8 @@
     COMPARING   on       Compare off → TRACKING; OFF and faults as HOLDING
     ENDED       off      the session was interrupted
 
-After a requested stop the mode stays the same until the loop ends, which is before its next exchange.
+When a stop is requested, the mode stays the same until the loop ends. The loop ends before its next exchange with the
+heater.
 """
 
 from __future__ import annotations

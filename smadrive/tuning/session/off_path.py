@@ -8,7 +8,7 @@ from smadrive.errors import FrontSilentError
 from smadrive.tuning.link.channel import ControlEnd
 
 SILENT_S = 2.0
-"""A front process without a heartbeat for longer counts as silent.
+"""A front process counts as silent if its last heartbeat is older than this.
 
 Normally, a front process that died is restarted within this time; a frozen one is killed after 1 s.
 """
@@ -30,7 +30,7 @@ class OffPath:
 
 
 def front_silent() -> FrontSilentError:
-    """Return the error for a silent front process, with which the session switches off, or refuses to arm."""
+    """Return the error with which the session switches off, or refuses to arm, if the front process is silent."""
     return FrontSilentError(
         "the front process of the page does not answer",
         where="OFF of the tuning page",

@@ -23,7 +23,7 @@ LONGEST_S = 600.0
 APPROACH_S = 10.0
 """Duration of the approach to the beginning of a reference.
 
-The return from its end to its beginning takes the same time, if the ends differ.
+The return from the end of a reference to its beginning takes the same time, if these displacements differ.
 """
 
 

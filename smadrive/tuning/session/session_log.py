@@ -1,8 +1,8 @@
 """The log of a session: the ticks, the events, the modes, and the model of every tuning that was put in force.
 
-Nothing here is written while OFF or another request is handled. Events wait in memory until the next tick, which writes
-them as the recorder of a run does. A failure to write is raised there and nowhere else, so it ends the session as it
-ends a run.
+The handling of OFF and of other requests writes nothing to the file: events wait in memory until `tick` or
+`write_events` writes them. Only these two methods raise an error when the log cannot be written. Such an error ends the
+session as it ends a run.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ class SessionLog:
             recorder.event(text, time_s)
 
     def _note_tuning(self, time_s: float, tuning: Tuning) -> None:
-        """Add the tuning that is in force now; the first time also the text of its model."""
+        """Add an event for the tuning in force. If its model is new to the log, first add the text of the model."""
         text = IdentifiedWire(tuning.model, self._balance).text()
         key = sha256(text.encode()).digest()
         if key not in self._models:

@@ -38,9 +38,9 @@ def plain_figure(name: str, label: str, tools: str = "", **ranges: object) -> fi
 
 
 def lines(plot: figure, source: ColumnDataSource, **traces: str) -> None:
-    """Draw a line for each column, in the given colour. The last one is the uppermost and the thinnest.
+    """Draw a line for each column, in the given colour. The last line is on top, and is the thinnest.
 
-    So a line on which others lie shows on both sides of them.
+    So a line below another one shows on both sides of it.
     """
     for column, colour, width in zip(traces, traces.values(), WIDTHS[-len(traces) :], strict=True):
         plot.line("time_s", column, source=source, color=colour, line_width=width)

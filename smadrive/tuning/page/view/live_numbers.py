@@ -25,7 +25,7 @@ OLD_PERIODS = 4.0
 NONE = "—"
 
 DIGITS = 4
-"""Largest number of digits of a value, so that it fits into its place."""
+"""Largest number of digits of a value, so that the value fits into its field."""
 
 _COLUMN = {name: number for number, name in enumerate(COLUMNS)}
 
@@ -73,7 +73,7 @@ class LiveNumbers:
 def numbers_of(rows: Rows, stroke_mm: float) -> tuple[LiveNumber, ...]:
     """Return temperature, displacement, current and tracking error of the last row.
 
-    A quantity that is not measured is that of the model, or the commanded current.
+    If a quantity is not measured, its number is the estimate of the model, or the commanded current.
     """
     values = {name: float(rows[-1, number]) for name, number in _COLUMN.items()}
     setpoint_mm = values["setpoint_mm"]

@@ -92,7 +92,7 @@ class Plots:
         self._fit_error_axis()
 
     def show_rows(self, rows: Rows, window: tuple[float, float] | None) -> None:
-        """Draw these rows and no others. `window` is the time to show; without it, the newest minute is shown."""
+        """Draw only these rows. `window` is the beginning and the end to show, in s; None shows the newest minute."""
         self.time.data = self._columns(rows)
         if window is not None:
             self._x.update(start=window[0], end=window[1])
@@ -108,7 +108,7 @@ class Plots:
 
     @property
     def window(self) -> tuple[float, float]:
-        """The time that is shown. The user may have changed it in the browser."""
+        """The beginning and the end of the shown time, in s. The user may have changed them in the browser."""
         return self._x.start, self._x.end
 
     def _follow(self, now_s: float) -> None:
@@ -213,7 +213,7 @@ class Plots:
 
 
 def _has_moved(before: Rows, now: Rows, far: Rows) -> bool:
-    """Return True if `now` is drawn: it is far from `before`, or it is the first unknown point, which ends the line."""
+    """Return True if `now` is drawn: it is far from `before`, or is the first unknown point and so ends the line."""
     if np.isnan(now).any():
         return not np.isnan(before).any()
     return not bool((np.abs(now - before) < far).all())

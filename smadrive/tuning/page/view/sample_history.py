@@ -1,8 +1,8 @@
 """The samples of the whole session, in a bounded memory.
 
 The newest `FULL_ROWS` samples are kept as they are. Older samples are reduced, all of them to the same resolution: of
-each short interval, the samples with the extremes of the measured values stay, so that spikes stay. The longer the
-session, the longer the intervals.
+each short interval, only the samples with the extremes of the measured values are kept, so that spikes stay visible.
+The longer the session, the longer the intervals.
 """
 
 from __future__ import annotations
@@ -59,12 +59,12 @@ class SampleHistory:
         return float(oldest[_TIME]), float(self._rows[self._count - 1, _TIME])
 
     def window(self, from_s: float, to_s: float, most: int) -> Rows:
-        """Return the samples of a time, reduced to at most `most`, with one more sample at either end."""
+        """Return the samples from `from_s` to `to_s`, and one more at either end, reduced to at most `most` samples."""
         parts = [_between(rows, from_s, to_s) for rows in (self._old, self._rows[: self._count])]
         return reduced(np.concatenate(parts), most)
 
     def _reduce_oldest(self) -> None:
-        """Move the oldest `FULL_ROWS` samples to the reduced ones, which are halved while they are too many."""
+        """Move the oldest `FULL_ROWS` samples to the reduced samples, whose number is halved while it is too large."""
         oldest = reduced(self._rows[:FULL_ROWS], FULL_ROWS // self._factor)
         self._old = np.concatenate((self._old, oldest))
         while len(self._old) > FULL_ROWS:
@@ -80,7 +80,7 @@ def _between(rows: Rows, from_s: float, to_s: float) -> Rows:
 
 
 def reduced(rows: Rows, most: int) -> Rows:
-    """Return at most `most` of the rows, and with them every extreme of short intervals. Few rows stay as they are."""
+    """Return at most `most` of the rows: the extremes of short intervals, or all rows if they are few enough."""
     if len(rows) <= most:
         return rows
     intervals = max(most // (2 * len(EXTREMES_OF)), 1)

@@ -76,7 +76,7 @@ class Comparison:
     def end_cycle(self, follows: Slot | None) -> str:
         """Score the complete cycle for the slot that drove it. The slot `follows` drives the next cycle.
 
-        Return a text that says this.
+        Return the text of the event that reports both.
         """
         texts = [] if follows is None else [f"{follows} drives"]
         if self.turn is not None and self._samples:

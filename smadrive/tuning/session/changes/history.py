@@ -1,7 +1,7 @@
 """Undo and redo: a list of tunings, and the place of the present tuning in the list.
 
 A slider that is dragged makes many changes. Changes with the same name that follow each other within `DRAG_S` are one
-step of undo. So are all changes of the online adaptation that follow each other.
+step of undo. Successive changes of the online adaptation are one step, too, whatever time lies between them.
 """
 
 from __future__ import annotations

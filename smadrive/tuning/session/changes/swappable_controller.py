@@ -40,9 +40,9 @@ class SwappableController:
         return self._controller.update(self.reference_s, measurement, dt_s)
 
     def swap(self, controller: TrackingController, reference: Reference) -> None:
-        """Replace the controller by `controller`, which takes over its state, so that the output does not jump.
+        """Replace the old controller by `controller`, which takes over the state, so that the output does not jump.
 
-        A new reference begins now; the same reference continues.
+        If `reference` is a new one, it begins now; otherwise the present reference continues.
         """
         controller.take_over(self._controller)
         self._controller = controller
