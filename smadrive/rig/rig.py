@@ -1,6 +1,6 @@
 """The rig, which connects devices, controller, supervisor and loop, and runs experiments on the wire.
 
-This module computes nothing and sends no request: controllers and devices do that.
+This module computes nothing and sends no request: controllers and devices do both.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ LAG_FACTOR = 3.0
 """Multiple of the thermocouple's nominal lag that the supervisor allows before a reading counts as implausible."""
 
 MISPLACED_S = 2.0
-"""A displacement outside the model's range is a fault after this time in seconds, added to the lag."""
+"""A displacement outside the model's range is a fault after this time in s plus the allowed lag of the thermocouple."""
 
 SAMPLED = 0.5
 """Longest time between two temperature readings, as a fraction of the wire's time constant."""
