@@ -46,7 +46,9 @@ def refuse_unreachable(registers: Registers, timing: DeviceTiming) -> None:
     codes = timing.function_codes
     for name, register in registers.items():
         if register.access != "w" and read_function(register.table, codes) is None:
-            raise ValueError(f"registers.{name}: none of timing.function_codes {list(codes)} reads '{register.table}'")
+            raise ValueError(
+                f"registers.{name}: none of timing.function_codes {list(codes)} reads table '{register.table}'"
+            )
         if register.writable and write_function(register.table, register.size, codes) is None:
             raise ValueError(
                 f"registers.{name}: none of timing.function_codes {list(codes)} writes {register.size} addresses of "
