@@ -59,7 +59,8 @@ class ModbusClient:
         an earlier reply can be taken for the answer. Set it for a read on which a safety decision depends.
 
         DeadlineError or ProtocolError when no right reply arrives (a read is retried first); ExceptionReply when the
-        device rejects the request; TransportError when the connection is lost, is not `connection`, or is never silent.
+        device rejects the request; TransportError when the connection is lost, its number is not
+        `connection`, or the bus is never silent.
         """
         transaction = Transaction(unit_id, request, timing)
         retries = 0 if request.writes else timing.read_retries

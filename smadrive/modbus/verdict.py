@@ -93,7 +93,7 @@ VERDICTS = {
     (Verdict.DEFERRED, False): Verdict.DEFERRED,
     (Verdict.DEFERRED, True): Verdict.STALE,
 }
-"""The verdict on an intact reply or exception; the second part of the key: is such a frame outstanding?"""
+"""The verdict on an intact reply or exception. The key: what arrived, and True if such a frame is outstanding."""
 
 _FAILED = Consequence(proves=False, reply_remains=True, exception_remains=True, event=ConnectionEvent.FAILED)
 CONSEQUENCES = {
