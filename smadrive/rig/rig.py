@@ -59,7 +59,7 @@ RATE_EXCHANGES = 4
 
 
 class Rig:
-    """The connected devices of a rig file. The end of this context manager puts every device into its safe state.
+    """The connected devices of a rig file. The end of this context manager puts the heat source into its safe state.
 
     transports      connections by device name, used instead of the addresses in the rig file
     clock           clock of the loops; None: the clock of the connection (real time on a port, virtual time on sim://)
