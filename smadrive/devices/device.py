@@ -129,7 +129,7 @@ class Device:
     ) -> dict[str, RegisterReading]:
         """Read `reads`, which include `name`, then write `value` to `name` unless it holds this value already.
 
-        The readings show the effect of the previous command. ReadBackError when `name` holds another value.
+        The readings show the effect of the previous command. ReadBackError when `name` does not hold its value.
         """
         with self._doubt_on_failure():
             return self._command(name, value, reads, proved=proved)

@@ -1,7 +1,7 @@
 """The identity of a device: the proof of its type, its model, and the registers that distinguish devices of this type.
 
 Registers named in the profile's `[[identify]]` hold one of several raw values, or any value (a serial number). The
-registers that identify its variant belong to the identity, too. Registers that can be written do not belong to it,
+registers that identify the variant belong to the identity, too. Registers that can be written do not belong to it,
 because their values can change. A device with another identity is another device, even at the same port.
 """
 

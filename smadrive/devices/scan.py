@@ -3,9 +3,9 @@
 Devices without Modbus are asked first, because their answer to a Modbus frame is undefined.
 
 On an RTU line a survey (line_survey.py) first finds the units that may be there; it waits `PATIENCE_MS` for the last
-reply. Each of these units is then asked for every profile. Some profiles have no register
-that proves them: such a profile is possible if the registers of its roles read as valid numbers. A unit that leaves
-`SILENT` requests unanswered counts as absent.
+reply. Each of these units is then asked for every profile. Some profiles have no register that proves them: such a
+profile is possible if the registers of its roles read as valid numbers. A unit that leaves `SILENT` requests unanswered
+counts as absent.
 """
 
 from __future__ import annotations

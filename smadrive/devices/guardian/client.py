@@ -49,8 +49,8 @@ class WatchState(Enum):
 class GuardianClient:
     """A guardian process for `task`. The end of this context manager ends the guardian, unless heat may still flow.
 
-    `give_way` closes all connections of the driver: some devices accept only one connection, and the
-    guardian may need it.
+    `give_way` closes all connections of the driver: some devices accept only one connection, and the guardian may need
+    it.
     """
 
     def __init__(self, task: Task, give_way: Callable[[], None]) -> None:

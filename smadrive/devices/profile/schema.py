@@ -66,7 +66,10 @@ class DeviceTiming(Section):
 
 
 class IdentityRegister(Section):
-    """A register that proves the type of a device by a raw value in `ranges`; without ranges, a serial number."""
+    """A register that proves the type of a device, because its raw value lies in `ranges`.
+
+    Without ranges the register holds a serial number.
+    """
 
     register_: str = Field(alias="register")
     ranges: list[tuple[int, int]] = Field(default_factory=list)

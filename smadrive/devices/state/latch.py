@@ -5,8 +5,8 @@ process. So the driver writes the trip to a file in the user's state folder, wit
 record that cannot be read counts as a trip of every device. `--clear-faults` removes the records that apply to the
 device.
 
-smadrive 0.1 named its records by the address in the rig file, `ADDRESS.tripped`. When a device
-is found at this address, the record is moved to the key of this device.
+smadrive 0.1 named its records by the address in the rig file, `ADDRESS.tripped`. When a device is found at this
+address, the record is moved to the key of this device.
 """
 
 from __future__ import annotations

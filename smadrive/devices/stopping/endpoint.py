@@ -75,8 +75,8 @@ def address_of(name: str) -> str:
 def places(name: str) -> tuple[str, ...]:
     """Return the names at which the driver of the line `name` may listen; the driver takes the first free name.
 
-    After the end of a pseudo-terminal, its number is soon reused, while its driver may still run. So there are several
-    names for the number of a pseudo-terminal. The lock of the line excludes two drivers of one pseudo-terminal.
+    After the end of a pseudo-terminal, its number is soon reused, while the old driver may still run. So there are
+    several names for the number of a pseudo-terminal. The lock of the line excludes two drivers of one pseudo-terminal.
     """
     if "/dev/pts/" not in name:
         return (name,)

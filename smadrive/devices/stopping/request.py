@@ -87,7 +87,7 @@ def _is_released(connection: socket.socket, driver: PeerProcess, line: str) -> b
 def _kill(process: int, driver: PeerProcess, line: str) -> None:
     """Kill the driver, whose descriptor is `process`, then wait until the driver and its guardians have ended.
 
-    It waits for the guardian processes and not for their locks, because another user's locks are in another folder.
+    Wait for the guardian processes, not for their locks, because another user's locks are in another folder.
     """
     with ExitStack() as stack:
         guardians = [_descriptor(pid, stack) for pid in _guardians_of(driver.pid)]
