@@ -1,6 +1,6 @@
 """The calibration of the sensors, as a rig file stores it, and the correction of their readings.
 
-value = scale * reading + offset. The limits of offset and scale are those of a sensor that works: a mistaken number
+value = scale * reading + offset. Offset and scale must lie within the limits of a working sensor: a mistaken number
 must not make a hot wire look cold.
 """
 
@@ -16,7 +16,7 @@ from smadrive.files.config import Section
 
 
 class SensorCorrection(NamedTuple):
-    """The straight line from the readings of a sensor to the values. By default a reading is the value."""
+    """The straight line that converts the reading of a sensor to a value. By default the value is the reading."""
 
     offset: float = 0.0
     scale: float = 1.0
@@ -41,7 +41,7 @@ UNCORRECTED = Corrections()
 
 
 class SensorCalibration(Section):
-    """What the calibrations of both sensors share. Uncertainties are expanded (k = 2); None if they are unknown."""
+    """The common fields of both calibrations. Uncertainties are expanded (k = 2); an unknown uncertainty is None."""
 
     scale_uncertainty: float | None = Field(default=None, ge=0)
     on: date
@@ -73,7 +73,7 @@ class DisplacementCalibration(SensorCalibration):
 
 
 class CalibrationConfig(Section):
-    """The calibrations of a rig. A sensor without a calibration is used as it reads."""
+    """The calibrations of a rig. The readings of a sensor without a calibration are not corrected."""
 
     temperature: TemperatureCalibration | None = None
     displacement: DisplacementCalibration | None = None

@@ -99,8 +99,8 @@ class Device:
     def read(self, names: Sequence[str], *, proved: bool = False) -> dict[str, RegisterReading]:
         """Read the registers `names` in as few requests as possible, and return their readings.
 
-        Plain Modbus RTU cannot distinguish a second copy of the previous reply from a current one of equal length.
-        `proved` excludes that: the device must first answer a request of another length (see ModbusClient.execute),
+        Plain Modbus RTU cannot distinguish a second copy of the previous reply from a new reply of equal length.
+        `proved` excludes such copies: the device must first answer a request of another length (ModbusClient.execute),
         which costs one more transaction per request. Set it where a safety decision depends on the readings.
         """
         with self._doubt_on_failure():
@@ -115,7 +115,7 @@ class Device:
             self._write(self._registers.encode(name, value))
 
     def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, RegisterReading]:
-        """Write adjacent registers, then read adjacent registers, in one FC23 transaction. It is never retried."""
+        """Write adjacent registers, then read adjacent registers, in one FC23 transaction, which is never retried."""
         with self._doubt_on_failure():
             self._prove_model()
             target, source = self._registers.plans.exchange(tuple(writes), tuple(reads))
@@ -127,9 +127,9 @@ class Device:
     def command(
         self, name: str, value: float, reads: Sequence[str], *, proved: bool = False
     ) -> dict[str, RegisterReading]:
-        """Read `reads`, which include `name`, then write `value` to `name` unless the register holds it already.
+        """Read `reads`, which include `name`, then write `value` to `name` unless it holds this value already.
 
-        The readings show the effect of the previous command. ReadBackError when `name` does not hold that command.
+        The readings show the effect of the previous command. ReadBackError when `name` does not hold its value.
         """
         with self._doubt_on_failure():
             return self._command(name, value, reads, proved=proved)
@@ -194,7 +194,7 @@ class Device:
             self._registers.confirm(write, self._registers.words(write.name, proved=True))
 
     def _keep_order(self, name: str) -> None:
-        """Write the registers that `write_order` demands first; ConfigError if only the caller can give their value."""
+        """Write the registers that `write_order` demands first; ConfigError if the caller must write one of them."""
         for rule in self.profile.write_order:
             if rule.before not in ("*", name) or rule.write == name:
                 continue

@@ -23,7 +23,7 @@ from smadrive.measurement import Measurement
 
 DERATE_C = 5.0
 AT_LIMIT = 1.0 - 1e-6
-"""A command above this fraction of the limit counts as limited: a controller that knows the limit commands no more."""
+"""A command above this fraction of the limit counts as limited: a controller that knows the limit never exceeds it."""
 _NOTHING = Sample(nan, 0.0)
 
 
@@ -32,7 +32,7 @@ class Heater:
 
     `thermometer` and `displacement` are sensors that replace the measurements of the source. `guard` is the guardian of
     a source that has no watchdog of its own. `corrections` turn the readings of the sensors into values; every limit
-    is a limit of values.
+    applies to the corrected values.
     """
 
     def __init__(
@@ -88,7 +88,7 @@ class Heater:
         """Set the limits and the watchdog of the source, confirmed by read-back, then arm it.
 
         SafetyError when a fault is latched, the temperature is invalid or too high, or the device does not arm;
-        ConfigError when the device cannot keep this limit or this watchdog time.
+        ConfigError when the device cannot keep the limits of the rig or this watchdog time.
         """
         now = self.exchange(0.0)
         if now.device_faults:
@@ -184,15 +184,15 @@ class Heater:
             return
 
     def _source_limits(self) -> HeaterLimits:
-        """Return the limits as the source sees them, which compares its own readings with them.
+        """Return the limits for the source, which compares them with its own uncorrected readings.
 
-        The limit of its temperature is the reading at the limit of the wire, but never above that limit.
+        Its temperature limit is the reading at `temperature_max_c`, but never above `temperature_max_c`.
         """
         most_c = self.limits.temperature_max_c
         return replace(self.limits, temperature_max_c=min(most_c, self._corrections.temperature.reading_at(most_c)))
 
     def _allowed(self, current_a: float) -> tuple[float, tuple[str, ...]]:
-        """Return the allowed current in amperes, and the names of the limits that hold it back."""
+        """Return the allowed current in amperes, and the names of the limits that lower it."""
         headroom_c = self.limits.temperature_max_c - self._temperature_c
         if not (self.source.armed and isfinite(current_a)):
             return 0.0, ()

@@ -1,8 +1,8 @@
-"""The identity of a device: the proof of its type, its model, and the registers that distinguish it from its twin.
+"""The identity of a device: the proof of its type, its model, and the registers that distinguish devices of this type.
 
 Registers named in the profile's `[[identify]]` hold one of several raw values, or any value (a serial number). The
-identity of a device consists of those registers, and of the registers that identify its variant, that cannot be
-written: they never change. A device with another identity is another device, even at the same port.
+registers that identify the variant belong to the identity, too. Registers that can be written do not belong to it,
+because their values can change. A device with another identity is another device, even at the same port.
 """
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class DeviceType:
     proof: Proof
 
     def __str__(self) -> str:
-        """Return one line for the user. It attributes a type that is not proved to the rig file."""
+        """Return one line for the user. For a type that is not proved, it names the rig file as the source."""
         name = f"{self.profile} ({self.vendor})"
         return name if self.proof is Proof.PROVED else f"{name}, by the rig file: {self.proof.value}"
 
@@ -66,7 +66,7 @@ class IdentityCheck:
         self._family = family
         self._where = f"unit {unit_id}"
         self.model_registers = tuple({name: None for variant in family.variants for name in variant.match})
-        """Registers whose values decide about the variant. Is empty when all devices have the same registers."""
+        """Registers whose values determine the variant; empty when all devices have the same registers."""
         proofs = (proof.register_ for proof in family.identify)
         names = tuple(dict.fromkeys(chain(proofs, self.model_registers)))
         self.registers = names or family.measured[:1]
@@ -106,7 +106,7 @@ def check_type(
 
 
 def identity_of(profile: Profile, readings: Mapping[str, RegisterReading]) -> Identity:
-    """Return the values of those identifying registers among the readings that cannot be written."""
+    """Return the values of the identifying registers in `readings`, without registers that can be written."""
     telling = {proof.register_ for proof in profile.identify} | {name for one in profile.variants for name in one.match}
     fixed = [name for name in readings if name in telling and not profile.register(name).writable]
     return {name: " ".join(readings[name].words) or readings[name].raw for name in fixed}
@@ -120,6 +120,6 @@ def check_same(expected: Identity, found: Identity, where: str) -> None:
                 "another device answers now",
                 where=where,
                 value=f"{name} = {found.get(name)}, was {value}",
-                cure="switch the first device off at its panel, and name ports as in /dev/serial/by-id: two adapters "
-                "may have exchanged their names",
+                cure="switch the previous device off at its panel, and use the names in /dev/serial/by-id: two "
+                "adapters may have exchanged their names",
             )

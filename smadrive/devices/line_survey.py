@@ -26,7 +26,7 @@ def units_to_ask(
     patience_s: float,
     ask: Callable[[int], None],
 ) -> list[int]:
-    """Return the units that may be there: none if no byte arrives, all if the bytes are not whole replies.
+    """Return the units that may be there: those that replied, or all units if any bytes are not a whole reply.
 
     `patience_s` is the longest response time of a device. `ask(unit_id)` is called before each request.
     """
@@ -57,5 +57,5 @@ def _received(transport: Transport, wait_s: float) -> bytes:
 
 
 def _wire_s(transport: Transport, size: int) -> float:
-    """Return the time of `size` characters on the wire."""
+    """Return the time in s that `size` characters take on the wire; 0 without a baud rate."""
     return 11 * size / transport.baudrate if transport.baudrate else 0.0

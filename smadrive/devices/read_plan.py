@@ -1,8 +1,8 @@
 """The requests that read a set of registers, and the readings in their replies.
 
-One request reads as many neighbours as the device allows, also across unneeded registers of the profile: one more
-request costs more time than a few more words. A block is always read whole and by itself, so that its values belong to
-the same moment. If the meaning of a register depends on other registers, they are read with it.
+One request reads as many neighbouring registers as the device allows, also across registers that are not needed: one
+more request costs more time than a few more words. A block is always read whole and by itself, so that its values
+belong to the same moment. If the meaning of a register depends on other registers, they are read with it.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ class RequestPlans:
     def exchange(self, writes: _Names, reads: _Names) -> tuple[RegisterSpan, RegisterSpan]:
         """Return the span that one FC23 request writes, and the span that it reads.
 
-        ConfigError when one request cannot write or read them: not writable, not exchangeable, not holding registers,
-        too far apart, or a gap between written registers.
+        ConfigError when one request cannot write or read the registers: one is not writable, not exchangeable or not a
+        holding register, they are too far apart, or there is a gap between written registers.
         """
         spans = self._exchanges.get((writes, reads))
         if spans is None:

@@ -70,9 +70,9 @@ class RegisterAccess:
         return words_of_register(spans, [self.span_words(span, proved=proved) for span in spans], name)
 
     def encode(self, name: str, value: float) -> RegisterWrite:
-        """Return the write of `value`.
+        """Read the registers on which `name` depends, and return the write of `value` to `name`.
 
-        Reads the registers on which `name` depends. ConfigError if it cannot be written.
+        ConfigError if `value` cannot be written.
         """
         register = self.profile.register(name)
         if not register.writable:

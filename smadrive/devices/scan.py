@@ -3,9 +3,9 @@
 Devices without Modbus are asked first, because their answer to a Modbus frame is undefined.
 
 On an RTU line a survey (line_survey.py) first finds the units that may be there; it waits `PATIENCE_MS` for the last
-reply. Each of these units is then asked for every profile. A profile without a register that proves it is possible
-where the registers of its roles read as valid numbers. A unit that leaves `SILENT` requests unanswered counts as
-absent.
+reply. Each of these units is then asked for every profile. Some profiles have no register that proves them: such a
+profile is possible if the registers of its roles read as valid numbers. A unit that leaves `SILENT` requests unanswered
+counts as absent.
 """
 
 from __future__ import annotations
@@ -31,16 +31,16 @@ from smadrive.modbus.transports.transport import SerialSettings, Transport
 SILENT = 3
 """Number of unanswered requests after which a unit counts as absent."""
 TIMEOUT_MS = 200.0
-"""Least response timeout of a scan. A profile with a longer one keeps it."""
+"""Shortest response timeout of a scan. A profile with a longer timeout keeps its own."""
 PATIENCE_MS = 500.0
-"""Least response time that the survey of a line allows; more if a profile allows more."""
+"""The survey of a line waits this long for the last reply, or longer if a profile has a longer response timeout."""
 
 
 @dataclass(frozen=True)
 class FoundDevice:
     """A device that answered, with its proved and possible profiles.
 
-    `unit_id` is None for the only device on a line.
+    `unit_id` is None for a device without Modbus, which is the only device on its line.
     """
 
     unit_id: int | None
@@ -52,7 +52,7 @@ class FoundDevice:
 def scan(
     url: str, unit_ids: Sequence[int], profiles: Sequence[Profile], ask: Callable[[str, int], None]
 ) -> Iterator[FoundDevice]:
-    """Yield the devices that answer at `url`. `ask(line, unit_id)` is called before each question.
+    """Yield the devices that answer at `url`. `ask(line, unit_id)` is called before a unit is asked.
 
     A serial URL without a baud rate is tried with the line settings of all profiles. BusyError when another smadrive
     process uses the port.
@@ -152,7 +152,7 @@ def _identified(
 
 
 def _is_one(device: Device) -> bool:
-    """Return True if the device proves its identity. If nothing can prove it, valid measurements are enough."""
+    """Check the identity. Return True if it proves the profile, or else if all measured values are valid."""
     device.check_identity()
     names = device.profile.measured
     return device.profile.proves_type or all(reading.invalid is None for reading in device.read(names).values())

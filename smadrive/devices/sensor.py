@@ -31,10 +31,7 @@ class PolledSensor:
         self._failure: SmadriveError | None = None
 
     def connect(self) -> None:
-        """Prove the identity of the device, then write its safe state.
-
-        A temperature controller could heat by itself.
-        """
+        """Prove the identity of the device, then write its safe state: a temperature controller could heat."""
         self._device.check_identity()
         self._device.enter_safe_state()
 

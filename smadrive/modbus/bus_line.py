@@ -1,6 +1,6 @@
 """The line of one bus. It opens a lost connection, keeps the pauses, sends a request, and reads until the deadline.
 
-Before a request that is answered, bytes that have arrived are discarded and counted: they answer nothing. On RTU, a
+Before a request with a reply, the bytes that have arrived are discarded and counted: they answer nothing. On RTU, a
 quarantine follows each failure: nothing is sent until the bus has been silent for one response timeout.
 `send_unconfirmed` waits only for the pause between frames.
 
@@ -55,11 +55,11 @@ class BusLine:
 
     @property
     def connection(self) -> int:
-        """The number of the connection for the next request: the count of reopenings, plus 1 while it is closed."""
+        """The number of the connection for the next request: the count of reopenings, plus 1 while disconnected."""
         return self.counters.reopenings + self._transport.lost
 
     def settle(self, unit_id: int, timing: BusTiming) -> None:
-        """Wait until a request to the unit may be sent: the bus is open and empty, and its pauses are over."""
+        """Open a lost connection, wait until a request may follow, and discard the bytes that have arrived."""
         if self._transport.lost:
             self._reopen()
         gap_s = max(self._silence_s if timing.silence else 0.0, timing.min_gap_s)

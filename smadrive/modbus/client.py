@@ -29,7 +29,7 @@ class ModbusClient:
     """Sends requests to the devices of one bus, one at a time; threads wait for each other."""
 
     def __init__(self, transport: Transport, trace: Trace | None = None) -> None:
-        """Use `transport` alone. `trace(time_s, direction, bytes)` is called as bus.py describes."""
+        """No other client may use `transport`. `trace(time_s, direction, bytes)` is called as bus.py describes."""
         self.transport = transport
         self.clock = transport.clock
         self._protocol = ClientProtocol(transport.framing)
@@ -59,7 +59,8 @@ class ModbusClient:
         an earlier reply can be taken for the answer. Set it for a read on which a safety decision depends.
 
         DeadlineError or ProtocolError when no right reply arrives (a read is retried first); ExceptionReply when the
-        device rejects the request; TransportError when the connection is lost, is not `connection`, or is never silent.
+        device rejects the request; TransportError when the connection is lost, its number is not
+        `connection`, or the bus is never silent.
         """
         transaction = Transaction(unit_id, request, timing)
         retries = 0 if request.writes else timing.read_retries
@@ -157,7 +158,7 @@ class ModbusClient:
             self._sync_by_answered_read(transaction)
 
     def _sync_by_answered_read(self, transaction: Transaction) -> None:
-        """Do the work of `_sync` for a device that did not answer its read: such reads may be unknown to the device.
+        """Do the work of `_sync` for a device that did not answer the read of `_sync`, and may not know such reads.
 
         A read that the device has answered before is sent instead. If the device has answered no other read than
         `request`, nothing is sent; DeadlineError if a copy of an earlier reply to `request` may still arrive.
@@ -180,7 +181,7 @@ class ModbusClient:
         try:
             self._transact(sync)
         except ExceptionReply as error:
-            if error.code not in FINAL_CODES:  # the real answer may still come, so this one proves nothing
+            if error.code not in FINAL_CODES:  # the real answer may still come, so this exception proves nothing
                 raise
 
     def _where(self, unit_id: int, request: Request) -> str:

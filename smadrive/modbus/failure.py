@@ -36,7 +36,7 @@ _WRONG = {
 
 
 def failure(outcome: Outcome, where: str) -> SmadriveError:
-    """Return the error for a request to `where` whose outcome is not ANSWERED."""
+    """Return the error for a request whose outcome is not ANSWERED; `where` names bus, unit and request."""
     meaning = f"exception {outcome.code}, {EXCEPTIONS.get(outcome.code, 'unknown')}" if outcome.code else ""
     if outcome.verdict in (Verdict.REFUSED, Verdict.DEFERRED):
         return ExceptionReply("the device rejects the request", outcome.code, where=where, value=meaning)

@@ -15,7 +15,7 @@ from __future__ import annotations
 from smadrive.modbus.requests import Request
 
 LATEST_REPLY_S = 10.0
-"""After this time in seconds, a reply no longer counts as outstanding. A URL can only set a shorter latency."""
+"""After this time in seconds, a reply no longer counts as outstanding. Every latency that a URL may set is shorter."""
 
 Kind = tuple[int, bytes, int]
 

@@ -19,7 +19,7 @@ from smadrive.modbus.outstanding import LATEST_REPLY_S, Kind, Outstanding, excep
 from smadrive.modbus.requests import Request
 
 FRESH = 16
-"""A kind of frame is new if it is not among this many last arrivals. No gateway is assumed to lag by more replies."""
+"""A kind of frame is new if none of the last `FRESH` frames was of this kind: a gateway may lag by as many replies."""
 NEVER = -FRESH - 1
 
 
@@ -78,25 +78,25 @@ class Probes:
         return min([*answered, *tries], key=lambda one: self._last_arrival(unit_id, one), default=request)
 
     def answered_sync_request(self, unit_id: int, request: Request, now_s: float) -> Request | None:
-        """Return the sync for a device that does not answer unfamiliar reads.
+        """Return a sync for `request` among the reads that the unit has answered, and the first parts of these reads.
 
-        It is a read of another kind than `request` that this unit has answered, or the first part of such a read. Of
-        several, the read whose kind of answer arrived longest ago is returned; None if there is no such read.
+        A unit may ignore other reads. Return the read whose kind of answer arrived longest ago; return None if the
+        unit has answered no read whose answer differs in kind from the answer to `request`.
         """
         answered = self._clean(unit_id, request, self._answered_reads(unit_id), now_s)
         return min(answered, key=lambda one: self._last_arrival(unit_id, one), default=None)
 
     def stays_silent(self, unit_id: int, request: Request) -> bool:
-        """Note that this sync was not answered. Return True if the unit never answered its function and address."""
+        """Note that this sync was not answered. Return True if the unit never answered this function and address."""
         self._silent.add(reply_kind(unit_id, request))
         return not any(request.pdu[:3] == one.pdu[:3] for kind, one in self._answered.items() if kind[0] == unit_id)
 
     def copy_may_follow(self, unit_id: int, request: Request, now_s: float) -> bool:
-        """Return True if the last such reply is so recent that a second copy of it may still arrive."""
+        """Return True if the last reply to `request` is so recent that a second copy of it may still arrive."""
         return now_s < self._arrived_s.get(reply_kind(unit_id, request), -inf) + LATEST_REPLY_S
 
     def _last_arrival(self, unit_id: int, one: Request) -> int:
-        """Return the count of frames when a reply or an exception to this read last arrived; `NEVER` if none did."""
+        """Return the number of the last frame that was a reply or an exception to this read; `NEVER` without one."""
         kinds = reply_kind(unit_id, one), exception_kind(unit_id, one)
         return max(self._arrived.get(kind, NEVER) for kind in kinds)
 

@@ -145,7 +145,7 @@ class ClientProtocol:
     def _exception_is_doubtful(self, unit_id: int, request: Request, now_s: float) -> bool:
         """Return True if an exception to this request could be an older, outstanding one.
 
-        The transaction numbers of Modbus TCP exclude that for exceptions. They do not exclude it for replies: a gateway
+        The transaction numbers of Modbus TCP exclude older exceptions. They do not exclude older replies: a gateway
         may give a late reply of its serial line the number of the present request.
         """
         if self._framing.numbered or not self._outstanding:

@@ -36,7 +36,7 @@ class Request(NamedTuple):
 
     @property
     def address(self) -> int:
-        """The first address that the request reads or writes. FC23 does both; then it is the first that is read."""
+        """The first address that the request reads or writes. For FC23, it is the first address to read."""
         return int.from_bytes(self.pdu[1:3], "big")
 
 

@@ -42,9 +42,9 @@ class TraceLine(NamedTuple):
 class TraceFile:
     """A file with every frame on the bus of `transport`: `ModbusClient(transport, trace=TraceFile(path, transport))`.
 
-    It is a context manager. Times are in seconds since the trace began. A line is written after its frame. If a
-    line cannot be written (a full disk), the trace ends there, and a warning with time and reason is logged at the exit
-    of the context. `speaks_text` is True for a board that exchanges lines of text instead of frames.
+    It is a context manager. Times are in seconds since the trace began. A line is written after its frame has passed.
+    If a line cannot be written (a full disk), the trace ends there, and a warning with time and reason is logged at the
+    exit of the context. `speaks_text` is True for a board that exchanges lines of text instead of frames.
     """
 
     def __init__(self, path: Path, transport: Transport, *, speaks_text: bool = False) -> None:
@@ -80,7 +80,7 @@ class TraceFile:
         try:
             self._file.write(f"{line} | {meaning}\n" if meaning else f"{line}\n")
         except OSError as error:
-            self._ended = f"{self._path}: the trace ends at {elapsed_s:.3f} s ({error.strerror}). Free the disk"
+            self._ended = f"{self._path}: the trace ends at {elapsed_s:.3f} s ({error.strerror}). Free some space"
 
     def __enter__(self) -> Self:
         return self

@@ -15,9 +15,9 @@ outstanding.py):
 
 The consequences of a verdict (`CONSEQUENCES`): after ANSWERED no frame of this unit is outstanding. After a failure
 the reply and an exception may still arrive. After an exception the real reply may come: a busy device or a gateway
-may answer later (DEFERRED), and a second copy of an older exception looks like the present one. So the reply stays
-outstanding, and replies cannot begin to lag by one request. A final exception (REFUSED) proves that the device has
-dealt with its older requests.
+may answer later (DEFERRED), and a second copy of an older exception looks like the present exception. So the reply
+stays outstanding, and replies cannot begin to lag by one request. A final exception (REFUSED) proves that the device
+has dealt with its older requests.
 
 The states of the connection (`TRANSITIONS`):
 
@@ -93,7 +93,7 @@ VERDICTS = {
     (Verdict.DEFERRED, False): Verdict.DEFERRED,
     (Verdict.DEFERRED, True): Verdict.STALE,
 }
-"""The verdict on an intact reply or exception; the second key is True if such a frame is outstanding."""
+"""The verdict on an intact reply or exception. The key: what arrived, and True if such a frame is outstanding."""
 
 _FAILED = Consequence(proves=False, reply_remains=True, exception_remains=True, event=ConnectionEvent.FAILED)
 CONSEQUENCES = {

@@ -114,7 +114,7 @@ class RigConfig(Section):
     def _check_names(self) -> None:
         names = [device.name for device in self.devices]
         if len(set(names)) < len(names):
-            raise ValueError(f"two devices have the same name ({', '.join(names)}): give each its own")
+            raise ValueError(f"two devices have the same name ({', '.join(names)}): give each device its own name")
 
     def _check_excitation(self) -> None:
         low_c, high_c, limit_c = self.excitation.low_c, self.excitation.high_c, self.limits.temperature_max_c

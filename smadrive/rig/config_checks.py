@@ -46,13 +46,13 @@ ZERO_C_IN_K = 273.15
 FACTORS = {"heat_capacity_j_per_k": 3.0, "loss_w_per_k": 3.0, "resistance_cold_ohm": 2.0}
 """Largest factor, up or down, between an identified parameter and its nominal value."""
 LATENT_FACTOR, LATENT_SPAN_K = 5.0, 20.0
-"""The latent heat is at most this multiple of its nominal value, or if more, this span times the heat capacity."""
+"""Largest latent heat: its nominal value times the factor, or if more, the nominal heat capacity times the span."""
 LAG_FACTOR, LAG_S = 5.0, 1.0
-"""The lag is at most this multiple of its nominal value, or this time if that is longer."""
+"""Largest lag: its nominal value times the factor, or the time in seconds if that is longer."""
 AMBIENT_K = 20.0
-"""Largest difference between identified and nominal ambient temperature."""
+"""Largest difference between identified and nominal ambient temperature in K."""
 RESISTANCE_CHANGE = 0.4
-"""Largest difference between identified and nominal relative change of resistance, whose sign differs between wires."""
+"""Largest difference from the nominal relative change of resistance, whose sign differs between wires."""
 
 
 def check_limits(config: RigConfig, wire: WireDataSheet) -> None:
@@ -121,7 +121,7 @@ def _check_voltage(config: RigConfig, balance: HeatBalance, held_a: float) -> No
     if not least_v <= limits.voltage_max_v <= most_v:
         wrong = "too low to drive" if limits.voltage_max_v < least_v else "far above what is needed to drive"
         raise ConfigError(
-            f"limits.voltage_max_v is {wrong} current_max_a through '{config.wire}', which takes {needed_v:.2g} V",
+            f"limits.voltage_max_v is {wrong} current_max_a through '{config.wire}': this takes {needed_v:.2g} V",
             where=f"rig '{config.name}'",
             value=f"{limits.voltage_max_v:g} V",
             limit=f"{least_v:.2g} to {most_v:.2g} V",
@@ -130,7 +130,7 @@ def _check_voltage(config: RigConfig, balance: HeatBalance, held_a: float) -> No
 
 
 def check_step(step: ManualStep, config: RigConfig, wire: WireDataSheet) -> tuple[str, ...]:
-    """Raise ConfigError if a manual step exceeds a limit of the rig. Return reasons to doubt that it can be held."""
+    """Raise ConfigError if a manual step exceeds a limit of the rig. Return warnings, one sentence each."""
     if step.current_a is not None:
         return _check_current_step(step.current_a, step.duration_s, config, wire.heat_balance())
     assert step.temperature_c is not None
@@ -155,7 +155,7 @@ def _check_current_step(
         return ()
     held_back = f"{DERATE_C:g} K below temperature_max_c = {limits.temperature_max_c:g} °C"
     reached = f"by the wire file, the wire would reach {reaches_c:.0f} °C"
-    return (f"{reached}: the driver holds the current back from {held_back}, or trips",)
+    return (f"{reached}: the driver lowers the current from {held_back} on, or trips",)
 
 
 def _check_temperature_step(temperature_c: float, config: RigConfig, balance: HeatBalance) -> tuple[str, ...]:
@@ -163,8 +163,8 @@ def _check_temperature_step(temperature_c: float, config: RigConfig, balance: He
     most_c = limits.temperature_max_c - DERATE_C
     if not temperature_c <= most_c:
         raise ConfigError(
-            f"too hot for rig '{config.name}', which holds the current back from {DERATE_C:g} K below "
-            f"temperature_max_c = {limits.temperature_max_c:g} °C",
+            f"too hot for rig '{config.name}', which lowers the current from {DERATE_C:g} K below "
+            f"temperature_max_c = {limits.temperature_max_c:g} °C on",
             where="step: temperature",
             value=f"{temperature_c:g} °C",
             limit=f"{most_c:g} °C",

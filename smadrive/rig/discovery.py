@@ -47,7 +47,7 @@ def port_url(port: str) -> str:
 def discover(port: str, unit_ids: Sequence[int], ask: Callable[[str, int], None]) -> list[DiscoveredDevice]:
     """Find the devices at `port` (see `port_url`) by all shipped profiles, and return them. Nothing is written to them.
 
-    `ask(line, unit_id)` is called before each request. BusyError when another process uses the port.
+    `ask(line, unit_id)` is called before a unit is asked. BusyError when another process uses the port.
     """
     port = port_url(port)
     profiles = [load_profile(file) for file in sorted((configs_dir() / "devices").glob("*.toml"))]

@@ -225,7 +225,7 @@ def _limits(limits: LimitsConfig) -> HeaterLimits:
 
 
 def _guardian(source: PlannedDevice, devices: Iterable[PlannedDevice], limits: LimitsConfig, where: str) -> Task | None:
-    """Return the task of the guardian, or None; ConfigError if a wait for a reply could outlast its patience."""
+    """Return the task of the guardian, or None; ConfigError if the driver may wait too long for a reply."""
     if source.is_simulated or source.source_type.has_watchdog:
         return None
     longest_s = max(*PAUSES_S, *(_reply_timeout_s(device) for device in devices if not device.is_simulated))

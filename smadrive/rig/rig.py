@@ -1,6 +1,6 @@
 """The rig, which connects devices, controller, supervisor and loop, and runs experiments on the wire.
 
-This module computes nothing and sends no request: controllers and devices do that.
+This module computes nothing and sends no request: controllers and devices do both.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ LAG_FACTOR = 3.0
 """Multiple of the thermocouple's nominal lag that the supervisor allows before a reading counts as implausible."""
 
 MISPLACED_S = 2.0
-"""A displacement outside the model's range is a fault after this time in seconds, added to the lag."""
+"""A displacement outside the model's range is a fault after this time in s plus the allowed lag of the thermocouple."""
 
 SAMPLED = 0.5
 """Longest time between two temperature readings, as a fraction of the wire's time constant."""
@@ -59,7 +59,7 @@ RATE_EXCHANGES = 4
 
 
 class Rig:
-    """The connected devices of a rig file. The end of this context manager puts every device into its safe state.
+    """The connected devices of a rig file. The end of this context manager puts the heat source into its safe state.
 
     transports      connections by device name, used instead of the addresses in the rig file
     clock           clock of the loops; None: the clock of the connection (real time on a port, virtual time on sim://)

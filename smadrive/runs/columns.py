@@ -1,6 +1,6 @@
 """The table of the columns of a log: name of each column, the value of a tick that it holds, its unit and its label.
 
-Recorder, replay, plots, reports and the tuning channel all read this table. To add a column, add a line here and a line
+Recorder, replay, plots, reports and the tuning page all read this table. To add a column, add a line here and a line
 in docs/records.md. Its value must be an attribute of `Tick`, of the measurement or of the command. Units are written as
 in the log file (`degC`).
 """
@@ -86,7 +86,7 @@ def row_getter(names: Iterable[str]) -> Callable[[Tick], Row]:
 
 
 def fields_of(part: str) -> dict[str, str]:
-    """Return the columns that hold attributes of one part of a tick: name of the column to name of the attribute.
+    """Return the columns that hold attributes of one part of a tick, as a dict from column name to attribute name.
 
     `part` is `command` or `measurement`. Flags are left out.
     """

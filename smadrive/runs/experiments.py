@@ -1,4 +1,4 @@
-"""The experiments of commands, scripts and notebooks: excitation, manual step, tracking, run of an own controller.
+"""The experiments of commands, scripts and notebooks: excitation, manual step, tracking, run of the user's controller.
 
 Each experiment is checked before the wire is heated, and recorded in a log. `Watch` lets the caller show the run.
 """
@@ -86,8 +86,8 @@ def excite(log_file: Path, rig: Rig, watch: Watch) -> LoopMetrics:
 def observe(rig: Rig, duration_s: float, record: Record, is_ended: StopRequested) -> None:
     """Measure in every period of the rig, without arming the heater, and pass every measurement to `record`.
 
-    The end comes after `duration_s`, or when `is_ended` returns True. A lost exchange is left out. Its error is raised
-    if no exchange has succeeded for `LOST_S`.
+    The observation ends after `duration_s`, or when `is_ended` returns True. A lost exchange is left out. Its error is
+    raised if no exchange has succeeded for `LOST_S`.
     """
     clock = rig.clock
     begun_s = fresh_s = clock.now_s()
@@ -129,8 +129,8 @@ def plan_tracking(
 ) -> PlannedTracking:
     """Add the approach from the present state of the wire to `given`, and simulate the run. Nothing is heated.
 
-    With `cycling` the reference is repeated. ConfigError when the wire cannot follow `given`. With `smooth` the run
-    tracks the nearest reference instead. The error names `smooth_option`, with which the user asks for that.
+    With `cycling` the reference is repeated. If the wire cannot follow `given`: with `smooth` the run tracks the
+    nearest reference; without `smooth`, ConfigError names `smooth_option`, the option of the user that sets `smooth`.
     """
     wire = WireModel(identified.model, identified.heat_balance or rig.nominal_balance)
     start, given = _start(rig, given, wire)
@@ -175,7 +175,7 @@ def track(log_file: Path, rig: Rig, plan: PlannedTracking, watch: Watch) -> Loop
 def drive(
     log_file: Path, rig: Rig, controller: Controller, name: str, identified: IdentifiedWire, watch: Watch
 ) -> LoopMetrics:
-    """Run an own controller on the identified wire and record it in `log_file`. TripError after a trip."""
+    """Run the user's controller on the identified wire and record it in `log_file`. TripError after a trip."""
     balance = identified.heat_balance or rig.nominal_balance
     wire = IdentifiedWire(identified.model, balance)
     with (
@@ -186,7 +186,7 @@ def drive(
 
 
 def read_reference(text: str) -> Reference:
-    """Return the reference in a CSV file, or that of a text such as `sine:low_mm=2,high_mm=9,period_s=56`."""
+    """Return the reference of a CSV file, or of a text such as `sine:low_mm=2,high_mm=9,period_s=56`."""
     path = Path(text)
     if TABLE.has_ending(path) or path.is_file():
         table = read_table(path)

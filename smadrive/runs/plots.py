@@ -38,7 +38,7 @@ STYLE: Any = {
 }
 
 POINTS = 3000
-"""Largest number of points of a line. A longer line is thinned out to it: the width of a page has fewer pixels."""
+"""Largest number of points of a line. A longer line is thinned out: the width of a page has fewer pixels."""
 
 
 NOTEBOOK_STYLE: Any = {**STYLE, "svg.fonttype": "none", "path.simplify_threshold": 1.0}
@@ -105,7 +105,7 @@ def legend(ax: Axes) -> None:
 
 
 def _extremes(values: Array) -> NDArray[np.intp]:
-    """Return the indices of the extremes of `POINTS`/2 intervals, in order. For at most `POINTS` values, return all."""
+    """Return the indices of the extremes of `POINTS`/2 intervals, in order; all indices for up to `POINTS` values."""
     if values.size <= POINTS:
         return np.arange(values.size)
     edges = np.linspace(0, values.size, POINTS // 2 + 1).astype(np.intp)

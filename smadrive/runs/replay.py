@@ -68,7 +68,7 @@ class Replay:
 def replay(log: Log, wire: IdentifiedWire | None = None) -> Replay:
     """Replay the run in `log` with `wire`, or with the wire in the log if `wire` is None.
 
-    DataError when the log lacks data for a replay, or when it holds an excitation, which uses no `wire`.
+    DataError when the log lacks data for a replay, or when `wire` is given for an excitation or a manual step.
     """
     time_s = log.column("time_s")
     if time_s.size == 0:
@@ -117,8 +117,8 @@ def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
         what = "nothing was controlled while the rig was observed"
         raise DataError(what, where=log.path, cure="replay the log of `run`, `excite` or `heat`")
     if log.metadata.get("kind") == OWN_CONTROLLER:
-        what = "a controller of the user ran, which a log does not hold"
-        raise DataError(what, where=log.path, cure="call its update with the rows of the log, in Python")
+        what = "a controller of the user ran, and a log does not hold its code"
+        raise DataError(what, where=log.path, cure="call the controller's `update` with the rows of the log, in Python")
     if wire is None and log.metadata.get("inverse") != "hysteresis":
         what = "the run used a plain temperature map instead of a model, and a log does not hold this map"
         raise DataError(what, where=log.path, cure="replay it with a model: --model FILE")

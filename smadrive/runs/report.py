@@ -66,7 +66,7 @@ class Banner:
 
 @dataclass(frozen=True)
 class Tiles:
-    """The main metrics in large type. Each of `metrics` is a pair: value with its unit, name."""
+    """The main metrics in large type. Each of `metrics` is a pair of texts: the value with its unit, and the name."""
 
     metrics: Sequence[tuple[str, str]]
 

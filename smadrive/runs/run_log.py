@@ -107,12 +107,12 @@ def record_tracking(
 
 
 def record_controller(path: Path, rig: Rig, wire: IdentifiedWire, name: str, duration_s: float) -> TickRecorder:
-    """Return the open log of a run of an own controller, called `name`, on the identified wire."""
+    """Create the log of a run of the user's controller `name` on the identified wire, and return its recorder."""
     return _open(path, rig, {"kind": OWN_CONTROLLER, "controller": name, "wire": wire.text()}, duration_s)
 
 
 def record_session(path: Path, rig: Rig, wire: IdentifiedWire, **notes: str) -> TickRecorder:
-    """Open the log of a tuning session that begins with `wire`. `notes` are further metadata."""
+    """Create the log of a tuning session that begins with `wire`, and return its recorder. `notes`: more metadata."""
     return _open(path, rig, {"kind": KIND, "wire": wire.text(), **notes}, inf)
 
 

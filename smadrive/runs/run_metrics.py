@@ -19,10 +19,10 @@ from smadrive.wire.wire_model import travel_mm
 Array = NDArray[np.float64]
 
 END_S = 1.0
-"""Time before the end of a manual step whose median counts as the value at its end."""
+"""The value at the end of a manual step is the median over this last part of the step, in seconds."""
 
 MEASURABLE = 0.05
-"""A resistance is computed from currents of at least this share of current_max_a; offsets falsify smaller ones."""
+"""A resistance is computed only at currents of at least this share of current_max_a, where offsets matter little."""
 
 NOT_REACHED_K = 2.0
 """A step that ends farther than this from its setpoint has not reached it."""
@@ -32,7 +32,7 @@ FEW_MISSING = 0.03
 
 
 def has_setpoint(log: Log) -> bool:
-    """Return True for a tracking run, and for an own controller that returned displacement setpoints."""
+    """Return True for a tracking run, and for a run of the user's controller that returned displacement setpoints."""
     is_own = "controller" in log.metadata and bool(np.isfinite(log.column_with_gaps("setpoint_mm")).any())
     return "reference" in log.metadata or is_own
 
@@ -97,14 +97,14 @@ def tripped_loop_metrics(log: Log) -> LoopMetrics:
 def tracking_caveats(log: Log) -> tuple[str, ...]:
     """Return reasons to distrust the metrics of a tracking run. DataError when the log is of another kind of run.
 
-    The first are those known before the run, for example that the reference was smoothed. The last are about scored
-    samples that are missing.
+    The first reasons were known before the run, for example that the reference was smoothed. The last reasons are about
+    missing samples.
     """
     return (*texts_of(log, "caveats"), *_sample_caveats(log))
 
 
 def run_caveats(log: Log) -> tuple[str, ...]:
-    """Return reasons to distrust the content of the log or the metrics of its run, of any kind."""
+    """Return reasons to distrust the content of a log, or the metrics of its run. The run may be of any kind."""
     return (*log.caveats, *(tracking_caveats(log) if has_setpoint(log) else texts_of(log, "caveats")))
 
 
@@ -155,7 +155,7 @@ class RunMetrics:
 class StepMetrics:
     """The wire at the end of a manual step, and over the whole step. Unknown values are NaN.
 
-    The values at the end are medians over the last second, and the last sample of a step that ended early. The
+    The values at the end are medians over the last second, or the last sample if the step ended early. The
     resistance includes leads and clamps.
     """
 

@@ -49,7 +49,8 @@ class WatchState(Enum):
 class GuardianClient:
     """A guardian process for `task`. The end of this context manager ends the guardian, unless heat may still flow.
 
-    `give_way` closes all connections of the driver: some devices accept only one, and the guardian may need it.
+    `give_way` closes all connections of the driver: some devices accept only one connection, and the guardian may need
+    it.
     """
 
     def __init__(self, task: Task, give_way: Callable[[], None]) -> None:
@@ -79,21 +80,22 @@ class GuardianClient:
         return self
 
     def configure(self, identity: Identity) -> None:
-        """Send the guardian its task and the identity of the device, which is confirmed off; wait until it is ready.
+        """Send the guardian its task with the identity of the device, and wait until the guardian is ready.
 
-        Guardians of earlier runs that wait for this same device end. SafetyError when the guardian does not start.
+        The device must be confirmed off: guardians of earlier runs that wait for it are ended. SafetyError when the
+        guardian does not start.
         """
         device = replace(self._task.device, identity=dict(identity))
         profile = load_profile(device.profile)
         relieve(key_at(device.url, profile, device.unit_id).with_identity(profile, identity))
         shared = tuple(SharedLock(lock.line, lock.descriptor) for lock in self._locks)
-        with suppress(OSError):  # after a failed write READY does not come, which is an error below
+        with suppress(OSError):  # after a failed write the guardian does not send READY: SafetyError below
             self._to.write(replace(self._task, device=device, locks=shared).to_json())
         ready, _, _ = select.select((self._from,), (), (), STARTS_WITHIN_S)
         if not ready or self._from.read(1) != READY:
             self._process.kill()
             raise SafetyError(
-                "the guardian did not start, and a source without a watchdog must not heat without it",
+                "the guardian did not start, and a source without a watchdog must not heat without a guardian",
                 where="guardian",
                 cure="install smadrive, or set PYTHONPATH to it",
             )
@@ -114,14 +116,14 @@ class GuardianClient:
             self._end()
 
     def close_inherited(self) -> None:
-        """Close the pipes in a forked child: the guardian must notice the end of its driver, not that of the child."""
+        """Close the pipes in a forked child: the guardian must notice the end of the driver, not of the child."""
         self._to.close()
         self._from.close()
         self._state = WatchState.STANDING_BY
 
     def watch(self) -> None:
         """Tell the guardian that heating begins; SafetyError when the guardian is gone."""
-        self._from.read(MANY)  # answers of the last watch
+        self._from.read(MANY)  # drops the answers of the previous watch
         self._answered_s = time.monotonic()
         if not self._send(WATCH):
             raise _gone()
@@ -160,7 +162,7 @@ class GuardianClient:
     def take_back(self) -> None:
         """After a take-over, wait until the guardian has finished, and get the ports back.
 
-        SafetyError when the guardian does not finish in time. The guardian then continues its attempts.
+        SafetyError when the guardian does not finish in time. The guardian then continues its attempts to switch off.
         """
         if self._state is WatchState.TAKEN_OVER:
             if not self._is_freed():
@@ -177,16 +179,16 @@ class GuardianClient:
         if self._state is not WatchState.STANDING_BY:
             self._state = WatchState.STANDING_BY
             if not self._is_freed():
-                self._end()  # the guardian stands still: later it could use the ports beside another program
+                self._end()  # the guardian stands still: later it could use the ports while another program uses them
 
     def _end(self) -> None:
         self._process.kill()
         self._process.wait()
 
     def _is_freed(self) -> bool:
-        """Ask the guardian for the ports, and return True when they are free.
+        """Ask the guardian for the ports. Return True when they are free, False after `FREES_WITHIN_S`.
 
-        A guardian that is gone has freed them.
+        A guardian that is gone has freed the ports.
         """
         give_up_s = time.monotonic() + FREES_WITHIN_S
         self._send(STAND_DOWN)
@@ -219,7 +221,7 @@ def _gone() -> SafetyError:
     return SafetyError(
         "the guardian is gone or stands still, and the source must not heat without it",
         where="guardian",
-        cure="start again",
+        cure="end this program and start it again",
     )
 
 

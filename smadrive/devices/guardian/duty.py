@@ -1,8 +1,9 @@
-"""The duty of a guardian as a file: the guarded device, and the reason if the guardian waits for it.
+"""The duty of a guardian as a file, which names the guarded device.
 
-The guardian locks the file (flock) as long as it lives, so that a device has only one guardian. `smadrive probe` and
-`off` show the guardians that wait. When a new driver or `off` has confirmed the same device off, it writes a second
-file, which relieves the guardian: the guardian ends without using a port.
+The guardian locks the file (flock) as long as it lives, so that a device has only one guardian. If the driver has ended
+and the guardian cannot confirm the device off, the guardian waits for the device, and the file contains the reason.
+`smadrive probe` and `off` show the waiting guardians. When a new driver or `off` has confirmed the device off, it
+writes a second file, which relieves the guardian: the guardian ends without using a port.
 """
 
 from __future__ import annotations
@@ -72,7 +73,7 @@ class HeldDuty:
 
     @classmethod
     def take(cls, device: str, key: DeviceKey) -> Self | None:
-        """Return the duty; return None if another guardian still has it after `FREE_WITHIN_S`."""
+        """Return the duty; return None if another guardian of the device still lives after `FREE_WITHIN_S`."""
         give_up_s = time.monotonic() + FREE_WITHIN_S
         while (descriptor := _locked(_file(key))) is None:
             if time.monotonic() >= give_up_s:

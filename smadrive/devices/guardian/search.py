@@ -1,4 +1,5 @@
-"""The ports at which a guardian looks for its device: all permanent names of its port, but no port of another adapter.
+"""The ports at which a guardian looks for its device: each permanent name of the device's port, but no port of another
+adapter.
 
 If another device has answered several times at a port, the guardian does not use this port for a while, because another
 program may use it.
@@ -16,7 +17,7 @@ from smadrive.devices.state.key import TERMINALS, port_names
 from smadrive.modbus.transports.connect import port_of
 
 AGREEING = 3
-"""Number of wrong identities in a row that prove another device. A single one can be a late reply of the line."""
+"""Number of wrong identities in a row that prove another device. A single wrong identity can come from a late reply."""
 ASK_AGAIN_S = 10.0
 """A port with another device is tried again after this time in seconds."""
 
@@ -24,7 +25,7 @@ ASK_AGAIN_S = 10.0
 class PortSearch:
     """Finds the ports at which a device may be now.
 
-    `url` is its port at the start of the guardian, `names` are the names of this port at that time.
+    `url` is the URL of the device's port at the start of the guardian, `names` are the names of this port at that time.
     """
 
     def __init__(self, url: str, names: frozenset[str], now_s: Callable[[], float]) -> None:
@@ -67,7 +68,7 @@ class PortSearch:
     def _terminal_exists(self) -> bool:
         """True if the pseudo-terminal has not ended.
 
-        The times of its file also change with its owner or permissions.
+        The link count of its file proves this. The times of the file also change with its owner or permissions.
         """
         return self._terminal is not None and os.fstat(self._terminal).st_nlink > 0
 
@@ -112,7 +113,7 @@ def _opened_terminal(url: str) -> int | None:
 
 
 def _place(url: str) -> str:
-    """Return the port of a URL with its time of creation: a port that was plugged in again is another port."""
+    """Return the port of a URL, with the time of creation of a serial port: a replugged port is another port."""
     port = port_of(url)
     if port.startswith("serial:"):
         with suppress(OSError):

@@ -3,16 +3,17 @@
     IDLE                 the driver lives and nothing heats
     WATCHING             the driver heats; if it is silent for too long, the guardian takes over
     TAKING_OVER          the driver is silent; the heater is not confirmed off
-    BARRED               as TAKING_OVER, but behind a network, where the driver may have the only connection
-    ENDING_DRIVER        the guardian has killed a driver that has the only connection, and waits for its end
+    BARRED               as TAKING_OVER, but the device is behind a network and did not answer: the driver may have its
+                         only connection
+    ENDING_DRIVER        the guardian has killed this driver, to get the connection, and waits for the end of the driver
     WAITING_FOR_DRIVER   the guardian confirms the heater off repeatedly: the driver may wake and send one last command
     GIVEN_WAY            the driver woke and closed its connections
-    RELEASING            the driver waits for its ports; it gets them after one more confirmation
+    RELEASING            the driver waits for its ports, and gets them when the heater is confirmed off once more
     WAITING_FOR_DEVICE   the driver has ended; the heater has not been confirmed off since then
     DONE                 the guardian ends
 
 In the states of `ATTEMPTS` the guardian tries to switch the heater off, then listens to the driver; in the other
-states it only listens. Every event of the pipe and of an attempt has an entry in every state where it can occur.
+states it only listens. The table has an entry for every event that can occur in a state.
 """
 
 from __future__ import annotations
@@ -97,7 +98,7 @@ ATTEMPTS = frozenset(
     }
 )
 PATIENT = frozenset({GuardianState.IDLE, GuardianState.WATCHING, GuardianState.BARRED})
-"""States in which the driver may be silent for `timeout_s`. In other states the guardian waits `LOOK_AGAIN_S`."""
+"""States in which the driver may be silent for `timeout_s`. In other states the guardian listens for `LOOK_AGAIN_S`."""
 
 _TAKING_OVER, _WAITING = Transition(GuardianState.TAKING_OVER), Transition(GuardianState.WAITING_FOR_DEVICE)
 _DONE, _BARRED = Transition(GuardianState.DONE), Transition(GuardianState.BARRED)
@@ -158,7 +159,7 @@ TABLE: dict[GuardianState, dict[Event, Transition]] = {
     GuardianState.WAITING_FOR_DEVICE: _stays(GuardianState.WAITING_FOR_DEVICE, *DriverSignal, *AttemptOutcome)
     | {AttemptOutcome.CONFIRMED: _DONE, AttemptOutcome.RELIEVED: _DONE, AttemptOutcome.GONE: _DONE},
 }
-"""The next state and the action, by state and event. In WAITING_FOR_DEVICE the pipe of the driver is closed."""
+"""The next state and the action, by state and event. In WAITING_FOR_DEVICE the pipe to the driver is closed."""
 
 
 def run(
@@ -169,9 +170,9 @@ def run(
 ) -> None:
     """Run the table of states until DONE.
 
-    `listen(within_s)` waits for a signal of the driver, at most `within_s`; after the end of the pipe it waits the
-    whole time. `attempt(state)` tries to switch the heater off. `act` carries out an action. A driver that heats counts
-    as dead after a silence of `timeout_s`.
+    `listen(within_s)` waits at most `within_s` for a signal of the driver. When the driver has closed the pipe, it
+    waits the whole time. `attempt(state)` tries to switch the heater off. `act` carries out an action. A driver that
+    heats counts as dead after a silence of `timeout_s`.
     """
     state = GuardianState.IDLE
 

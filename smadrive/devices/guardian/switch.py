@@ -27,7 +27,7 @@ class LineAccess:
         self._shared = [LineLock(*lock) for lock in shared]
 
     def hold_as(self, role: Role, pid: int) -> None:
-        """Write the holder into the files of the shared locks."""
+        """Write role and process id of the holder into the files of the shared locks."""
         for lock in self._shared:
             lock.hold_as(role, pid)
 
@@ -39,10 +39,11 @@ class LineAccess:
 
     @contextmanager
     def to(self, lines: Collection[str], *, alone: bool) -> Iterator[bool]:
-        """Use the line with these names. Yield True if the guardian has its port for itself.
+        """Use the line that has the names `lines`; `alone` is True once the driver has ended.
 
-        One shared name is enough, because a look-up may give other addresses than the driver's look-up did. BusyError
-        when another program has the line.
+        Yield True if the guardian has locked the line for itself, False while it shares the lock of the driver. A
+        shared lock of one of the names is enough: the host may have other addresses now than when the driver looked
+        them up. BusyError when another program has the line.
         """
         if not alone or any(lock.line in lines for lock in self._shared):
             yield False

@@ -20,7 +20,7 @@ from smadrive.devices.profile.readings import RegisterReading, problem_of
 from smadrive.errors import ProtocolError, SafetyError
 
 STALE_S = 0.5
-"""The device converts at least every 0.1 s. If its counter stands still for this time, the sensor is dead."""
+"""The device converts at least every 0.1 s. If its sample counter stands still for this time, the sensor is dead."""
 
 SEQUENCES = range(0x0100, 0x10000)
 """The sequence numbers. The registers next to the echo hold only smaller numbers."""

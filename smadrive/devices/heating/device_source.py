@@ -18,7 +18,7 @@ class SwitchableDevice(Protocol):
 
     @property
     def identity(self) -> Identity:
-        """The registers that distinguish the device from its twin."""
+        """The values of the registers that distinguish the device from others of its type."""
         ...
 
     def check_identity(self) -> object:
@@ -34,7 +34,7 @@ DeviceT = TypeVar("DeviceT", bound=SwitchableDevice)
 
 
 class DeviceSource(Generic[DeviceT]):
-    """A device as heat source; see HeatSource. A subclass has the exchange and the limits."""
+    """A device as heat source; see HeatSource. A subclass adds the exchange and the limits."""
 
     def __init__(self, device: DeviceT) -> None:
         """Send nothing yet."""

@@ -72,7 +72,7 @@ class HeatSource(Protocol):
 
     @property
     def identity(self) -> Identity:
-        """The registers that distinguish the device from its twin.
+        """The values of the registers that distinguish the device from others of its type.
 
         It is empty before `connect`, and for a device without such registers.
         """
@@ -98,7 +98,7 @@ class HeatSource(Protocol):
     def exchange(self, current_a: float, *, proved: bool = False) -> Supplied:
         """Command `current_a` (zero while the source is not armed) and measure.
 
-        If `proved` is True, an older reply cannot be taken for this one.
+        If `proved` is True, no older reply can be taken for the reply to this command.
         """
         ...
 

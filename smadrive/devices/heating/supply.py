@@ -2,8 +2,8 @@
 
 A supply has no watchdog, measures no temperature and answers slowly. A user can also change its current setting at the
 front panel. So every exchange first reads the setting back, together with the measurements that belong to it. A setting
-that differs from the command is an error. The rig file gives the voltage limit, which is read back, too: when a wire
-comes off its clamps, the voltage of the supply rises to this limit.
+that differs from the previous command is an error. The rig file gives the voltage limit, which is read back, too: when
+a wire comes off its clamps, the voltage of the supply rises to this limit.
 """
 
 from __future__ import annotations

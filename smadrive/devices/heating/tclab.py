@@ -110,7 +110,7 @@ class TCLab(DeviceSource[TCLabBoard]):
         part = sqrt(floor(in_force / 100.0 * STEPS) / STEPS)
         low_c, high_c = SENSOR_RANGE_C
         valid = low_c < temperature_c < high_c
-        problem = None if valid else f"{temperature_c:.1f} °C is outside the sensor's range: it is open or shorted"
+        problem = None if valid else f"{temperature_c:.1f} °C is outside the range: the sensor is open or shorted"
         return Supplied(
             self._full_scale_a * part,
             self._full_scale_v * part,

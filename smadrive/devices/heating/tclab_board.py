@@ -5,7 +5,7 @@
     Q1 12.60  12.600                              duty of heater 1 in %, 0 to 100
     R1        12.600                              duty of heater 1, read back
     T1        21.875                              temperature, °C
-    P1 200    200.00                              pulse width at 100 % duty, of 255
+    P1 200    200.00                              pulse width at 100 % duty, at most 255
     LED 0.07  0.07                                brightness of its lamp for 10 s, used as a token: see text_line.py
 
 Replies have no checksum. So the board must repeat the value of a command, and give a measured value twice. After any

@@ -7,9 +7,9 @@ Such a reply proves neither that it answers this command nor that it is undamage
 
 After any failure, and at the beginning, the line is out of step, and the greeting is sent before anything else. The
 board must return its banner, the same as before, then repeat a token that differs from the last tokens. Lines in
-between are dropped. A board answers in order, so no older line can follow the token. The banner alone does not prove
-that, because it may answer an earlier greeting. A greeting costs two lines, but no pause: it may be urgent to switch a
-heater off. A damaged reply can still have the right form. The caller detects it: the board must repeat the value of a
+between are dropped. A board answers in order, so no older line can follow the token. The banner alone proves
+nothing, because it may answer an earlier greeting. A greeting costs two lines, but no pause: it may be urgent to switch
+a heater off. A damaged reply can still have the right form. The caller detects it: the board must repeat the value of a
 command, and gives a measured value twice.
 """
 

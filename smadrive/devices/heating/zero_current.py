@@ -11,14 +11,14 @@ from smadrive.errors import DeviceError, ProtocolError, SafetyError, TransportEr
 CURRENT_ZERO_A = 0.05
 """A smaller current than this, in A, is noise of the measurement."""
 ZERO_SHARE = 0.1
-"""For thin wires, the bound is this fraction of current_max_a. The smaller bound applies."""
+"""For thin wires, the bound is this fraction of current_max_a if that is less than `CURRENT_ZERO_A`."""
 CURRENT_GONE_S = 0.2
-"""Current may still be measured for this time after switching off, added to the settling time of the source."""
+"""Current may still flow for this time in seconds, plus the settling time of the source, after switching off."""
 LOOK_AGAIN_S = 0.05
 
 
 def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock) -> Supplied:
-    """Wait until no current flows through `source`, which is in its safe state, and return its answer.
+    """Wait until no current flows through `source`, which is in its safe state, and return its last answer.
 
     SafetyError when current still flows after the allowed time, or the source still reports that it is armed.
     """

@@ -11,8 +11,8 @@ either form.
 Other registers may determine sign, scale, unit and validity; this information comes as a `Context`
 (dependent_registers.py).
 
-A codec converts every register of every exchange, so it is created once and has plain attributes: reading an attribute
-of a pydantic model takes six times as long.
+Every exchange converts registers, so a codec is created once for each register and has plain attributes: reading an
+attribute of a pydantic model takes six times as long.
 """
 
 from __future__ import annotations

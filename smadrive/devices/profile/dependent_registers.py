@@ -3,7 +3,8 @@
 sign_register   a register that holds the sign: 0 is positive, 1 is negative (sign and magnitude in two registers)
 scale_from      a register whose enum lists the scale factors, for example { 0 = "1", 1 = "0.1" }
 unit_from       a register whose enum lists the units: °C is used, °F is converted, other units are invalid
-valid_when      raw numbers of a register, for example { quality = [0, 1] }: valid only while it holds one of them
+valid_when      raw numbers of a register, for example { quality = [0, 1] }: while `quality` holds another number,
+                the value is invalid
 """
 
 from __future__ import annotations

@@ -1,4 +1,7 @@
-"""Checks golden frames against the register map. A profile that contradicts its recorded frames is not loaded."""
+"""Checks golden frames (recorded requests and replies) against the register map.
+
+A profile that contradicts its golden frames is not loaded.
+"""
 
 from __future__ import annotations
 
@@ -58,7 +61,7 @@ def _addressed(request: bytes) -> AddressRange:
 
 
 def _written(addressed: AddressRange, request: bytes) -> tuple[int, ...]:
-    """Return the words that the request writes; return none for a read."""
+    """Return the words that the request writes; return an empty tuple for a read."""
     match addressed.function:
         case 5:
             return (1 if request[4:6] == b"\xff\x00" else 0,)

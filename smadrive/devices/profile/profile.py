@@ -168,7 +168,7 @@ class Profile(Section):
         return None if line is None else SerialSettings(line.baudrate, line.parity, line.stopbits)
 
     def _pinned(self, choice: str) -> Profile:
-        """Return the profile of the model with these raw values, written `NAME=RAW,...`. The device must prove them."""
+        """Return the profile of the model with these raw values, written `NAME=RAW,...`. A device must prove them."""
         raws = dict(_raw_of(pair, choice) for pair in choice.split(","))
         for name, raw in raws.items():
             self.register(name)

@@ -12,7 +12,7 @@ class RegisterReading(NamedTuple):
     raw        the raw number
     value      the value in engineering units; NaN if it is invalid, and for a text
     invalid    the reason why the value is invalid, else None
-    words      the names of the enum's state or of the set bits, or the text of a string
+    words      the name of the enum's state, the names of the set bits, or the text of a string
     """
 
     raw: int | float

@@ -66,7 +66,9 @@ class Register(Section):
     @model_validator(mode="after")
     def _sensible(self) -> Register:
         if (self.table in ("coil", "discrete")) != (self.type == "bool"):
-            raise ValueError(f"type '{self.type}' in table '{self.table}': coils and discrete inputs are 'bool'")
+            raise ValueError(
+                f"type '{self.type}' in table '{self.table}': 'bool' is the type of coils and discrete inputs alone"
+            )
         if (self.type == "string") != (self.length > 0):
             raise ValueError("a string needs a length, its number of registers; other types have none")
         if self.writable:
@@ -93,7 +95,7 @@ class Register(Section):
 
     @cached_property
     def exchangeable(self) -> bool:
-        """True if every exchange may write the register, with other registers and without reading one first."""
+        """True if an exchange may write the register: with other registers, and without reading any register first."""
         return not (self.nonvolatile or self.depends_on or self.block)
 
     @cached_property

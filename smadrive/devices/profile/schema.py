@@ -14,7 +14,7 @@ from smadrive.modbus.transports.transport import Parity
 
 
 class Head(Section):
-    """Name, role, protocol and vendor of the device. `evidence` tells the sources of the map (own, two, one)."""
+    """Name, role, protocol and vendor of the device. `evidence`: number of sources of the map, or `own` map."""
 
     id: str
     role: Literal["heater", "supply", "temperature", "displacement"]
@@ -24,7 +24,7 @@ class Head(Section):
 
 
 class Serial(Section):
-    """Factory settings of the serial line. A connection URL may override all except `bytesize`."""
+    """Factory settings of the line. A URL may override baud rate, parity and stop bits; a rig file the unit id."""
 
     baudrate: int = Field(ge=50, le=12_000_000)
     bytesize: Literal[8] = 8
@@ -66,9 +66,9 @@ class DeviceTiming(Section):
 
 
 class IdentityRegister(Section):
-    """A register that proves the identity, because its raw value lies in `ranges`.
+    """A register that proves the type of a device, because its raw value lies in `ranges`.
 
-    Without ranges it is a serial number.
+    Without ranges the register holds a serial number.
     """
 
     register_: str = Field(alias="register")
@@ -148,7 +148,7 @@ class WriteOrder(Section):
 
     before    the register before which the rule applies; "*" stands for every register
     write     the register that must be written first
-    value     the value that `write` must hold; without a value, it must have been written
+    value     the value that the register `write` must hold; without a value, the caller must write the register
     """
 
     before: str
@@ -164,9 +164,9 @@ class SafeWrite(Section):
 
 
 class GoldenFrame(Section):
-    """A golden frame in hexadecimal digits, with its CRC.
+    """A recorded request and its response, in hexadecimal digits with CRC.
 
-    `means` lists the values that it writes or that its reply has.
+    `means` lists the values of the registers that the request writes or the response holds.
     """
 
     request: str

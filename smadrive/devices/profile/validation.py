@@ -42,11 +42,13 @@ def refuse_forbidden(registers: Registers, forbidden: tuple[Forbidden, ...]) -> 
 
 
 def refuse_unreachable(registers: Registers, timing: DeviceTiming) -> None:
-    """Raise ValueError if no function of the device reads or writes a register, or a register exceeds a request."""
+    """Raise ValueError if no function of the device reads or writes a register, or a register exceeds one request."""
     codes = timing.function_codes
     for name, register in registers.items():
         if register.access != "w" and read_function(register.table, codes) is None:
-            raise ValueError(f"registers.{name}: none of timing.function_codes {list(codes)} reads a {register.table}")
+            raise ValueError(
+                f"registers.{name}: none of timing.function_codes {list(codes)} reads table '{register.table}'"
+            )
         if register.writable and write_function(register.table, register.size, codes) is None:
             raise ValueError(
                 f"registers.{name}: none of timing.function_codes {list(codes)} writes {register.size} addresses of "

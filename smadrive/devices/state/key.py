@@ -1,12 +1,12 @@
 """The key of a device, which decides if a device is the same as in an earlier run.
 
 The kernel numbers ports in the order in which they appear: after a replug, `ttyUSB0` or `pts/7` may name another
-device. So a key holds the permanent names of the port. After the device has answered, it holds the serial number, too:
+device. So a key holds the permanent names of the port and, after the device has answered, its serial number. The names:
 
     USB adapter              its links in /dev/serial/by-id and by-path, and its place on the USB bus
     link of the user's own   the path of the link (a udev rule, `firmware-sim --pty PATH`, `socat link=PATH`)
     on-board serial port     its path
-    network                  host and port, as written and by each address of the host; see host_names.py
+    network                  host and port, as written and with each address of the host; see host_names.py
     pseudo-terminal          no permanent name; while it exists, its number with its time of creation. After its end it
                              never comes back, and only the serial number of the device counts
 
@@ -134,7 +134,7 @@ def port_names(url: str) -> frozenset[str]:
 
 
 def _is_link(path: Path) -> bool:
-    """Return True if the path is a link. Return False if this user may not enter its folder."""
+    """Return True if the path is a link. Return False if the user may not enter its folder."""
     try:
         return path.is_symlink()
     except OSError:

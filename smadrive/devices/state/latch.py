@@ -2,10 +2,11 @@
 
 A board latches its own faults. A fault that only the driver sees, and every fault of a supply, would be lost with the
 process. So the driver writes the trip to a file in the user's state folder, with the key of the heat source (key.py). A
-record that cannot be read counts as a trip of every device. `--clear-faults` removes the records that apply.
+record that cannot be read counts as a trip of every device. `--clear-faults` removes the records that apply to the
+device.
 
-smadrive 0.1 named its records by the address in the rig file, `ADDRESS.tripped`. The first device that is found at this
-address gets such a record under its key.
+smadrive 0.1 named its records by the address in the rig file, `ADDRESS.tripped`. When a device is found at this
+address, the record is moved to the key of this device.
 """
 
 from __future__ import annotations
@@ -52,7 +53,7 @@ class _FoundRecord(NamedTuple):
 
 
 class TripLatch:
-    """The trip of the heat source with this key. If `key` is None (simulated source), it ends with the process."""
+    """The trip of the heat source with this key. If `key` is None (simulated), the trip ends with the process."""
 
     def __init__(self, key: DeviceKey | None) -> None:
         self._key = key
@@ -66,7 +67,7 @@ class TripLatch:
         return self._trip
 
     def latch(self, trip: TripError) -> None:
-        """Latch the trip. If its record cannot be written, add a note to the trip, which then ends with the process."""
+        """Latch the trip. If its record cannot be written, the latch ends with the process, and `trip` gets a note."""
         self._trip = str(trip)
         if self._key is None:
             return
@@ -114,7 +115,7 @@ def _applying_in(file: Path, key: DeviceKey) -> Iterator[_FoundRecord]:
         yield _FoundRecord(file, _unreadable(file, error))
         return
     if record.key.applies_to(key):
-        yield _FoundRecord(file, record.trip or f"a trip of unknown cause: {file} names none")
+        yield _FoundRecord(file, record.trip or f"a trip of unknown cause: {file} has no text")
 
 
 def _write(key: DeviceKey, trip: str) -> None:
@@ -148,7 +149,7 @@ def _old_records(key: DeviceKey) -> Iterator[_FoundRecord]:
 
 
 def _old_addresses(key: DeviceKey) -> Iterator[str]:
-    """Yield the names that 0.1 gave to a device at this port, with the unit id if the rig file had one."""
+    """Yield the names that smadrive 0.1 gave to a device at this port, with the unit id if the rig file had one."""
     by_id = sorted(f"serial://{name}" for name in key.names if name.startswith(str(BY_ID)))
     for port in (*by_id, key.port):
         yield port

@@ -101,7 +101,7 @@ os.register_at_fork(after_in_child=_release_inherited)
 
 
 def lines_of(key: DeviceKey) -> tuple[str, ...]:
-    """Return the names of a device's line: a serial port has its present name, a network port may have several."""
+    """Return the names of a device's line: the present name of a serial port, or all names of a network port."""
     if key.port.startswith("serial:"):
         return (key.port,)
     unit = "" if key.unit_id is None else f" unit {key.unit_id}"
@@ -111,7 +111,7 @@ def lines_of(key: DeviceKey) -> tuple[str, ...]:
 def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> LineLock:
     """Lock `line` and return the lock; BusyError, with the holder, if another process has it.
 
-    Wait up to `within_s` for the lock, except when the holder is a living driver.
+    Wait up to `within_s` for the lock. Do not wait for a living driver; a driver does not wait for `off` either.
     """
     give_up_s = time.monotonic() + within_s
     while (lock := _try_lock(line)) is None:
@@ -124,7 +124,7 @@ def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> Lin
 
 
 def holder_of(line: str) -> Holder | None:
-    """Return the holder that the file of the lock names; return None if it names none."""
+    """Return the holder that the file of the lock names; return None if the file names no holder."""
     try:
         check_regular(_file(line), DataError)
         role, pid = _file(line).read_text(encoding="ascii").split()
@@ -160,7 +160,7 @@ def _try_lock(line: str) -> LineLock | None:
 
 
 def _starts_during_off(role: Role, holder: Holder | None) -> bool:
-    """Return True for a driver that starts while `smadrive off` holds the line: it must not heat after that."""
+    """Return True for a driver that starts while `smadrive off` holds the line: that driver must not heat."""
     return role is Role.DRIVER and holder is not None and holder.role is Role.OFF
 
 
@@ -172,13 +172,13 @@ def _is_driving(holder: Holder | None) -> bool:
 
 
 def _lives(pid: int) -> bool:
-    """Return True if the process has not ended. A killed process whose parent has not looked yet has ended."""
+    """Return True if the process has not ended. A zombie process has ended."""
     try:
         os.kill(pid, 0)
         descriptor = os.pidfd_open(pid)
     except ProcessLookupError:
         return False
-    except (OSError, AttributeError):  # another user's process, or a system without such descriptors
+    except (OSError, AttributeError):  # another user's process, or a system without process descriptors
         return True
     try:
         return not select.select((descriptor,), (), (), 0.0)[0]
@@ -199,6 +199,6 @@ def _busy(line: str, holder: Holder | None) -> BusyError:
     return BusyError(
         f"busy, because {name} uses the port",
         where=line,
-        cure="end it. A smadrive that runs or tunes there switches the heater off at `smadrive off RIG`, at Ctrl-C "
-        f"in its terminal, at {kill}, or at OFF (POST /off) of its page",
+        cure="end that process. A smadrive that runs or tunes there switches the heater off at `smadrive off RIG`, at "
+        f"Ctrl-C in its terminal, at {kill}, or at OFF (POST /off) of its page",
     )

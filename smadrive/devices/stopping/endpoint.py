@@ -5,8 +5,8 @@ more address for each of its permanent names. An address exists exactly as long 
 user of the machine, and no permission of a folder can hide it. Other systems have no such namespace: on them, a driver
 cannot be asked to stop.
 
-To connect is the request. The driver closes the connection when it has released the line. A driver that refuses answers
-REFUSED and closes the connection. The kernel closes the connection of a killed driver.
+A connection to the address is the request. The driver closes the connection when it has released the line. A driver
+that refuses answers REFUSED and closes the connection. The kernel closes the connection of a killed driver.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ IS_POSSIBLE = sys.platform == "linux"
 REFUSED = b"refused"
 
 PLACES = 16
-"""So many drivers may listen at the same number of a pseudo-terminal, all but one of them for one that has ended."""
+"""Number of addresses for the name of a pseudo-terminal: drivers of ended pseudo-terminals may still occupy some."""
 
 _CREDENTIALS = struct.Struct("3i")
 _ACL = "system.posix_acl_access"
@@ -45,13 +45,13 @@ class PeerProcess(NamedTuple):
     group_id: int
 
     def may_open(self, line: str) -> bool:
-        """Return True if this user may open the port of the line; a network port is open to every user."""
+        """Return True if the user of the process may open the port of `line`; a network port is open to every user."""
         path = port_path(line)
         if path is None or self.user_id == 0:
             return True
         try:
             port = path.stat()
-            if _ACL in os.listxattr(path):  # the access list names more users than the permissions do
+            if _ACL in os.listxattr(path):  # the access list may allow users whom the permissions do not show
                 return True
         except OSError:  # without the port there are no permissions to check
             return True
@@ -73,10 +73,10 @@ def address_of(name: str) -> str:
 
 
 def places(name: str) -> tuple[str, ...]:
-    """Return the names at which the driver of the line `name` may listen; it takes the first one that is free.
+    """Return the names at which the driver of the line `name` may listen; the driver takes the first free name.
 
-    The number of a pseudo-terminal is soon reused, while the driver of the ended one may still run. So a
-    pseudo-terminal has several places; two drivers of the same one are kept apart by its lock.
+    After the end of a pseudo-terminal, its number is soon reused, while the old driver may still run. So there are
+    several names for the number of a pseudo-terminal. The lock of the line excludes two drivers of one pseudo-terminal.
     """
     if "/dev/pts/" not in name:
         return (name,)
@@ -86,13 +86,13 @@ def places(name: str) -> tuple[str, ...]:
 def names_of_line(line: str, key: DeviceKey) -> tuple[str, ...]:
     """Return the names at which the driver of a line listens: the line, and the permanent names of a serial port.
 
-    So a link finds the driver that was started with it, even if the link leads to another port now.
+    So the driver that was started with a link is found by this link, even if the link leads to another port now.
     """
     return (line,) if port_path(line) is None else (line, *sorted(key.names))
 
 
 def peer_of(connection: socket.socket) -> PeerProcess:
-    """Return the process at the other end; for a driver it is the process that began to listen."""
+    """Return the process at the other end. If that is a driver, it is the process that began to listen."""
     return PeerProcess(
         *_CREDENTIALS.unpack(connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
     )

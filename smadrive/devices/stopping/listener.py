@@ -31,9 +31,9 @@ MOST_ASKERS = 64
 class StopListener:
     """Listens for requests to stop the driver called `where`. A context manager.
 
-    The end of the context tells every program that asked that the line is free. So enter the context before the ports
-    are opened, and leave it after they are closed. After a request, whatever ends the block leaves it as StoppedError,
-    with the error of the block as its cause: a program that tries again after an error must not heat again.
+    Enter the context before the ports are opened, and leave it after they are closed: at its end, every program that
+    sent a request learns that the line is free. After a request, the `with` block always ends with StoppedError. An
+    error of the block becomes the cause of StoppedError: a program that tries again after an error must not heat again.
     """
 
     def __init__(self, where: str) -> None:
@@ -163,7 +163,7 @@ os.register_at_fork(after_in_child=_close_inherited)
 
 
 def _shut(one: socket.socket) -> None:
-    """End the connections of a socket, also those through copies that a forked child has."""
+    """End the connections of a socket, even if a forked child has a copy of the socket."""
     with suppress(OSError):
         one.shutdown(socket.SHUT_RDWR)
 

@@ -47,7 +47,7 @@ def stop_driver(line: str, name: str, within_s: float = ANSWERS_WITHIN_S) -> Sto
         connection.settimeout(within_s)
         try:
             connection.connect(address_of(name))
-        except TimeoutError:  # its backlog is full: it is paused or hangs, and other programs wait
+        except TimeoutError:  # the backlog is full: the driver is paused or hangs, and other programs wait
             raise SafetyError(
                 "its driver does not answer", where=line, cure="end that driver (kill -9), then run this again"
             ) from None
@@ -62,14 +62,14 @@ def stop_driver(line: str, name: str, within_s: float = ANSWERS_WITHIN_S) -> Sto
                 raise SafetyError(
                     "its driver does not answer, and this process cannot end it",
                     where=line,
-                    cure="end it where it runs, such as in its container, or cut the heater's supply",
+                    cure="end the driver where it runs, such as in its container, or cut the heater's supply",
                 )
             _kill(process, driver, line)
             return StoppedDriver(driver.pid, killed=True)
 
 
 def _is_released(connection: socket.socket, driver: PeerProcess, line: str) -> bool:
-    """Wait for the end of the connection. Return False after a timeout. SafetyError when the driver refuses."""
+    """Return True when the driver ends the connection, False after a timeout. SafetyError when the driver refuses."""
     try:
         if connection.recv(len(REFUSED)) == REFUSED:
             raise SafetyError(
@@ -79,7 +79,7 @@ def _is_released(connection: socket.socket, driver: PeerProcess, line: str) -> b
             )
     except TimeoutError:
         return False
-    except ConnectionError:  # it was killed
+    except ConnectionError:  # the driver was killed
         return True
     return True
 
@@ -87,7 +87,7 @@ def _is_released(connection: socket.socket, driver: PeerProcess, line: str) -> b
 def _kill(process: int, driver: PeerProcess, line: str) -> None:
     """Kill the driver, whose descriptor is `process`, then wait until the driver and its guardians have ended.
 
-    The guardians may belong to another user, whose locks this process does not see.
+    Wait for the guardian processes, not for their locks, because another user's locks are in another folder.
     """
     with ExitStack() as stack:
         guardians = [_descriptor(pid, stack) for pid in _guardians_of(driver.pid)]
@@ -110,7 +110,7 @@ def _kill(process: int, driver: PeerProcess, line: str) -> None:
 def _descriptor(pid: int, stack: ExitStack) -> int | None:
     """Return a descriptor of the process, which `stack` closes; None if the process has ended or is not visible.
 
-    A number may soon name another process, but a descriptor always means the same one.
+    A process id may soon name another process, but a descriptor always means the same one.
     """
     try:
         descriptor = os.pidfd_open(pid)
@@ -121,7 +121,7 @@ def _descriptor(pid: int, stack: ExitStack) -> int | None:
 
 
 def _guardians_of(pid: int) -> list[int]:
-    """Return the guardians that this process has started, in whichever of its threads."""
+    """Return the ids of the guardians that the process `pid` has started in any of its threads."""
     found = []
     for task in Path(f"/proc/{pid}/task").glob("*/children"):
         with suppress(OSError):

@@ -18,7 +18,7 @@ from smadrive.modbus.framing import mbap, rtu
 REMEMBERED = 1024
 """The transaction numbers of this many last unanswered requests are not used again."""
 NEAR = 16
-"""A new transaction number differs by more from the previous one: the count of a server may be off by this."""
+"""A new transaction number differs from the previous one by more than this, because a server may miscount."""
 
 
 class Framing(Protocol):

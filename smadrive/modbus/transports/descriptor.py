@@ -4,8 +4,8 @@ pyserial is not used for reads and writes: it takes its timeout from an attribut
 reprograms the port. A lost connection is closed at once; otherwise a USB adapter that is plugged in again gets another
 name. `reopen` opens the connection again.
 
-A forked child closes its copies: a device that accepts only one client would otherwise be occupied after the end of the
-driver.
+A forked child closes its copies of the connections: a device that accepts only one client would otherwise be occupied
+after the end of the driver.
 """
 
 from __future__ import annotations

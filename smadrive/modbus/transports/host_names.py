@@ -28,7 +28,7 @@ def names_of(port: str) -> frozenset[str]:
 
 
 def may_be_one(names: frozenset[str], others: frozenset[str]) -> bool:
-    """Return True if two ports without a common name may be the same: equal numbers, and a look-up has failed."""
+    """Return True if two ports without a common name may be the same: equal port numbers, and a failed look-up."""
     numbers, other_numbers = _numbers(names), _numbers(others)
     return bool(numbers & other_numbers) and not (_is_looked_up(names) and _is_looked_up(others))
 

@@ -95,8 +95,8 @@ def _failure(port: str, error: Exception) -> TransportError:
         return TransportError(
             f"busy, because {holder} uses the port",
             where=port,
-            cure=f"end that program: press Ctrl-C in its terminal, or run {kill}. A smadrive that ends so switches the "
-            "heater off first; `smadrive tune` does the same at OFF (POST /off) on its page",
+            cure=f"end that program: press Ctrl-C in its terminal, or run {kill}. In both cases a smadrive switches "
+            "the heater off first; `smadrive tune` does the same at OFF (POST /off) on its page",
         )
     cure = "check the path in the URL"
     return TransportError("cannot be opened as a serial port", where=port, value=error, cure=cure)

@@ -15,7 +15,7 @@ from smadrive.modbus.framing.framing import Framing
 
 Parity = Literal["N", "E", "O"]
 PortAccess = Callable[[], None]
-"""Called before `write` and `reopen`; in `read` before the wait, and again before bytes are taken.
+"""Called by `write` and `reopen` before they begin, and by `read` before it waits and before it takes bytes.
 
 It raises an error when another process uses the port now.
 """
@@ -46,7 +46,7 @@ class Transport(Protocol):
 
     @property
     def reconnects(self) -> bool:
-        """True for a socket, which may be dead without a sign: after a missed deadline a new one is opened."""
+        """True for a socket, which may be dead without a sign: a missed deadline leads to a new connection."""
         ...
 
     @property

@@ -20,7 +20,7 @@ STEADY = {"temperature": 0.5, "displacement": 0.02}
 
 
 class SteadyReading(NamedTuple):
-    """The mean of `samples` readings, and its standard uncertainty: scatter of the mean and drift (uniform)."""
+    """The mean of `samples` readings, and its standard uncertainty from their scatter and a uniform drift."""
 
     mean: float
     uncertainty: float

@@ -37,7 +37,7 @@ def store_calibration(path: Path, quantity: str, values: dict[str, Any]) -> None
             f"no working {quantity} sensor has this calibration, so it is not stored",
             where=path,
             value=error.what,
-            cure="check that the sensor was at the known value, its type and its wiring",
+            cure="check type and wiring of the sensor, and that it was at the known value",
         ) from None
     document = tomlkit.parse(path.read_text(encoding="utf-8-sig"))
     section = document.setdefault("calibration", tomlkit.table(is_super_table=True))

@@ -1,5 +1,5 @@
 """Switching a rig off from outside: stop its drivers, confirm the safe state of its devices, show waiting guardians.
 
-May import the devices, and the rig's plan and connections. Controllers, wires and limits do not belong here, because
-switching off must work without them.
+This package may import the devices, and the rig's plan and connections. Controllers, wires and limits do not belong
+here, because switching off must work without them.
 """

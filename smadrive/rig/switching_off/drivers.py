@@ -1,4 +1,7 @@
-"""The drivers of a rig, and how `off` ends them: two programs on one line would take each other's replies."""
+"""Finds the drivers of a rig for `off`; `devices/stopping` ends each driver.
+
+Two programs on one line would take each other's replies for their own.
+"""
 
 from __future__ import annotations
 
@@ -12,11 +15,11 @@ from smadrive.rig.plan import PlannedDevice
 from smadrive.rig.switching_off.each import each
 
 MOST_LATE = 4
-"""After so many drivers that start again, `off` gives up: a person has to end what starts them."""
+"""`off` gives up after this number of rounds with new drivers: the user must end the program that starts them."""
 
 
 def stop_drivers(devices: Iterable[PlannedDevice]) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
-    """Stop the drivers that use the lines of these devices; return them, and the first error."""
+    """Stop the drivers that use the lines of these devices; return them, and the first error or None."""
     listed, unknown = each(devices, _names_and_lines)
     lines = {name: line for lines_of_device in listed for name, line in lines_of_device}
     stopped, failure = each(lines.items(), lambda one: stop_driver(one[1], one[0]))
@@ -26,10 +29,11 @@ def stop_drivers(devices: Iterable[PlannedDevice]) -> tuple[tuple[StoppedDriver,
 def stop_late_drivers(
     devices: Iterable[PlannedDevice], confirm_again: Callable[[], object]
 ) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
-    """Stop the drivers that came between the first request and the lock of the line; call `confirm_again` after each.
+    """Stop the drivers that started between `stop_drivers` and the lock of the line, until no driver is left.
 
-    Return the drivers, and the first error of one that could not be stopped. A driver of another user can always come,
-    because locks are per user. SafetyError when a driver has come after each of `MOST_LATE` confirmations.
+    Call `confirm_again` after each round. Return the stopped drivers, and the first error of a driver that could not be
+    stopped. A driver of another user can start at any time, because locks are per user. SafetyError when every one of
+    `MOST_LATE` rounds has found a driver.
     """
     stopped: tuple[StoppedDriver, ...] = ()
     for _ in range(MOST_LATE):

@@ -1,4 +1,4 @@
-"""One act for every device of a rig, also after an error at one of them."""
+"""Calls a function for every device of a rig, even if it fails for one of them."""
 
 from __future__ import annotations
 

@@ -16,7 +16,10 @@ def waiting_guardians() -> list[str]:
 
 @contextmanager
 def notes_waiting_guardians() -> Iterator[None]:
-    """Add a note for each waiting guardian to an error in the `with` block: it may wait for the missing device."""
+    """Add a note for each waiting guardian to an error in the `with` block.
+
+    If a device does not answer, a guardian may wait for this device.
+    """
     try:
         yield
     except SmadriveError as error:

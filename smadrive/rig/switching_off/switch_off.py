@@ -40,7 +40,7 @@ class SwitchedOff:
     """The outcome of switching off.
 
     stopped      drivers that were stopped first
-    refused      the first error of a driver that could not be stopped, and may heat again
+    refused      the first error of a driver that could not be stopped, so that it may heat again
     devices      devices that confirmed their safe state; all devices that heat are among them
     latched      faults that stay latched
     warnings     failures after the heat sources were confirmed off
@@ -76,8 +76,8 @@ class _SourceOff:
 def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
     """Put every device of the rig file `name` into its safe state, confirmed by read-back. Then clear faults if asked.
 
-    An error before the heat sources are confirmed off carries an unconfirmed ShutdownOutcome. The first signals during
-    this time have no effect (see HeldSignals). SafetyError when a fault persists.
+    An error before the heat sources are confirmed off carries a ShutdownOutcome that is not confirmed. The first
+    signals during this time have no effect (see HeldSignals). SafetyError when a fault persists.
     """
     with ExitStack() as stack:
         with _unconfirmed_on_error(), HeldSignals():
@@ -109,7 +109,7 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
 
 @contextmanager
 def _unconfirmed_on_error() -> Iterator[None]:
-    """Attach an unconfirmed ShutdownOutcome to an error in the `with` block."""
+    """Attach a ShutdownOutcome that is not confirmed to an error in the `with` block."""
     try:
         yield
     except BaseException as error:
@@ -155,7 +155,7 @@ def _confirm_off(source: HeatSource, current_max_a: float, clock: Clock) -> Supp
 def _enter_safe_state(device: PlannedDevice, connections: Connections) -> str:
     """Write the safe state of a device that does not heat the wire, and return its name.
 
-    A temperature controller could heat by itself.
+    It may still heat something else, as a temperature controller does.
     """
     opened = connections.device(device)
     opened.check_identity()

@@ -55,7 +55,7 @@ class ComparedMetrics(RunMetrics):
 
 @dataclass(frozen=True)
 class RunComparison:
-    """Two runs or more, by their logs. The first one is the one that the others are compared with."""
+    """The logs of two or more runs. The other runs are compared with the first run."""
 
     logs: tuple[Log, ...]
 
@@ -63,8 +63,8 @@ class RunComparison:
         """Raise DataError for too few or too many runs, or for a log that is given twice."""
         count, where = len(self.logs), "comparison"
         if not 2 <= count <= MOST_RUNS:
-            cure = "choose some of the logs"
-            what, limit = "not a number of runs to compare", f"2 to {MOST_RUNS}"
+            cure = "give a number of logs within the limit"
+            what, limit = "too few or too many runs to compare", f"2 to {MOST_RUNS}"
             raise DataError(what, where=where, value=count, limit=limit, cure=cure)
         for number, log in enumerate(self.logs):
             if any(log.path.samefile(other.path) for other in self.logs[:number]):
@@ -72,7 +72,7 @@ class RunComparison:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The name of each run: that of its file, or its path where two files have one name."""
+        """The name of each run: the name of its file, or the path if two files have the same name."""
         stems = [log.path.stem for log in self.logs]
         names = [stem if stems.count(stem) == 1 else str(log.path) for stem, log in zip(stems, self.logs, strict=True)]
         return tuple(name if len(name) <= NAME_LENGTH else f"…{name[1 - NAME_LENGTH :]}" for name in names)

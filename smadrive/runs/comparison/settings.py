@@ -1,4 +1,4 @@
-"""The settings of a run as texts by their names, and those in which runs differ."""
+"""The settings of a run as texts by their names, and the settings in which runs differ."""
 
 from __future__ import annotations
 
@@ -28,7 +28,10 @@ PLAIN = ("inverse", "controller", "seed", "machine")
 
 
 def differing_settings(logs: Sequence[Log]) -> dict[str, tuple[str, ...]]:
-    """Return the settings in which the runs differ: name to one text per run; the text is empty where it is missing."""
+    """Return the settings in which the runs differ, by name, with one text for each run.
+
+    The text is empty if the run does not have the setting.
+    """
     found = [settings_of(log) for log in logs]
     names = dict.fromkeys(name for settings in found for name in settings)
     rows = {name: tuple(settings.get(name, "") for settings in found) for name in names}
@@ -38,7 +41,7 @@ def differing_settings(logs: Sequence[Log]) -> dict[str, tuple[str, ...]]:
 
 
 def _is_follow_up(name: str, texts: Sequence[str]) -> bool:
-    """Return True for a value of a model that a run does not have: the setting `model` shows that already."""
+    """Return True for a value that the model of a run does not have: the setting `model` shows this difference."""
     return name.startswith((MODEL, BALANCE)) and "" in texts
 
 
@@ -77,7 +80,7 @@ def _settings(log: Log) -> Iterator[tuple[str, str]]:
 
 
 def _experiment(log: Log) -> Iterator[tuple[str, str]]:
-    """Yield reference, excitation or step, without the way from the displacement or temperature at the start."""
+    """Yield reference, excitation or step, without the way from the state of the wire at the start."""
     if "reference" in log.metadata:
         yield from _reference(reference_of(log))
     if "excitation" in log.metadata:
@@ -132,7 +135,7 @@ def _wire(log: Log) -> Iterator[tuple[str, str]]:
 
 
 def counted(rows: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
-    """Replace the values of the models by their number, if there are many."""
+    """Replace more than `MOST_VALUES` values of models by the number of values that differ from the first run."""
     of_models = [texts for name, texts in rows.items() if name.startswith(MODEL)]
     if len(of_models) <= MOST_VALUES:
         return rows

@@ -1,4 +1,4 @@
-"""Cycling runs: a reference that is repeated many times, the metrics of each cycle, and the rest of an ended run.
+"""Cycling runs: a repeated reference, the metrics of each cycle, and the continuation of a run that ended early.
 
 It may import the log, the metadata and the metrics of a run; it opens no port.
 """

@@ -1,6 +1,6 @@
-"""The rest of a cycling run that ended early: reference, wire and remaining cycles, from the log of the part before.
+"""The rest of a cycling run that ended early: reference, wire and remaining cycles, from the log of the previous part.
 
-That log is only read. The continuation writes a log of its own.
+This log is only read. The continuation writes a log of its own.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from smadrive.wire.identified_wire import IdentifiedWire
 
 
 class Continuation(NamedTuple):
-    """What the rest of a run needs. `caveats` are differences between the rig files of the two parts."""
+    """The data for the rest of a run. `caveats` are differences between the rig files of the two parts."""
 
     reference: Reference
     wire: IdentifiedWire
@@ -37,7 +37,7 @@ def continuation_of(path: Path, config: RigConfig) -> Continuation:
     cycling = cycling_of(log)
     if cycling is None:
         cure = "give the log of a run with --repeat"
-        raise DataError("the run repeats no reference, so nothing is left of it", where=path, cure=cure)
+        raise DataError("the run repeats no reference, so it has no cycles to continue", where=path, cure=cure)
     done = cycles_of(log)
     if len(done) >= cycling.total:
         cure = "start a new run with --reference and --repeat"

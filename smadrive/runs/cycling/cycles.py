@@ -27,7 +27,7 @@ from smadrive.wire.wire_model import travel_mm
 Array = NDArray[np.float64]
 
 REST_SHARE = 0.05
-"""The wire counts as at rest within this share of the reference's span from its cold end."""
+"""The wire counts as at rest while the setpoint is within this share of the reference's span from the cold end."""
 
 LEAST_SAMPLES = 3
 """A resistance at rest needs this number of samples."""
@@ -67,7 +67,7 @@ class CycleMetrics:
 class Cycling:
     """The plan of a run that repeats its reference: `total` cycles, of which `before` are done already.
 
-    `continues` is the log of the part before, empty for the first part.
+    `continues` is the log of the previous part; it is empty for the first part.
     """
 
     total: int
@@ -86,12 +86,12 @@ class Cycling:
 
 
 def cycling_of(log: Log) -> Cycling | None:
-    """Return the plan of a run that repeats its reference, None for another run. DataError when it is invalid."""
+    """Return the plan of a run that repeats its reference, None for another run. DataError when the plan is invalid."""
     return log.parsed("cycling", _cycling) if "cycling" in log.metadata else None
 
 
 def cycles_of(log: Log) -> list[CycleMetrics]:
-    """Return the metrics of each complete cycle, those of the parts before included; none for another run."""
+    """Return the metrics of each complete cycle, including the previous parts; none if no reference repeats."""
     cycling = cycling_of(log)
     if cycling is None or not log.column("time_s").size:
         return []

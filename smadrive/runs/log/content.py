@@ -163,7 +163,7 @@ def _verified_events(events: _RawEvents, sums: Sums) -> Events:
 
 
 def _written(sums: Sums, what: str) -> int:
-    """Return the number of written checksums. DamageError when one is missing between them; `what` is its place."""
+    """Return the number of written checksums of `what`. DamageError when a checksum between them is missing."""
     count = int(np.count_nonzero(sums))
     if not sums[:count].all():
         raise DamageError("checksums are missing", what)

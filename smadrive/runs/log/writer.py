@@ -37,7 +37,7 @@ GROWTH_ROWS = 8 * CHUNK_ROWS
 STRUCTURE_BYTES = 1 << 18
 """Upper bound of the bytes that HDF5 needs besides the rows and texts."""
 
-LEAVE = "leave the log and its folder alone until the run has ended, then run again"
+LEAVE = "run again, and do not touch the log or its folder before the run has ended"
 
 SIGNATURE = b"\x89HDF\r\n\x1a\n"
 """First bytes of every HDF5 file."""

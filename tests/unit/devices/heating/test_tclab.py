@@ -143,7 +143,7 @@ def test_a_sensor_at_the_end_of_its_converter_is_no_temperature(device, clock, a
     wait(clock, 0.05)
     sample = armed.exchange(0.0).temperature
     assert isnan(sample.value)
-    assert sample.problem == f"{shown} °C is outside the sensor's range: it is open or shorted"
+    assert sample.problem == f"{shown} °C is outside the range: the sensor is open or shorted"
 
 
 @pytest.fixture

@@ -32,7 +32,7 @@ WRITABLE = 'access = "rw"\nmin = 0\nmax = 1\nevidence = "two"'
         ("juntek-dpm86xx", "B7 6B", "B7 6C", "wrong CRC"),
         ("juntek-dpm86xx", "01 10 00 00 00 02 41 C8", "01 06 00 00 09 60 8F B2", "does not answer"),
         ("juntek-dpm86xx", f"scale = 0.001\n{AMPERES}", f"scale = 0.01\n{AMPERES}", "i_set is"),
-        ("juntek-dpm86xx", "[3, 6, 16]", "[4, 6, 16]", "none of timing.function_codes .* reads a holding"),
+        ("juntek-dpm86xx", "[3, 6, 16]", "[4, 6, 16]", "none of timing.function_codes .* reads table 'holding'"),
         ("juntek-dpm86xx", "[3, 6, 16]", "[3, 17]", "function 17"),
         ("hanmatek-hm30x", 'access = "r"\nevidence = "uncertain"', WRITABLE, "writes 2 addr"),
         ("xy-sk-family", 'write = "ovp"', 'write = "opv"', "write_order.write names the unknown register 'opv'"),
