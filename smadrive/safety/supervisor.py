@@ -1,7 +1,7 @@
 """The supervisor: checks every measurement, is independent of the controller, and can always stop the run.
 
 The supervisor latches the first fault. It debounces conditions that noise can cause: these become a fault only when
-several of the latest samples show them. Late, wrong or missing data are faults, just as a wire that is too hot.
+several of the latest samples show them. Late, wrong or missing data are faults, like a wire that is too hot.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LATE_TICKS = 20
 """This number of missed deadlines in a row is a fault."""
 
 REFUSED = "refused to arm"
-"""The beginning of the message when heating must not begin."""
+"""The beginning of every message which says that heating must not begin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +29,9 @@ class SafetyLimits:
     """Limits of a run, from the rig file.
 
     Within `settle_s` the heat source reaches a commanded current: the measured current must lie between the smallest
-    and the largest command of this time, ± `current_tolerance_a`. For `misplaced_for_s` a displacement may be outside
-    its band, because the thermocouple lags; for `tracking_for_s` it may be unknown, or miss the setpoint by over
-    `tracking_max_mm`.
+    and the largest command of this time, ± `current_tolerance_a`. A displacement may be outside its band for
+    `misplaced_for_s`, because the thermocouple lags. It may be unknown, or differ from the setpoint by more than
+    `tracking_max_mm`, for `tracking_for_s`.
     """
 
     temperature_max_c: float

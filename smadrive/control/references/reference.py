@@ -142,7 +142,7 @@ class Reference:
         return times[changes].tolist(), moves[changes].tolist()
 
     def next_reversal_s(self, time_s: float, direction: int) -> float:
-        """Return when a movement in `direction` next reverses after `time_s`, s; inf if it never reverses."""
+        """Return the time in s after `time_s` at which a movement in `direction` next reverses; inf without one."""
         times_s, directions = self._reversals
         begun_s = self._begun_s(time_s)
         for number in range(bisect_right(times_s, time_s - begun_s), len(times_s)):
