@@ -98,7 +98,7 @@ def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> Du
         raise ModelError("nested too deeply for a model file", where=place, cure=CURE) from None
     schema = fields.value("schema")
     if schema != SCHEMA_VERSION:
-        where, cure = f"{place}: schema", f"identify the wire again: this version reads {SCHEMA_VERSION}"
+        where, cure = f"{place}: schema", f"identify the wire again: this smadrive reads version {SCHEMA_VERSION}"
         raise ModelError("unknown version", where=where, value=shortened(schema), cure=cure)
     model = _build(fields)
     certificate = model.certificate()
