@@ -52,7 +52,7 @@ class IdentifiedWire:
             facts.append(("RMS error of the fit", f"{self.metrics['rms_percent']:.2f} % of the span"))
         facts.append(self.model.facts()[-1])
         if self.heat_balance is None:
-            return [*facts, ("heat balance", "not identified: the data sheet's is used")]
+            return [*facts, ("heat balance", "not identified: the heat balance of the data sheet is used")]
         return [
             *facts,
             ("time constant", f"{self.heat_balance.time_constant_s:.2f} s"),
