@@ -1,8 +1,8 @@
 """Check of a column's numbers against the unit in its name.
 
-A table in kelvin or metres gives as good a fit as a table in °C or mm, and a certified model. Only the names of the
-columns contain units. So the only sign of a wrong unit are values that no wire has in the unit of the name. Where the
-length of the wire is known, its stroke is checked against that length.
+A table in kelvin or metres gives as good a fit as a table in °C or mm, and a certified model. A table states its units
+only in the names of the columns. So the only sign of a wrong unit are values that no wire has in the unit of the name.
+Where the length of the wire is known, its stroke is compared with this length.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ COLDEST_C = 250.0
 """A record of a wire in °C has temperatures well below this value; a record in kelvin is completely above it."""
 
 SPANS_MM = (0.1, 1000.0)
-"""Smallest and largest usual span of a displacement. Wires move by a few percent of their length, a few mm to 20 m."""
+"""Smallest and largest usual span of a displacement. Wires are a few mm to 20 m long, and move by a few percent."""
 
 STRAINS = (0.001, 0.1)
 """Strokes over lengths: a wire in use moves by 2 to 5 % of its length; nickel-titanium recovers 8 % at most."""

@@ -18,10 +18,10 @@ from smadrive.numerics.arrays import FloatArray
 
 _LARGEST_PRIOR = 200.0  # rate per input span
 _CELLS = 400
-_STRAY, _STRAY_LEAST = 0.3, 0.5  # rates may stray from the Duhem fit's by this share of p + q, and this per input span
+_STRAY, _STRAY_LEAST = 0.3, 0.5  # rates may differ from the Duhem fit by a share of p + q plus a rate per input span
 _SLOPE_TIE = 3e-4  # tie of slopes to the right sign on a record without noise, in output spans
 _SATURATED = 0.02  # w (1 - w), relative to its largest, at which this tie is tightest
-_TIE_MISFIT = 0.2  # a Duhem fit's own misfit, in these units, counts like noise
+_TIE_MISFIT = 0.2  # this share of the misfit of the Duhem fit counts like noise
 _TIE_FLOOR = 2e-6  # tie to the Duhem fit for a record without noise, in output spans
 
 
