@@ -59,7 +59,7 @@ class Run:
 
     @property
     def log_file(self) -> Path:
-        """The log of the run."""
+        """Path of the log of the run."""
         return self.log.path
 
     @property
@@ -126,7 +126,7 @@ class Run:
         return (*self.log.caveats, *(tracking_caveats(self.log) if has_setpoint(self.log) else ()))
 
     def plot(self, figure: str | None = None) -> PlotFigure:
-        """Return the matplotlib figure 'tracking', 'loop', 'heat' or 'timing'; by default the first that the run has.
+        """Return the matplotlib figure 'tracking', 'loop', 'heat' or 'timing'; by default the first that exists.
 
         ConfigError when the run has no such figure.
         """
