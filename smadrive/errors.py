@@ -144,7 +144,7 @@ class ExceptionReply(DeviceError):
 
 
 class IdentityError(DeviceError):
-    """The device on the bus is not the one that the profile describes."""
+    """The device on the bus is not the device that the profile describes."""
 
 
 class ReadBackError(DeviceError):

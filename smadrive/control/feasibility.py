@@ -1,4 +1,4 @@
-"""Feasibility of a reference: a simulated run on the identified wire, before the run on the real one.
+"""Feasibility of a reference: a simulated run on the identified wire, before the run on the real wire.
 
 The controller of the real run tracks the reference on the model of the wire, in simulated time, without noise. The
 surroundings limit the cooling, and the heater limits the heating. The displacement that the model reaches is the
@@ -66,8 +66,8 @@ class Feasibility:
     """The result of a simulated run.
 
     `nearest` is the reference that the wire can follow; if the reference is feasible, this is the reference itself. The
-    largest error is `shortfall_mm`, at the time `at_s`, because of `limit`. While the wire fell behind, the mean rate
-    of the setpoint was `setpoint_mm_per_s` and that of the wire `reached_mm_per_s`. `hottest_c` is the highest
+    largest error is `shortfall_mm`, at the time `at_s`, because of `limit`. While the wire fell behind, the mean rates
+    of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest
     temperature of the run. `stroke_mm` is the travel of the wire, `span_mm` the span of the reference after its
     approach.
     """
@@ -119,7 +119,7 @@ class Feasibility:
         argument in Python.
         """
         if not (self.feasible or smooth):
-            slower = "" if self.slower > JUMP else f"slow it down about {self.slower:.1f} times, or "
+            slower = "" if self.slower > JUMP else f"slow the reference down about {self.slower:.1f} times, or "
             cure = f"{slower}run the nearest reference that the wire can follow ({smooth_option})"
             raise ConfigError(str(self), where="reference", cure=cure)
         if self.hottest_c > temperature_max_c:

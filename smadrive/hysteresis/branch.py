@@ -171,7 +171,7 @@ class BranchEngine:
         return self.upper if v > self.upper else v  # noqa: FURB136 (min() costs a call in the hot path)
 
     def move(self, w: float, v0: float, v1: float) -> float:
-        """Return the state at v1 after a monotone move of the input from v0, where the state is w."""
+        """Return the state at v1. The state at v0 is w, and the input has moved monotonically from v0 to v1."""
         lower, upper = self.lower, self.upper
         if not (lower <= v0 <= upper and lower <= v1 <= upper):
             v0, v1 = self.clamp(v0), self.clamp(v1)

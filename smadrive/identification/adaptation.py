@@ -207,7 +207,7 @@ class Adaptation:
         self._measured = min(self._measured[0], displacement_mm), max(self._measured[1], displacement_mm)
         travel_mm = self._predicted[1] - self._predicted[0]
         if self._disbelieved > MOST_DISBELIEVED:
-            self._end("the displacement error stays larger than any likely change of the wire")
+            self._end("the displacement error stays larger than any likely change of the wire explains")
         elif travel_mm > STUCK_TRAVEL * abs(self._base.scale):
             if self._measured[1] - self._measured[0] < STUCK_RANGE * travel_mm:
                 self._end("the displacement stands still while the wire travels")

@@ -38,7 +38,7 @@ def unit_doubts(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
 
 
 def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tuple[str, ...]:
-    """Return the reasons to doubt the stroke of a wire of `length_mm`, one sentence each; none for a usual stroke."""
+    """Return the reasons to doubt the stroke of a wire of `length_mm`, one sentence each; empty for a usual stroke."""
     span_mm = float(np.ptp(displacement_mm))
     strain = span_mm / length_mm
     if STRAINS[0] <= strain <= STRAINS[1]:
@@ -50,9 +50,9 @@ def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tup
 
 
 def time_doubts(times_s: NDArray[np.float64], name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return the reasons to doubt that times are in s, one sentence each; none unless column `name` is a temperature.
+    """Return the reasons to doubt that times are in s, one sentence each.
 
-    The mean rate of the temperature shows a wrong unit of the times.
+    The mean rate of a temperature shows a wrong unit of the times. The result is empty for any other column `name`.
     """
     duration_s = float(np.ptp(times_s))
     rate = float(np.abs(np.diff(values)).sum()) / duration_s if duration_s > 0 else np.inf

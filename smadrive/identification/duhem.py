@@ -96,7 +96,8 @@ def _solve(record: Record, components: int) -> tuple[_Problem, FloatArray, Fit[D
 class _Problem:
     """Least squares over the vector x; inputs and outputs are measured in spans of the record.
 
-    x = (means, log widths and weights of the heating branch; those of the cooling branch; scale, offset)
+    x = (means, log widths and logits of the weights of the heating branch; the same of the cooling branch; scale,
+    offset)
     """
 
     record: Record
@@ -149,7 +150,7 @@ class _Problem:
         return [forward_differences(self.residuals, x)]
 
     def parameters(self, x: FloatArray) -> FloatArray:
-        """Return weights, means and sigmas of the heating branch, those of the cooling branch, scale and offset."""
+        """Return weights, means and sigmas of the heating branch and of the cooling branch, then scale and offset."""
         parts = [np.array((m.weights, m.means, m.sigmas)) for m in self.mixtures(x)]
         return np.concatenate([np.ravel(parts), self.output_map(x)])
 

@@ -30,7 +30,7 @@ class Fault(Enum):
     CURRENT_MISMATCH = (5, "the measured current is not the commanded one", "check the wire's clamps and the supply")
     UNEXPECTED_HEATING = (
         6,
-        "current flows although none was commanded",
+        "current flows although no current was commanded",
         "switch the supply off: its switch is shorted",
     )
     DISARMED = (7, "the device stopped heating by itself", "did the device lose its supply? check it, then start again")
@@ -38,8 +38,8 @@ class Fault(Enum):
         8,
         "the thermocouple reads colder than the heat input allows",
         (
-            "is the bead tight, is its polarity right, is the wire unbroken? is the convection in the wire file too "
-            "small?"
+            "is the bead tight on the wire? is the polarity of the thermocouple right? is the wire unbroken? is the "
+            "convection in the wire file too small?"
         ),
     )
     READS_TOO_HOT = (
@@ -71,7 +71,7 @@ class Fault(Enum):
 
     COMMAND_REFUSED = (
         15,
-        "the device refused or did not keep a command",
+        "the device refused a command, or did not keep it",
         "is the panel of the device locked, or is the device in another mode?",
     )
 

@@ -122,7 +122,7 @@ class Supervisor:
         """
         if measurement.device_faults:
             latched = ", ".join(measurement.device_faults)
-            raise SafetyError(f"{REFUSED}: latched on the device: {latched}", cure=CLEAR)
+            raise SafetyError(f"{REFUSED}: faults are latched on the device: {latched}", cure=CLEAR)
         check_thermocouple(measurement)
         limits, temperature_c = self._limits, measurement.temperature_c
         if temperature_c > limits.temperature_max_c:
@@ -133,7 +133,7 @@ class Supervisor:
             fault, reason = Fault.POWER_UNKNOWN, measurement.supply_fault or "no reading of the current"
             raise SafetyError(f"{REFUSED}: {fault.cause}", value=reason, cure=fault.remedy)
         if measurement.current_a > limits.current_tolerance_a:
-            what, cure = f"{REFUSED}: current flows although none was commanded", Fault.UNEXPECTED_HEATING.remedy
+            what, cure = f"{REFUSED}: current flows although no current was commanded", Fault.UNEXPECTED_HEATING.remedy
             raise SafetyError(what, value=f"{measurement.current_a:.3f} A", cure=cure)
         outside = self._outside_band(measurement)
         if outside is not None:

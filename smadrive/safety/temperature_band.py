@@ -1,8 +1,8 @@
 """The range of temperatures that the heat input allows: a check that does not rely on the thermocouple.
 
-Two heat balances bracket the true one. The coldest possible wire warms slowly (its heat capacity is multiplied by the
-uncertainty, and contains the latent heat spread over `TRANSFORMATION_C`), loses much heat, and cools fast. The hottest
-possible wire does the opposite:
+Two heat balances bracket the true heat balance. The coldest possible wire warms slowly (its heat capacity is multiplied
+by the uncertainty, and contains the latent heat spread over `TRANSFORMATION_C`), loses much heat, and cools fast. The
+hottest possible wire does the opposite:
 
     coldest: C = u_c (m c + Q / span) while it warms, m c / u_c while it cools;  h A · u_h;  colder surroundings
     hottest: C = m c / u_c while it warms, u_c (m c + Q / span) while it cools;  h A / u_h;  warmer surroundings

@@ -125,7 +125,7 @@ def _caveats(provenance: Fields) -> tuple[str, ...]:
 
 
 def _heat_balance(provenance: Fields, place: str) -> HeatBalance | None:
-    """Return the heat balance in the provenance, None if the provenance has none."""
+    """Return the heat balance in the provenance, or None if it contains no heat balance."""
     if provenance.document.get("heat_balance") is None:
         return None
     parameters = provenance.inner("heat_balance")

@@ -1,7 +1,7 @@
 """A manual step, and its controllers: one holds a current, the other holds a temperature.
 
 Nothing is identified yet when a step heats the wire. So the temperature is controlled with the nominal heat balance,
-and the power is limited like that of an excitation.
+and the power is limited like the power of an excitation.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ For an unknown wire a failing thermocouple is detected later. This limit makes t
 
 
 class Command(NamedTuple):
-    """The commanded heater current and its setpoints, estimates and power (NaN where a controller has none)."""
+    """The commanded heater current and its setpoints, estimates and power (NaN where a controller has no value)."""
 
     commanded_a: float
     setpoint_c: float = nan

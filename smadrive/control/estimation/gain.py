@@ -4,7 +4,7 @@ Linearised at a slope s = dξ/dT of the phase, with κ = exp(-Δt h A/(m c + Q s
 
     T'  = κ T + (1-κ) d/(h A)        T_tc' = λ T_tc + (1-λ) T        d' = d        ξ' = ξ + s (T' - T)
 
-T is the temperature of the wire, T_tc that of the thermocouple, d the power that the heat balance does not explain, ξ
+T is the temperature of the wire, T_tc of the thermocouple, d the power that the heat balance does not explain, ξ
 the phase. T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete
 Riccati equation. There is one gain for the thermocouple alone. For thermocouple and displacement together there is one
 gain for each of several slopes.
