@@ -35,7 +35,7 @@ CYCLES = 3
 """Number of simulated cycles of a repeated reference; the cycles after them are like the last of them."""
 
 SUBSTEPS = 3
-"""Steps of the wire per period of the loop."""
+"""Number of simulation steps of the wire per period of the loop."""
 
 JUMP = 20.0
 """A reference that is more than this many times too fast has a jump; slowing it down does not help."""
@@ -128,7 +128,7 @@ class Feasibility:
                 where="reference",
                 value=f"{self.hottest_c:.0f} °C",
                 limit=f"{temperature_max_c:g} °C",
-                cure="lower its highest displacement, or raise the limit if the data sheet of the wire allows it",
+                cure="lower its highest displacement, or raise temperature_max_c if the data sheet allows it",
             )
 
 

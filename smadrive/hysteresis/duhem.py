@@ -24,7 +24,7 @@ from smadrive.hysteresis.model import HysteresisModel, check_output_map
 from smadrive.hysteresis.tabulate import integrate_rate, quadrature_points, tabulate
 from smadrive.numerics.arrays import FloatArray
 
-_SATURATED = 9.0  # standard deviations
+_SATURATED = 9.0  # standard deviations beyond every component, where the state is constant
 _NO_KINKS = np.empty(0)
 
 

@@ -97,7 +97,7 @@ class _Problem:
     """Least squares over the vector x; inputs and outputs are measured in spans of the record.
 
     x = (means, log widths and logits of the weights of the heating branch; the same of the cooling branch; scale,
-    offset)
+         offset)
     """
 
     record: Record

@@ -93,7 +93,9 @@ class IdentifiedWire:
         """Return the model that steps temperature and displacement together. ModelError without a heat balance."""
         if self.heat_balance is None:
             raise ModelError(
-                "no heat balance", where=self.source or "wire", cure="identify it from a log with current and voltage"
+                "no heat balance",
+                where=self.source or "wire",
+                cure="identify the wire from a log with current and voltage",
             )
         return WireModel(self.model, self.heat_balance)
 

@@ -83,7 +83,7 @@ class WireModel:
         return self.balance.step(wire_c, power_w, per_k, dt_s)
 
     def _moved(self, state: WireState, after_c: float) -> WireState:
-        """Return the wire at the temperature `after_c`, with its hysteresis input moved by the same difference."""
+        """Return the wire at the temperature `after_c`, with the input of its hysteresis changed by the same amount."""
         wire_c, hysteresis = state
         return WireState(after_c, self.model.step(hysteresis, hysteresis.v + after_c - wire_c))
 

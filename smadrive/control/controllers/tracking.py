@@ -3,7 +3,7 @@
     measurement → observer → (one period on) → inverse feedforward with preview → temperature feedback → power → current
 
 A command acts one period after its measurement. So the observer advances the estimate by one period, with the power
-that is in force in that period, and the controller computes the command for the end of that period.
+that is in force during this period, and the controller computes the command from the advanced estimate.
 
 The state of a controller is an immutable tuple, so another controller can take it over. A controller for another
 reference, model or setting then continues without a jump of the command.

@@ -28,7 +28,7 @@ PROCESS_NOISE_C = 0.015
 """Error of the heat balance in the wire temperature: standard deviation after one second, K."""
 
 DRIFT_NOISE_C = 0.2
-"""Drift of the unexplained power: standard deviation after one second, K. Multiplied by h A, it is a power."""
+"""Drift of the unexplained power, divided by h A: standard deviation after one second, K."""
 
 PHASE_NOISE = 0.003
 """Error of the hysteresis model: standard deviation of the phase after one second."""

@@ -116,7 +116,7 @@ class Reference:
         return float(self.times_s[-1]) - self.scored_from_s
 
     def cycle(self, time_s: float) -> int:
-        """Return the number of cycles that are complete at `time_s`; 0 for a reference that is not repeated."""
+        """Return the number of the cycle at `time_s`, counted from 0; 0 for a reference that is not repeated."""
         number = max(0, int((time_s - self.scored_from_s) // self.cycle_s))
         return number if self.endless else min(number, self.repeats - 1)
 
@@ -142,7 +142,7 @@ class Reference:
         return times[changes].tolist(), moves[changes].tolist()
 
     def next_reversal_s(self, time_s: float, direction: int) -> float:
-        """Return the time in s after `time_s` at which a movement in `direction` next reverses; inf without one."""
+        """Return the time in s after `time_s` at which a movement in `direction` next reverses, or inf."""
         times_s, directions = self._reversals
         begun_s = self._begun_s(time_s)
         for number in range(bisect_right(times_s, time_s - begun_s), len(times_s)):
@@ -241,7 +241,7 @@ def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONG
         cure = "slow it down; is its time in seconds?"
         raise DataError("too short", where=WHERE, value=value, limit=f"{SHORTEST_S:g} s", cure=cure)
     if duration_s > longest_s:
-        cure = "shorten it, or lower its cycles; is its time in seconds?"
+        cure = "shorten it, or lower its number of cycles; is its time in seconds?"
         raise DataError("too long", where=WHERE, value=value, limit=f"{longest_s:g} s", cure=cure)
     most = longest_s / TABLE_STEP_S
     if pieces > most:

@@ -196,7 +196,7 @@ def _check_pace(duration_s: float, pieces: float, longest_s: float) -> None:
             where=WHERE,
             value=f"{pieces:g} in {duration_s:g} s",
             limit=f"{most:g} of {SHORTEST_S:g} s each",
-            cure="lower their number, or slow it down; is its time in seconds?",
+            cure="lower their number, or slow the reference down; is its time in seconds?",
         )
 
 

@@ -156,9 +156,9 @@ def monotone(model: TSFuzzyDuhem, depth: float = 1.0, reversals: RecordReversals
 def _largest_share(mu: FloatArray, gain: FloatArray, loss: FloatArray, far: FloatArray, turns: Mask) -> FloatArray:
     """Return the largest share of each rule's `loss` with which gain (1 - far) - loss far ≥ 0 at all nodes of the rule.
 
-    `far` is the state to be reached on the opposite side: w for heating rules, 1 - w for cooling rules. `turns` is True
-    where the wire itself reverses. Only rules that have the wrong sign themselves get a share below 1, so that they
-    change before their neighbours.
+    `far` is the farthest state towards the opposite branch: w for heating rules, 1 - w for cooling rules. `turns` is
+    True where the wire itself reverses. Only rules that have the wrong sign themselves get a share below 1, so that
+    they change before their neighbours.
     """
     room, need = (mu @ gain) * (1 - far), (mu @ loss) * far
     short = need > room

@@ -16,7 +16,7 @@ from smadrive.identification.quality.fit import Fit
 from smadrive.identification.record import Record
 from smadrive.numerics.arrays import FloatArray
 
-_LARGEST_PRIOR = 200.0  # rate per input span
+_LARGEST_PRIOR = 200.0  # largest rate per input span
 _CELLS = 400
 _STRAY, _STRAY_LEAST = 0.3, 0.5  # rates may differ from the Duhem fit by a share of p + q plus a rate per input span
 _SLOPE_TIE = 3e-4  # tie of slopes to the right sign on a record without noise, in output spans

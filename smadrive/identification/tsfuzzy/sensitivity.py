@@ -153,7 +153,7 @@ class RuleTables:
         w = self.engine.evaluate(self.points.ravel(), np.full(self.points.size, rising))[0].reshape(self.points.shape)
         middle = (self.nodes[1:] + self.nodes[:-1]) / 2
         p_slope, q_slope = (self._slopes(rate, middle)[:, None] for rate in (p, q))
-        drives = np.stack([1 - w, -w, q_slope * w - p_slope * (1 - w)], axis=1)  # by p, q and centres
+        drives = np.stack([1 - w, -w, q_slope * w - p_slope * (1 - w)], axis=1)  # of the law, by p, q, centres
         forced = (weight[:, None] * drives) @ mu  # on cooling, the sign of the law and the falling input cancel
         met = (WEIGHTS @ mu) * width[:, None]
         turned = np.hstack([-met, -met, (p_slope + q_slope) * met])

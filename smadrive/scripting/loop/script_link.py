@@ -130,7 +130,7 @@ class ScriptLink:
         self._send(_dumped(self._number, error, text))
 
     def _report(self, progress: RunProgress) -> None:
-        """Send the progress, unless the script does not read: the loop never waits for it."""
+        """Send the progress, unless the script does not read: the loop never waits for the script."""
         if select.select((), (self._connection,), (), 0)[1]:
             self._send(pickle.dumps((self._number, progress)))
 
