@@ -174,7 +174,7 @@ class FrontSilentError(SafetyError):
 
 
 class LoopProcessError(SafetyError):
-    """The process that ran the loop of a script died. Watchdog or guardian switch the heater off."""
+    """The process that ran the loop of a script died. The watchdog or the guardian switches the heater off."""
 
 
 class ControllerError(SmadriveError):

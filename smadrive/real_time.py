@@ -1,7 +1,6 @@
 """Real-time scheduling of the loop and of a served simulator, so that they work on time on a busy machine.
 
-Without real-time scheduling, a browser that keeps every core busy would delay the ticks of the loop and the replies of
-the simulator.
+Without it, a browser that keeps every core busy would delay the ticks of the loop and the replies of the simulator.
 """
 
 from __future__ import annotations

@@ -183,7 +183,7 @@ class Run:
         return card(title, self.facts(), self._small_plot(), self.caveats)
 
     def _small_plot(self) -> str:
-        """Displacement and setpoint over time, or the temperature when no displacement was measured."""
+        """Return a plot of displacement and setpoint over time; of the temperature without a measured displacement."""
         time_s = self["time_s"].tolist()
         name = "displacement_mm" if np.isfinite(self["displacement_mm"]).any() else "temperature_c"
         curves = [Curve(time_s, self[name].tolist(), "measured", MEASURED)]
