@@ -303,7 +303,7 @@ WIRE, BOARD, SIM = (
     CONFIGS / f"{name}.toml"
     for name in ("wires/flexinol-lt-0.15mm", "devices/sma-reference", "sims/flexinol-lt-0.15mm")
 )
-A_RIG = "Give such a .toml file, or the name of a shipped one: bench-supply, in-process, simulated, tclab."
+A_RIG = "Give a rig file (.toml), or the name of a shipped one: bench-supply, in-process, simulated, tclab."
 STRAIN = ("--output", "strain", "-o", "m.json")
 WRONG = [
     # name of the case, command, exit code, a part of the line on stderr
