@@ -74,5 +74,5 @@ else:
         return value
 
     def __dir__() -> list[str]:
-        """List the public names besides what is imported already."""
+        """Return the public names, and the names of this module that exist already."""
         return sorted({*globals(), *__all__})

@@ -6,9 +6,9 @@ The class says where the cause lies; the message names what is wrong, where, the
     ├── ConfigError             the user's files and options                    exit code 2
     │   ├── DataError           a table of samples that cannot be used
     │   └── ModelError          a hysteresis model that is not valid
-    │       └── CertificateError    a model without the certificates of its use
+    │       └── CertificateError    a model without the certificates that its use needs
     ├── TransportError          the connection failed: no port, port lost       exit code 3
-    │   ├── BusyError           another process has locked the line
+    │   ├── BusyError           another process has locked the port
     │   └── DeadlineError       no complete reply before the deadline
     ├── ProtocolError           a reply that is not the answer to the request   exit code 3
     ├── DeviceError             the device rejects a request                    exit code 3
@@ -34,9 +34,9 @@ from typing import Any
 UNCONFIRMED = "the heater could NOT be confirmed off"
 CUT = (
     "cut its supply by hand; when the device, or its simulator, answers again (is it stopped, or slow?), "
-    "confirm it with `smadrive off RIG`"
+    "confirm with `smadrive off RIG` that the heater is off"
 )
-"""The beginning and the end of the note that an error carries when current may still flow."""
+"""`UNCONFIRMED` begins and `CUT` ends the note that an error carries when current may still flow."""
 
 
 class SmadriveError(Exception):
@@ -116,7 +116,7 @@ class TransportError(SmadriveError):
 
 
 class BusyError(TransportError):
-    """Another process, a driver or a guardian, has locked the line."""
+    """Another process, a driver or a guardian, has locked the serial port, or the unit at the network address."""
 
 
 class DeadlineError(TransportError):
@@ -144,7 +144,7 @@ class ExceptionReply(DeviceError):
 
 
 class IdentityError(DeviceError):
-    """The device on the bus is not the one that the profile describes."""
+    """The device on the bus is not the device that the profile describes."""
 
 
 class ReadBackError(DeviceError):
@@ -174,11 +174,11 @@ class FrontSilentError(SafetyError):
 
 
 class LoopProcessError(SafetyError):
-    """The process that ran the loop of a script died. Watchdog or guardian switch the heater off."""
+    """The process that ran the loop of a script died. The watchdog or the guardian switches the heater off."""
 
 
 class ControllerError(SmadriveError):
-    """A controller of the user returned something else than a command, or its error cannot be pickled."""
+    """A controller of the user returned something other than a command, or raised an error that cannot be pickled."""
 
     exit_code = 2
 

@@ -18,7 +18,7 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 Handler = Callable[[int, FrameType | None], Any] | int
 
 ABORTS_AT = 3
-"""The number of the signal that ends the block; the signals before it are only counted."""
+"""The block ends at this number of signals; the earlier signals are only counted."""
 
 
 class AbortedError(KeyboardInterrupt):
@@ -28,10 +28,10 @@ class AbortedError(KeyboardInterrupt):
 class HeldSignals:
     """A context manager that counts `SIGNALS` instead of obeying them.
 
-    `received` lists the signals in `before`, then the signals that arrived in the `with` block. Signal number
-    `ABORTS_AT` ends the block: the program's own handler is called for this signal, and AbortedError leaves the block
-    if that handler raises nothing. The caller decides about the earlier signals. Ignored signals stay ignored. Outside
-    the main thread no signal is held, because signals arrive in the main thread only.
+    `received` lists the signals of an earlier block (`before`), then the signals that arrived in the `with` block.
+    Signal number `ABORTS_AT` ends the block: the program's own handler is called for this signal, and AbortedError
+    leaves the block if that handler raises nothing. The caller decides about the earlier signals. Ignored signals stay
+    ignored. Outside the main thread no signal is held, because signals arrive in the main thread only.
     """
 
     def __init__(self, before: Sequence[signal.Signals] = ()) -> None:

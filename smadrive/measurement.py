@@ -39,11 +39,11 @@ class Measurement(NamedTuple):
 
     @property
     def limits(self) -> tuple[str, ...]:
-        """Every limit that holds the output back, the device's first."""
+        """Every limit that holds the output back; the limits of the device come first."""
         return self.device_limits + self.host_limits
 
     def facts(self) -> tuple[tuple[str, str], ...]:
-        """Return the quantities: names and values with units. Without a fault there is no row of faults."""
+        """Return name and value with unit of each quantity, and the names of faults and limits if there are any."""
         temperature = self.temperature_fault or quantity(self.temperature_c, 2, "°C")
         faults = ((", ".join(self.device_faults), "faults"), (", ".join(self.limits), "limited by"))
         return (

@@ -1,4 +1,4 @@
-"""Feasibility of a reference: a simulated run on the identified wire, before the run on the real one.
+"""Feasibility of a reference: a simulated run on the identified wire, before the run on the real wire.
 
 The controller of the real run tracks the reference on the model of the wire, in simulated time, without noise. The
 surroundings limit the cooling, and the heater limits the heating. The displacement that the model reaches is the
@@ -32,10 +32,10 @@ TOLERANCE = 0.02
 """Largest shortfall of a feasible reference, in strokes; the controller corrects so small an error."""
 
 CYCLES = 3
-"""Number of cycles of a repeated reference that are simulated; the next ones are like the last of them."""
+"""Number of simulated cycles of a repeated reference; the cycles after them are like the last of them."""
 
 SUBSTEPS = 3
-"""Steps of the wire per period of the loop."""
+"""Number of simulation steps of the wire per period of the loop."""
 
 JUMP = 20.0
 """A reference that is more than this many times too fast has a jump; slowing it down does not help."""
@@ -44,8 +44,8 @@ VISIBLE = 6.0
 """A movement of less than this many standard deviations of the displacement sensor is lost in the sensor's noise."""
 
 REASONS: dict[Limit, str] = {
-    "cooling": "without any current the wire cools no faster",
-    "heater": "the largest current heats no faster",
+    "cooling": "even without current the wire cools no faster",
+    "heater": "even with the largest current the wire heats no faster",
     "hysteresis": "the reference reverses too soon: while the wire crosses its hysteresis, it does not move",
 }
 
@@ -66,8 +66,8 @@ class Feasibility:
     """The result of a simulated run.
 
     `nearest` is the reference that the wire can follow; if the reference is feasible, this is the reference itself. The
-    largest error is `shortfall_mm`, at the time `at_s`, because of `limit`. While the wire fell behind, the mean rate
-    of the setpoint was `setpoint_mm_per_s` and that of the wire `reached_mm_per_s`. `hottest_c` is the highest
+    largest error is `shortfall_mm`, at the time `at_s`, because of `limit`. While the wire fell behind, the mean rates
+    of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest
     temperature of the run. `stroke_mm` is the travel of the wire, `span_mm` the span of the reference after its
     approach.
     """
@@ -85,11 +85,11 @@ class Feasibility:
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """The reasons to doubt that the run is the intended run, one sentence each."""
+        """The reasons to doubt that the user wants this run, one sentence each."""
         caveats = []
         if 0.0 < self.span_mm < VISIBLE * DISPLACEMENT_NOISE * self.stroke_mm:
             small = f"the reference moves by {self.span_mm:.2g} mm only, of a stroke of {self.stroke_mm:.3g} mm"
-            caveats.append(f"{small}: that is lost in the noise of a displacement sensor; is it in mm?")
+            caveats.append(f"{small}: this movement is lost in the noise of a displacement sensor; is it in mm?")
         if not self.feasible:
             caveats.append(f"the reference was smoothed, and all errors refer to the smoothed reference: {self}")
         return tuple(caveats)
@@ -114,11 +114,12 @@ class Feasibility:
     def check(self, temperature_max_c: float, *, smooth: bool, smooth_option: str) -> None:
         """Raise ConfigError when the reference is not feasible, or needs a temperature above the limit.
 
-        With `smooth` the nearest feasible reference runs instead, and only its temperature is checked. The error names
-        `smooth_option`, with which the user asks for that: an option of the command line, or an argument in Python.
+        With `smooth` the nearest feasible reference is tracked instead, and only its temperature is checked. The error
+        names `smooth_option`, the way to request the nearest feasible reference: an option of the command line, or an
+        argument in Python.
         """
         if not (self.feasible or smooth):
-            slower = "" if self.slower > JUMP else f"slow it down about {self.slower:.1f} times, or "
+            slower = "" if self.slower > JUMP else f"slow the reference down about {self.slower:.1f} times, or "
             cure = f"{slower}run the nearest reference that the wire can follow ({smooth_option})"
             raise ConfigError(str(self), where="reference", cure=cure)
         if self.hottest_c > temperature_max_c:
@@ -127,7 +128,7 @@ class Feasibility:
                 where="reference",
                 value=f"{self.hottest_c:.0f} °C",
                 limit=f"{temperature_max_c:g} °C",
-                cure="lower its highest displacement, or raise the limit if the data sheet of the wire allows it",
+                cure="lower its highest displacement, or raise temperature_max_c if the data sheet allows it",
             )
 
 
@@ -195,7 +196,7 @@ def _judge(reference: Reference, ticks: Array, stroke_mm: float) -> Feasibility:
 def _limit(power_w: Array, limit_w: Array) -> Limit:
     """Return the limit that was active for most of the time in which the wire fell behind.
 
-    If neither cooling nor heater was, this is the hysteresis.
+    If this is true of neither cooling nor heater, the limit is the hysteresis.
     """
     if np.mean(power_w <= 0.0) > 0.5:
         return "cooling"

@@ -32,7 +32,7 @@ LATE_FRACTION = 0.5
 """A tick misses its deadline if it starts later than this fraction of the period after the deadline."""
 
 BUSY = (5, 6, 11)
-"""Exception codes of a device that cannot answer in time, or of the gateway between driver and device."""
+"""Modbus exception codes of a busy device (5, 6), and of a gateway whose device does not answer (11)."""
 
 StopRequested = Callable[[], bool]
 """Returns True if the user has requested a stop. The loop calls this function before every tick."""
@@ -150,9 +150,9 @@ class ControlLoop:
     def tick(self, late_s: float) -> None:
         """Run one tick, begun `late_s` after its deadline. TripError when the supervisor trips.
 
-        Controller and log use the time of the measurement as the time of the tick. A device that answers slowly also
-        acts slowly; with the time of the deadline instead, the heat balance would take this delay for a change of the
-        heat.
+        Controller and log use the time of the measurement as the time of the tick. A device that answers late has
+        also acted late. If the time of the deadline counted instead, the heat balance would take this delay for a
+        change of the heat input.
         """
         self.figures.ticks += 1
         missed = late_s > LATE_FRACTION * self._period_s

@@ -1,4 +1,4 @@
-"""A card: the facts of an object as a table, with an optional plot beside them. Works on light and dark pages."""
+"""A card: the facts of an object as a table, with an optional plot beside it. Works on light and dark pages."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ LEFT, RIGHT, TOP, BOTTOM = 48, 10, 22, 36
 """Margins around the axes, in pixels."""
 
 POINTS = 300
-"""A curve is drawn with at most about so many points."""
+"""A curve is drawn with at most about this many points."""
 
 TICKS = 5
 INK = "currentColor"
@@ -21,7 +21,7 @@ INK = "currentColor"
 
 @dataclass(frozen=True)
 class Curve:
-    """One line of a plot; where a value is NaN it has a gap."""
+    """One line of a plot. The line has a gap where a value is NaN."""
 
     x: Sequence[float]
     y: Sequence[float]
@@ -69,7 +69,7 @@ def line_plot(curves: Sequence[Curve], x_label: str, y_label: str) -> str:
 
 
 def _thinned(curve: Curve) -> list[tuple[float, float]]:
-    """Return the first, least and greatest point of each of `POINTS`/2 intervals, and the last point of all."""
+    """Return the least and the greatest point of each of `POINTS`/2 intervals, and the last point of the curve."""
     points = [(float(x), float(y)) for x, y in zip(curve.x, curve.y, strict=True)]
     if len(points) <= POINTS:
         return points
@@ -82,7 +82,7 @@ def _thinned(curve: Curve) -> list[tuple[float, float]]:
 
 
 def _height(point: tuple[float, float]) -> float:
-    """Sort key of a point; a gap comes first, so that it is kept."""
+    """Return the sort key of a point. A gap counts as the least point of its interval, so that it is kept."""
     return point[1] if _is_finite(point) else float("-inf")
 
 

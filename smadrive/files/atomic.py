@@ -6,8 +6,8 @@ replace an existing file. Commands call `check_output` before they heat or compu
 
 A reader sees the old file or the new one, never a part. The new content is written to a partial file in the same
 folder, synchronized to the disk, and renamed. A rename could also replace a device node, a pipe or a socket, so only a
-regular file may be replaced. Anything else at the path is an error before the first byte is written. If the path is a
-link, the target of the link is replaced, and the link stays.
+regular file may be replaced. For anything else at the path, an error is raised before the first byte is written. If the
+path is a link, the target of the link is replaced, and the link stays.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ def check_output(path: Path, kind: FileKind, *inputs: Path) -> None:
 
 
 def unused_record(stem: str, kind: FileKind) -> Path:
-    """Return the first of STEM.h5, STEM-2.h5, STEM-3.h5, … that does not exist in the present folder."""
+    """Return the first of STEM.h5, STEM-2.h5, STEM-3.h5, … that does not exist in the current folder."""
     names = (f"{stem}{'' if number == 1 else f'-{number}'}{kind.endings[0]}" for number in count(1))
     return next(Path(name) for name in names if not os.path.lexists(name))
 

@@ -31,9 +31,9 @@ class Section(BaseModel):
     @model_validator(mode="before")
     @classmethod
     def _a_number_is_a_number(cls, values: Any) -> Any:
-        """Reject a text or a boolean in place of a number, and whole numbers of more than 64 bits.
+        """Raise ValueError for a text or a boolean in place of a number, and for a whole number of more than 64 bits.
 
-        pydantic would convert such a text or boolean to a number.
+        pydantic would convert the text or the boolean to a number.
         """
         for name, field in cls.model_fields.items() if isinstance(values, dict) else ():
             allowed = set(getattr(field.annotation, "__args__", (field.annotation,)))
@@ -76,8 +76,9 @@ def load_config(path: Path, kind: type[ConfigT]) -> ConfigT:
 def validate(tables: dict[str, Any], kind: type[ConfigT], where: str) -> ConfigT:
     """Return `tables` as a valid section of type `kind`. ConfigError describes the problem in one line.
 
-    The error names `where`. If there are unknown keys, the error names only these, because a wrongly written key also
-    explains a missing one. Otherwise the error describes the first problem and gives the number of the other problems.
+    The error names `where`. If there are unknown keys, the error names only these, because a misspelled key
+    also makes the correct key missing. Otherwise the error describes the first problem and gives the number of the
+    other problems.
     """
     try:
         return kind.model_validate(tables)

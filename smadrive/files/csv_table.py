@@ -37,7 +37,8 @@ MOST_BYTES = 1 << 29
 class Table:
     """The cells of a CSV file as text.
 
-    `cells` has the text of each column by the column's name, `lines` the line number of each row in the file.
+    `cells` has the texts of each column, by the name of the column. `lines` has the line number of each row in the
+    file.
     """
 
     path: Path
@@ -83,7 +84,7 @@ def read_table(path: Path) -> Table:
     for line, row in rows[1:]:
         _check_length(path, line, row, header)
     columns = [(name, [row[n] for _, row in rows[1:]]) for n, name in enumerate(header)]
-    named = [(name, cells) for name, cells in columns if name or any(cells)]  # spreadsheets leave empty columns behind
+    named = [(name, cells) for name, cells in columns if name or any(cells)]  # spreadsheets write empty columns
     _check_names(path, [name for name, _ in named])
     return Table(path, dict(named), [line for line, _ in rows[1:]])
 

@@ -53,7 +53,7 @@ class FileKind:
 
 
 def _config(what: str, folder: str, *marks: str) -> FileKind:
-    return FileKind(what, "give such a .toml file", marks=frozenset(marks), folder=folder)
+    return FileKind(what, f"give {what} (.toml)", marks=frozenset(marks), folder=folder)
 
 
 RIG = _config("a rig file", "rigs", "limits", "excitation")
@@ -65,14 +65,14 @@ CONFIGS = (RIG, WIRE, PROFILE, SIM, FAULTS)
 
 MODEL = FileKind(
     "a model file",
-    "give one (.json) that `smadrive identify` wrote",
+    "give a .json file that `smadrive identify` wrote",
     ModelError,
     marks=frozenset({"schema", "kind", "input_range"}),
     endings=(".json",),
 )
 LOG = FileKind(
     "a log",
-    "give one (.h5) that `excite`, `run` or `demo` wrote",
+    "give an .h5 file that `excite`, `run` or `demo` wrote",
     DataError,
     endings=(".h5", ".hdf5", ".nxs"),
     is_record=True,

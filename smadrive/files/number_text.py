@@ -8,7 +8,7 @@ from __future__ import annotations
 import re
 
 MOST_DIGITS = 400
-"""The largest number of characters of a number, more than any float needs."""
+"""The largest number of characters in the text of a number. No float needs so many."""
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)", re.ASCII)
 _WHOLE = re.compile(r"[+-]?(?:0[xX][0-9a-fA-F]+|[0-9]+)", re.ASCII)

@@ -15,7 +15,7 @@ _PACKAGE = Path(__file__).parents[1]
 
 
 class ShippedFile(NamedTuple):
-    """A shipped file: the name by which a command takes it, its path, and the first sentence of its comment."""
+    """A shipped file: its name as a command accepts it, its path, and the first sentence of its comment."""
 
     name: str
     path: Path

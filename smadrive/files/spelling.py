@@ -1,4 +1,4 @@
-"""Spelling suggestions for an unknown name: the nearest known one, or the list of all."""
+"""Spelling suggestions for an unknown name: the nearest known name, or the list of all names."""
 
 from __future__ import annotations
 

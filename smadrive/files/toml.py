@@ -27,7 +27,7 @@ def parse_toml(text: str) -> dict[str, Any]:
         raise ValueError(f"{len(text)} characters long, at most {MOST_CHARACTERS} are allowed: is it a config file?")
     for number, line in enumerate(text.split("\n"), 1):
         if len(line) > MOST_LINE:
-            raise ValueError(f"line {number} has {len(line)} characters, at most {MOST_LINE} are allowed: break it")
+            raise ValueError(f"line {number} has {len(line)} characters, at most {MOST_LINE} are allowed: break it up")
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

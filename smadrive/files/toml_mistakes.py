@@ -36,9 +36,9 @@ class TomlMistakeError(ValueError):
 
 
 def find_mistake(text: str, message: str) -> Mistake | None:
-    """Return the frequent mistake that explains the parser's `message`. None when it has another reason.
+    """Return the frequent mistake that explains the parser's `message`. None for any other reason of the message.
 
-    Without a place in the message, a line with an open quote is searched.
+    If the message names no line, the first line with an open quote is taken.
     """
     lines = text.split("\n")
     place = _PLACE.search(message)

@@ -7,7 +7,7 @@ particular solution P(v), the exact solution for any distance v1 - v0 is
 
 This needs neither an ODE solver nor a step size. Λ and P of both branches are tabulated once, as cubic Hermite pieces
 on one grid. Their derivatives a and a P + b are known, so the error is of fourth order. A trajectory is one vector
-expression for each monotone run; a single step needs a few multiplications and one exp.
+expression for each monotone section of the input path; a single step needs a few multiplications and one exp.
 
 Outside the grid the state is constant, because the input is clamped to [lower, upper].
 """
@@ -127,7 +127,7 @@ class BranchEngine:
         excess = _chain(w_start, start_target, end_target, np.exp(end_exponent - start_exponent))
         lengths, exponent = ends - starts, np.empty(min(_CHUNK, len(rising)))
         bounds = [*range(0, len(rising), _CHUNK), len(rising)]
-        run = np.searchsorted(ends, bounds).tolist()  # of the move that ends at each bound
+        run = np.searchsorted(ends, bounds).tolist()  # section of the step that ends at each bound
         for (begin, end), (before, last) in zip(pairwise(bounds), pairwise(run), strict=True):
             runs = slice(before + (begin == ends[before]), last + 1)
             inside = lengths[runs].copy()
@@ -171,7 +171,7 @@ class BranchEngine:
         return self.upper if v > self.upper else v  # noqa: FURB136 (min() costs a call in the hot path)
 
     def move(self, w: float, v0: float, v1: float) -> float:
-        """Return the state at v1 after a monotone move of the input from v0, where the state is w."""
+        """Return the state at v1. The state at v0 is w, and the input has moved monotonically from v0 to v1."""
         lower, upper = self.lower, self.upper
         if not (lower <= v0 <= upper and lower <= v1 <= upper):
             v0, v1 = self.clamp(v0), self.clamp(v1)
@@ -215,9 +215,10 @@ class BranchEngine:
 
 
 def _chain(w_start: float, start_target: FloatArray, end_target: FloatArray, decay: FloatArray) -> FloatArray:
-    """Return the excess w - P at the start of each monotone run of a path that starts at `w_start`.
+    """Return the excess w - P at the start of each monotone section of a path that starts at `w_start`.
 
-    `start_target` and `end_target` are P at the ends of the runs, `decay` is the factor of the excess over each run.
+    `start_target` and `end_target` are P at both ends of the sections. `decay` is the factor of the excess over each
+    section.
     """
     excess, w = [], w_start
     for p_start, p_end, factor in zip(start_target.tolist(), end_target.tolist(), decay.tolist(), strict=True):

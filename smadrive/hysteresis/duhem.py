@@ -2,9 +2,10 @@
 
     heating:  dw/dv = (h₋ - w)/d · g₊         cooling:  dw/dv = (w - h₊)/d · g₋         d = h₋ - h₊ > 0,  g± = h±'
 
-The scale k appears only once, in y = offset + k w. The particular solutions are the major branches: P = h₊ with
-a = -g₊/d on heating, P = h₋ with a = g₋/d on cooling. In both tails d is the difference of two nearly equal numbers. It
-is computed from ln h below the loop and from ln(1 - h) above the loop, so that a tends to a Mills ratio instead of 0/0.
+h₊ is the heating branch, h₋ the cooling branch. The scale k appears only once, in y = offset + k w. The particular
+solutions are the major branches: P = h₊ with a = -g₊/d on heating, P = h₋ with a = g₋/d on cooling. In both tails d is
+the difference of two nearly equal numbers. It is computed from ln h below the loop and from ln(1 - h) above the loop,
+so that a tends to a Mills ratio instead of 0/0.
 
 Nine standard deviations beyond every component the branches agree to 1e-18, and the state is constant.
 """
@@ -23,7 +24,7 @@ from smadrive.hysteresis.model import HysteresisModel, check_output_map
 from smadrive.hysteresis.tabulate import integrate_rate, quadrature_points, tabulate
 from smadrive.numerics.arrays import FloatArray
 
-_SATURATED = 9.0  # standard deviations
+_SATURATED = 9.0  # standard deviations beyond every component, where the state is constant
 _NO_KINKS = np.empty(0)
 
 
@@ -119,7 +120,7 @@ class DuhemModel(HysteresisModel):
         return rate, -rate * self.heating.cdf(v)
 
     def certificate(self) -> Certificate:
-        """Return the certificate; the contraction rate is the smallest g±/d at the nodes of the table."""
+        """Return the certificate. Its contraction rate is the smallest g±/d at the nodes of the table."""
         return certify(self.engine)
 
     def _branches(self, nodes: FloatArray) -> tuple[Branch, Branch]:

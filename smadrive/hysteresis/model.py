@@ -1,7 +1,7 @@
-"""The common part of all hysteresis models: state in, state out, nothing hidden.
+"""The common part of all hysteresis models. A step takes a state and returns the next one; a model keeps no state.
 
     w  normalised state in [0, 1], the transformed fraction          y = offset + scale · w    (scale may be negative)
-    v  input. While v rises, the state follows the heating law, while v falls, the cooling law.
+    v  input. The state follows the heating law while v rises, and the cooling law while v falls.
 
 Inside `input_range` the branch engine is exact. Outside, the wire counts as fully transformed: the input is clamped to
 the range, the state is constant and the slope is zero. So a wrong reading of a sensor cannot make the model diverge.

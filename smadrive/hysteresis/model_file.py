@@ -28,7 +28,7 @@ MOST_BYTES = 1 << 20
 """The largest model file, bytes. A model of 200 sets takes about 20,000 bytes."""
 
 CURE = "give a model file, which `smadrive identify` or save_model writes"
-UNCERTIFIED_CURE = "identify it again, or pass allow_uncertified=True to simulate it only"
+UNCERTIFIED_CURE = "identify the wire again, or pass allow_uncertified=True only to simulate the model"
 _LAWS = ("a_heating", "b_heating", "a_cooling", "b_cooling")
 
 
@@ -71,7 +71,7 @@ def read_model(path: str | os.PathLike[str]) -> str:
 
 
 def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: str) -> str:
-    """Return the text of a model file. ModelError as in `save_model`; it names `place`."""
+    """Return the text of a model file. Raises the ModelErrors of `save_model`, which name `place`."""
     document = {
         "schema": SCHEMA_VERSION,
         **_describe(model),
@@ -98,7 +98,7 @@ def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> Du
         raise ModelError("nested too deeply for a model file", where=place, cure=CURE) from None
     schema = fields.value("schema")
     if schema != SCHEMA_VERSION:
-        where, cure = f"{place}: schema", f"identify the wire again: this version reads {SCHEMA_VERSION}"
+        where, cure = f"{place}: schema", f"identify the wire again: this smadrive reads version {SCHEMA_VERSION}"
         raise ModelError("unknown version", where=where, value=shortened(schema), cure=cure)
     model = _build(fields)
     certificate = model.certificate()

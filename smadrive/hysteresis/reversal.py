@@ -29,7 +29,7 @@ from smadrive.numerics.arrays import FloatArray, finite_array
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-_AROUND = 3.0  # a turning point is estimated from the samples within so many radii
+_AROUND = 3.0  # radii: the samples within this distance of a turning point serve to estimate it
 _LEAST_SAMPLES = 4  # on either side, for a parabola that does not follow the noise
 
 
@@ -101,7 +101,7 @@ def monotone_runs(v: FloatArray, radius: float) -> FloatArray:
     """Return the path `v` (samples,) without its false reversals.
 
     Between true turning points the result is the monotone path with the smallest squared distance from v. This needs a
-    complete record: the noise is averaged, while the real-time filter follows the noise to its extremes.
+    complete record. It averages the noise, while the real-time filter follows the noise to its extremes.
     """
     corners = turning_points(v, radius)
     turned, result = v.copy(), v.copy()
@@ -117,7 +117,7 @@ def monotone_runs(v: FloatArray, radius: float) -> FloatArray:
 def _turning_point(v: FloatArray, corner: int, radius: float) -> float:
     """Return the estimated input at a turning point, within `radius` of v[corner].
 
-    `v` holds the run before and the run after the turning point; v[corner] is their common extreme.
+    `v` holds the monotone sections before and after the turning point; v[corner] is their common extreme.
     """
     far = np.flatnonzero(np.abs(v - v[corner]) > _AROUND * radius)
     first, last = np.searchsorted(far, corner) - 1, np.searchsorted(far, corner)

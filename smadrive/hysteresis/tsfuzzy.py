@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from smadrive.hysteresis.duhem import DuhemModel
 
 
-_PIECE = 2048  # nodes and points blended at once
+_PIECE = 2048  # number of nodes and quadrature points that are blended at once
 
 Law = tuple[FloatArray, FloatArray]
 """The consequents a and b of the rules of one direction, both (sets,)."""
@@ -37,8 +37,8 @@ class TSFuzzyDuhem(HysteresisModel):
 
     a_heating, b_heating, a_cooling and b_cooling have one number per set, in 1/(unit of v). ModelError for another
     number of values, values that are not finite, an impossible scale, offset or range, sets outside `input_range`, and
-    rules that expand by more than exp(50) over the range. Other rules that do not contract are allowed here;
-    certificate() reports them, and load_model rejects them.
+    rules with which two states move apart by more than a factor of exp(50) over the range. Other rules that do not
+    contract are allowed here; certificate() reports them, and load_model rejects them.
     """
 
     def __init__(
@@ -135,7 +135,7 @@ class MembershipGrid:
     def closed_branches(self, heating_law: Law, cooling_law: Law) -> tuple[Branch, Branch]:
         """Return the heating and the cooling branch of the closed major loop of these rules.
 
-        ModelError for rules that expand by more than exp(50).
+        ModelError for rules with which two states move apart by more than a factor of exp(50).
         """
         blended = self._blended(np.array([*heating_law, *cooling_law]))
         at_nodes, inside = np.split(blended, [len(self._nodes)], axis=1)
@@ -185,7 +185,9 @@ def _contained(gain: FloatArray, shift: FloatArray) -> tuple[FloatArray, FloatAr
     growth = float(np.sum(np.log(np.maximum(gain, 1e-300))))
     if not (np.isfinite(shift).all() and growth < 50):
         cure = "give a ≤ 0 on heating and a ≥ 0 on cooling"
-        raise ModelError("expand by more than exp(50) over the range", where="rules", cure=cure)
+        raise ModelError(
+            "two states move apart by more than a factor of exp(50) over the range", where="rules", cure=cure
+        )
     return gain, shift
 
 

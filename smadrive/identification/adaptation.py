@@ -1,7 +1,7 @@
 """Online adaptation: recursive least squares of the rules, for a wire that changes during its use.
 
 The rules are described by rates p and q that must not be negative (see sensitivity.py). So contraction and boundedness
-are simple bounds, and every step keeps them:
+are simple bounds of θ, and every step keeps these bounds:
 
     θ = (p, q of the heating rules, p, q of the cooling rules, ln scale)      p, q ≥ 0, p heating ≥ λ, q cooling ≥ λ
 
@@ -10,13 +10,17 @@ error of the displacement corrects θ as in a Kalman filter:
 
     e = y - offset - scale w      ψ = ∂y/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P
 
-Likely changes of a wire are that its branches shift or widen, and that its scale drifts. P begins as their covariance
-P₀. While the wire travels, the filter forgets: θ is an Ornstein-Uhlenbeck process around its initial value θ₀,
+y is the measured displacement, r the variance of its noise, P the covariance of θ.
+
+Likely changes of a wire are that its branches shift or widen, and that its scale drifts. P begins as the covariance P₀
+of these changes. While the wire travels, the filter forgets: θ is an Ornstein-Uhlenbeck process around its initial
+value θ₀,
 
     θ - θ₀ *= ρ      P = ρ² P + (1 - ρ²) P₀      ρ² = exp(-|dv| / forgetting_c)
 
-So P never exceeds P₀, and θ returns to θ₀ in a direction that the samples do not determine: scale and hot rules trade
-off until the wire reaches its hot end. Errors within the dead zone count as noise; nothing is learned from them.
+So P never exceeds P₀, and θ returns to θ₀ in every direction that the samples do not determine. For example, until the
+wire reaches its hot end, an error of the scale and an error of the rules at the hot end can compensate each other.
+Errors within the dead zone count as noise; nothing is learned from them.
 
 A sample with a jump, or with an error larger than any likely change, is not used. The adaptation ends, and θ returns to
 an earlier value, if the sensor shows no travel while the wire travels, or if its errors stay too large. No parameter
@@ -41,7 +45,7 @@ LEAST_RATE = 1e-3
 """The least contraction per input span; every rule keeps it."""
 
 LONGEST_STEP = 0.25
-"""The largest move of v in one step, in the unit of v. A longer move is divided."""
+"""The largest change of v in one step, in the unit of v. A larger change is divided."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +56,7 @@ class AdaptationSettings:
     dead_zone      nothing is learned from a smaller error of the displacement
     drift_c        likely shift of a branch, K (standard deviation)
     drift          likely change of the scale and of the width of a branch, as a share (standard deviation)
-    free           likely change of a single rule, as a share of the largest rate of the rules around it
+    free           likely change of a single rule, as a share of the largest rate of this rule and its neighbours
     forgetting_c   travel in K after which 1/e of the difference between P and P₀ is left
     limit          largest distance of a parameter from its initial value, in standard deviations of the likely changes
     """
@@ -69,13 +73,16 @@ class AdaptationSettings:
 GATE = 5.0
 """A sample with an error of more standard deviations than this is rejected."""
 JUMP_PER_C, JUMP = 0.05, 0.15
-"""A sample is also rejected if its error jumps by more than the gate plus JUMP_PER_C strokes per K (at most JUMP)."""
+"""A sample is also rejected if its error has jumped since the last accepted sample.
+
+It may change by `GATE` standard deviations of the noise, plus JUMP_PER_C strokes per K of travel (at most JUMP).
+"""
 MOST_DISBELIEVED = 15
 """If more samples in a row than this are rejected, the sensor is faulty."""
 TRUSTED_MARKS = 30
-"""When a sensor turns out to be faulty, the parameters that were kept this many checks ago are restored."""
+"""When a sensor turns out to be faulty, the parameters of this many checks earlier are restored."""
 STUCK_TRAVEL, STUCK_RANGE = 0.04, 0.1
-"""After a predicted travel of STUCK_TRAVEL strokes, a sensor that shows less than STUCK_RANGE of it is stuck."""
+"""A sensor is stuck if it shows less than STUCK_RANGE of a predicted travel of more than STUCK_TRAVEL strokes."""
 
 
 class Adaptation:
@@ -136,7 +143,7 @@ class Adaptation:
             self._watch(displacement_mm)
 
     def _move(self, v: float) -> None:
-        """Move state and sensitivities to the input `v`, in pieces over which the law counts as constant."""
+        """Advance state and sensitivities to the input `v`, in pieces over which the law counts as constant."""
         start = self._v if self._v is not None else v
         pieces = max(1, int(np.ceil(abs(v - start) / LONGEST_STEP)))
         step = (v - start) / pieces
@@ -145,7 +152,7 @@ class Adaptation:
         self._v = v
 
     def _piece(self, middle: float, step: float) -> None:
-        """Move over one piece with dw/d|v| = ±(p (1 - w) - q w), exact in w; z uses w in the middle of the piece."""
+        """Advance over one piece with dw/d|v| = ±(p (1 - w) - q w), exact in w; z uses w in the middle of the piece."""
         lower, upper = self._base.input_range
         if not lower <= middle <= upper:
             return
@@ -200,7 +207,7 @@ class Adaptation:
         self._measured = min(self._measured[0], displacement_mm), max(self._measured[1], displacement_mm)
         travel_mm = self._predicted[1] - self._predicted[0]
         if self._disbelieved > MOST_DISBELIEVED:
-            self._end("the displacement error stays larger than any likely change of the wire")
+            self._end("the displacement error stays larger than any likely change of the wire explains")
         elif travel_mm > STUCK_TRAVEL * abs(self._base.scale):
             if self._measured[1] - self._measured[0] < STUCK_RANGE * travel_mm:
                 self._end("the displacement stands still while the wire travels")
@@ -223,7 +230,7 @@ def _theta(model: TSFuzzyDuhem) -> FloatArray:
 
 
 def _prior(model: TSFuzzyDuhem, settings: AdaptationSettings) -> FloatArray:
-    """Return the covariance of the likely changes: shift and width of each branch, scale, and a little of each rule."""
+    """Return the covariance of the likely changes: shift and width of each branch, scale, and each single rule."""
     centres, shape = np.array(model.sets.centres), shape_of(model)
     rates = _theta(model)[:-1].reshape(4, -1)
     covariance = np.zeros((rates.size + 1, rates.size + 1))

@@ -1,9 +1,9 @@
 """Offset and scale of a sensor from readings at known values: value = scale * reading + offset.
 
-With one point the scale stays 1. With more, the line is the weighted least-squares fit, whose weights are the variances
-of value and reading at each point (value² + (scale reading)², with scale near 1; Guide to the Expression of Uncertainty
-in Measurement, 5.1). Residuals that are larger than these variances explain enlarge the uncertainty by their ratio
-(Birge).
+With one point the scale stays 1. With several points, the straight line is fitted by least squares. Each point is
+weighted by the inverse of its variance: the variance of the value plus that of the reading, as the scale is near 1
+(Guide to the Expression of Uncertainty in Measurement, 5.1). If the residuals are larger than these variances explain,
+the uncertainty is multiplied by the Birge ratio, the square root of χ² / (n - 2).
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ COVERAGE = 2.0
 """Expanded uncertainties are this many standard uncertainties (95 % of a normal distribution)."""
 
 APART = 20.0
-"""Two values must differ by this many standard uncertainties, or they do not determine a scale."""
+"""The points must span this many standard uncertainties, or they do not determine a scale."""
 
 
 class CalibrationPoint(NamedTuple):
-    """A known value, the mean reading of the sensor there, and the standard uncertainty of each."""
+    """A known value, the mean reading of the sensor at this value, and the standard uncertainties of both."""
 
     value: float
     reading: float

@@ -1,8 +1,8 @@
 """Check of a column's numbers against the unit in its name.
 
-A table in kelvin or metres gives as good a fit as a table in °C or mm, and a certified model. Only the names of the
-columns contain units. So the only sign of a wrong unit are values that no wire has in the unit of the name. Where the
-length of the wire is known, its stroke is checked against that length.
+A table in kelvin or metres gives as good a fit as a table in °C or mm, and a certified model. A table states its units
+only in the names of the columns. So the only sign of a wrong unit are values that no wire has in the unit of the name.
+Where the length of the wire is known, its stroke is compared with this length.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ COLDEST_C = 250.0
 """A record of a wire in °C has temperatures well below this value; a record in kelvin is completely above it."""
 
 SPANS_MM = (0.1, 1000.0)
-"""Smallest and largest usual span of a displacement. Wires move by a few percent of their length, a few mm to 20 m."""
+"""Smallest and largest usual span of a displacement. Wires are a few mm to 20 m long, and move by a few percent."""
 
 STRAINS = (0.001, 0.1)
 """Strokes over lengths: a wire in use moves by 2 to 5 % of its length; nickel-titanium recovers 8 % at most."""
@@ -38,7 +38,7 @@ def unit_doubts(name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
 
 
 def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tuple[str, ...]:
-    """Return the reasons to doubt the stroke of a wire of `length_mm`, one sentence each; none for a usual stroke."""
+    """Return the reasons to doubt the stroke of a wire of `length_mm`, one sentence each; empty for a usual stroke."""
     span_mm = float(np.ptp(displacement_mm))
     strain = span_mm / length_mm
     if STRAINS[0] <= strain <= STRAINS[1]:
@@ -50,9 +50,9 @@ def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tup
 
 
 def time_doubts(times_s: NDArray[np.float64], name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
-    """Return the reasons to doubt that times are in s, one sentence each; none unless column `name` is a temperature.
+    """Return the reasons to doubt that times are in s, one sentence each.
 
-    The mean rate of the temperature shows a wrong unit of the times.
+    The mean rate of a temperature shows a wrong unit of the times. The result is empty for any other column `name`.
     """
     duration_s = float(np.ptp(times_s))
     rate = float(np.abs(np.diff(values)).sum()) / duration_s if duration_s > 0 else np.inf

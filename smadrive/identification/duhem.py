@@ -3,8 +3,8 @@
 The unknowns are the mean, width and weight of every Gaussian of both branches, the scale and the offset. The fit
 minimises the error of the simulated output; a fit of slopes would amplify noise and bias the loop. The first fit has
 one Gaussian per branch. Fits with more Gaussians start from several splits of this fit. The branches must not cross.
-A penalty acts where the distance of h₋ and h₊ is less than a margin, in standard deviations. The fit raises the penalty
-until the model is valid over the range.
+A penalty acts where the distance of the heating branch h₊ and the cooling branch h₋ is less than a margin, in standard
+deviations. The fit raises the penalty until the model is valid over the range.
 """
 
 from __future__ import annotations
@@ -36,7 +36,7 @@ _CELLS = 192  # table of a trial model: its error is far below any measurement's
 _STEEPEST = 1e3  # rate of a trial model per input span, where its branches touch
 _MARGIN = 0.05  # standard deviations between the branches
 _PENALTIES = (0.03, 0.3, 3.0, 30.0)
-_TRY, _POLISH = 12, 60  # iterations of each start, and of the best one
+_TRY, _POLISH = 12, 60  # iterations from each start, and from the best result
 _TOLERANCE = 1e-5  # relative gain at which to stop
 _BOUNDS = (  # of means, log widths and weights' logits, then of scale and offset; in spans
     ((-1.0, -5.0, -6.0), (-5.0, -10.0)),
@@ -94,9 +94,10 @@ def _solve(record: Record, components: int) -> tuple[_Problem, FloatArray, Fit[D
 
 @dataclass(frozen=True, slots=True)
 class _Problem:
-    """Least squares over the vector x; inputs and outputs count in spans of the record.
+    """Least squares over the vector x; inputs and outputs are measured in spans of the record.
 
-    x = (means, log widths and weights of the heating branch; those of the cooling branch; scale, offset)
+    x = (means, log widths and logits of the weights of the heating branch; the same of the cooling branch; scale,
+         offset)
     """
 
     record: Record
@@ -149,7 +150,7 @@ class _Problem:
         return [forward_differences(self.residuals, x)]
 
     def parameters(self, x: FloatArray) -> FloatArray:
-        """Return weights, means and sigmas of the heating branch, those of the cooling branch, scale and offset."""
+        """Return weights, means and sigmas of the heating branch and of the cooling branch, then scale and offset."""
         parts = [np.array((m.weights, m.means, m.sigmas)) for m in self.mixtures(x)]
         return np.concatenate([np.ravel(parts), self.output_map(x)])
 
@@ -162,7 +163,7 @@ class _Problem:
         return DuhemErrors(heating, cooling, float(scale), float(offset))
 
     def first_guess(self) -> FloatArray:
-        """Return a start with one Gaussian per branch, from the quantiles of a monotone curve through its samples."""
+        """Return a start with one Gaussian per branch, from the quantiles of a monotone curve through the samples."""
         record = self.record
         lower, upper = record.input_range
         falls = np.corrcoef(record.v, record.mean_y)[0, 1] < 0

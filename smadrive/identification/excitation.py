@@ -1,8 +1,8 @@
 """The temperature path of an identification experiment.
 
-A major loop alone does not determine both a and b of a rule, because w is a function of v on each of its branches. So
-after two major loops the path reverses inside the loop. Nested reversals shrink towards the middle, first from below,
-then from above. So heating and cooling curves start from every depth of transformation.
+A major loop alone does not determine both parameters a and b of a rule, because w is a function of v on each of its
+branches. So after two major loops the path makes inner loops, which shrink towards the middle: first from the lowest
+temperature, then from the highest. So heating and cooling curves start from every depth of transformation.
 """
 
 from __future__ import annotations

@@ -1,7 +1,8 @@
 """Preparation of a measured record for a fit: false reversals are removed, the loop is checked, samples are averaged.
 
-The model is rate-independent and steps exactly. So within a monotone run, the samples in a cell of a few thousandths of
-the input span can be replaced by their mean, with their number as its weight. Turning points stay unchanged.
+The model is rate-independent and steps exactly. So within a monotone section of the path, the samples in a cell of a
+few thousandths of the input span can be replaced by their mean, with their number as its weight. Turning points stay
+unchanged.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from smadrive.errors import IdentificationError
 from smadrive.hysteresis.reversal import check_radius, monotone_runs
 from smadrive.numerics.arrays import FloatArray, paired_vectors
 
-_CELLS = 150  # thinning cells over the input span
-_NOISE_BAND = 4.0  # standard deviations of the input noise per dead band radius
-_WIDEST_BAND = 0.025  # of the input span: coarse sampling must not pass for noise
-_LEAST_COVERAGE = 0.6  # of the input span, in either direction
+_CELLS = 150  # number of cells over the input span; the samples of a cell are averaged
+_NOISE_BAND = 4.0  # radius of the dead band, in standard deviations of the input noise
+_WIDEST_BAND = 0.025  # largest radius, share of the input span: coarse sampling must not count as noise
+_LEAST_COVERAGE = 0.6  # share of the input span that the record covers in each direction
 
 
 if TYPE_CHECKING:

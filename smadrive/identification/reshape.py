@@ -29,7 +29,7 @@ from smadrive.numerics.arrays import FloatArray
 Model = DuhemModel | TSFuzzyDuhem
 
 _INVERTIBLE = 0.999
-"""Slopes are corrected below this invertible share. A smaller error, in saturation, is not worth the time."""
+"""Slopes are corrected if `Certificate.invertible_share` is below this value. A smaller error is not worth the time."""
 
 
 class BranchShape(NamedTuple):
@@ -152,7 +152,7 @@ def _moved_rules(model: TSFuzzyDuhem, heating: _Move, cooling: _Move) -> _Rules:
 def _moments_of_rules(rules: _Rules, nodes: FloatArray) -> list[tuple[float, float]]:
     """Return place and spread of both branches of `rules`.
 
-    The grid of another model is good enough, and four times as fast as a new grid.
+    `nodes` may be the grid of another model. This is accurate enough, and four times as fast as a new grid.
     """
     branches = MembershipGrid(rules.sets, nodes).closed_branches(rules.heating_law, rules.cooling_law)
     return [_moments(nodes, branch) for branch in branches]

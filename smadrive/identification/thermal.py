@@ -39,16 +39,16 @@ NAMES = {
 }
 """The parameters of the fit in their order, with their names in messages."""
 FIT = "thermal fit"
-"""The place that error messages name."""
+"""The part `where` of the errors in this file."""
 
 MIN_SAMPLES, MIN_HEATED_SAMPLES = 200, 20
 MOVES = 8.0
-"""A displacement that spans fewer standard deviations of its steps than this is noise. White noise spans 3.6."""
+"""Smallest span of a movement, in standard deviations of the steps between samples. White noise spans 3.6."""
 
 SYSTEMATIC = 0.005
 """Relative systematic error of the fit, from the sampling and the lumped model; found on simulated wires."""
 UNCERTAIN = {"heat_capacity_j_per_k": 0.1, "loss_w_per_k": 0.1, "latent_heat_j": 0.3}
-"""Largest allowed half of the 95 % interval, as a share of the parameter, where the feedforward needs the parameter."""
+"""Largest allowed half of the 95 % interval, as a share of the parameter, for the parameters of the feedforward."""
 
 
 @dataclass(frozen=True)
@@ -215,7 +215,7 @@ def _fit_balance(samples: _Samples, start: HeatBalance) -> tuple[HeatBalance, Ar
     for name, value in zip(NAMES.values(), fit.x, strict=True):
         if abs(value) > 0.99 * bound:
             raise IdentificationError(
-                f"the {name} reaches the end of its range around the nominal wire",
+                f"the fitted {name} is at the limit of its search range around the nominal value",
                 where=FIT,
                 cure="check the wire file, the contact of the thermocouple, and that the record heats and cools",
             )
@@ -231,7 +231,7 @@ def _fit_resistance(record: ExcitationRecord, phase: Array) -> tuple[dict[str, f
     current = record.current_a
     heated = current > MIN_CURRENT_FRACTION * current.max()
     if np.count_nonzero(heated) < MIN_HEATED_SAMPLES:
-        what = "too few samples with current for the resistance"
+        what = "too few samples with current to fit the resistance"
         raise IdentificationError(what, where=FIT, limit=MIN_HEATED_SAMPLES, cure="excite longer")
     ohm = record.voltage_v[heated] / current[heated]
     (slope, cold), covariance = np.polyfit(phase[heated], ohm, 1, w=current[heated], cov=True)

@@ -70,7 +70,7 @@ def minimise(
 def forward_differences(function: Callable[[FloatArray], FloatArray], x: FloatArray) -> FloatArray:
     """Return the Jacobian of `function` at x by forward differences.
 
-    Their step of 1e-6 suits variables of order one.
+    The step of 1e-6 suits variables of order one.
     """
     base = function(x)
     return np.column_stack([(function(moved) - base) / _DIFFERENCE for moved in x + _DIFFERENCE * np.eye(len(x))])

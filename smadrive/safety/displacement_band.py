@@ -1,11 +1,11 @@
 """The displacements that are possible at a temperature: those between the branches of the model.
 
-    y_low(T) = y₊(T - δ) - m        y_high(T) = y₋(T + δ) + m        y₊, y₋ the branches of the major loop
+    y_low(T) = y₊(T - δ) - m        y_high(T) = y₋(T + δ) + m        y₊, y₋ the heating and the cooling branch
 
 δ allows for a bead that is colder or warmer than the wire, m for a wire that has aged since its identification. The
-check finds a sensor that is stuck, has a wrong unit or has lost its zero, and a wire that is blocked or slack: then the
-displacement leaves the band as soon as the temperature passes through the loop. Without this check the driver could
-heat up to its limits.
+check finds a sensor that is stuck, has a wrong unit or has lost its zero, and a wire that is blocked or slack. In these
+cases the displacement leaves the band as soon as the temperature passes through the loop. Without this check the driver
+could heat up to its limits.
 """
 
 from __future__ import annotations

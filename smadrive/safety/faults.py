@@ -12,7 +12,11 @@ from enum import Enum
 class Fault(Enum):
     """A fault: number, cause and remedy."""
 
-    OVER_TEMPERATURE = (1, "the wire is hotter than temperature_max_c", "let it cool; lower the reference or the limit")
+    OVER_TEMPERATURE = (
+        1,
+        "the wire is hotter than temperature_max_c",
+        "let it cool; lower the reference or current_max_a",
+    )
     SENSOR_INVALID = (2, "the thermocouple gives no valid reading", "check the bead, the plug and the polarity")
     STALE_DATA = (
         3,
@@ -26,7 +30,7 @@ class Fault(Enum):
     CURRENT_MISMATCH = (5, "the measured current is not the commanded one", "check the wire's clamps and the supply")
     UNEXPECTED_HEATING = (
         6,
-        "current flows although none was commanded",
+        "current flows although no current was commanded",
         "switch the supply off: its switch is shorted",
     )
     DISARMED = (7, "the device stopped heating by itself", "did the device lose its supply? check it, then start again")
@@ -34,8 +38,8 @@ class Fault(Enum):
         8,
         "the thermocouple reads colder than the heat input allows",
         (
-            "is the bead tight, is its polarity right, is the wire unbroken? is the convection in the wire file too "
-            "small?"
+            "is the bead tight on the wire? is the polarity of the thermocouple right? is the wire unbroken? is the "
+            "convection in the wire file too small?"
         ),
     )
     READS_TOO_HOT = (
@@ -43,10 +47,14 @@ class Fault(Enum):
         "the thermocouple reads hotter than the heat input explains",
         "does another heat source warm the wire or the bead? does the wire file describe this wire?",
     )
-    UNDER_TEMPERATURE = (10, "the wire reads colder than temperature_min_c", "check the thermocouple's polarity")
+    UNDER_TEMPERATURE = (
+        10,
+        "the thermocouple reads colder than temperature_min_c",
+        "check the polarity of the thermocouple",
+    )
     OVER_DISPLACEMENT = (
         11,
-        "the displacement left displacement_min_mm to displacement_max_mm",
+        "the displacement left the range displacement_min_mm to displacement_max_mm",
         "check the mechanics and the sensor",
     )
     TRACKING_LOST = (
@@ -63,7 +71,7 @@ class Fault(Enum):
 
     COMMAND_REFUSED = (
         15,
-        "the device refused or did not keep a command",
+        "the device refused a command, or did not keep it",
         "is the panel of the device locked, or is the device in another mode?",
     )
 
@@ -101,7 +109,7 @@ class Fault(Enum):
 
 
 CLEAR = "Clear it once its cause is gone: `smadrive off RIG --clear-faults`, or Clear faults on the tuning page"
-"""The cure that errors about a latched fault give."""
+"""The cure in errors about a latched fault."""
 
 
 @dataclass(frozen=True, slots=True)

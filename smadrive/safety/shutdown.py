@@ -1,7 +1,7 @@
 """Switching the heater off at the end of a run, and the outcome as a typed result.
 
 Every run is a block of `ends_safe`. The block switches the heater off at the end of the run, and after a trip, an
-exception of any type or a signal. Only `ABORTS_AT` signals end the tries; no other event prevents the writing of the
+exception of any type or a signal. Only `ABORTS_AT` signals end the tries: no other event prevents the writing of the
 safe state or hides its outcome. `ShutdownOutcome` tells if read-back confirmed the heater off. The error that ended the
 run carries this outcome; `shutdown_of` returns it.
 """
@@ -27,8 +27,8 @@ class ShutdownOutcome:
     """The outcome of switching off.
 
     failure     the error of the last try; None when read-back confirmed the heater off
-    signals     the signals that arrived meanwhile; they are only counted, and `ABORTS_AT` of them end the tries
-    ended_run   True after a run that may have heated: the user is told the outcome even if it is confirmed
+    signals     the signals during the switching off; they are only counted, and `ABORTS_AT` of them end the tries
+    ended_run   True after a run that may have heated; the user then reads the outcome even if it is confirmed
     """
 
     failure: BaseException | None = None
@@ -99,8 +99,9 @@ def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -
     """Switch the heater off by `enter_safe_state` at the end of the `with` block, even after an error or a signal.
 
     `is_run` is True for a block that may heat. An error that ended the block carries the outcome and is raised again;
-    signals that arrived meanwhile do not replace this error. After a block without an error, a failure to switch off is
-    raised; otherwise a signal that arrived meanwhile is obeyed. If the user aborted a try, no second try follows.
+    signals that arrived during the switching off do not replace this error. After a block without an error, a failure
+    to switch off is raised; without a failure, a signal that arrived is obeyed. If the user aborted a try, no second
+    try follows.
     """
     try:
         yield
@@ -121,5 +122,5 @@ def ends_safe(enter_safe_state: Callable[[], object], *, is_run: bool = False) -
 
 
 def _note(error: BaseException, outcome: ShutdownOutcome) -> str:
-    """Return the sentence of an unconfirmed outcome. If `error` is its own reason, its message is not repeated."""
+    """Return the sentence of an unconfirmed outcome. If `error` itself is the reason, its message is left out."""
     return f"{UNCONFIRMED}: {CUT}" if outcome.failure is error and not outcome.aborted else str(outcome)

@@ -1,7 +1,7 @@
 """The supervisor: checks every measurement, is independent of the controller, and can always stop the run.
 
 The supervisor latches the first fault. It debounces conditions that noise can cause: these become a fault only when
-several of the latest samples show them. Late, wrong or missing data are faults, just as a wire that is too hot.
+several of the latest samples show them. Late, wrong or missing data are faults, like a wire that is too hot.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ LATE_TICKS = 20
 """This number of missed deadlines in a row is a fault."""
 
 REFUSED = "refused to arm"
-"""The beginning of the message when heating must not begin."""
+"""The beginning of every message which says that heating must not begin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,9 +29,9 @@ class SafetyLimits:
     """Limits of a run, from the rig file.
 
     Within `settle_s` the heat source reaches a commanded current: the measured current must lie between the smallest
-    and the largest command of this time, ± `current_tolerance_a`. For `misplaced_for_s` a displacement may be outside
-    its band, because the thermocouple lags; for `tracking_for_s` it may be unknown, or miss the setpoint by over
-    `tracking_max_mm`.
+    and the largest command of this time, ± `current_tolerance_a`. A displacement may be outside its band for
+    `misplaced_for_s`, because the thermocouple lags. It may be unknown, or differ from the setpoint by more than
+    `tracking_max_mm`, for `tracking_for_s`.
     """
 
     temperature_max_c: float
@@ -122,7 +122,7 @@ class Supervisor:
         """
         if measurement.device_faults:
             latched = ", ".join(measurement.device_faults)
-            raise SafetyError(f"{REFUSED}: latched on the device: {latched}", cure=CLEAR)
+            raise SafetyError(f"{REFUSED}: faults are latched on the device: {latched}", cure=CLEAR)
         check_thermocouple(measurement)
         limits, temperature_c = self._limits, measurement.temperature_c
         if temperature_c > limits.temperature_max_c:
@@ -133,7 +133,7 @@ class Supervisor:
             fault, reason = Fault.POWER_UNKNOWN, measurement.supply_fault or "no reading of the current"
             raise SafetyError(f"{REFUSED}: {fault.cause}", value=reason, cure=fault.remedy)
         if measurement.current_a > limits.current_tolerance_a:
-            what, cure = f"{REFUSED}: current flows although none was commanded", Fault.UNEXPECTED_HEATING.remedy
+            what, cure = f"{REFUSED}: current flows although no current was commanded", Fault.UNEXPECTED_HEATING.remedy
             raise SafetyError(what, value=f"{measurement.current_a:.3f} A", cure=cure)
         outside = self._outside_band(measurement)
         if outside is not None:

@@ -1,22 +1,23 @@
 """The range of temperatures that the heat input allows: a check that does not rely on the thermocouple.
 
-Two heat balances bracket the true one. The coldest possible wire warms slowly (its heat capacity is multiplied by the
-uncertainty, and contains the latent heat spread over `TRANSFORMATION_C`), loses much heat, and cools fast. The hottest
-possible wire does the opposite:
+Two heat balances bracket the true heat balance. The coldest possible wire warms slowly (its heat capacity is multiplied
+by the uncertainty, and contains the latent heat spread over `TRANSFORMATION_C`), loses much heat, and cools fast. The
+hottest possible wire does the opposite:
 
     coldest: C = u_c (m c + Q / span) while it warms, m c / u_c while it cools;  h A · u_h;  colder surroundings
     hottest: C = m c / u_c while it warms, u_c (m c + Q / span) while it cools;  h A / u_h;  warmer surroundings
 
 u_c and u_h are the uncertainties of capacity and loss, and span is `TRANSFORMATION_C`. The reading must lie between the
-two temperatures; the lag of the thermocouple is applied to each of them where that widens the band. The reading leaves
-the band if the bead falls off, if the thermocouple is reversed, or if heat flows in that is not measured.
+two temperatures; the lag of the thermocouple is applied to each of them only where this widens the band. The reading
+leaves the band if the bead falls off, if the thermocouple is reversed, or if heat flows in that is not measured.
 
-A reading that does not change in its last digit is found sooner, from the power since its last change:
+A frozen reading, which does not change even in its last digit, is detected sooner, from the power since its last
+change:
 
     C dΔ/dt = P - P₀ - h A Δ,     C and h A of the coldest wire, P₀ the power when the reading last changed
 
-Δ is the temperature change of the wire since then. Errors of the heat balance cancel, because they are the same then
-and now. A large Δ with a constant reading is a fault.
+Δ is the temperature change of the wire since the last change of the reading. Errors of the heat balance cancel, because
+they are the same at both times. A large Δ with a constant reading is a fault.
 """
 
 from __future__ import annotations

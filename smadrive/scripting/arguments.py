@@ -1,4 +1,4 @@
-"""Converts the arguments of a script to the types that the loop needs. ConfigError names a wrong type."""
+"""Converts the arguments of a script to the types that the loop needs. A wrong type raises ConfigError."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def step_of_arguments(duration_s: float, current_a: float | None, temperature_c:
 
 
 def cycling_of_argument(reference: Reference, repeat: int | None) -> Cycling | None:
-    """Return the plan to repeat the reference `repeat` times, None for one run. ConfigError for another value."""
+    """Return the plan to repeat the reference `repeat` times, None for one run. ConfigError for any other value."""
     if repeat is None:
         return None
     if not isinstance(repeat, int) or repeat < 1:

@@ -49,7 +49,7 @@ from smadrive.wire.wire_model import travel_mm
 
 
 class OpenRig:
-    """The connected devices of a rig. The end of this context manager switches the heater off, and confirms it.
+    """The connected devices of a rig. The end of this context manager switches the heater off, confirmed by read-back.
 
         with smadrive.open_rig("in-process") as rig:
             run = rig.excite()
@@ -77,7 +77,7 @@ class OpenRig:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        """Close the rig. An error in the `with` block is raised again; a failure to close becomes a note of it."""
+        """Close the rig. An error in the `with` block is raised again, and a failure to close becomes its note."""
         if error is None:
             self.close()
             return
@@ -107,7 +107,7 @@ class OpenRig:
         return measurement
 
     def excite(self, log: PathText | None = None) -> Run:
-        """Run the identification experiment of the rig file and record it. The wire is heated.
+        """Run the identification experiment of the rig file and record the run. The wire is heated.
 
             run = rig.excite("excitation.h5")
 
@@ -124,7 +124,7 @@ class OpenRig:
         temperature_c: float | None = None,
         log: PathText | None = None,
     ) -> Run:
-        """Hold a current or a temperature for `duration_s`, and record it. ConfigError beyond a limit of the rig.
+        """Hold a current or a temperature for `duration_s` and record the run. ConfigError beyond a limit of the rig.
 
         warm = rig.heat(30, temperature_c=60)
         """
@@ -145,9 +145,9 @@ class OpenRig:
 
             run = rig.track(smadrive.sine(low_mm=2, high_mm=9, period_s=56), wire, "run.h5")
 
-        The run is simulated on the model before the wire is heated. ConfigError when the wire cannot follow; with
-        `smooth` the run tracks the nearest reference that it can follow. With `repeat`, the reference is repeated, and
-        `run.cycles` are the metrics of each cycle. TripError after a trip.
+        The run is simulated on the model before the wire is heated. ConfigError when the wire cannot follow the
+        reference; with `smooth` the run tracks the nearest reference that the wire can follow. With `repeat`, the
+        reference is repeated, and `run.cycles` are the metrics of each cycle. TripError after a trip.
         """
         path = new_log(log, "run")
         identified, given = wire_of_argument(wire), reference_of_argument(reference)
@@ -173,9 +173,9 @@ class OpenRig:
 
         `update` is called once per tick, in the loop process, on a copy of the controller. After the run,
         `run.controller` is this copy. The current is clamped to the limits of the rig. If the commands have a
-        `setpoint_mm`, the run has tracking errors. Without `duration_s` the controller must have an attribute
-        `duration_s`. An error that `update` raises ends the run at zero current and is raised here. ControllerError if
-        `update` returns no command.
+        `setpoint_mm`, the metrics of the run include tracking errors. Without `duration_s` the controller must have an
+        attribute `duration_s`. An error that `update` raises ends the run at zero current and is raised here.
+        ControllerError if `update` returns no command.
         """
         check_controller(controller, duration_s)
         path = new_log(log, "run")
@@ -188,7 +188,7 @@ class OpenRig:
         self._call(CoolDownRequest(float(duration_s)))
 
     def off(self) -> None:
-        """Switch the heater off and confirm it by read-back; raises an error if that fails."""
+        """Switch the heater off and confirm it by read-back; raises an error if the heater is not confirmed off."""
         self._call(SwitchOffRequest())
 
     def clear_faults(self) -> Measurement:

@@ -90,7 +90,7 @@ def _in_terminal(title: str, console: Console) -> Iterator[Show]:
 
 @contextmanager
 def _in_notebook(title: str) -> Iterator[Show]:
-    display: Any = import_module("IPython.display")  # a notebook has it
+    display: Any = import_module("IPython.display")  # every notebook has IPython
     handle = display.display(display.HTML(_html(title, None)), display_id=True)
     latest: list[RunProgress] = []
 

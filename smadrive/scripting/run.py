@@ -59,7 +59,7 @@ class Run:
 
     @property
     def log_file(self) -> Path:
-        """The log of the run."""
+        """Path of the log of the run."""
         return self.log.path
 
     @property
@@ -126,7 +126,7 @@ class Run:
         return (*self.log.caveats, *(tracking_caveats(self.log) if has_setpoint(self.log) else ()))
 
     def plot(self, figure: str | None = None) -> PlotFigure:
-        """Return the matplotlib figure 'tracking', 'loop', 'heat' or 'timing'; by default the first that the run has.
+        """Return the matplotlib figure 'tracking', 'loop', 'heat' or 'timing'; by default the first that exists.
 
         ConfigError when the run has no such figure.
         """
@@ -183,7 +183,7 @@ class Run:
         return card(title, self.facts(), self._small_plot(), self.caveats)
 
     def _small_plot(self) -> str:
-        """Displacement and setpoint over time, or the temperature when no displacement was measured."""
+        """Return a plot of displacement and setpoint over time; of the temperature without a measured displacement."""
         time_s = self["time_s"].tolist()
         name = "displacement_mm" if np.isfinite(self["displacement_mm"]).any() else "temperature_c"
         curves = [Curve(time_s, self[name].tolist(), "measured", MEASURED)]

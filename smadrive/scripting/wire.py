@@ -32,7 +32,7 @@ SETS = (3, 99)
 
 @dataclass(frozen=True, repr=False)
 class Wire(IdentifiedWire):
-    """An identified wire with a plot. `fit` is None unless this script has identified the wire.
+    """An identified wire with a plot. `fit` is the fit of this script; it is None for a wire from a file.
 
     wire = smadrive.identify(run)
     wire.fit.rms_percent, wire.model, wire.heat_balance

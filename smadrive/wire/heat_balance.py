@@ -32,7 +32,7 @@ RESISTANCE_CHANGE = "heat balance: resistance_change"
 
 @dataclass(frozen=True, slots=True)
 class HeatBalance:
-    """Parameters of the heat balance above, their source, and the equations as methods.
+    """Parameters of the heat balance at the head of this file, their source, and the equations as methods.
 
     Raises ModelError for a parameter that is out of its range or not finite.
     """

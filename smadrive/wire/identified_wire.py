@@ -52,7 +52,7 @@ class IdentifiedWire:
             facts.append(("RMS error of the fit", f"{self.metrics['rms_percent']:.2f} % of the span"))
         facts.append(self.model.facts()[-1])
         if self.heat_balance is None:
-            return [*facts, ("heat balance", "not identified: the data sheet's is used")]
+            return [*facts, ("heat balance", "not identified: the heat balance of the data sheet is used")]
         return [
             *facts,
             ("time constant", f"{self.heat_balance.time_constant_s:.2f} s"),
@@ -93,7 +93,9 @@ class IdentifiedWire:
         """Return the model that steps temperature and displacement together. ModelError without a heat balance."""
         if self.heat_balance is None:
             raise ModelError(
-                "no heat balance", where=self.source or "wire", cure="identify it from a log with current and voltage"
+                "no heat balance",
+                where=self.source or "wire",
+                cure="identify the wire from a log with current and voltage",
             )
         return WireModel(self.model, self.heat_balance)
 
@@ -125,7 +127,7 @@ def _caveats(provenance: Fields) -> tuple[str, ...]:
 
 
 def _heat_balance(provenance: Fields, place: str) -> HeatBalance | None:
-    """Return the heat balance in the provenance, None if the provenance has none."""
+    """Return the heat balance in the provenance, or None if it contains no heat balance."""
     if provenance.document.get("heat_balance") is None:
         return None
     parameters = provenance.inner("heat_balance")

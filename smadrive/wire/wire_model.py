@@ -3,8 +3,8 @@
 Temperature and phase depend on each other: the transformation takes heat, and the temperature drives the
 transformation. Over a small change of temperature the slope dw/dT is constant, and the heat balance is exact. A larger
 change is divided into pieces, each with its mean slope (the slope at its start, improved once). A correction of the
-observer may put the state outside the branches. Such a state returns to the branches against the direction of the
-temperature; this is no transformation and takes no heat.
+observer may put the state outside the branches. There the slope may have the wrong sign: the state then only returns to
+the branches. This is no transformation and takes no heat.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ def travel_mm(model: HysteresisModel) -> tuple[float, float]:
 
 
 class WireModel:
-    """The identified wire as a model with `step`: state in, state out.
+    """The identified wire as a model: `step` takes a state of the wire and returns the next one.
 
     The phase of the heat balance is displacement / travel, as in the identification of the heat balance. It differs
     from the state w of the hysteresis model, because a model may use only a part of the range [0, 1] of w.
@@ -83,7 +83,7 @@ class WireModel:
         return self.balance.step(wire_c, power_w, per_k, dt_s)
 
     def _moved(self, state: WireState, after_c: float) -> WireState:
-        """Return the wire at the temperature `after_c`, with its hysteresis input moved by the same difference."""
+        """Return the wire at the temperature `after_c`, with the input of its hysteresis changed by the same amount."""
         wire_c, hysteresis = state
         return WireState(after_c, self.model.step(hysteresis, hysteresis.v + after_c - wire_c))
 

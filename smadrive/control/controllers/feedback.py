@@ -23,7 +23,7 @@ HANDOVER_S = 1.0
 """The difference to the last command of the replaced feedback decays with this time constant, s."""
 
 INTEGRATED_C = 1.0
-"""The integral counts at most this much of an error, K. A larger error shows that the wire is still moving."""
+"""The integral counts an error only up to ± this value, K. A larger error shows that the wire is still moving."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,8 +56,8 @@ class TemperatureFeedback:
     def take_over(self, before: TemperatureFeedback) -> None:
         """Continue from the feedback `before`.
 
-        The first command equals the last command of `before`, if the power that this feedback requests is within its
-        limits.
+        The first command equals the last command of `before`, if the power that this feedback requests lies between 0
+        and `limit_w`.
         """
         self.integral_w, self.command_w = before.integral_w, before.command_w
         self._takes_over = True

@@ -1,7 +1,7 @@
 """A manual step, and its controllers: one holds a current, the other holds a temperature.
 
 Nothing is identified yet when a step heats the wire. So the temperature is controlled with the nominal heat balance,
-and the power is limited like that of an excitation.
+and the power is limited like the power of an excitation.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ LONGEST_S = 86_400.0
 """The longest step: a day. At 20 Hz its log has about 200 MB."""
 
 WHERE = "step"
-"""The place that error messages name."""
+"""The part `where` of the errors in this file."""
 
 
 @dataclass(frozen=True)
 class ManualStep:
     """Hold either `current_a` or `temperature_c` for `duration_s`.
 
-    ConfigError when not exactly one of them is given, and for a length that is not between 0 and `LONGEST_S`.
+    ConfigError when both or none of the two are given, and when the duration is not above 0 s or exceeds `LONGEST_S`.
     """
 
     current_a: float | None
@@ -34,7 +34,7 @@ class ManualStep:
     duration_s: float
 
     def __post_init__(self) -> None:
-        """Check the step as far as it does not depend on a rig."""
+        """Raise ConfigError for a step that no rig can make."""
         if (self.current_a is None) == (self.temperature_c is None):
             given = "none is given" if self.current_a is None else "both are given"
             cure = "give either a current or a temperature"

@@ -29,7 +29,7 @@ For an unknown wire a failing thermocouple is detected later. This limit makes t
 
 
 class Command(NamedTuple):
-    """The commanded heater current and its setpoints, estimates and power (NaN where a controller has none)."""
+    """The commanded heater current and its setpoints, estimates and power (NaN where a controller has no value)."""
 
     commanded_a: float
     setpoint_c: float = nan
@@ -59,7 +59,7 @@ def power_envelope_w(balance: HeatBalance, setpoint_c: float, rate_c_per_s: floa
 
 
 class TemperatureController:
-    """Follows the temperature path of an excitation with the nominal heat balance, as none is identified yet.
+    """Follows the temperature path of an excitation. It uses the nominal heat balance: no other is identified yet.
 
     The reading of the thermocouple counts as the temperature of the wire; the identification corrects its lag. The path
     waits while the wire is farther than `LAGS_C` from the path, so that every wire reaches every turning point.
@@ -124,7 +124,7 @@ class TemperatureController:
             )
 
     def _reading_c(self, measurement: Measurement) -> float:
-        """Return the reading, or the last valid one while the supervisor has not yet tripped on an invalid reading."""
+        """Return the reading. In place of an invalid reading, return the last valid one, until the supervisor trips."""
         if isfinite(measurement.temperature_c):
             self._last_reading_c = measurement.temperature_c
         return self._last_reading_c

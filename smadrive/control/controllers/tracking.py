@@ -3,7 +3,7 @@
     measurement → observer → (one period on) → inverse feedforward with preview → temperature feedback → power → current
 
 A command acts one period after its measurement. So the observer advances the estimate by one period, with the power
-that is in force in that period, and the controller computes the command for the end of that period.
+that is in force during this period, and the controller computes the command from the advanced estimate.
 
 The state of a controller is an immutable tuple, so another controller can take it over. A controller for another
 reference, model or setting then continues without a jump of the command.
@@ -37,7 +37,7 @@ class TrackingSettings:
     current_limit_a     largest current
     closed_loop_s       time constant of the temperature loop
     integral_s          time constant in which the effect of a model error decays
-    noise_c             standard deviation of the thermocouple
+    noise_c             standard deviation of the noise of the thermocouple
     feedforward_share   share of the feedforward's power that is used; less than 1 leaves more to the feedback
     """
 
@@ -52,8 +52,9 @@ class TrackingSettings:
 class TrackingState(NamedTuple):
     """State of a TrackingController, without the state of its feedback.
 
-    `power_w` is the power in force. `direction` is +1 while the phase rises, -1 while it falls. `reversal` is the
-    reversal that the wire is making now; it is None on a branch.
+    `power_w` is the power in force. `direction` is +1 while the phase rises, -1 while it falls; the phase is the
+    displacement as a share of the travel, 0 for the cold wire. `reversal` is the reversal that the wire is making now,
+    or None while the wire follows the reference.
     """
 
     estimate: WireEstimate
@@ -108,7 +109,7 @@ class TrackingController:
         return self._state
 
     def take_over(self, before: TrackingController) -> None:
-        """Continue from the state of `before`, converted to this model, without a jump of the command.
+        """Continue from the state of `before`, converted to this controller's model, without a jump of the command.
 
         A reversal that `before` has begun continues only if both have the same reference.
         """

@@ -4,7 +4,7 @@ Linearised at a slope s = dξ/dT of the phase, with κ = exp(-Δt h A/(m c + Q s
 
     T'  = κ T + (1-κ) d/(h A)        T_tc' = λ T_tc + (1-λ) T        d' = d        ξ' = ξ + s (T' - T)
 
-T is the temperature of the wire, T_tc that of the thermocouple, d the power that the heat balance does not explain, ξ
+T is the temperature of the wire, T_tc of the thermocouple, d the power that the heat balance does not explain, ξ
 the phase. T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete
 Riccati equation. There is one gain for the thermocouple alone. For thermocouple and displacement together there is one
 gain for each of several slopes.
@@ -28,7 +28,7 @@ PROCESS_NOISE_C = 0.015
 """Error of the heat balance in the wire temperature: standard deviation after one second, K."""
 
 DRIFT_NOISE_C = 0.2
-"""Drift of the unexplained power: standard deviation after one second, in K of ambient temperature (times h A)."""
+"""Drift of the unexplained power, divided by h A: standard deviation after one second, K."""
 
 PHASE_NOISE = 0.003
 """Error of the hysteresis model: standard deviation of the phase after one second."""

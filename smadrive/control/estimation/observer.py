@@ -1,14 +1,15 @@
 """Estimate of wire temperature and phase from heater power, lagging thermocouple and, if measured, displacement.
 
 State x = (T, T_tc, d, ξ): wire temperature, thermocouple temperature, a slowly drifting power d that the heat balance
-does not explain (draught, wrong h A), and the phase. The displacement shows the phase. The prediction uses the heat
-balance with the latent heat of the transformation, and the hysteresis model. The correction uses a Kalman gain.
+does not explain (draught, wrong h A), and the phase. The measured displacement gives the phase. The prediction uses the
+heat balance with the latent heat of the transformation, and the hysteresis model. The correction uses a Kalman gain.
 
 The model is linear only locally. Its rules, at their present firing strengths, give the slope of the phase over the
-temperature, dξ/dT ∝ Σ μ_i (a_i w + b_i). Along the loop only this slope varies, so the gain is solved for several
-slopes and interpolated (see gain.py). Without a displacement, ξ is corrected by the correction of the temperature,
-times the slope. Only the predicted temperature steps the hysteresis model, and only through a dead band: noise reverses
-the temperature, and each reversal would move the model along a minor loop (ratcheting).
+temperature, dξ/dT ∝ Σ μ_i (a_i w + b_i), with w the state of the hysteresis model. Along the loop only this slope
+varies, so the gain is solved for several slopes and interpolated (see gain.py). Without a displacement, ξ is corrected
+by the correction of the temperature, times the slope. Only the predicted temperature steps the hysteresis model, and
+only through a dead band: noise reverses the temperature, and each reversal would move the model along a minor loop
+(ratcheting).
 
 The estimate is the whole state of an observer, so another observer can continue from it.
 """
@@ -47,8 +48,8 @@ class WireEstimate(NamedTuple):
 class WireObserver:
     """The observer that is described at the head of this file.
 
-    `noise_c` and `noise_mm` are the standard deviations of thermocouple and displacement, `period_s` the nominal update
-    period for which the gains are solved.
+    `noise_c` and `noise_mm` are the standard deviations of the noise of thermocouple and displacement. `period_s` is
+    the nominal update period for which the gains are solved.
     """
 
     def __init__(self, wire: WireModel, period_s: float, noise_c: float, noise_mm: float) -> None:
@@ -59,7 +60,7 @@ class WireObserver:
         self._radius_c = DEAD_BAND_NOISES * noise_c
 
     def start(self, reading_c: float, displacement_mm: float) -> WireEstimate:
-        """Return the estimate for a wire at rest; without a displacement (NaN) the wire is on the heating branch."""
+        """Return the estimate for a wire at rest; without a displacement (NaN) it starts on the heating branch."""
         measured_mm = displacement_mm if isfinite(displacement_mm) else None
         hysteresis = self._model.initial_state(reading_c, measured_mm)
         return WireEstimate(reading_c, reading_c, hysteresis, 0.0, Play(reading_c))

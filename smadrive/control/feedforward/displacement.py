@@ -24,7 +24,7 @@ REVERSAL_TOLERANCE = 0.01
 """Fraction of the stroke by which the estimate may lead the reference before the wire reverses."""
 
 REVERSAL_S = 1.0
-"""Approximate time in which a wire crosses its hysteresis and crosses it back, s."""
+"""Approximate time in which a wire crosses its hysteresis to the other branch and back, s."""
 
 WAITING_RANGE_C = 0.5
 """A wire that leads the reference waits at most this far below (on cooling: above) its present temperature, K."""
@@ -49,7 +49,8 @@ MAP_LEVELS = 50
 class TemperatureTarget(NamedTuple):
     """The temperature for a displacement setpoint.
 
-    `k_per_mm` is its derivative with respect to the setpoint, 0 if the temperature does not follow the setpoint.
+    `k_per_mm` is the derivative of the temperature with respect to the setpoint, 0 if the temperature does not follow
+    the setpoint.
     """
 
     temperature_c: float
@@ -69,7 +70,8 @@ class DisplacementInverse(Protocol):
     ) -> TemperatureTarget:
         """Return the temperature that takes the wire from `state` to `setpoint_mm`.
 
-        `direction` is the direction of the reference (+1: the phase rises), `rate_mm_per_s` the rate of the setpoint.
+        `direction` is the direction of the reference: +1 towards the hot end of the travel, -1 towards the cold end.
+        `rate_mm_per_s` is the rate of the setpoint.
         """
         ...
 
@@ -172,7 +174,7 @@ class DisplacementFeedforward:
     def update(self, estimate: WireEstimate, setpoint_mm: float, rate_mm_per_s: float, direction: int) -> Feedforward:
         """Return temperature setpoint and power for the displacement `setpoint_mm`, which moves at `rate_mm_per_s`.
 
-        `direction` is the direction of the phase (+1: it rises).
+        `direction` is +1 towards the hot end of the travel, -1 towards the cold end.
         """
         target = self._inverse.target(estimate.hysteresis, setpoint_mm, direction, rate_mm_per_s)
         rate_c_per_s = target.k_per_mm * rate_mm_per_s

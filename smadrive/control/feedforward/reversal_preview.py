@@ -27,7 +27,7 @@ HORIZON = 0.6
 MISSED = 0.01
 """Largest allowed error before the peak, as a fraction of the stroke.
 
-A reversal waits for this limit even if the wire is then late, as at a step of the reference.
+While the error would be larger, no reversal begins, even if this makes the wire late, as at a step.
 """
 
 BEYOND = 0.01
@@ -38,8 +38,8 @@ BEYOND = 0.01
 class Reversal:
     """A reversal that has begun. The wire meets the reference at the time `meets_s`.
 
-    `meets_mm` and `meets_c` are displacement and temperature of the meeting point. `direction` is the direction of the
-    phase after the reversal.
+    `meets_mm` and `meets_c` are displacement and temperature of the meeting point. `direction` is the direction after
+    the reversal: +1 towards the hot end of the travel, -1 towards the cold end.
     """
 
     meets_s: float
@@ -68,8 +68,8 @@ class _Crossing(NamedTuple):
     def is_due(self) -> bool:
         """True if the reversal must begin now.
 
-        A beginning now gives at least as large an error after the peak as before it, so a later beginning would be
-        worse. The error before the peak is at most `MISSED`.
+        Two conditions must be true. The error after the peak is at least as large as the error before it, so that a
+        later beginning would be worse. The error before the peak is at most `MISSED`.
         """
         return self.late >= self.early and self.late > 0.0 and self.early <= MISSED
 
@@ -85,7 +85,7 @@ class ReversalPreview:
     def update(
         self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, limit_w: float
     ) -> Reversal | None:
-        """Return the reversal that must begin now, at `time_s`, or None if the phase must continue in `direction`."""
+        """Return the reversal that must begin now, at `time_s`, or None if the wire must continue in `direction`."""
         upward = direction / self._wire.travel_mm > 0
         reverses_s = reference.next_reversal_s(time_s, 1 if upward else -1)
         if reverses_s > time_s + 0.5 * self._horizon_s:
@@ -100,7 +100,10 @@ class ReversalPreview:
     def _shortfalls(
         self, estimate: WireEstimate, reference: Reference, time_s: float, direction: int, limit_w: float
     ) -> Iterator[tuple[float, float]]:
-        """Simulate a wire that reverses now; yield times, and how many strokes it is then short of the reference."""
+        """Simulate a wire that reverses now. Yield times, each with the distance of wire and reference in strokes.
+
+        The distance is positive while the wire falls short of the reference.
+        """
         state = WireState(estimate.temperature_c, estimate.hysteresis)
         power_w = (limit_w if direction < 0 else 0.0) + estimate.disturbance_w
         step_s, ahead = self._horizon_s / POINTS, direction / self._wire.travel_mm

@@ -23,10 +23,10 @@ from smadrive.numerics.piecewise_linear import PiecewiseLinear
 Array = NDArray[np.float64]
 
 WHERE = "reference"
-"""The place that error messages name."""
+"""The part `where` of the errors about references."""
 
 TABLE_STEP_S = 0.02
-"""Step of the tables of curved shapes, s. It is not longer than a loop period, and its errors are negligible."""
+"""Step of the tables of curved shapes, s: at most a loop period, so the error of the straight lines is negligible."""
 
 LONGEST_S = 86_400.0
 """The longest reference: a day. At 20 Hz its feasibility check takes about three minutes and 1.3 GB of memory."""
@@ -41,7 +41,7 @@ LONGEST_REPEATED_S = 604_800.0
 """The longest repeated reference: a week. At 20 Hz its log has about 1.6 GB."""
 
 CLOSED_MM = 1e-6
-"""A reference whose ends differ by less needs no way back before it is repeated."""
+"""A reference whose ends differ by less than this, mm, needs no way back before it is repeated."""
 
 TRAVEL_SLACK = 0.005
 """A reference may exceed the travel of the wire by this share, because the measured travel contains sensor noise."""
@@ -51,8 +51,8 @@ TRAVEL_SLACK = 0.005
 class Reference:
     """Displacement setpoint over time. At `scored_from_s` the approach ends and the metrics begin.
 
-    When the table of an `endless` reference ends, it continues at `scored_from_s`. So does a reference with `repeats`,
-    until this number of cycles is complete.
+    At the end of its table, an `endless` reference continues at `scored_from_s`. A reference with `repeats` does the
+    same until this number of cycles is complete.
     """
 
     times_s: Array
@@ -88,7 +88,7 @@ class Reference:
         if backwards.size:
             n = int(backwards[0])
             raise DataError(
-                "not after the sample before",
+                "not later than the previous sample",
                 where=f"{WHERE}: time_s of sample {n + 2}",
                 value=f"{times[n + 1]:g} s",
                 limit=f"{times[n]:g} s",
@@ -116,7 +116,7 @@ class Reference:
         return float(self.times_s[-1]) - self.scored_from_s
 
     def cycle(self, time_s: float) -> int:
-        """Return the number of cycles that are completed before the present one; 0 for a reference without cycles."""
+        """Return the number of the cycle at `time_s`, counted from 0; 0 for a reference that is not repeated."""
         number = max(0, int((time_s - self.scored_from_s) // self.cycle_s))
         return number if self.endless else min(number, self.repeats - 1)
 
@@ -142,7 +142,7 @@ class Reference:
         return times[changes].tolist(), moves[changes].tolist()
 
     def next_reversal_s(self, time_s: float, direction: int) -> float:
-        """Return the time of the next reversal after `time_s` that ends a movement in `direction`, inf without one."""
+        """Return the time in s after `time_s` at which a movement in `direction` next reverses, or inf."""
         times_s, directions = self._reversals
         begun_s = self._begun_s(time_s)
         for number in range(bisect_right(times_s, time_s - begun_s), len(times_s)):
@@ -156,7 +156,7 @@ class Reference:
         return self.cycle(time_s) * self.cycle_s
 
     def check_within(self, ends_mm: tuple[float, float]) -> None:
-        """Raise ConfigError when the reference leaves the travel of the wire, from one of `ends_mm` to the other.
+        """Raise ConfigError when the reference leaves the travel of the wire, the range between the two `ends_mm`.
 
         The approach may leave the travel: it begins at the present displacement, which the model may not reach.
         """
@@ -191,9 +191,9 @@ class Reference:
         )
 
     def repeated(self, repeats: int, return_s: float) -> Reference:
-        """Return the same reference, repeated; as in `without_end`, a way back closes each cycle.
+        """Return the same reference, repeated `repeats` times; as in `without_end`, a way back closes each cycle.
 
-        DataError when it is longer than `LONGEST_REPEATED_S`.
+        DataError when all cycles together last longer than `LONGEST_REPEATED_S`.
         """
         cycles = replace(self.without_end(return_s), endless=False, repeats=repeats)
         check_length(cycles.duration_s, longest_s=LONGEST_REPEATED_S)
@@ -241,7 +241,7 @@ def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONG
         cure = "slow it down; is its time in seconds?"
         raise DataError("too short", where=WHERE, value=value, limit=f"{SHORTEST_S:g} s", cure=cure)
     if duration_s > longest_s:
-        cure = "shorten it, or lower its cycles; is its time in seconds?"
+        cure = "shorten it, or lower its number of cycles; is its time in seconds?"
         raise DataError("too long", where=WHERE, value=value, limit=f"{longest_s:g} s", cure=cure)
     most = longest_s / TABLE_STEP_S
     if pieces > most:

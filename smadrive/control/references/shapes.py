@@ -111,7 +111,8 @@ def steps(
 ) -> Reference:
     """Jumps between `low_mm` and `high_mm`, each held for `dwell_s`.
 
-    No wire follows a jump: track the nearest reference, with `smooth=True` or `smadrive run --smooth`.
+    No wire follows a jump. With `smooth=True` or `smadrive run --smooth`, the run tracks the nearest reference that
+    the wire can follow.
     """
     _check(low_mm=low_mm, high_mm=high_mm, dwell_s=dwell_s, cycles=cycles)
     _check_pace((2 * cycles + 1) * dwell_s, 2 * cycles, longest_s)
@@ -164,7 +165,7 @@ def _held(levels_mm: FloatArray, hold_s: float, *, every_s: float) -> Reference:
 
 
 def _check(**keys: float) -> None:
-    """Raise DataError for an impossible displacement, and ConfigError for another value that is not positive."""
+    """Raise DataError for an impossible displacement, and ConfigError for any other key that is not positive."""
     for name, value in keys.items():
         if name.endswith("_mm"):
             check_displacement(name, value)
@@ -173,7 +174,7 @@ def _check(**keys: float) -> None:
 
 
 def _multiple(name: str, value: float, *, of: float) -> int:
-    """Return value / of. ConfigError when the quotient is not whole, because a level is held for its whole dwell."""
+    """Return value / of as an integer. ConfigError for another quotient: each level is held for its whole dwell."""
     count = round(value / of)
     if abs(value / of - count) > ROUNDING * count:
         near = " or ".join(f"{of * whole:g}" for whole in (int(value / of), int(value / of) + 1) if whole)
@@ -195,7 +196,7 @@ def _check_pace(duration_s: float, pieces: float, longest_s: float) -> None:
             where=WHERE,
             value=f"{pieces:g} in {duration_s:g} s",
             limit=f"{most:g} of {SHORTEST_S:g} s each",
-            cure="lower their number, or slow it down; is its time in seconds?",
+            cure="lower their number, or slow the reference down; is its time in seconds?",
         )
 
 

@@ -8,9 +8,10 @@ the ties of the rules to the prior, and J_i is its row of sample i. Without samp
 (Allen's PRESS). A leverage near 1 means that a rule follows this sample alone, so that its residual has no meaning.
 This happens with free rules on steep, sparsely sampled parts of a loop.
 
-Noise and gaps both raise the error of a sample that is left out. If every other sample is left out, the usual bound is
-1.2 times the training error, an excess variance of 0.44. If one sample of the remaining half is left out, the gap is
-twice as wide, and the excess variance at least doubles. So the bound here is (1 + 2 · 0.44)^½ = 1.37.
+Noise and gaps both raise the error of a sample that is left out. If every other sample is left out, the usual bound of
+the error is 1.2 times the training error, an excess variance of 0.44. If one sample is left out of the other half, the
+gap around this sample is twice as wide, and the excess variance at least doubles. So the bound here is
+(1 + 2 · 0.44)^½ = 1.37.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from smadrive.numerics.arrays import FloatArray
 CONFIRMED = 1.37
 """A fit counts as confirmed up to this ratio of leave-one-out error to training error."""
 
-_LEAST_FREEDOM = 0.02  # 1 - h of a sample that a rule serves alone
+_LEAST_FREEDOM = 0.02  # smallest 1 - h that is used: h is near 1 for a sample that alone determines a rule
 _REGULAR = 1e-10  # relative to the diagonal of JᵀJ
 
 

@@ -16,7 +16,7 @@ import numpy as np
 
 from smadrive.numerics.arrays import FloatArray
 
-_RANK = 1e-12  # relative, of the normal matrix with its diagonal scaled to one
+_RANK = 1e-12  # relative tolerance of the rank of the normal matrix, whose diagonal is scaled to one
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,9 +1,9 @@
 """Identification of a T-S fuzzy Duhem model by its simulated output.
 
 The unknowns are the rates p, q ≥ 0 of every rule (see sensitivity.py), the centres of the sets, scale, offset and first
-state. A major loop alone does not determine both a and b, and a fit of free rules then finds rules that expand. Here
-every trial model contracts and is bounded by construction. The slopes of its branches have the right sign over the
-whole range (see monotone.py), unless the wire itself reverses (see record_reversal.py).
+state. A major loop alone does not determine both a and b, and a fit of free rules then finds rules with which two
+states move apart. Here every trial model contracts and is bounded by construction. The slopes of its branches have the
+right sign over the whole range (see monotone.py), unless the wire itself reverses (see record_reversal.py).
 
 Where the record has no samples, the rules stay near the local laws of a Duhem fit. A tie pulls each rule towards the
 Duhem fit with the weight of about one measured sample. The tie becomes tighter if leave-one-out shows that the rules
@@ -39,15 +39,15 @@ if TYPE_CHECKING:
     from smadrive.numerics.arrays import FloatArray
 
 _TRY, _POLISH = (40, 1e-3), (150, 1e-5)  # iterations and relative gain to stop at: for each start, for the best
-_CLEARLY_BETTER = 0.8  # RMS of the Duhem fit with more Gaussians over the RMS of the other
-_HEAVIER = (10.0, 100.0)  # weights of slopes of the wrong sign, for slopes that are right deep in the loop
-_HEAVIEST = (1e3, 1e4)  # weights if not even the branches are right
-_DEPTHS = (1.0, 0.75, 0.5, 0.25, 0.0)  # of the loop to which slopes are right: the first that raises the misfit little
+_CLEARLY_BETTER = 0.8  # largest RMS of a better Duhem fit with one more Gaussian, as a share of the RMS without it
+_HEAVIER = (10.0, 100.0)  # weights of slopes of the wrong sign inside the loop
+_HEAVIEST = (1e3, 1e4)  # weights if even the slopes of the branches have the wrong sign
+_DEPTHS = (1.0, 0.75, 0.5, 0.25, 0.0)  # see monotone.py; the first depth that raises the misfit little is used
 _TIES = (3.0, 10.0, 30.0, 100.0)  # factors by which the tie of the rules to the Duhem fit may tighten
 _MOST_COMPONENTS = 3  # Gaussians per branch of the Duhem fit
-_NOTHING_LEFT = 0.05  # RMS in per cent at which a Duhem fit leaves nothing to explain (its noise, if that is more)
+_NOTHING_LEFT = 0.05  # RMS in % at which a Duhem fit leaves nothing to explain; or the noise, if it is larger
 _AS_GOOD = 1.25  # largest RMS after removing the last slopes of the wrong sign, over RMS before
-_ACTIVITY_SHARES = (0.5, 0.8)  # of a start's centres that go where the output changes, the rest evenly
+_ACTIVITY_SHARES = (0.5, 0.8)  # share of the centres that start where the output changes; the others are evenly spaced
 
 
 def identify_tsfuzzy(
@@ -108,7 +108,7 @@ class _Solution:
     def deepest(self) -> tuple[TSFuzzyDuhem, float]:
         """The trimmed model and its misfit, at the greatest depth for which trimming raises the misfit little.
 
-        If trimming raises the misfit more at every depth, this is depth 0.
+        Little means at most the factor `_AS_GOOD`. If no depth fulfils this, the depth is 0.
         """
         *depths, last = [depth for depth in _DEPTHS if depth <= self.problem.depth]
         bearable = _AS_GOOD * self.misfit
@@ -116,7 +116,7 @@ class _Solution:
 
 
 def _polished(start: _Solution) -> _Solution:
-    """Return the solution with slopes of the right sign, to the greatest depth of the loop with a small misfit."""
+    """Return the solution whose slopes have the right sign to the greatest depth at which the misfit stays small."""
     bearable, solution = float(np.hypot(start.misfit, MATERIAL)), start
     for depth in _DEPTHS:
         solution = start.again(replace(start.problem, monotony=1.0, depth=depth))
@@ -128,7 +128,8 @@ def _polished(start: _Solution) -> _Solution:
 def _validated(solution: _Solution) -> _Solution:
     """Return the solution with the loosest tie to the Duhem fit that passes leave-one-out and has a small misfit.
 
-    If no such solution passes, return the solution with the smallest ratio of leave-one-out error to training error.
+    If none of the solutions with a small misfit passes, return the one of them with the smallest ratio of leave-one-out
+    error to training error.
     """
     bearable, tried = float(np.hypot(solution.misfit, MATERIAL)), []
     for tied in takewhile(lambda one: one.misfit <= bearable, _ever_tighter(solution)):
@@ -148,9 +149,9 @@ def _ever_tighter(solution: _Solution) -> Iterator[_Solution]:
 
 
 def _monotone(solution: _Solution) -> _Solution:
-    """Return the solution with the smallest weight of wrong slopes after which trimming raises the misfit little.
+    """Return the solution with the smallest weight of wrong slopes whose trimmed model still has a small misfit.
 
-    If a larger weight itself raises the misfit more, return the solution with the smallest misfit after trimming.
+    If larger weights themselves make the misfit large, return the solution whose trimmed model has the smallest misfit.
     """
     as_good, tried = _AS_GOOD * solution.misfit, []
     for weighted in _ever_heavier(solution):

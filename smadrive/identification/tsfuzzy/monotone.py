@@ -5,13 +5,14 @@ everywhere between the branches if it has the right sign on the opposite branch:
 
     heating:  p(v) - (p + q)(v) C(v) ≥ 0           cooling:  q(v) - (p + q)(v) (1 - H(v)) ≥ 0
 
-that is S ≥ C and R ≤ H. The loop is the closed loop over the whole range, which a full sweep up and down maps onto
-itself, even if the record does not cover it. A wire with inner loops that stay flat after a reversal cannot fulfil this
-condition. Then the slopes have the right sign only to a `depth` of the loop: 1 means the whole loop, 0 only the
-branches, with H + depth (C - H) in place of C and C - depth (C - H) in place of H.
+that is, the equilibria S on heating and R on cooling fulfil S ≥ C and R ≤ H. The loop is the closed loop over the whole
+range, even if the record does not cover this range; a full sweep up and down maps the closed loop onto itself. A wire
+with inner loops that stay flat after a reversal cannot fulfil this condition. Then the slopes have the right sign only
+to a `depth` of the loop: 1 means the whole loop, 0 only the branches, with
+H + depth (C - H) in place of C and C - depth (C - H) in place of H.
 
-The fit penalises slopes of the wrong sign. `monotone` removes the remaining ones from its result: it makes q of the
-heating rules and p of the cooling rules smaller.
+The fit penalises slopes of the wrong sign. `monotone` removes the remaining wrong slopes from the result of the fit: it
+makes q of the heating rules and p of the cooling rules smaller.
 """
 
 from __future__ import annotations
@@ -25,8 +26,8 @@ from smadrive.identification.tsfuzzy.record_reversal import NOWHERE, Mask, Recor
 from smadrive.identification.tsfuzzy.sensitivity import RuleTables, laws_of
 from smadrive.numerics.arrays import FloatArray
 
-_ROUNDS = 20  # shrinking q lifts H, shrinking p lowers C: a few rounds settle; after them shares are set to zero
-_MARGIN = 3e-3  # of a rule's share: a rule that shrinks a little too much need not shrink again
+_ROUNDS = 20  # a smaller q raises H, a smaller p lowers C: a few rounds suffice; later, rates become zero
+_MARGIN = 3e-3  # rates shrink by this share more than needed, so that they need not shrink again
 
 
 class Loop(NamedTuple):
@@ -52,11 +53,11 @@ class Loop(NamedTuple):
         return np.abs(self.cooling - self.heating)
 
     def highest(self, depth: float) -> FloatArray:
-        """Return the largest state at this depth of the loop, counted from the lower branch (depth 0) to the upper."""
+        """Return the states at the share `depth` of the way from the lower to the upper branch, (nodes,)."""
         return np.minimum(self.heating, self.cooling) + depth * self.width
 
     def lowest(self, depth: float) -> FloatArray:
-        """Return the smallest state at this depth of the loop, counted from the upper branch (depth 0) to the lower."""
+        """Return the states at the share `depth` of the way from the upper to the lower branch, (nodes,)."""
         return np.maximum(self.heating, self.cooling) - depth * self.width
 
 
@@ -71,9 +72,9 @@ def closed_loop(tables: RuleTables) -> Loop:
 
 
 def least_slopes(tables: RuleTables, depth: float) -> FloatArray:
-    """Return the smallest slopes to this depth of the loop, shape (2, nodes).
+    """Return the smallest slope at each node, shape (2, nodes): first row heating, second row cooling.
 
-    The first row belongs to heating, the second row to cooling.
+    It is the smallest over the states from a branch to the share `depth` of the way to the opposite branch.
     """
     loop = closed_loop(tables)
     p_heating, q_heating, p_cooling, q_cooling = tables.rates_at_nodes
@@ -88,7 +89,7 @@ def least_slopes(tables: RuleTables, depth: float) -> FloatArray:
 def least_slope_derivatives(tables: RuleTables, depth: float) -> FloatArray:
     """Return the derivatives of `least_slopes` with respect to the fields of RuleRates.
 
-    They have the shape (2, nodes, 5 · sets).
+    The derivatives have the shape (2, nodes, 5 · sets).
     """
     loop, mu, sets = closed_loop(tables), tables.at_nodes, len(tables.rates.centres)
     d_heating, d_cooling = _branch_derivatives(tables, loop)
@@ -155,8 +156,9 @@ def monotone(model: TSFuzzyDuhem, depth: float = 1.0, reversals: RecordReversals
 def _largest_share(mu: FloatArray, gain: FloatArray, loss: FloatArray, far: FloatArray, turns: Mask) -> FloatArray:
     """Return the largest share of each rule's `loss` with which gain (1 - far) - loss far ≥ 0 at all nodes of the rule.
 
-    `far` is the distance of the opposite branch, `turns` is True where the wire itself reverses. Only rules that have
-    the wrong sign themselves get a share below 1, so that they change before their neighbours.
+    `far` is the farthest state towards the opposite branch: w for heating rules, 1 - w for cooling rules. `turns` is
+    True where the wire itself reverses. Only rules that have the wrong sign themselves get a share below 1, so that
+    they change before their neighbours.
     """
     room, need = (mu @ gain) * (1 - far), (mu @ loss) * far
     short = need > room

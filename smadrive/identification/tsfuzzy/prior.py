@@ -16,12 +16,12 @@ from smadrive.identification.quality.fit import Fit
 from smadrive.identification.record import Record
 from smadrive.numerics.arrays import FloatArray
 
-_LARGEST_PRIOR = 200.0  # rate per input span
+_LARGEST_PRIOR = 200.0  # largest rate per input span
 _CELLS = 400
-_STRAY, _STRAY_LEAST = 0.3, 0.5  # rates may stray from the Duhem fit's by this share of p + q, and this per input span
+_STRAY, _STRAY_LEAST = 0.3, 0.5  # rates may differ from the Duhem fit by a share of p + q plus a rate per input span
 _SLOPE_TIE = 3e-4  # tie of slopes to the right sign on a record without noise, in output spans
 _SATURATED = 0.02  # w (1 - w), relative to its largest, at which this tie is tightest
-_TIE_MISFIT = 0.2  # a Duhem fit's own misfit, in these units, counts like noise
+_TIE_MISFIT = 0.2  # this share of the misfit of the Duhem fit counts like noise
 _TIE_FLOOR = 2e-6  # tie to the Duhem fit for a record without noise, in output spans
 
 
@@ -38,7 +38,7 @@ class Prior:
         for rising in (True, False):
             a, b = model.local_laws(inside, rising=rising)
             total = np.minimum(np.abs(a) * (upper - lower), _LARGEST_PRIOR)
-            share = np.clip(np.divide(b, -a, out=np.zeros_like(b), where=a < 0), 0.0, 1.0)  # far off, a underflows to 0
+            share = np.clip(np.divide(b, -a, out=np.zeros_like(b), where=a < 0), 0.0, 1.0)  # far from the loop a is 0
             rates += [total * share, total * (1 - share)]
         self.rates = np.array(rates)
         self._slopes = np.gradient(self.rates, self.grid, axis=1)

@@ -1,7 +1,8 @@
 """The least-squares problem behind identify_tsfuzzy: unknowns, residuals and their exact derivatives.
 
 x: see unknowns.py
-r = (error of the simulated output; differences of the rates and gaps from the Duhem fit; slopes of the wrong sign)
+r = (error of the simulated output; differences of the rates from the Duhem fit; differences of the gaps
+     from their start; slopes of the wrong sign)
 """
 
 from __future__ import annotations
@@ -29,15 +30,15 @@ from smadrive.numerics.levenberg_marquardt import Minimum, minimise
 LEAST_GAP = 0.01  # of the input span, between centres
 _LEAST_RATE = 1e-3  # contraction per input span that every rule keeps
 _LARGEST_RATE = 300.0
-_SPARE_OUTPUT = 0.05  # distance by which bottom and top of a model may exceed the known outputs, as a share
-_STRAY_GAP = 3.0  # how far the logarithms of the gaps may stray, in units of the tie
+_SPARE_OUTPUT = 0.05  # share of the span by which bottom and top of a model may exceed the known outputs
+_STRAY_GAP = 3.0  # how far the logits of the gaps may differ from their start, in units of the tie
 
 
 class _Trial(NamedTuple):
     """The variables x of a trial, and what is computed from them.
 
-    `moves` are the derivatives of the centres with respect to the logits of the gaps, (sets, gaps). `tables` are those
-    of the rules, and `w` are the states at the cells of the record, (cells,).
+    `moves` are the derivatives of the centres with respect to the logits of the gaps, (sets, gaps). `tables` are the
+    tables of the rules, and `w` are the states at the cells of the record, (cells,).
     """
 
     x: FloatArray
@@ -124,7 +125,7 @@ class RuleProblem:
         return x[self.unknowns.rates].reshape(4, -1) / (upper - lower)
 
     def residuals(self, x: FloatArray) -> FloatArray:
-        """Return the residuals r(x)."""
+        """Return the residuals r(x), in the order of the head of this file."""
         record, unknowns = self.record, self.unknowns
         _, _, tables, w = self._trial(x)
         output = x[BOTTOM] + (x[TOP] - x[BOTTOM]) * w
@@ -236,6 +237,6 @@ class RuleProblem:
 
 
 def _gap_logits(centres: FloatArray, lower: float, upper: float) -> FloatArray:
-    """Return the softmax logits of the gaps lower-c1, c1-c2, ..., cn-upper. Gaps near `LEAST_GAP` are raised."""
+    """Return the softmax logits of the gaps lower-c1, c1-c2, ..., cn-upper. Gaps below 1.1 `LEAST_GAP` are raised."""
     gaps = np.diff(np.concatenate([[lower], centres, [upper]])) / (upper - lower)
     return np.log(np.maximum(gaps - LEAST_GAP, 0.1 * LEAST_GAP))

@@ -1,10 +1,10 @@
-"""Stretches of a record in which the output moves against its input.
+"""Stretches of a record in which the output reverses although the input does not.
 
 A wire that only transforms has monotone branches; slopes of the wrong sign are then an error of the fit. A wire that
-also expands reverses where it is saturated, and a fit must reproduce this reversal. The record decides, without a
-model: each monotone run of its input is compared with the nearest monotone curve of the output. Where this curve is
-constant but the output is not, the output reverses. These stretches count only if the record is further from monotone
-curves than measurement errors explain.
+also expands with heat reverses where it is saturated, and a fit must reproduce this reversal. The record decides,
+without a model: each monotone section of its input is compared with the nearest monotone curve of the output. Where
+this curve is constant but the output is not, the output reverses. These stretches count only if the record is further
+from monotone curves than measurement errors explain.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ def find_record_reversals(record: Record) -> RecordReversals:
 
 
 def _runs(v: FloatArray) -> list[slice]:
-    """Return the monotone runs of v. A turning point belongs to the runs before and after it."""
+    """Return the monotone sections of v. A turning point belongs to the sections before and after it."""
     rising = v[1:] > v[:-1]
     corners = [0, *(np.flatnonzero(rising[1:] != rising[:-1]) + 1).tolist(), len(v) - 1]
     return [slice(start, end + 1) for start, end in pairwise(corners)]

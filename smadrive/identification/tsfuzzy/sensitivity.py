@@ -6,8 +6,8 @@ Rules with triangular sets are described by two non-negative rates, p towards w 
 
 The model contracts if p + q > 0, and it is bounded because the rates are not negative. A derivative z = ∂w/∂θ obeys the
 same linear ODE with the drive f = ∂(dw/dv)/∂θ. Moving a centre c_i changes a piecewise linear law by
-∂p/∂c_i = -p'(v) μ_i(v). With the closed form w = P + (w0 - P0) exp(Λ - Λ0), the derivatives at all samples follow from
-tables of ∂P and ∂Λ, which are computed once per iteration.
+∂p/∂c_i = -p'(v) μ_i(v). With the closed form w = P + (w0 - P0) exp(Λ - Λ0) of branch.py, the derivatives at all samples
+follow from tables of ∂P and ∂Λ, which are computed once per iteration.
 """
 
 from __future__ import annotations
@@ -47,7 +47,11 @@ def laws_of(
 
 
 class Runs:
-    """The monotone runs of a path: start and end of each run, its direction, and the run of each move."""
+    """The monotone sections of a path `v`.
+
+    `starts` and `ends` are the first and the last sample of each section. For each step between two samples, `rising`
+    is True if the input rises, and `run` is the number of the section.
+    """
 
     def __init__(self, v: FloatArray) -> None:
         self.v = v
@@ -117,11 +121,12 @@ class RuleTables:
     def jacobian(self, runs: Runs, w: FloatArray) -> InterpolationMatrix:
         """Return ∂w at every sample, shape (samples, 5 · sets + 1).
 
-        The columns are the fields of RuleRates, then w at the start. `w` are the states at the samples. For a run,
+        The columns are the fields of RuleRates, then w at the start. `w` are the states at the samples. Within a
+        section of `runs`,
 
             ∂w = ∂P + D e ∂Λ + D (∂e - e ∂Λ at the start)        e = w - P at the start,  D the decay of e since then
 
-        ∂P and ∂Λ are interpolated between two nodes each; the bracket is one more row for each run.
+        ∂P and ∂Λ are interpolated between two nodes each; the bracket is one more row for each section.
         """
         up, down = self.sensitivities
         rows = np.zeros((4 * len(self.nodes) + 1 + len(runs.starts), up.target.shape[1] + 1))
@@ -148,8 +153,8 @@ class RuleTables:
         w = self.engine.evaluate(self.points.ravel(), np.full(self.points.size, rising))[0].reshape(self.points.shape)
         middle = (self.nodes[1:] + self.nodes[:-1]) / 2
         p_slope, q_slope = (self._slopes(rate, middle)[:, None] for rate in (p, q))
-        drives = np.stack([1 - w, -w, q_slope * w - p_slope * (1 - w)], axis=1)  # by p, q and centres
-        forced = (weight[:, None] * drives) @ mu  # the sign and the way down cancel
+        drives = np.stack([1 - w, -w, q_slope * w - p_slope * (1 - w)], axis=1)  # of the law, by p, q, centres
+        forced = (weight[:, None] * drives) @ mu  # on cooling, the sign of the law and the falling input cancel
         met = (WEIGHTS @ mu) * width[:, None]
         turned = np.hstack([-met, -met, (p_slope + q_slope) * met])
         change = np.diff(branch.exponent)

@@ -11,7 +11,7 @@ from typing import Self
 class CountedInterrupts:
     """A context manager that counts SIGINT in `count`. An ignored SIGINT stays ignored.
 
-    Outside the main thread nothing is counted, because signals arrive only there.
+    Outside the main thread nothing is counted, because signals arrive in the main thread only.
     """
 
     def __init__(self) -> None:

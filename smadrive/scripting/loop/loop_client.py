@@ -33,7 +33,7 @@ LOOK_S = 0.05
 """Interval in s at which a waiting script checks for an interruption."""
 
 ENDS_WITHIN_S = 30.0
-"""The loop process is killed if it has not ended after this time in s. All tries to switch off take less."""
+"""The loop process is killed if it has not ended after this time in s. All tries to switch off need less time."""
 
 OBEYS_WITHIN_S = 10.0
 """After `ABORTS_AT` interruptions, the loop process is killed if it still runs after this time in s."""
@@ -46,7 +46,7 @@ def show_nothing(_progress: RunProgress) -> None:
 
 
 class RemoteTracebackError(Exception):
-    """The traceback of an error in the loop process, shown as the cause of the error in the script."""
+    """The traceback of an error in the loop process. Python shows it as the cause of the error in the script."""
 
     def __init__(self, text: str) -> None:
         super().__init__(text)
@@ -153,11 +153,11 @@ class LoopClient:
             "it has died; the watchdog of the device, or the guardian, switches the heater off",
             where="process of the loop",
             value=_status(self._process.returncode),
-            cure="confirm that with `smadrive off RIG`, then open the rig again",
+            cure="confirm with `smadrive off RIG` that the heater is off, then open the rig again",
         )
 
     def _send(self, message: bytes) -> None:
-        with suppress(OSError):  # the process has ended; the listening thread notices that
+        with suppress(OSError):  # the process has ended; the listening thread notices the end
             self._connection.send_bytes(message)
 
     def _listen(self) -> None:

@@ -1,6 +1,6 @@
 """The process of the loop: it opens the rig, carries out the requests of the script, and switches off at the end.
 
-When the script ends, even by a kill, this process ends the run at zero current, confirms that by read-back, and exits.
+When the script ends, even by a kill, this process ends the run at zero current, confirms this by read-back, and exits.
 Signals of the terminal do not reach this process; the script sends interruptions to it (script_link.py).
 """
 
@@ -50,7 +50,7 @@ def serve(link: ScriptLink) -> None:
                 use_real_time_scheduling()
             while not _is_last(link, rig):
                 pass
-    except (Exception, StoppedError) as error:  # noqa: BLE001 (the script gets it)
+    except (Exception, StoppedError) as error:  # noqa: BLE001 (the script gets the error)
         link.finish()
         link.fail(error, is_own_code=False)
     else:
@@ -116,7 +116,7 @@ def _counts(loop: LoopMetrics, controller: Any = None) -> DrivenRun:
 
 
 def _is_transferable(controller: Any) -> bool:
-    """Return True if the controller can be pickled. It cannot if it holds, for example, an open file after its run."""
+    """Return True if the controller can be pickled, which is impossible if, for example, it holds an open file."""
     try:
         cloudpickle.dumps(controller)
     except Exception:  # noqa: BLE001 (pickling runs code of the user)

@@ -19,10 +19,10 @@ from smadrive.runs.log.reader import RunEvent
 from smadrive.wire.identified_wire import IdentifiedWire
 
 REQUEST, INTERRUPT, END = b"R", b"I", b"E"
-"""The first byte of a message to the loop process: carry out a request, interrupt this request, end the process."""
+"""The first byte of a message to the loop process: carry out a request, interrupt a request, end the process."""
 
 NUMBER_BYTES = 8
-"""The number of a request follows the first byte."""
+"""The number of the request follows the first byte, in this many bytes."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +66,7 @@ class TrackRequest:
 
 @dataclass(frozen=True)
 class DriveRequest:
-    """Run the user's controller on an identified wire. `duration_s` is None if the controller has this attribute."""
+    """Run the user's controller on an identified wire. Without `duration_s`, the attribute of the controller counts."""
 
     log_file: Path
     controller: Any
@@ -133,7 +133,7 @@ class RunProgress(NamedTuple):
 
 
 class ScriptEndedError(SystemExit):
-    """The script has ended, or has asked this process to end."""
+    """The script has ended, or has asked the loop process to end."""
 
 
 class Result(NamedTuple):

@@ -19,7 +19,7 @@ class OwnController:
     """Any object with `update(time_s, measurement, dt_s) -> Command`, as the loop needs it.
 
     The run lasts `duration_s`, or as long as the attribute `duration_s` of the controller says. ControllerError when
-    `update` returns something else than a command, or a current that is not a finite number. Errors that `update`
+    `update` returns something other than a command, or a current that is not a finite number. Errors that `update`
     raises pass unchanged. `update` runs inside `at_once`, so an interruption may end it at any place.
     """
 
@@ -40,7 +40,7 @@ class OwnController:
 
     @property
     def duration_s(self) -> float:
-        """Duration of the run, in s; an attribute of the controller may change it during the run."""
+        """Duration of the run, s. If the controller gives it as its attribute, it may change during the run."""
         return self._duration_s if self._duration_s is not None else float(self.controller.duration_s)
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
@@ -74,7 +74,12 @@ def check_controller(controller: object, duration_s: object) -> None:
     """Raise ConfigError if the object is not a controller, or if the length of its run is unknown."""
     name = type(controller).__qualname__
     if isinstance(controller, type):
-        raise ConfigError("a class, not an object", where="controller", value=controller.__qualname__, cure="call it")
+        raise ConfigError(
+            "a class, not an object",
+            where="controller",
+            value=controller.__qualname__,
+            cure="call the class, and pass the object",
+        )
     if not callable(getattr(controller, "update", None)):
         cure = "give it update(time_s, measurement, dt_s), which returns a smadrive.Command"
         raise ConfigError("not a controller", where="controller", value=name, cure=cure)

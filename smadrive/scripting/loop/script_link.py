@@ -57,7 +57,7 @@ class ScriptLink:
         self._is_interruptible = self._is_ending = False
         self._acts_at_once = True
         self.stop_requested = never
-        """Called at an interruption. True means that `smadrive off` has sent it: then the rig is closed, too."""
+        """Called at an interruption. True means that `smadrive off` has sent it. The rig is then closed, too."""
         self._pending: type[BaseException] | None = None
         self._loop_thread = threading.main_thread().ident or 0
         signal.signal(signal.SIGINT, self._interrupt)
@@ -66,7 +66,7 @@ class ScriptLink:
         threading.Thread(target=self._listen, name="link to the script", daemon=True).start()
 
     def request(self) -> Any:
-        """Wait for the next request and return it. Raises ScriptEndedError at the end, and errors of unpickling."""
+        """Wait for the next request and return it. Raises ScriptEndedError at the end, and any error of unpickling."""
         if self._is_ending:
             raise ScriptEndedError
         message = self._requests.get()
@@ -94,7 +94,7 @@ class ScriptLink:
             self._acts_at_once = False
 
     def check(self) -> None:
-        """Raise the pending KeyboardInterrupt or ScriptEndedError, also if the user's code has caught it before."""
+        """Raise the pending KeyboardInterrupt or ScriptEndedError, even if the user's code has caught it before."""
         if self._pending is not None:
             raise self._pending
 
@@ -114,7 +114,7 @@ class ScriptLink:
         yield record
 
     def finish(self) -> None:
-        """Ignore signals from now on: the rig is closed, and only the last reply is missing."""
+        """Ignore signals from now on: the rig is closed, and only the last reply must still be sent."""
         self._is_ending = True
 
     def reply(self, value: Any) -> None:
@@ -130,7 +130,7 @@ class ScriptLink:
         self._send(_dumped(self._number, error, text))
 
     def _report(self, progress: RunProgress) -> None:
-        """Send the progress, unless the script does not read: the loop never waits for it."""
+        """Send the progress, unless the script does not read: the loop never waits for the script."""
         if select.select((), (self._connection,), (), 0)[1]:
             self._send(pickle.dumps((self._number, progress)))
 
