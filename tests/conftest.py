@@ -1,5 +1,7 @@
 """For all tests: worker processes, state folders, signals, and guardian processes that outlive a run.
 
+numpy uses one thread, as in the commands of smadrive: for small matrices its threads would only wait for each other.
+
 Hypothesis has no time limit, because the speed of a machine says nothing about the code. Every test gets a state folder
 of its own. Signals are set as at a terminal: a process in the background or under nohup ignores some of them, and so
 would every program that a test starts and interrupts. A run that leaves a guardian process behind fails, because that
@@ -13,7 +15,6 @@ import os
 import signal
 import time
 import uuid
-from itertools import chain, zip_longest
 from pathlib import Path
 
 import programs
@@ -22,6 +23,10 @@ from hypothesis import settings
 from process_tree import is_guardian
 from xdist.scheduler import LoadFileScheduling
 
+from smadrive.numerics.blas_threads import ONE_THREAD
+
+os.environ |= ONE_THREAD
+
 settings.register_profile("untimed", deadline=None)
 settings.load_profile("untimed")
 
@@ -29,17 +34,24 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-def pytest_xdist_auto_num_workers(config):
-    """Four workers a core, since many tests wait in real time; none when only files or single tests are named."""
-    if all(".py" in argument for argument in config.args):
-        return 0
-    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else 4 * len(os.sched_getaffinity(0))
-
+WORKERS_A_CORE = 6
+"""Many tests wait in real time. So the first worker of every core computes, and the others wait."""
 
 PROCESSES = "tests/system/processes/"
 """The folder whose tests wait most: each of them may run on another worker."""
-WAITS_IN_REAL_TIME = (PROCESSES, "tests/browser/", "tests/system/")
+WAITING = (PROCESSES, "tests/browser/", "tests/system/")
 """Folders whose tests wait most of the time, the longest first."""
+
+
+def pytest_xdist_auto_num_workers(config):
+    """`WORKERS_A_CORE` workers a core; none when only files or single tests are named."""
+    if all(".py" in argument for argument in config.args):
+        return 0
+    return None if "PYTEST_XDIST_AUTO_NUM_WORKERS" in os.environ else WORKERS_A_CORE * cores()
+
+
+def cores():
+    return len(os.sched_getaffinity(0))
 
 
 def unit_of(nodeid):
@@ -48,10 +60,19 @@ def unit_of(nodeid):
 
 
 class Scheduling(LoadFileScheduling):
-    """Gives a unit at a time to a worker, in the order of the tests."""
+    """Gives a unit at a time to a worker, in the order of the tests.
+
+    The first worker of every core prefers units that compute, the others prefer units that wait.
+    """
 
     def _split_scope(self, nodeid):
         return unit_of(nodeid)
+
+    def _assign_work_unit(self, node):
+        computes = self.nodes.index(node) < cores()
+        preferred = (unit for unit in self.workqueue if computes is not unit.startswith(WAITING))
+        self.workqueue.move_to_end(next(preferred, next(iter(self.workqueue))), last=False)
+        super()._assign_work_unit(node)
 
 
 def pytest_xdist_make_scheduler(config, log):
@@ -59,15 +80,8 @@ def pytest_xdist_make_scheduler(config, log):
 
 
 def pytest_collection_modifyitems(items):
-    """Begin with the units that wait longest, each followed by one that computes: waiting and computing overlap."""
-    units = {}
-    for item in items:
-        units.setdefault(unit_of(item.nodeid), []).append(item)
-    waiting = [name for folder in WAITS_IN_REAL_TIME for name in units if name.startswith(folder)]
-    waiting = list(dict.fromkeys(waiting))
-    computing = [name for name in units if name not in waiting]
-    order = chain.from_iterable(zip_longest(waiting, computing))
-    items[:] = [item for name in order if name is not None for item in units[name]]
+    """Begin with the units that wait longest."""
+    items.sort(key=lambda item: next((n for n, folder in enumerate(WAITING) if item.nodeid.startswith(folder)), 9))
 
 
 @pytest.fixture(autouse=True)
