@@ -35,7 +35,8 @@ signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
 WORKERS_A_CORE = 6
-"""Many tests wait in real time. So the first worker of every core computes, and the others wait."""
+COMPUTING_A_CORE = 2
+"""Many tests wait in real time. So these workers of every core prefer tests that compute; the others wait."""
 
 PROCESSES = "tests/system/processes/"
 """The folder whose tests wait most: each of them may run on another worker."""
@@ -62,14 +63,14 @@ def unit_of(nodeid):
 class Scheduling(LoadFileScheduling):
     """Gives a unit at a time to a worker, in the order of the tests.
 
-    The first worker of every core prefers units that compute, the others prefer units that wait.
+    `COMPUTING_A_CORE` workers a core prefer units that compute, the others prefer units that wait.
     """
 
     def _split_scope(self, nodeid):
         return unit_of(nodeid)
 
     def _assign_work_unit(self, node):
-        computes = self.nodes.index(node) < cores()
+        computes = self.nodes.index(node) < COMPUTING_A_CORE * cores()
         preferred = (unit for unit in self.workqueue if computes is not unit.startswith(WAITING))
         self.workqueue.move_to_end(next(preferred, next(iter(self.workqueue))), last=False)
         super()._assign_work_unit(node)

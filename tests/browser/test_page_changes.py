@@ -8,6 +8,7 @@ from smadrive.rig.config import load_rig
 from .page_actions import cells, field, name, opened_editor, press, turn
 
 
+@pytest.mark.exhaustive
 def test_knob_changes_the_model_in_the_loop_and_undo_restores_it(client, live):
     page = client()
     turn(page, "μ heating", 90.5)

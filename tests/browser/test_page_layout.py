@@ -122,6 +122,7 @@ def test_off_is_in_reach_and_nothing_overlaps_in_a_running_session(client, live)
             live.wait(lambda: page.evaluate(GEOMETRY, [NEEDED, LONGEST])["outside"] == [])
 
 
+@pytest.mark.exhaustive
 def test_large_numbers_are_those_of_the_wire_and_vanish_with_their_process(client, live):
     page = client()
     value = page.locator(".number", has_text="temperature").locator(".value")
@@ -157,6 +158,7 @@ def test_page_opened_later_draws_the_same_errors(client, live):
     assert {time_s: late[time_s] for time_s in both} == pytest.approx({time_s: early[time_s] for time_s in both})
 
 
+@pytest.mark.exhaustive
 def test_paused_plots_stand_still_and_look_back_until_resume(client, live):
     page = client()
     live.wait(lambda: newest(page, "time_s") > 3.0)

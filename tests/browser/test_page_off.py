@@ -92,6 +92,7 @@ def test_arm_right_after_off_on_the_same_page_is_accepted(client, live):
     assert page.locator(".banner", has_text="OFF was pressed").count() == 0
 
 
+@pytest.mark.exhaustive
 def test_off_works_on_a_watching_page_without_its_socket(client, live):
     heat(client(), live)
     watcher = client(token=False)

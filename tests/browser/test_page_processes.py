@@ -43,6 +43,7 @@ def test_control_process_knows_how_many_pages_are_open(client, live):
     live.wait(lambda: live.channel.pages == (1, False))
 
 
+@pytest.mark.exhaustive
 def test_killed_page_process_is_restarted_while_the_loop_continues(client, live):
     page = client()
     heat(page, live)

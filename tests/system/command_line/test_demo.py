@@ -25,12 +25,14 @@ def demo(tmp_path_factory):
     return folder, json.loads(done.stdout)
 
 
+@pytest.mark.exhaustive
 def test_inverse_is_ten_times_better_than_the_plain_map_and_within_two_percent(demo):
     _, figures = demo
     assert figures["inverse"]["rms_percent"] <= 2.0
     assert figures["inverse"]["rms_percent"] <= figures["plain_map"]["rms_percent"] / 10
 
 
+@pytest.mark.exhaustive
 def test_every_arm_has_the_json_keys_of_a_run(demo):
     _, figures = demo
     for arm in ("inverse", "plain_map"):
@@ -39,6 +41,7 @@ def test_every_arm_has_the_json_keys_of_a_run(demo):
         assert read_log(Path(figures[arm]["log_file"])).column("time_s").size == figures[arm]["ticks"]
 
 
+@pytest.mark.exhaustive
 def test_model_has_22_rules_and_is_certified(demo):
     _, figures = demo
     assert figures["identify"]["rules"] == 22
@@ -78,6 +81,7 @@ class Plots(HTMLParser):
                 self.fetched += [value] if not value.startswith("data:") else []
 
 
+@pytest.mark.exhaustive
 def test_report_shows_loop_tracking_and_error_and_fetches_nothing(demo):
     folder, _ = demo
     page = (folder / "report.html").read_text()
@@ -89,6 +93,7 @@ def test_report_shows_loop_tracking_and_error_and_fetches_nothing(demo):
         assert f"<h2>{title}</h2>" in page
 
 
+@pytest.mark.exhaustive
 def test_board_was_armed_and_is_off_at_the_end(demo):
     folder, _ = demo
     events = (folder / "firmware.log").read_text().splitlines()

@@ -71,7 +71,7 @@ def test_step_that_trips_ends_with_its_metrics(tmp_path):
         recorded(tmp_path / "hot.h5", ManualStep(0.6, None, 10.0))
     log = read_log(tmp_path / "hot.h5")
     assert log.ended_by.startswith("TripError")
-    assert "135 °C, or trips" in log.json("caveats")[0]
+    assert "temperature_max_c = 135 °C" in log.json("caveats")[0]
     assert step_metrics(log).current_end_a > 0.1
 
 

@@ -71,6 +71,7 @@ def in_the_background(command, **options):
     assert "Traceback" not in output[1]
 
 
+@pytest.mark.exhaustive
 @pytest.mark.parametrize("walk", WALKS, ids="-".join)
 def test_commands_of_the_guides_run(walk, tmp_path):
     path = f"{Path(sys.executable).parent}{os.pathsep}{os.environ['PATH']}"

@@ -49,6 +49,7 @@ def test_the_whole_way_takes_few_lines(tmp_path):
     assert made == {"script.py", "excitation.h5", "sine.h5", "hold.h5", "sine.png", "hold.png"}
 
 
+@pytest.mark.exhaustive
 def test_all_snippets_run_one_after_the_other(tmp_path):
     assert len(SNIPPETS) > 8
     done = run("".join(SNIPPETS), tmp_path)

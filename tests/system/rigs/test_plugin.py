@@ -81,6 +81,7 @@ def test_other_projects_do_not_pay_for_the_plugin(pytester):
     pytester.runpytest_subprocess("-p", "no:cacheprovider", "-p", "no:hypothesispytest").assert_outcomes(passed=1)
 
 
+@pytest.mark.exhaustive
 def test_the_example_project_passes(pytester):
     shutil.copytree(PROJECT, pytester.path, dirs_exist_ok=True)
     pytester.runpytest_subprocess("-p", "no:cacheprovider").assert_outcomes(passed=3)

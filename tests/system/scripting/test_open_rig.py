@@ -70,6 +70,7 @@ def test_identified_wire_drives_the_rig(rig, wire):
     assert (again.rms_percent, again.ticks, again.trips) == (run.rms_percent, run.ticks, 0)
 
 
+@pytest.mark.exhaustive
 def test_wire_comes_from_every_form_of_its_record(wire, tmp_path):
     run = smadrive.read_log("excitation.h5")
     assert isinstance(wire, smadrive.IdentifiedWire)
