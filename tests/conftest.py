@@ -34,7 +34,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 
-WORKERS_A_CORE = 6
+WORKERS_A_CORE = 5
 COMPUTING_A_CORE = 2
 """Many tests wait in real time. So these workers of every core prefer tests that compute; the others wait."""
 

@@ -7,6 +7,8 @@ import pytest
 
 from .page_actions import drawn, errors, heat, newest, press
 
+pytestmark = pytest.mark.exhaustive
+
 
 def test_page_loads_nothing_from_elsewhere_and_its_plots_move(client, live):
     page = client()
@@ -122,7 +124,6 @@ def test_off_is_in_reach_and_nothing_overlaps_in_a_running_session(client, live)
             live.wait(lambda: page.evaluate(GEOMETRY, [NEEDED, LONGEST])["outside"] == [])
 
 
-@pytest.mark.exhaustive
 def test_large_numbers_are_those_of_the_wire_and_vanish_with_their_process(client, live):
     page = client()
     value = page.locator(".number", has_text="temperature").locator(".value")
@@ -136,7 +137,6 @@ def test_large_numbers_are_those_of_the_wire_and_vanish_with_their_process(clien
     value.wait_for()
 
 
-@pytest.mark.exhaustive
 def test_page_that_watched_before_shows_active_widgets_in_the_accent_colour(client, live):
     first, page = client(), client(says="watches")
     first.close()
@@ -147,7 +147,6 @@ def test_page_that_watched_before_shows_active_widgets_in_the_accent_colour(clie
         live.wait(lambda element=element: element.evaluate(colour) == "rgb(11, 143, 135)")
 
 
-@pytest.mark.exhaustive
 def test_page_opened_later_draws_the_same_errors(client, live):
     page = client()
     heat(page, live)
@@ -158,7 +157,6 @@ def test_page_opened_later_draws_the_same_errors(client, live):
     assert {time_s: late[time_s] for time_s in both} == pytest.approx({time_s: early[time_s] for time_s in both})
 
 
-@pytest.mark.exhaustive
 def test_paused_plots_stand_still_and_look_back_until_resume(client, live):
     page = client()
     live.wait(lambda: newest(page, "time_s") > 3.0)
