@@ -38,9 +38,10 @@ WORKERS_A_CORE = 5
 COMPUTING_A_CORE = 2
 """Many tests wait in real time. So these workers of every core prefer tests that compute; the others wait."""
 
+BROWSER = "tests/browser/"
 PROCESSES = "tests/system/processes/"
 """The folder whose tests wait most: each of them may run on another worker."""
-WAITING = (PROCESSES, "tests/browser/", "tests/system/")
+WAITING = (PROCESSES, BROWSER, "tests/system/")
 """Folders whose tests wait most of the time, the longest first."""
 
 
@@ -80,8 +81,12 @@ def pytest_xdist_make_scheduler(config, log):
     return Scheduling(config, log)
 
 
+@pytest.hookimpl(tryfirst=True)
 def pytest_collection_modifyitems(items):
-    """Begin with the units that wait longest."""
+    """Mark the tests of BROWSER as exhaustive. Begin with the units that wait longest."""
+    for item in items:
+        if item.nodeid.startswith(BROWSER):
+            item.add_marker("exhaustive")
     items.sort(key=lambda item: next((n for n, folder in enumerate(WAITING) if item.nodeid.startswith(folder)), 9))
 
 

@@ -8,7 +8,6 @@ from smadrive.rig.config import load_rig
 from .page_actions import cells, field, name, opened_editor, press, turn
 
 
-@pytest.mark.exhaustive
 def test_knob_changes_the_model_in_the_loop_and_undo_restores_it(client, live):
     page = client()
     turn(page, "μ heating", 90.5)
@@ -25,7 +24,6 @@ def test_knob_changes_the_model_in_the_loop_and_undo_restores_it(client, live):
     live.wait(lambda: live.in_force.shape.mu_heating == 91.0)
 
 
-@pytest.mark.exhaustive
 def test_slider_can_be_moved_by_its_keys(client, live):
     page = client()
     before = live.in_force.feedback.feedforward_share
@@ -36,7 +34,6 @@ def test_slider_can_be_moved_by_its_keys(client, live):
     live.wait(lambda: live.in_force.feedback.feedforward_share < before - 0.02)
 
 
-@pytest.mark.exhaustive
 def test_refused_value_shows_its_reason_and_the_value_in_force_again(client, live):
     page = client()
     before = live.in_force
@@ -46,7 +43,6 @@ def test_refused_value_shows_its_reason_and_the_value_in_force_again(client, liv
     live.wait(lambda: abs(float(field(page, "μ heating").input_value()) - live.in_force.shape.mu_heating) < 0.001)
 
 
-@pytest.mark.exhaustive
 def test_rule_edited_in_the_table_is_put_in_force(client, live):
     page = client()
     editor = opened_editor(page, page.locator(".slick-row").nth(2).locator(".slick-cell").nth(1))
@@ -56,7 +52,6 @@ def test_rule_edited_in_the_table_is_put_in_force(client, live):
     assert live.in_force.model.heating_law[0][2] == -0.05
 
 
-@pytest.mark.exhaustive
 def test_table_shows_the_rules_in_force(client, live):
     page = client()
     turn(page, "μ heating", 99.0)
@@ -66,7 +61,6 @@ def test_table_shows_the_rules_in_force(client, live):
     live.wait(lambda: cells(page, 3) == pytest.approx(list(a), abs=0.000051))
 
 
-@pytest.mark.exhaustive
 def test_table_shows_the_rule_in_force_after_a_refusal(client, live):
     page = client()
     before = live.in_force
@@ -78,7 +72,6 @@ def test_table_shows_the_rule_in_force_after_a_refusal(client, live):
     live.wait(lambda: cells(page, 1)[2] == pytest.approx(before.model.heating_law[0][2], abs=0.000051))
 
 
-@pytest.mark.exhaustive
 def test_saved_files_load_and_no_file_is_overwritten(client, live):
     page = client()
     turn(page, "closed loop", 0.4)
@@ -97,7 +90,6 @@ def test_saved_files_load_and_no_file_is_overwritten(client, live):
     page.get_by_text("invalid file name").wait_for()
 
 
-@pytest.mark.exhaustive
 def test_failed_fit_is_shown(client, live):
     page = client()
     idle_s = live.time_s

@@ -7,8 +7,6 @@ import pytest
 
 from .page_actions import drawn, errors, heat, newest, press
 
-pytestmark = pytest.mark.exhaustive
-
 
 def test_page_loads_nothing_from_elsewhere_and_its_plots_move(client, live):
     page = client()

@@ -3,7 +3,6 @@
 import re
 
 import pytest
-from marks import exhaustive
 
 from smadrive.tuning.session.modes import Mode
 
@@ -20,7 +19,7 @@ def test_start_tracks_hold_keeps_heating_and_disarm_switches_off(client, live):
     live.wait(lambda: live.current_a < NONE_A and not live.session.mode.heats)
 
 
-@pytest.mark.parametrize("way", ["button", exhaustive("key"), exhaustive("curl")])
+@pytest.mark.parametrize("way", ["button", "key", "curl"])
 def test_off_switches_the_heater_off(client, live, way):
     page = client()
     heat(page, live)
@@ -65,7 +64,6 @@ def is_refused_and_the_next_one_arms(page, live):
     live.wait(lambda: live.session.mode.heats)
 
 
-@pytest.mark.exhaustive
 def test_off_elsewhere_wins_over_an_earlier_arm_and_the_next_arm_is_accepted(client, live):
     page = client()
     page.evaluate(HOLD_BACK)
@@ -77,14 +75,12 @@ def test_off_elsewhere_wins_over_an_earlier_arm_and_the_next_arm_is_accepted(cli
     is_refused_and_the_next_one_arms(page, live)
 
 
-@pytest.mark.exhaustive
 def test_page_with_a_wrong_count_of_offs_gets_the_right_one_after_a_refusal(client, live):
     page = client()
     page.evaluate(WRONG_COUNT, arm_button(page))
     is_refused_and_the_next_one_arms(page, live)
 
 
-@pytest.mark.exhaustive
 def test_arm_right_after_off_on_the_same_page_is_accepted(client, live):
     page = client()
     page.evaluate("arm => { document.getElementById('off').click(); arm.click(); }", arm_button(page))
@@ -92,7 +88,6 @@ def test_arm_right_after_off_on_the_same_page_is_accepted(client, live):
     assert page.locator(".banner", has_text="OFF was pressed").count() == 0
 
 
-@pytest.mark.exhaustive
 def test_off_works_on_a_watching_page_without_its_socket(client, live):
     heat(client(), live)
     watcher = client(token=False)
@@ -108,7 +103,6 @@ FOREIGN = [
 ]
 
 
-@pytest.mark.exhaustive
 @pytest.mark.parametrize("headers", FOREIGN)
 def test_off_from_another_site_is_refused(client, live, headers):
     heat(client(), live)

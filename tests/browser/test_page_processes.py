@@ -15,7 +15,6 @@ from .conftest import PATIENCE_S, Session
 from .page_actions import NONE_A, field, heat
 
 
-@pytest.mark.exhaustive
 def test_second_client_watches_until_the_first_leaves(client, live):
     before = live.in_force
     first, second, outsider = client(), client(says="watches"), client(token=False)
@@ -33,7 +32,6 @@ def test_second_client_watches_until_the_first_leaves(client, live):
     assert outsider.get_by_role("button", name="Arm", exact=True).is_disabled()
 
 
-@pytest.mark.exhaustive
 def test_control_process_knows_how_many_pages_are_open(client, live):
     live.wait(lambda: live.channel.pages == (0, False))
     page = client()
@@ -43,7 +41,6 @@ def test_control_process_knows_how_many_pages_are_open(client, live):
     live.wait(lambda: live.channel.pages == (1, False))
 
 
-@pytest.mark.exhaustive
 def test_killed_page_process_is_restarted_while_the_loop_continues(client, live):
     page = client()
     heat(page, live)
@@ -59,7 +56,6 @@ def test_killed_page_process_is_restarted_while_the_loop_continues(client, live)
     live.wait(lambda: not live.session.mode.heats)
 
 
-@pytest.mark.exhaustive
 def test_page_requested_during_a_restart_loads_when_the_process_answers(browser, live):
     context = browser.new_context()
     for _ in range(2):
@@ -77,7 +73,6 @@ def test_page_requested_during_a_restart_loads_when_the_process_answers(browser,
     context.close()
 
 
-@pytest.mark.exhaustive
 def test_frozen_page_process_delays_neither_the_loop_nor_off(client, live):
     page = client()
     heat(page, live)
@@ -94,7 +89,6 @@ def test_frozen_page_process_delays_neither_the_loop_nor_off(client, live):
     page.get_by_text("The page has lost its server").wait_for(state="hidden")
 
 
-@pytest.mark.exhaustive
 def test_killed_front_process_is_restarted_and_the_page_shows_the_loss(client, live):
     page = client()
     page.evaluate("() => { window.isOld = true }")
@@ -130,7 +124,6 @@ def elsewhere():
         serving.join()
 
 
-@pytest.mark.exhaustive
 def test_page_of_another_server_can_neither_switch_off_nor_load_pages(browser, live, elsewhere):
     live.wait(lambda: live.channel.pages == (0, False))
     offs, url = live.channel.offs, live.page.url.split("?")[0]
@@ -146,7 +139,6 @@ def test_page_of_another_server_can_neither_switch_off_nor_load_pages(browser, l
     assert live.channel.pages == (0, False)
 
 
-@pytest.mark.exhaustive
 def test_page_shows_that_the_run_has_ended_and_the_heater_is_confirmed_off(browser, tmp_path):
     with browser.new_context() as context:
         page = context.new_page()
