@@ -11,6 +11,7 @@ process would go on looking for its device and find the device of a later run.
 import asyncio
 import contextlib
 import fcntl
+import gc
 import os
 import signal
 import time
@@ -88,6 +89,11 @@ def pytest_collection_modifyitems(items):
         if item.nodeid.startswith(BROWSER):
             item.add_marker("exhaustive")
     items.sort(key=lambda item: next((n for n, folder in enumerate(WAITING) if item.nodeid.startswith(folder)), 9))
+
+
+def pytest_collection_finish():
+    """Exclude the collected tests and all imports from garbage collection, which would visit them again and again."""
+    gc.freeze()
 
 
 @pytest.fixture(autouse=True)

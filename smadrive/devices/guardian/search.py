@@ -7,14 +7,14 @@ program may use it.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
 from urllib.parse import urlsplit
 
-from smadrive.devices.state.key import TERMINALS, port_names
+from smadrive.devices.state.key import port_names
 from smadrive.modbus.transports.connect import port_of
+from smadrive.modbus.transports.pseudo_terminal import TERMINALS, PseudoTerminal
 
 AGREEING = 3
 """Number of wrong identities in a row that prove another device. A single wrong identity can come from a late reply."""
@@ -32,7 +32,7 @@ class PortSearch:
         self._url = url
         self._names = names
         self._now_s = now_s
-        self._terminal = _opened_terminal(url)
+        self._terminal = PseudoTerminal.at(port_of(url).removeprefix("serial://"))
         self._foreign: dict[str, tuple[int, float]] = {}
 
     def urls(self) -> list[str]:
@@ -61,16 +61,8 @@ class PortSearch:
         if not terminals or any(Path(link).parent.is_dir() for link in links):
             return False
         if self._terminal is not None:
-            return not self._terminal_exists
+            return not self._terminal.exists
         return not terminals & port_names(self._url)
-
-    @property
-    def _terminal_exists(self) -> bool:
-        """True if the pseudo-terminal has not ended.
-
-        The link count of its file proves this. The times of the file also change with its owner or permissions.
-        """
-        return self._terminal is not None and os.fstat(self._terminal).st_nlink > 0
 
     def _at(self, name: str) -> str:
         """Return the URL of the serial port at path `name`, with the query of the original URL."""
@@ -83,33 +75,14 @@ class PortSearch:
             return url == self._url
         if not Path(parts.path).exists():
             return False
-        if self._terminal_exists and self._leads_to_terminal(parts.path):
+        if self._terminal is not None and self._terminal.is_at(parts.path):
             return True
         names = port_names(url)
         return bool(names & self._names) or not (names and self._names)
 
-    def _leads_to_terminal(self, path: str) -> bool:
-        assert self._terminal is not None
-        with suppress(OSError):
-            return os.path.samestat(Path(path).stat(), os.fstat(self._terminal))
-        return False
-
     def _is_left_alone(self, place: str) -> bool:
         count, until_s = self._foreign.get(place, (0, 0.0))
         return count >= AGREEING and self._now_s() < until_s
-
-
-def _opened_terminal(url: str) -> int | None:
-    """Open the pseudo-terminal at `url` and return its descriptor; return None for any other port.
-
-    The link count of the descriptor is 0 after the pseudo-terminal has ended.
-    """
-    port = port_of(url)
-    if not port.startswith(f"serial://{TERMINALS}"):
-        return None
-    with suppress(OSError):
-        return os.open(urlsplit(port).path, os.O_PATH | os.O_CLOEXEC)
-    return None
 
 
 def _place(url: str) -> str:

@@ -30,10 +30,10 @@ from smadrive.devices.identity import Identity
 from smadrive.devices.profile.profile import Profile
 from smadrive.modbus.transports.connect import port_of
 from smadrive.modbus.transports.host_names import may_be_one, names_of
+from smadrive.modbus.transports.pseudo_terminal import TERMINALS
 
 BY_ID = Path("/dev/serial/by-id")
 BY_PATH = Path("/dev/serial/by-path")
-TERMINALS = "/dev/pts/"
 NUMBERED = re.compile(r"tty(USB|ACM)\d+|rfcomm\d+")
 """Names of ports that the kernel numbers in the order in which the ports appear."""
 UNPROGRAMMED = (0, 0xFFFF, 0xFFFF_FFFF)

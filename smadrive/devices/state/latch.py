@@ -21,10 +21,11 @@ from urllib.parse import quote
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from smadrive.devices.state.folder import state_dir, unreadable
-from smadrive.devices.state.key import BY_ID, TERMINALS, DeviceKey
+from smadrive.devices.state.key import BY_ID, DeviceKey
 from smadrive.errors import DataError, SafetyError, TripError
 from smadrive.files.atomic import replacing
 from smadrive.files.kinds import check_regular
+from smadrive.modbus.transports.pseudo_terminal import TERMINALS
 
 RECORDS = "trip-*.json"
 LONGEST_OLD_NAME = 230

@@ -24,6 +24,7 @@ from typing import NamedTuple
 from urllib.parse import urlsplit
 
 from smadrive.devices.state.key import DeviceKey
+from smadrive.modbus.transports.pseudo_terminal import TERMINALS
 
 IS_POSSIBLE = sys.platform == "linux"
 """True on Linux, the only system that has such addresses."""
@@ -78,7 +79,7 @@ def places(name: str) -> tuple[str, ...]:
     After the end of a pseudo-terminal, its number is soon reused, while the old driver may still run. So there are
     several names for the number of a pseudo-terminal. The lock of the line excludes two drivers of one pseudo-terminal.
     """
-    if "/dev/pts/" not in name:
+    if TERMINALS not in name:
         return (name,)
     return (name, *(f"{name} place {number}" for number in range(2, PLACES + 1)))
 

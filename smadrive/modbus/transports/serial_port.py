@@ -16,6 +16,7 @@ from serial.tools import list_ports
 from smadrive.errors import TransportError
 from smadrive.modbus.framing.framing import RtuFraming
 from smadrive.modbus.transports.descriptor import DescriptorTransport
+from smadrive.modbus.transports.pseudo_terminal import TERMINALS, PseudoTerminal
 from smadrive.modbus.transports.transport import SerialSettings
 
 
@@ -31,6 +32,7 @@ class SerialTransport(DescriptorTransport):
         """Open `port`; TransportError when it is missing, busy or forbidden."""
         self._settings = settings
         self._exclusive = exclusive
+        self._terminal = PseudoTerminal.at(port)
         super().__init__(port, RtuFraming(), settings.baudrate, timeout_s=0.0, latency_s=latency_s)
 
     def disconnect(self) -> None:
@@ -42,6 +44,12 @@ class SerialTransport(DescriptorTransport):
 
     def _open_port(self, _timeout_s: float) -> serial.Serial:
         """Open and return the port. The call opens the port or fails at once, so the time limit is not used."""
+        if self._terminal is not None and not self._terminal.exists:
+            raise TransportError(
+                "the pseudo-terminal has ended, and its number may be that of another one",
+                where=self.name,
+                cure="start its program again, and give the path of the new pseudo-terminal",
+            )
         try:
             port = serial.Serial(
                 self.name,
@@ -68,7 +76,7 @@ def _is_pseudo_terminal(port: str) -> bool:
 
     A pseudo-terminal has no parity, and Linux rejects a parity that is set a second time.
     """
-    return os.path.realpath(port).startswith("/dev/pts/")
+    return os.path.realpath(port).startswith(TERMINALS)
 
 
 def _failure(port: str, error: Exception) -> TransportError:

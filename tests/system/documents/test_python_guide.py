@@ -40,6 +40,7 @@ def outputs(notebook):
     ]
 
 
+@pytest.mark.exhaustive
 def test_the_whole_way_takes_few_lines(tmp_path):
     whole = SNIPPETS[0]
     assert len([line for line in whole.splitlines() if line.strip()]) <= MOST_LINES

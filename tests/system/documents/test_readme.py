@@ -33,6 +33,7 @@ def test_library_example_runs():
     assert "all reachable: True" in done.stdout
 
 
+@pytest.mark.exhaustive
 def test_script_with_a_rig_runs(tmp_path):
     (example,) = blocks("py")
     (tmp_path / "script.py").write_text(example)

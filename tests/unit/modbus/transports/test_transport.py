@@ -2,6 +2,7 @@
 
 import grp
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -148,6 +149,23 @@ def test_a_vanished_port_is_a_lost_connection():
         assert transport.lost
         with pytest.raises(TransportError):
             transport.write(b"x")
+
+
+def test_an_ended_pseudo_terminal_is_not_opened_again_when_another_one_has_its_number():
+    near, far = os.openpty()
+    name = os.ttyname(far)
+    with ExitStack() as stack, open_transport(f"serial://{name}") as transport:
+        os.close(far)
+        os.close(near)
+        with pytest.raises(TransportError):
+            transport.write(b"x")
+        while not Path(name).exists():
+            for end in os.openpty():
+                stack.callback(os.close, end)
+        with pytest.raises(TransportError) as error:
+            transport.reopen(transport.clock.now_s() + 5)
+        assert "new pseudo-terminal" in error.value.cure
+        assert transport.lost
 
 
 def test_a_port_that_has_come_back_is_opened_again_but_not_one_that_was_closed(terminal, tmp_path):
