@@ -20,7 +20,7 @@ class PseudoTerminal:
 
     def __init__(self, descriptor: int) -> None:
         self._descriptor = descriptor
-        weakref.finalize(self, os.close, descriptor)
+        self._close = weakref.finalize(self, os.close, descriptor)
 
     @classmethod
     def at(cls, path: str) -> Self | None:
@@ -29,6 +29,10 @@ class PseudoTerminal:
             with suppress(OSError):
                 return cls(os.open(path, os.O_PATH | os.O_CLOEXEC))
         return None
+
+    def close(self) -> None:
+        """Close the descriptor; afterwards nothing can be asked."""
+        self._close()
 
     @property
     def exists(self) -> bool:

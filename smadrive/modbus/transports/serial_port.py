@@ -42,6 +42,12 @@ class SerialTransport(DescriptorTransport):
                 fcntl.flock(self._descriptor, fcntl.LOCK_UN)
         super().disconnect()
 
+    def close_inherited(self) -> None:
+        """Close the port for good in a forked child. The lock of the port stays with the parent."""
+        super().close_inherited()
+        if self._terminal is not None:
+            self._terminal.close()
+
     def _open_port(self, _timeout_s: float) -> serial.Serial:
         """Open and return the port. The call opens the port or fails at once, so the time limit is not used."""
         if self._terminal is not None and not self._terminal.exists:

@@ -3,6 +3,8 @@
 import os
 import threading
 import time
+from contextlib import ExitStack
+from pathlib import Path
 
 import pytest
 
@@ -90,20 +92,18 @@ def test_a_link_whose_adapter_is_unplugged_still_names_it(udev, tmp_path):
 
 
 def test_a_pseudo_terminal_is_known_by_its_number_only_while_it_exists():
-    def open_and_close():
-        near, far = os.openpty()
-        try:
-            names = port_names(f"serial://{os.ttyname(far)}")
-            assert names == port_names(f"serial://{os.ttyname(far)}")
-            return os.ttyname(far), names
-        finally:
-            os.close(near)
-            os.close(far)
-
-    path, before = open_and_close()
+    near, far = os.openpty()
+    path = os.ttyname(far)
+    before = port_names(f"serial://{path}")
+    assert before == port_names(f"serial://{path}")
+    os.close(near)
+    os.close(far)
     time.sleep(0.02)  # times of the kernel have a resolution of some milliseconds
-    again, after = open_and_close()
-    assert path == again
+    with ExitStack() as stack:
+        while not Path(path).exists():  # another program may get the number meanwhile
+            for end in os.openpty():
+                stack.callback(os.close, end)
+        after = port_names(f"serial://{path}")
     assert before
     assert after
     assert not before & after
