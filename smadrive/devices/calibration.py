@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 from pydantic import Field
 
-from smadrive.devices.heating.heat_source import Sample
 from smadrive.files.config import Section
 
 
@@ -21,9 +20,9 @@ class SensorCorrection(NamedTuple):
     offset: float = 0.0
     scale: float = 1.0
 
-    def corrected(self, sample: Sample) -> Sample:
-        """Return the sample with its corrected value. An invalid value stays NaN."""
-        return sample._replace(value=self.scale * sample.value + self.offset)
+    def corrected(self, reading: float) -> float:
+        """Return the value for a reading of the sensor. An invalid reading (NaN) stays NaN."""
+        return self.scale * reading + self.offset
 
     def reading_at(self, value: float) -> float:
         """Return the reading of the sensor at a true `value`."""

@@ -208,16 +208,15 @@ class Heater:
     def _measurement(self, supplied: Supplied, in_force_a: float, limits: tuple[str, ...]) -> Measurement:
         temperature = supplied.temperature if self._thermometer is None else self._thermometer.sample()
         displacement = supplied.displacement if self._displacement is None else self._displacement.sample()
-        temperature = self._corrections.temperature.corrected(temperature or _NOTHING)
-        displacement = self._corrections.displacement.corrected(displacement or _NOTHING)
+        temperature, displacement = temperature or _NOTHING, displacement or _NOTHING
         now_s = self._clock.now_s()
-        self._temperature_c = temperature.value
+        self._temperature_c = self._corrections.temperature.corrected(temperature.value)
         return Measurement(
             time_s=now_s,
-            temperature_c=temperature.value,
+            temperature_c=self._temperature_c,
             current_a=supplied.current_a,
             voltage_v=supplied.voltage_v,
-            displacement_mm=displacement.value,
+            displacement_mm=self._corrections.displacement.corrected(displacement.value),
             temperature_fault=temperature.problem,
             device_faults=supplied.faults,
             device_limits=supplied.limits,

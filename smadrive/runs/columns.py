@@ -76,11 +76,13 @@ def row_getter(names: Iterable[str]) -> Callable[[Tick], Row]:
     """
     columns = [COLUMNS[name] for name in names]
     values = attrgetter(*(column.source for column in columns))
-    flags = [column.is_flag for column in columns]
+    flags = [number for number, column in enumerate(columns) if column.is_flag]
 
     def row(tick: Tick) -> Row:
-        pairs = zip(values(tick), flags, strict=True)
-        return tuple((1.0 if value else 0.0) if is_flag else value for value, is_flag in pairs)
+        entries = list(values(tick))
+        for flag in flags:
+            entries[flag] = 1.0 if entries[flag] else 0.0
+        return tuple(entries)
 
     return row
 

@@ -1,4 +1,4 @@
-"""The speed of Modbus exchanges, against peers in the same run: PYTHONPATH=tests python tests/benchmarks/bus.py
+"""The speed of Modbus exchanges, against peers in the same run: python tests/benchmarks/bus.py
 
     exchanges    FC23 (write 4, read 8) on a pseudo-terminal, with libmodbus's server in C at the other end: the client
                  of libmodbus in C, smadrive with all its checks, pymodbus async and sync, in turns; medians of rounds
@@ -15,6 +15,9 @@ import statistics
 import subprocess
 import sys
 import time
+from pathlib import Path
+
+sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from peers import libmodbus
 from pymodbus.client import AsyncModbusSerialClient, ModbusSerialClient

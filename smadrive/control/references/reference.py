@@ -105,12 +105,12 @@ class Reference:
         setpoint = Curve(self.times_s.tolist(), self.displacement_mm.tolist(), "setpoint", "#1d6fb8")
         return card(repr(self), (), line_plot([setpoint], "time / s", "displacement / mm"))
 
-    @property
+    @cached_property
     def duration_s(self) -> float:
         """Length of the reference, approach included, s; infinite for an endless reference."""
         return inf if self.endless else float(self.times_s[-1]) + (self.repeats - 1) * self.cycle_s
 
-    @property
+    @cached_property
     def cycle_s(self) -> float:
         """Length of the table without the approach, s."""
         return float(self.times_s[-1]) - self.scored_from_s
@@ -153,7 +153,7 @@ class Reference:
 
     def _begun_s(self, time_s: float) -> float:
         """Return the duration of the cycles that are completed at `time_s`."""
-        return self.cycle(time_s) * self.cycle_s
+        return self.cycle(time_s) * self.cycle_s if self.endless or self.repeats > 1 else 0.0
 
     def check_within(self, ends_mm: tuple[float, float]) -> None:
         """Raise ConfigError when the reference leaves the travel of the wire, the range between the two `ends_mm`.

@@ -7,7 +7,7 @@ import pytest
 from smadrive.devices.calibration import UNCORRECTED, CalibrationConfig, Corrections, SensorCorrection
 from smadrive.devices.heater import Heater
 from smadrive.devices.heating.board import HeaterBoard
-from smadrive.devices.heating.heat_source import HeaterLimits, Sample
+from smadrive.devices.heating.heat_source import HeaterLimits
 
 LIMITS = HeaterLimits(current_max_a=0.6, temperature_max_c=130.0)
 
@@ -23,7 +23,7 @@ def test_values_are_corrected(device, clock, rig):
 
 
 def test_invalid_value_stays_invalid():
-    assert math.isnan(SensorCorrection(3.0, 0.9).corrected(Sample(math.nan, 0.0, "open")).value)
+    assert math.isnan(SensorCorrection(3.0, 0.9).corrected(math.nan))
 
 
 @pytest.mark.parametrize(
