@@ -32,14 +32,14 @@ class PortSearch:
         self._url = url
         self._names = names
         self._now_s = now_s
-        self._terminal = PseudoTerminal.at(port_of(url).removeprefix("serial://"))
+        self._terminals = {path: PseudoTerminal.at(path) for path in map(_path, self._candidates())}
+        self._terminal = self._terminals[_path(url)]
         self._foreign: dict[str, tuple[int, float]] = {}
 
     def urls(self) -> list[str]:
         """Return the URLs to try now, with each port only once."""
         found: dict[str, str] = {}
-        links = (name for name in sorted(self._names) if name.startswith("/"))
-        for url in (self._url, *map(self._at, links)):
+        for url in self._candidates():
             if self._may_be(url):
                 found.setdefault(_place(url), url)
         return [url for place, url in found.items() if not self._is_left_alone(place)]
@@ -64,6 +64,10 @@ class PortSearch:
             return not self._terminal.exists
         return not terminals & port_names(self._url)
 
+    def _candidates(self) -> list[str]:
+        """Return the URLs of the port at the start and of its permanent names."""
+        return [self._url, *(self._at(name) for name in sorted(self._names) if name.startswith("/"))]
+
     def _at(self, name: str) -> str:
         """Return the URL of the serial port at path `name`, with the query of the original URL."""
         query = urlsplit(self._url).query
@@ -73,16 +77,28 @@ class PortSearch:
         parts = urlsplit(url)
         if parts.scheme != "serial":
             return url == self._url
-        if not Path(parts.path).exists():
+        if not Path(parts.path).exists() or self._is_left_over(parts.path):
             return False
         if self._terminal is not None and self._terminal.is_at(parts.path):
             return True
         names = port_names(url)
         return bool(names & self._names) or not (names and self._names)
 
+    def _is_left_over(self, path: str) -> bool:
+        """Return True if `path` still names a pseudo-terminal that has ended: it may lead to another one now."""
+        terminal = self._terminals[path]
+        if terminal is not None and terminal.is_left_over:
+            return True
+        self._terminals[path] = PseudoTerminal.at(path)
+        return False
+
     def _is_left_alone(self, place: str) -> bool:
         count, until_s = self._foreign.get(place, (0, 0.0))
         return count >= AGREEING and self._now_s() < until_s
+
+
+def _path(url: str) -> str:
+    return urlsplit(url).path
 
 
 def _place(url: str) -> str:

@@ -16,6 +16,7 @@ import pwd
 import socket
 import struct
 import sys
+from array import array
 from contextlib import suppress
 from grp import getgrgid
 from hashlib import sha256
@@ -34,21 +35,30 @@ REFUSED = b"refused"
 PLACES = 16
 """Number of addresses for the name of a pseudo-terminal: drivers of ended pseudo-terminals may still occupy some."""
 
+MOST_GROUPS = 256
+"""Largest number of groups that Python can ask the kernel for."""
+
+_SO_PEERGROUPS = 59
+"""Option of Linux that Python does not name: the supplementary groups of the other process."""
+
 _CREDENTIALS = struct.Struct("3i")
 _ACL = "system.posix_acl_access"
 
 
 class PeerProcess(NamedTuple):
-    """The process at the other end of a connection, and its user, as the kernel names them."""
+    """The process at the other end of a connection, with its user and its groups, as the kernel names them."""
 
     pid: int
     user_id: int
-    group_id: int
+    group_ids: tuple[int, ...]
 
-    def may_open(self, line: str) -> bool:
-        """Return True if the user of the process may open the port of `line`; a network port is open to every user."""
+    def may_stop(self, line: str) -> bool:
+        """Return True if the process may stop the driver of `line`, which is the calling process.
+
+        It may if it has the user of the driver, or may open the port. A network port is open to every user.
+        """
         path = port_path(line)
-        if path is None or self.user_id == 0:
+        if path is None or self.user_id in (0, os.geteuid()):
             return True
         try:
             port = path.stat()
@@ -58,14 +68,9 @@ class PeerProcess(NamedTuple):
             return True
         if self.user_id == port.st_uid:
             return port.st_mode & 0o600 == 0o600
-        if port.st_gid in self._groups():
+        if port.st_gid in self.group_ids:
             return port.st_mode & 0o060 == 0o060
         return port.st_mode & 0o006 == 0o006
-
-    def _groups(self) -> list[int]:
-        with suppress(KeyError):  # a user without a passwd entry has only the group of the process
-            return os.getgrouplist(pwd.getpwuid(self.user_id).pw_name, self.group_id)
-        return [self.group_id]
 
 
 def address_of(name: str) -> str:
@@ -94,9 +99,17 @@ def names_of_line(line: str, key: DeviceKey) -> tuple[str, ...]:
 
 def peer_of(connection: socket.socket) -> PeerProcess:
     """Return the process at the other end. If that is a driver, it is the process that began to listen."""
-    return PeerProcess(
-        *_CREDENTIALS.unpack(connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size))
+    pid, user_id, group_id = _CREDENTIALS.unpack(
+        connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     )
+    return PeerProcess(pid, user_id, (group_id, *_supplementary_groups(connection)))
+
+
+def _supplementary_groups(connection: socket.socket) -> tuple[int, ...]:
+    """Return the supplementary groups of the process at the other end; none if there are more than `MOST_GROUPS`."""
+    with suppress(OSError):
+        return tuple(array("I", connection.getsockopt(socket.SOL_SOCKET, _SO_PEERGROUPS, 4 * MOST_GROUPS)))
+    return ()
 
 
 def port_path(line: str) -> Path | None:

@@ -134,7 +134,7 @@ class StopListener:
         except OSError:
             return False
         with suppress(OSError):
-            if peer_of(asker).may_open(line):
+            if peer_of(asker).may_stop(line):
                 self._askers.append(asker)
                 self._interrupt()
             else:

@@ -1,7 +1,8 @@
 """A pseudo-terminal: a serial port without hardware, such as a simulated device has.
 
-After the end of a pseudo-terminal, its number is soon given to another one, which may be the terminal of a user. So its
-path does not prove that it still exists.
+After the end of a pseudo-terminal, its number is soon given to another one, which may be the terminal of a user. A link
+that was left over then leads to the wrong terminal. So neither a path nor a link proves that the pseudo-terminal still
+exists.
 """
 
 from __future__ import annotations
@@ -14,20 +15,28 @@ from typing import Self
 
 TERMINALS = "/dev/pts/"
 
+MOST_LINKS = 40
+"""Linux follows no more links from one path."""
+
 
 class PseudoTerminal:
-    """The pseudo-terminal that was at a path once. Its descriptor neither reads nor writes, and keeps nothing open."""
+    """The pseudo-terminal to which a path led when this object was made.
 
-    def __init__(self, descriptor: int) -> None:
+    Its `descriptor` neither reads nor writes, and keeps nothing open.
+    """
+
+    def __init__(self, path: str, descriptor: int) -> None:
+        self._path = path
+        self._links = _links(path)
         self._descriptor = descriptor
         self._close = weakref.finalize(self, os.close, descriptor)
 
     @classmethod
     def at(cls, path: str) -> Self | None:
-        """Return the pseudo-terminal at `path`; None if `path` is a link, a port of another kind, or missing."""
-        if path.startswith(TERMINALS):
+        """Return the pseudo-terminal to which `path` leads; None if there is no port or a port of another kind."""
+        if os.path.realpath(path).startswith(TERMINALS):
             with suppress(OSError):
-                return cls(os.open(path, os.O_PATH | os.O_CLOEXEC))
+                return cls(path, os.open(path, os.O_PATH | os.O_CLOEXEC))
         return None
 
     def close(self) -> None:
@@ -42,8 +51,25 @@ class PseudoTerminal:
         """
         return os.fstat(self._descriptor).st_nlink > 0
 
+    @property
+    def is_left_over(self) -> bool:
+        """True if the pseudo-terminal has ended, and nobody has changed the links from its path since then."""
+        return not self.exists and _links(self._path) == self._links
+
     def is_at(self, path: str) -> bool:
         """Return True if `path` leads to this pseudo-terminal, which exists."""
         with suppress(OSError):
             return self.exists and os.path.samestat(Path(path).stat(), os.fstat(self._descriptor))
         return False
+
+
+def _links(path: str) -> tuple[tuple[int, int, int], ...]:
+    """Return device, inode and time of the last change of every link from `path` to the port."""
+    found: list[tuple[int, int, int]] = []
+    step = Path(path)
+    with suppress(OSError):
+        while step.is_symlink() and len(found) < MOST_LINKS:
+            link = step.lstat()
+            found.append((link.st_dev, link.st_ino, link.st_ctime_ns))
+            step = step.parent / step.readlink()
+    return tuple(found)

@@ -32,7 +32,7 @@ class SerialTransport(DescriptorTransport):
         """Open `port`; TransportError when it is missing, busy or forbidden."""
         self._settings = settings
         self._exclusive = exclusive
-        self._terminal = PseudoTerminal.at(port)
+        self._terminal: PseudoTerminal | None = None
         super().__init__(port, RtuFraming(), settings.baudrate, timeout_s=0.0, latency_s=latency_s)
 
     def disconnect(self) -> None:
@@ -50,12 +50,13 @@ class SerialTransport(DescriptorTransport):
 
     def _open_port(self, _timeout_s: float) -> serial.Serial:
         """Open and return the port. The call opens the port or fails at once, so the time limit is not used."""
-        if self._terminal is not None and not self._terminal.exists:
+        if self._terminal is not None and self._terminal.is_left_over:
             raise TransportError(
                 "the pseudo-terminal has ended, and its number may be that of another one",
                 where=self.name,
                 cure="start its program again, and give the path of the new pseudo-terminal",
             )
+        self._terminal = PseudoTerminal.at(self.name)
         try:
             port = serial.Serial(
                 self.name,

@@ -1,6 +1,7 @@
 """The ports at which a guardian looks for its device."""
 
 import os
+from contextlib import ExitStack
 from pathlib import Path
 
 import pytest
@@ -124,3 +125,22 @@ def test_pseudo_terminal_with_changed_permissions_is_not_gone(now):
     os.close(far)
     assert search.is_gone
     assert search.urls() == []
+
+
+def test_left_over_link_to_another_pseudo_terminal_is_not_tried(tmp_path, now):
+    near, far = os.openpty()
+    link, name = tmp_path / "port", os.ttyname(far)
+    link.symlink_to(name)
+    url = f"serial://{link}"
+    search = PortSearch(url, port_names(url), now)
+    assert search.urls() == [url]
+    os.close(near)
+    os.close(far)
+    with ExitStack() as stack:
+        while not Path(name).exists():
+            for end in os.openpty():
+                stack.callback(os.close, end)
+        assert search.urls() == []
+        link.unlink()
+        link.symlink_to(name)
+        assert search.urls() == [url]

@@ -1,7 +1,8 @@
-"""Every user who may open the port of a line may stop its driver, and nobody else."""
+"""The user of a driver, and every user who may open the port of its line, may stop it; nobody else may."""
 
 import os
 import socket
+import uuid
 
 import pytest
 
@@ -33,17 +34,29 @@ def line(tmp_path):
 )
 def test_permissions_of_the_port_decide_who_may_stop(line, mode, allowed):
     port_path(line).chmod(mode)
-    peers = [PeerProcess(1, user, user) for user in (OWNER, MEMBER, OTHER)]
-    assert {peer.user_id for peer in peers if peer.may_open(line)} == allowed
-    assert PeerProcess(1, 0, 0).may_open(line)
+    peers = [PeerProcess(1, user, (user,)) for user in (OWNER, MEMBER, OTHER)]
+    assert {peer.user_id for peer in peers if peer.may_stop(line)} == allowed
+    assert PeerProcess(1, 0, (0,)).may_stop(line)
+
+
+def test_supplementary_group_may_stop(line):
+    port_path(line).chmod(0o660)
+    assert PeerProcess(1, OTHER, (OTHER, MEMBER)).may_stop(line)
+
+
+def test_user_of_the_driver_may_stop_whatever_the_port_permits(line, monkeypatch):
+    port_path(line).chmod(0o600)
+    assert not PeerProcess(1, OTHER, (OTHER,)).may_stop(line)
+    monkeypatch.setattr(os, "geteuid", lambda: OTHER)
+    assert PeerProcess(1, OTHER, (OTHER,)).may_stop(line)
 
 
 def test_network_port_is_open_to_every_user():
-    assert PeerProcess(1, OTHER, OTHER).may_open("tcp://127.0.0.1:502 unit 1")
+    assert PeerProcess(1, OTHER, (OTHER,)).may_stop("tcp://127.0.0.1:502 unit 1")
 
 
 def test_port_that_is_gone_keeps_nobody_from_stopping(tmp_path):
-    assert PeerProcess(1, OTHER, OTHER).may_open(f"serial://{tmp_path}/gone")
+    assert PeerProcess(1, OTHER, (OTHER,)).may_stop(f"serial://{tmp_path}/gone")
 
 
 @pytest.mark.parametrize(
@@ -57,7 +70,26 @@ def test_sentence_names_who_may_open_the_port(line, mode, named):
 def test_peer_is_the_process_at_the_other_end():
     here, there = socket.socketpair()
     with here, there:
-        assert peer_of(here) == (os.getpid(), os.geteuid(), os.getegid())
+        assert peer_of(here) == (os.getpid(), os.geteuid(), (os.getegid(), *os.getgroups()))
+
+
+def test_group_that_no_table_of_users_lists_is_known():
+    if os.geteuid() != 0:
+        pytest.skip("only root can give a process other groups")
+    address = f"\0{uuid.uuid4()}"
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(address)
+        listening.listen()
+        child = os.fork()
+        if child == 0:
+            os.setgroups([MEMBER])
+            os.setgid(OTHER)
+            os.setuid(OTHER)
+            socket.socket(socket.AF_UNIX).connect(address)
+            os._exit(0)
+        with listening.accept()[0] as asker:
+            assert peer_of(asker) == (child, OTHER, (OTHER, MEMBER))
+    os.waitpid(child, 0)
 
 
 def test_lines_have_different_addresses():

@@ -151,10 +151,15 @@ def test_a_vanished_port_is_a_lost_connection():
             transport.write(b"x")
 
 
-def test_an_ended_pseudo_terminal_is_not_opened_again_when_another_one_has_its_number():
+@pytest.mark.parametrize("links", [0, 1, 2])
+def test_an_ended_pseudo_terminal_is_not_opened_again_when_another_one_has_its_number(links, tmp_path):
     near, far = os.openpty()
-    name = os.ttyname(far)
-    with ExitStack() as stack, open_transport(f"serial://{name}") as transport:
+    name = path = os.ttyname(far)
+    for number in range(links):
+        link = tmp_path / f"link{number}"
+        link.symlink_to(path)
+        path = str(link)
+    with ExitStack() as stack, open_transport(f"serial://{path}") as transport:
         os.close(far)
         os.close(near)
         with pytest.raises(TransportError):
