@@ -88,7 +88,8 @@ def pytest_collection_modifyitems(items):
     for item in items:
         if item.nodeid.startswith(BROWSER):
             item.add_marker("exhaustive")
-    items.sort(key=lambda item: next((n for n, folder in enumerate(WAITING) if item.nodeid.startswith(folder)), 9))
+    places = (*WAITING, "")  # a test that waits in none of the folders comes last
+    items.sort(key=lambda item: next(n for n, folder in enumerate(places) if item.nodeid.startswith(folder)))
 
 
 def pytest_collection_finish():

@@ -4,9 +4,9 @@
                  short_count, refuse, defer, split, early, stale
     the line     noise (random bytes), vanish (the port is gone, and comes back)
 
-Faults of replies last for the next `replies`, or for `for_s` seconds from now. A reply gets the first planned fault
-that still lasts. A request is carried out even when its reply is lost or corrupted, but not when `refuse` answers it.
-The device answers in order: a reply does not arrive before an earlier, late reply.
+A fault of replies lasts for a number of `replies`, or for `for_s` seconds from now. A reply gets the first planned
+fault that still lasts. A request is carried out even when its reply is lost or corrupted, but not when `refuse` answers
+it. The device answers in order: a reply does not arrive before an earlier, late reply.
 """
 
 from __future__ import annotations

@@ -60,7 +60,7 @@ class RequestPlans:
         self._exchanges: dict[tuple[_Names, _Names], tuple[RegisterSpan, RegisterSpan]] = {}
 
     def read(self, names: _Names) -> tuple[RegisterSpan, ...]:
-        """Return the spans with the registers `names` and all registers that must be read with them."""
+        """Return the spans that contain the registers `names`, and all registers read together with them."""
         spans = self._reads.get(names)
         if spans is None:
             spans = self._reads[names] = plan(self._profile, names)

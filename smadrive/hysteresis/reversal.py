@@ -1,7 +1,7 @@
 """Dead band against false reversals.
 
-Noise on v reverses the input at every sample. A hysteresis model answers each reversal with a minor loop and ratchets.
-A play operator of width 2r passes only reversals larger than 2r:
+Noise on the input v reverses it at every sample. A hysteresis model answers each reversal with a minor loop and
+ratchets. A play operator of width 2r passes only reversals larger than 2r:
 
     p_k = min(max(p_{k-1}, v_k - r), v_k + r)
 
@@ -11,8 +11,9 @@ since the last true reversal; while v falls, u is the smallest. A reversal small
 follows a larger reversal at once. A radius r of a few standard deviations of the noise is enough.
 
 The extreme of many noisy samples lies beyond the true turning point, by a few standard deviations if the input reverses
-slowly, and every later state keeps this error. In a record the later samples are known, too. So the turning point is
-estimated from two parabolas, one before and one after it, fitted to the samples within a few radii.
+slowly, and the hysteresis model keeps this error from then on. A running filter cannot avoid it. In a record, the
+samples after the turning point are known as well. So the turning point of a record is estimated from two parabolas, one
+before and one after it, fitted to the samples within a few radii.
 """
 
 from __future__ import annotations

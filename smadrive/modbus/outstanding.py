@@ -41,7 +41,7 @@ class Outstanding:
         return bool(self._until_s)
 
     def add(self, kind: Kind, now_s: float) -> None:
-        """Note that a frame of this kind may arrive within `LATEST_REPLY_S` from `now_s`."""
+        """Record that a frame of this kind may arrive until `LATEST_REPLY_S` after `now_s`."""
         self._until_s[kind] = now_s + LATEST_REPLY_S
 
     def holds(self, kind: Kind, now_s: float) -> bool:

@@ -4,8 +4,9 @@ A frame is outstanding if it may still arrive although the client no longer wait
 that distinguishes it from other frames; see outstanding.py.
 
 A probe is a read whose reply differs from every outstanding frame: its answer proves that the unit has dealt with its
-older requests. A sync is a read whose answer is of a kind that has not arrived lately: after this answer no copy of an
-older reply can follow, and no reply lags behind its request.
+older requests. A sync is a read whose kind of answer has not arrived lately, so its answer cannot be a copy of an older
+reply. The unit answers in order: after the answer to a sync, no older reply can arrive, and no reply lags behind its
+request.
 """
 
 from __future__ import annotations
@@ -39,14 +40,14 @@ class Probes:
         self._arrivals += 1
 
     def note_reply(self, unit_id: int, request: Request, now_s: float) -> None:
-        """Note that the frame counted last is the reply to this request."""
+        """Record that the frame counted last is the reply to this request."""
         kind = reply_kind(unit_id, request)
         self._arrived[kind], self._arrived_s[kind] = self._arrivals, now_s
         if not request.writes:
             self._answered[kind] = request
 
     def note_exception(self, unit_id: int, request: Request) -> None:
-        """Note that the frame counted last is an exception to this request."""
+        """Record that the frame counted last is an exception to this request."""
         self._arrived[exception_kind(unit_id, request)] = self._arrivals
 
     def has_answered(self, unit_id: int, request: Request, now_s: float) -> bool:
@@ -87,7 +88,7 @@ class Probes:
         return min(answered, key=lambda one: self._last_arrival(unit_id, one), default=None)
 
     def stays_silent(self, unit_id: int, request: Request) -> bool:
-        """Note that this sync was not answered. Return True if the unit never answered this function and address."""
+        """Record that this sync was not answered. Return True if the unit never answered this function and address."""
         self._silent.add(reply_kind(unit_id, request))
         return not any(request.pdu[:3] == one.pdu[:3] for kind, one in self._answered.items() if kind[0] == unit_id)
 

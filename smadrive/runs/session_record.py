@@ -64,7 +64,7 @@ def in_force_event(change: str, model: int, values: Mapping[str, object]) -> str
 
 
 def model_events(number: int, text: str) -> list[str]:
-    """Return the events that hold the JSON `text` of a model."""
+    """Split the JSON `text` of model `number` into parts, and return one event for each part."""
     compact = json.dumps(json.loads(text), separators=(",", ":"))  # ASCII: a character is a byte
     parts = [compact[at : at + _PART_BYTES] for at in range(0, len(compact), _PART_BYTES)]
     return [f"model {number}, part {n} of {len(parts)}: {part}" for n, part in enumerate(parts, 1)]

@@ -4,10 +4,10 @@ State x = (T, T_tc, d, ξ): wire temperature, thermocouple temperature, a slowly
 does not explain (draught, wrong h A), and the phase. The measured displacement gives the phase. The prediction uses the
 heat balance with the latent heat of the transformation, and the hysteresis model. The correction uses a Kalman gain.
 
-The model is linear only locally. Its rules, at their present firing strengths, give the slope of the phase over the
-temperature, dξ/dT ∝ Σ μ_i (a_i w + b_i), with w the state of the hysteresis model. Along the loop only this slope
-varies, so the gain is solved for several slopes and interpolated (see gain.py). Without a displacement, ξ is corrected
-by the correction of the temperature, times the slope. Only the predicted temperature steps the hysteresis model, and
+The hysteresis model is linear only locally. Its rules, at their present firing strengths, give the slope of the phase
+over the temperature, dξ/dT ∝ Σ μ_i (a_i w + b_i), with w the state of the hysteresis model. Along the loop only this
+slope varies, so the gain is solved for several slopes and interpolated (see gain.py). Without a measured displacement,
+the correction of ξ is the correction of T times dξ/dT. Only the predicted temperature steps the hysteresis model, and
 only through a dead band: noise reverses the temperature, and each reversal would move the model along a minor loop
 (ratcheting).
 

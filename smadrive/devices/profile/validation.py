@@ -42,7 +42,10 @@ def refuse_forbidden(registers: Registers, forbidden: tuple[Forbidden, ...]) -> 
 
 
 def refuse_unreachable(registers: Registers, timing: DeviceTiming) -> None:
-    """Raise ValueError if no function of the device reads or writes a register, or a register exceeds one request."""
+    """Raise ValueError for a register that the device cannot read or write as its access demands.
+
+    ValueError also for a register that is too long for one request.
+    """
     codes = timing.function_codes
     for name, register in registers.items():
         if register.access != "w" and read_function(register.table, codes) is None:

@@ -79,7 +79,7 @@ class DeviceKey:
     port: str = field(default="", compare=False)
 
     def port_match(self, other: DeviceKey) -> Match:
-        """Compare port and unit of both keys. One common name proves the same port."""
+        """Compare the unit ids and the names of the ports. One name in common proves that the port is the same."""
         if None not in (self.unit_id, other.unit_id) and self.unit_id != other.unit_id:
             return Match.DIFFERENT
         if self.names & other.names:

@@ -84,7 +84,7 @@ class RunComparison:
 
     @cached_property
     def settings(self) -> dict[str, tuple[str, ...]]:
-        """The settings in which the runs differ: the text of each run by the name of the setting."""
+        """The settings in which the runs differ: by the name of the setting, its value in each run, as text."""
         return differing_settings(self.logs)
 
     def differences(self) -> list[dict[str, float]]:

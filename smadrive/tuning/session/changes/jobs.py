@@ -153,7 +153,7 @@ class TurnJob(Job):
     ready: Callable[[Built], None]
 
     def target(self, tunings: Tunings, live: SwappableController | None) -> BuildTarget:  # noqa: ARG002
-        """Return the tuning of the slot that drives next, with the present reference."""
+        """Return what to build: the tuning of the comparison's next slot, and the present reference."""
         return BuildTarget(self.tuning, None, self.reference)
 
     def install(self, built: Built, tunings: Tunings, live: SwappableController | None, now_s: float) -> None:  # noqa: ARG002
