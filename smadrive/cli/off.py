@@ -23,7 +23,7 @@ def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = Fals
         off = switch_off(rig, clear_faults=clear_faults)
     waiting, warnings = _waiting_guardians(off.warnings)
     for driver in off.stopped:
-        output.say(f"{'killed the hung driver' if driver.killed else 'stopped the driver'} (process {driver.pid})")
+        output.say(str(driver))
     output.say(f"{off.rig}: heater off, confirmed by read-back ({', '.join(off.devices)})")
     if off.latched:
         output.say(f"latched: {', '.join(off.latched)} (clear with --clear-faults)")

@@ -41,6 +41,12 @@ MOST_GROUPS = 256
 _SO_PEERGROUPS = 59
 """Option of Linux that Python does not name: the supplementary groups of the other process."""
 
+SOCKETS = Path("/proc/net/unix")
+"""The kernel's table of Unix sockets: one row for each socket, with its inode and its address."""
+
+_INODE = 6
+"""The column of `SOCKETS` that holds the inode."""
+
 _CREDENTIALS = struct.Struct("3i")
 _ACL = "system.posix_acl_access"
 
@@ -110,6 +116,23 @@ def _supplementary_groups(connection: socket.socket) -> tuple[int, ...]:
     with suppress(OSError):
         return tuple(array("I", connection.getsockopt(socket.SOL_SOCKET, _SO_PEERGROUPS, 4 * MOST_GROUPS)))
     return ()
+
+
+def listens(pid: int, address: str) -> bool:
+    """Return True if the process listens at `address`, or if its sockets are not visible to this user.
+
+    The kernel names the process that began to listen. If this process has ended and a child still has its socket, the
+    process id may name another process now.
+    """
+    shown = address.replace("\0", "@")
+    try:
+        rows = (row.split() for row in SOCKETS.read_text().splitlines())
+        sockets = {f"socket:[{row[_INODE]}]" for row in rows if row[-1] == shown}
+        return any(str(one.readlink()) in sockets for one in Path(f"/proc/{pid}/fd").iterdir())
+    except PermissionError:
+        return True
+    except OSError:
+        return False
 
 
 def port_path(line: str) -> Path | None:

@@ -10,12 +10,21 @@ import os
 import select
 import signal
 import socket
+import time
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
 from smadrive.devices.state.lock import GUARDIAN_WITHIN_S
-from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, PeerProcess, address_of, peer_of, who_may_open
+from smadrive.devices.stopping.endpoint import (
+    IS_POSSIBLE,
+    REFUSED,
+    PeerProcess,
+    address_of,
+    listens,
+    peer_of,
+    who_may_open,
+)
 from smadrive.errors import SafetyError
 
 ANSWERS_WITHIN_S = 5.0
@@ -34,77 +43,94 @@ class StoppedDriver:
     pid: int
     killed: bool
 
+    def __str__(self) -> str:
+        return f"{'killed the hung driver' if self.killed else 'stopped the driver'} (process {self.pid})"
 
-def stop_driver(line: str, name: str, within_s: float = ANSWERS_WITHIN_S) -> StoppedDriver | None:
-    """Ask the driver of `line` to stop, and wait until it has released the line; return None if there is no driver.
 
-    `name` is the name of the line under which the driver listens. A driver that has not released the line after
-    `within_s` is killed; then this function waits for its guardian. SafetyError when this user may not stop the driver.
+@dataclass(frozen=True)
+class StopRequest:
+    """A request to the driver of `line`, which listens at `address`.
+
+    process      a descriptor of the driver's process; None if this process cannot see it
+    """
+
+    line: str
+    address: str
+    connection: socket.socket
+    driver: PeerProcess
+    process: int | None
+
+    def wait(self, deadline_s: float) -> StoppedDriver:
+        """Wait until the driver has released the line; kill it at `deadline_s`, and then wait for its guardian.
+
+        SafetyError when this user may not stop the driver.
+        """
+        if self._is_released(deadline_s):
+            return StoppedDriver(self.driver.pid, killed=False)
+        if self.process is None or not listens(self.driver.pid, self.address):
+            raise SafetyError(
+                "its driver does not answer, and this process cannot end it",
+                where=self.line,
+                cure="end the driver where it runs, such as in its container, or cut the heater's supply",
+            )
+        self._kill(self.process)
+        return StoppedDriver(self.driver.pid, killed=True)
+
+    def _is_released(self, deadline_s: float) -> bool:
+        """Return True when the driver ends the connection, False at the deadline. SafetyError when it refuses."""
+        if not select.select((self.connection,), (), (), max(deadline_s - time.monotonic(), 0.0))[0]:
+            return False
+        with suppress(ConnectionError):  # the driver was killed
+            if self.connection.recv(len(REFUSED)) == REFUSED:
+                raise SafetyError(
+                    f"its driver (process {self.driver.pid}) goes on: your user may not open this port",
+                    where=self.line,
+                    cure=f"run `smadrive off` as {who_may_open(self.line)}, or cut the heater's supply",
+                )
+        return True
+
+    def _kill(self, process: int) -> None:
+        """Kill the driver, whose descriptor is `process`, then wait until the driver and its guardians have ended.
+
+        Wait for the guardian processes, not for their locks, because another user's locks are in another folder.
+        """
+        with ExitStack() as stack:
+            guardians = [_descriptor(pid, stack) for pid in _guardians_of(self.driver.pid)]
+            try:
+                signal.pidfd_send_signal(process, signal.SIGKILL)
+            except ProcessLookupError:  # it has just ended
+                pass
+            except PermissionError:
+                raise SafetyError(
+                    f"its driver (process {self.driver.pid}) does not answer, and your user may not end it",
+                    where=self.line,
+                    cure=f"end it as its user or as root (`sudo kill -9 {self.driver.pid}`), then run this again",
+                ) from None
+            select.select((process,), (), (), DIES_WITHIN_S)
+            for guardian in guardians:
+                if guardian is not None:
+                    select.select((guardian,), (), (), GUARDIAN_WITHIN_S)
+
+
+def ask_to_stop(line: str, name: str, deadline_s: float, stack: ExitStack) -> StopRequest | None:
+    """Ask the driver of `line` to stop, and return the request, which `stack` closes; None if there is no driver.
+
+    `name` is the name of the line under which the driver listens. `deadline_s` is a time of the monotonic clock.
     """
     if not IS_POSSIBLE:
         return None
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-        connection.settimeout(within_s)
-        try:
-            connection.connect(address_of(name))
-        except TimeoutError:  # the backlog is full: the driver is paused or hangs, and other programs wait
-            raise SafetyError(
-                "its driver does not answer", where=line, cure="end that driver (kill -9), then run this again"
-            ) from None
-        except OSError:
-            return None
-        driver = peer_of(connection)
-        with ExitStack() as stack:
-            process = _descriptor(driver.pid, stack)
-            if _is_released(connection, driver, line):
-                return StoppedDriver(driver.pid, killed=False)
-            if process is None:
-                raise SafetyError(
-                    "its driver does not answer, and this process cannot end it",
-                    where=line,
-                    cure="end the driver where it runs, such as in its container, or cut the heater's supply",
-                )
-            _kill(process, driver, line)
-            return StoppedDriver(driver.pid, killed=True)
-
-
-def _is_released(connection: socket.socket, driver: PeerProcess, line: str) -> bool:
-    """Return True when the driver ends the connection, False after a timeout. SafetyError when the driver refuses."""
+    connection = stack.enter_context(socket.socket(socket.AF_UNIX, socket.SOCK_STREAM))
+    connection.settimeout(max(deadline_s - time.monotonic(), 0.001))
     try:
-        if connection.recv(len(REFUSED)) == REFUSED:
-            raise SafetyError(
-                f"its driver (process {driver.pid}) goes on: your user may not open this port",
-                where=line,
-                cure=f"run `smadrive off` as {who_may_open(line)}, or cut the heater's supply",
-            )
-    except TimeoutError:
-        return False
-    except ConnectionError:  # the driver was killed
-        return True
-    return True
-
-
-def _kill(process: int, driver: PeerProcess, line: str) -> None:
-    """Kill the driver, whose descriptor is `process`, then wait until the driver and its guardians have ended.
-
-    Wait for the guardian processes, not for their locks, because another user's locks are in another folder.
-    """
-    with ExitStack() as stack:
-        guardians = [_descriptor(pid, stack) for pid in _guardians_of(driver.pid)]
-        try:
-            signal.pidfd_send_signal(process, signal.SIGKILL)
-        except ProcessLookupError:  # it has just ended
-            pass
-        except PermissionError:
-            raise SafetyError(
-                f"its driver (process {driver.pid}) does not answer, and your user may not end it",
-                where=line,
-                cure=f"end it as its user or as root (`sudo kill -9 {driver.pid}`), then run this again",
-            ) from None
-        select.select((process,), (), (), DIES_WITHIN_S)
-        for guardian in guardians:
-            if guardian is not None:
-                select.select((guardian,), (), (), GUARDIAN_WITHIN_S)
+        connection.connect(address_of(name))
+    except TimeoutError:  # the backlog is full: the driver is paused or hangs, and other programs wait
+        raise SafetyError(
+            "its driver does not answer", where=line, cure="end that driver (kill -9), then run this again"
+        ) from None
+    except OSError:
+        return None
+    driver = peer_of(connection)
+    return StopRequest(line, address_of(name), connection, driver, _descriptor(driver.pid, stack))
 
 
 def _descriptor(pid: int, stack: ExitStack) -> int | None:

@@ -5,10 +5,12 @@ Two programs on one line would take each other's replies for their own.
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterable
+from contextlib import ExitStack
 
 from smadrive.devices.stopping.endpoint import names_of_line, places
-from smadrive.devices.stopping.request import StoppedDriver, stop_driver
+from smadrive.devices.stopping.request import ANSWERS_WITHIN_S, StoppedDriver, ask_to_stop
 from smadrive.errors import SafetyError
 from smadrive.rig.connections import key_of, line_names
 from smadrive.rig.plan import PlannedDevice
@@ -19,11 +21,20 @@ MOST_LATE = 4
 
 
 def stop_drivers(devices: Iterable[PlannedDevice]) -> tuple[tuple[StoppedDriver, ...], Exception | None]:
-    """Stop the drivers that use the lines of these devices; return them, and the first error or None."""
+    """Stop the drivers that use the lines of these devices; return them, and the first error or None.
+
+    All drivers have the same `ANSWERS_WITHIN_S`. A driver that listens at several names of a line is returned once.
+    """
     listed, unknown = each(devices, _names_and_lines)
     lines = {name: line for lines_of_device in listed for name, line in lines_of_device}
-    stopped, failure = each(lines.items(), lambda one: stop_driver(one[1], one[0]))
-    return tuple(one for one in stopped if one is not None), unknown or failure
+    deadline_s = time.monotonic() + ANSWERS_WITHIN_S
+    with ExitStack() as stack:
+        requests, unreachable = each(lines.items(), lambda one: ask_to_stop(one[1], one[0], deadline_s, stack))
+        ended, failure = each(filter(None, requests), lambda request: request.wait(deadline_s))
+    stopped: dict[int, StoppedDriver] = {}
+    for driver in ended:
+        stopped.setdefault(driver.pid, driver)
+    return tuple(stopped.values()), unknown or unreachable or failure
 
 
 def stop_late_drivers(

@@ -80,17 +80,20 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
     signals during this time have no effect (see HeldSignals). SafetyError when a fault persists.
     """
     with ExitStack() as stack:
-        with _unconfirmed_on_error(), HeldSignals():
+        stopped: list[StoppedDriver] = []
+        with _unconfirmed_on_error(stopped), HeldSignals():
             config = load_off_config(name)
             connections = Connections(stack, trace_folder=None, role=Role.OFF)
             devices, unreadable = each(config.devices, _planned)
-            stopped, refused = stop_drivers(devices)
+            early, refused = stop_drivers(devices)
+            stopped += early
             off, failure = each(
                 [device for device in devices if device.heats],
                 lambda device: _switch_source_off(device, connections, config.current_max_a),
             )
             late, late_refused = stop_late_drivers(devices, lambda: [one.confirm_again() for one in off])
-            stopped, refused = stopped + late, refused or late_refused
+            stopped += late
+            refused = refused or late_refused
             others, other_failure = each(
                 [device for device in devices if not device.heats],
                 lambda device: _enter_safe_state(device, connections),
@@ -104,15 +107,17 @@ def switch_off(name: str, *, clear_faults: bool) -> SwitchedOff:
     latched = () if clear_faults else tuple(fault for one in off for fault in _latched(one))
     names = (*(one.name for one in off), *others)
     failure = unreadable or other_failure
-    return SwitchedOff(config.name, stopped, refused, names, latched, warnings, displaced, failure)
+    return SwitchedOff(config.name, tuple(stopped), refused, names, latched, warnings, displaced, failure)
 
 
 @contextmanager
-def _unconfirmed_on_error() -> Iterator[None]:
-    """Attach a ShutdownOutcome that is not confirmed to an error in the `with` block."""
+def _unconfirmed_on_error(stopped: Iterable[StoppedDriver]) -> Iterator[None]:
+    """Attach a ShutdownOutcome that is not confirmed, and the drivers `stopped`, to an error in the `with` block."""
     try:
         yield
     except BaseException as error:
+        for driver in stopped:
+            error.add_note(str(driver))
         carry(error, ShutdownOutcome(error))
         raise
 
@@ -128,7 +133,7 @@ def _check_complete(config: OffConfig, off: Iterable[_SourceOff], failure: Excep
         raise failure
     if not off:
         raise ConfigError(
-            "nothing was switched off, because no device of the rig heats",
+            "no device of the rig file heats, so no heater was switched off",
             where=f"rig '{config.name}'",
             cure="add the heat source to [[devices]]",
         )

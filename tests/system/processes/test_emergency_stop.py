@@ -137,6 +137,18 @@ def test_running_driver_is_stopped(heated):
     assert (done["safe"], done["faults"]) == (True, [])
 
 
+@pytest.mark.parametrize("profile", ["autonics-tk", None], ids=["heats nothing", "another source"])
+def test_failed_off_names_the_driver_that_it_stopped(heated, profile):
+    right, other = ("sma-reference", "riden-rd60xx")[:: 1 if heated.kind == "board" else -1]
+    with heated.drive() as driver:
+        assert driver.stdout.readline() == "heating\n"
+        heated.rig.write_text(heated.rig.read_text().replace(right, profile or other))
+        with heated.begin_off() as off:
+            assert f"process {driver.pid}" in off.communicate()[1]
+        assert off.returncode in (2, 3)
+        assert driver.wait() != 0
+
+
 @pytest.mark.parametrize("manner", ["stopped", "hangs"])
 def test_driver_that_does_not_answer_is_ended_and_the_heater_is_off(heated, manner):
     with heated.drive(manner) as driver:

@@ -1,6 +1,7 @@
 """A driver that starts while `off` works is stopped too, and the heater is switched off once more after it."""
 
 import os
+import signal
 import subprocess
 import sys
 
@@ -17,7 +18,7 @@ DRIVER = """
 import sys, time
 from smadrive.devices.stopping.listener import StopListener
 with StopListener('driver') as listener:
-    listener.listen(sys.argv[1], [sys.argv[1]])
+    listener.listen(sys.argv[1], sys.argv[1:])
     print("listens", flush=True)
     time.sleep(60)
 """
@@ -33,11 +34,11 @@ def port():
 
 @pytest.fixture
 def start(port):
-    """`start()`: a driver of the port begins to listen."""
+    """`start()`: a driver of the port begins to listen, at the name of the port or at other names."""
     processes = []
 
-    def begin():
-        command = [sys.executable, "-c", DRIVER, f"serial://{port}"]
+    def begin(*names):
+        command = [sys.executable, "-c", DRIVER, *(names or (f"serial://{port}",))]
         processes.append(programs.Program(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True))
         assert processes[-1].stdout.readline() == "listens\n"
         return processes[-1].pid
@@ -79,6 +80,17 @@ def test_driver_of_an_ended_terminal_keeps_no_number_from_a_new_one(devices, sta
     pids = [start(), start()]
     stopped, _ = stop_drivers(devices)
     assert [driver.pid for driver in stopped] == pids
+
+
+def test_driver_with_several_names_is_killed_once(devices, start, port, tmp_path):
+    link = tmp_path / "link"
+    link.symlink_to(port)
+    by_link = DeviceConfig(name="other", profile="sma-reference", url=f"serial://{link}")
+    pid = start(f"serial://{port}", f"serial://{link}")
+    os.kill(pid, signal.SIGSTOP)
+    stopped, failure = stop_drivers([*devices, PlannedDevice(by_link, load_profile("sma-reference"))])
+    assert [(driver.pid, driver.killed) for driver in stopped] == [(pid, True)]
+    assert failure is None
 
 
 def test_drivers_that_start_again_and_again_are_an_error(devices, start):

@@ -6,7 +6,7 @@ import uuid
 
 import pytest
 
-from smadrive.devices.stopping.endpoint import PeerProcess, address_of, peer_of, port_path, who_may_open
+from smadrive.devices.stopping.endpoint import PeerProcess, address_of, listens, peer_of, port_path, who_may_open
 
 OWNER, MEMBER, OTHER = 4001, 4002, 4003
 
@@ -94,3 +94,13 @@ def test_group_that_no_table_of_users_lists_is_known():
 
 def test_lines_have_different_addresses():
     assert address_of("serial:///dev/ttyUSB0") != address_of("serial:///dev/ttyUSB1")
+
+
+def test_only_the_process_that_has_the_listening_socket_is_the_driver():
+    address = address_of(f"serial:///{uuid.uuid4()}")
+    with socket.socket(socket.AF_UNIX) as listening:
+        listening.bind(address)
+        listening.listen()
+        assert listens(os.getpid(), address)
+        assert not listens(os.getppid(), address)
+    assert not listens(os.getpid(), address)

@@ -10,6 +10,7 @@ import threading
 import time
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, suppress
+from dataclasses import replace
 from pathlib import Path
 
 import programs
@@ -18,8 +19,8 @@ import pytest
 from smadrive.devices.state.lock import Role, lock_line
 from smadrive.devices.stopping.endpoint import address_of
 from smadrive.devices.stopping.listener import BACKLOG, MOST_ASKERS, StopListener
-from smadrive.devices.stopping.request import stop_driver
-from smadrive.errors import BusyError, StoppedError
+from smadrive.devices.stopping.request import ANSWERS_WITHIN_S, ask_to_stop
+from smadrive.errors import BusyError, SafetyError, StoppedError
 
 DRIVER = """
 import signal, sys, time
@@ -38,17 +39,28 @@ except KeyboardInterrupt:
     print("interrupted", flush=True)
 """
 STRANGER = """
-import os, sys
+import os, sys, time
+from contextlib import ExitStack
 os.setgroups([])
 os.setgid(4003)
 os.setuid(4003)
-from smadrive.devices.stopping.request import stop_driver
+from smadrive.devices.stopping.request import ask_to_stop
 from smadrive.errors import SafetyError
+deadline_s = time.monotonic() + 0.5
 try:
-    stop_driver(sys.argv[1], sys.argv[1], 0.5)
+    with ExitStack() as stack:
+        ask_to_stop(sys.argv[1], sys.argv[1], deadline_s, stack).wait(deadline_s)
 except SafetyError as error:
     print(error.where, error.cure, sep="\\n")
 """
+
+
+def stop_driver(line, within_s=ANSWERS_WITHIN_S):
+    """Stop the driver that listens at the name `line`, and return it."""
+    deadline_s = time.monotonic() + within_s
+    with ExitStack() as stack:
+        request = ask_to_stop(line, line, deadline_s, stack)
+        return None if request is None else request.wait(deadline_s)
 
 
 @pytest.fixture
@@ -79,15 +91,15 @@ def driver(line):
 
 
 def test_line_without_a_driver_needs_no_stop(line):
-    assert stop_driver(line, line) is None
+    assert stop_driver(line) is None
 
 
 def test_idle_driver_is_interrupted_and_has_released_its_line(driver, line):
     process = driver("idle")
-    stopped = stop_driver(line, line, 60.0)
+    stopped = stop_driver(line, 60.0)
     assert (stopped.pid, stopped.killed) == (process.pid, False)
     assert process.communicate()[0] == "driver: stopped by `smadrive off`\n"
-    assert stop_driver(line, line) is None
+    assert stop_driver(line) is None
 
 
 def test_interruption_without_a_request_is_none(driver):
@@ -105,17 +117,36 @@ def test_driver_that_does_not_answer_is_killed(driver, line, kind):
         process.send_signal(signal.SIGSTOP)
         killer = threading.Timer(0.2, process.kill)
         killer.start()
-    stopped = stop_driver(line, line, 0.5 if kind != "ended meanwhile" else 60.0)
+    stopped = stop_driver(line, 0.5 if kind != "ended meanwhile" else 60.0)
     assert (stopped.pid, stopped.killed) == (process.pid, kind != "ended meanwhile")
     assert process.wait() == -signal.SIGKILL
-    assert stop_driver(line, line) is None
+    assert stop_driver(line) is None
+
+
+def test_process_that_got_the_id_of_an_ended_driver_is_not_killed(driver, line):
+    """The listening socket of a driver outlives it in a child, and its process id means another process."""
+    process = driver("idle")
+    process.send_signal(signal.SIGSTOP)
+    deadline_s = time.monotonic() + 0.1
+    with ExitStack() as stack:
+        request = ask_to_stop(line, line, deadline_s, stack)
+        stranger = stack.enter_context(programs.Program([sys.executable, "-c", "input()"], stdin=subprocess.PIPE))
+        stack.callback(stranger.kill)
+        request = replace(
+            request, driver=request.driver._replace(pid=stranger.pid), process=os.pidfd_open(stranger.pid)
+        )
+        stack.callback(os.close, request.process)
+        with pytest.raises(SafetyError) as error:
+            request.wait(deadline_s)
+        assert error.value.where == line
+        assert stranger.poll() is None
 
 
 def test_several_askers_all_wait_for_the_end(driver, line):
     process = driver("idle")
     process.send_signal(signal.SIGSTOP)
     results = []
-    askers = [threading.Thread(target=lambda: results.append(stop_driver(line, line, 60.0))) for _ in range(3)]
+    askers = [threading.Thread(target=lambda: results.append(stop_driver(line, 60.0))) for _ in range(3)]
     for asker in askers:
         asker.start()
     time.sleep(0.2)
@@ -144,7 +175,7 @@ def test_forked_child_of_a_driver_does_not_keep_its_line(line):
         child = multiprocessing.get_context("fork").Process(target=time.sleep, args=(60,))
         child.start()
     try:
-        assert stop_driver(line, line) is None
+        assert stop_driver(line) is None
         with StopListener("driver") as again, lock_line(line, Role.DRIVER):
             again.listen(line, [line])
         assert child.is_alive()
