@@ -186,11 +186,10 @@ def _words_for(cell: RegisterCell, value: Quantity, context: Context) -> tuple[i
     the register has no sentinel. NaN counts as a missing reading if the register cannot hold NaN.
     """
     register = cell.register
-    no_reading = value is None or (isinstance(value, float) and isnan(value) and register.type != "float32")
-    if isinstance(value, (int, float)) and not no_reading:
-        return cell.codec.saturated(value, context)
-    if no_reading:
+    if isinstance(value, str):
+        flags = {1 << bit: word for bit, word in register.bits.items()}
+        return cell.codec.pack(next((raw for raw, word in (register.enum | flags).items() if word == value), 0))
+    if value is None or (isnan(value) and register.type != "float32"):
         open_patterns = (pattern for pattern, reason in register.invalid.items() if "open" in reason)
         return cell.codec.pattern(next(open_patterns, next(iter(register.invalid), 0)))
-    flags = {1 << bit: word for bit, word in register.bits.items()}
-    return cell.codec.pack(next((raw for raw, word in (register.enum | flags).items() if word == value), 0))
+    return cell.codec.saturated(value, context)

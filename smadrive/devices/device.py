@@ -17,19 +17,18 @@ The safe state counts as confirmed after one more check of the identity, if regi
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import partial
 
-from smadrive.devices.identity import UNKNOWN, Identity, IdentityCheck, Proof
+from smadrive.devices.identity import UNKNOWN, Identity, IdentityCheck, IdentityDoubt, Proof
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.profile.readings import RegisterReading
 from smadrive.devices.profile.schema import WriteOrder
 from smadrive.devices.read_plan import decode, words_of_register
 from smadrive.devices.register_access import RegisterAccess, RegisterWrite
 from smadrive.devices.retry import retry_all
-from smadrive.errors import ConfigError, DeadlineError, DeviceError, IdentityError, ProtocolError, TransportError
+from smadrive.errors import ConfigError, DeadlineError, IdentityError, ProtocolError, TransportError
 from smadrive.modbus import requests
 from smadrive.modbus.client import ModbusClient
 
@@ -69,7 +68,7 @@ class Device:
         self._registers = RegisterAccess(profile, client, self.unit_id, timing)
         self._has_switch = False
         self._proved_on: int | None = None
-        self._is_doubtful = False
+        self._doubt = IdentityDoubt()
         self._written: set[str] = set()
         self._commanded: dict[str, RegisterWrite] = {}
         self._safe_writes: dict[str, RegisterWrite] = {}
@@ -94,7 +93,7 @@ class Device:
             raise
         self._registers.use(model.profile)
         self._has_switch, self.identity = model.has_switch, model.identity
-        self.proof, self._proved_on, self._is_doubtful = self._proof_if_checked, connection, False
+        self.proof, self._proved_on, self._doubt.is_raised = self._proof_if_checked, connection, False
 
     def read(self, names: Sequence[str], *, proved: bool = False) -> dict[str, RegisterReading]:
         """Read the registers `names` in as few requests as possible, and return their readings.
@@ -103,20 +102,20 @@ class Device:
         `proved` excludes such copies: the device must first answer a request of another length (ModbusClient.execute),
         which costs one more transaction per request. Set it where a safety decision depends on the readings.
         """
-        with self._doubt_on_failure():
+        with self._doubt:
             if self._check.model_registers or self.identity:
                 self._prove_identity()
             return self._registers.read(tuple(names), proved=proved)
 
     def write(self, name: str, value: float) -> None:
         """Write one register and read it back, unless it is write-only. ReadBackError when the value did not arrive."""
-        with self._doubt_on_failure():
+        with self._doubt:
             self._prove_model()
             self._write(self._registers.encode(name, value))
 
     def exchange(self, writes: Mapping[str, float], reads: Sequence[str]) -> dict[str, RegisterReading]:
         """Write adjacent registers, then read adjacent registers, in one FC23 transaction, which is never retried."""
-        with self._doubt_on_failure():
+        with self._doubt:
             self._prove_model()
             target, source = self._registers.plans.exchange(tuple(writes), tuple(reads))
             words = [word for name, _, _, codec in target.parts for word in codec.encode(writes[name], name)]
@@ -131,7 +130,7 @@ class Device:
 
         The readings show the effect of the previous command. ReadBackError when `name` does not hold its value.
         """
-        with self._doubt_on_failure():
+        with self._doubt:
             return self._command(name, value, reads, proved=proved)
 
     def _command(self, name: str, value: float, reads: Sequence[str], *, proved: bool) -> dict[str, RegisterReading]:
@@ -160,7 +159,7 @@ class Device:
 
     def _make_safe(self, name: str, value: float) -> None:
         try:
-            with self._doubt_on_failure():
+            with self._doubt:
                 self._prove_model()
                 self._safe_writes[name] = write = self._registers.encode(name, value)
                 self._write(write)
@@ -232,18 +231,9 @@ class Device:
         if self._must_be_proved:
             self.check_identity()
 
-    @contextmanager
-    def _doubt_on_failure(self) -> Iterator[None]:
-        """Mark the identity as doubtful after silence, an exception or a wrong read-back (see the head)."""
-        try:
-            yield
-        except (DeadlineError, DeviceError):
-            self._is_doubtful = True
-            raise
-
     @property
     def _must_be_proved(self) -> bool:
-        return self._is_doubtful or not self._is_proved
+        return self._doubt.is_raised or not self._is_proved
 
     @property
     def _is_proved(self) -> bool:

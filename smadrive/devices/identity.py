@@ -11,13 +11,13 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from itertools import chain
-from types import MappingProxyType
+from types import MappingProxyType, TracebackType
 
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.profile.readings import RegisterReading
 from smadrive.devices.profile.schema import IdentityRegister
 from smadrive.devices.profile.variants import has_switch, matching
-from smadrive.errors import IdentityError
+from smadrive.errors import DeadlineError, DeviceError, IdentityError
 
 Identity = Mapping[str, float | str]
 """The raw number or the text of each register that identifies the device, by the name of the register."""
@@ -31,6 +31,26 @@ class Proof(Enum):
     NOT_ASKED = "not asked"
     ANSWERED = "it answers; its type cannot be proved"
     PROVED = "proved"
+
+
+class IdentityDoubt:
+    """Doubt whether the same device still answers: an exchange that failed in a `with` block raises it.
+
+    Silence, an exception reply and a wrong read-back raise the doubt; a new proof of the identity ends it.
+    """
+
+    def __init__(self) -> None:
+        self.is_raised = False
+
+    def __enter__(self) -> None:
+        """Do nothing, because the end of the block decides."""
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Raise the doubt if an exchange has failed in the block."""
+        if isinstance(error, (DeadlineError, DeviceError)):
+            self.is_raised = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -80,21 +80,18 @@ class Codec:
 
         ConfigError for a value that is not finite, outside [min, max] or not in the enum.
         """
-        where = f"register '{name}'"
         if not isfinite(value):
-            raise ConfigError("the value is not finite", where=where, value=value, cure="give a finite number")
+            raise _rejected("the value is not finite", name, value, cure="give a finite number")
         if self._min is not None and self._max is not None and not self._min <= value <= self._max:
             limit = f"{self._min:g} to {self._max:g}"
-            text = f"{value:g} {self._unit}".rstrip()
-            raise ConfigError("the value is outside the limits", where=where, value=text, limit=limit)
+            raise _rejected("the value is outside the limits", name, self._shown(value), limit)
         raw = self._raw_of(value, context)
         if not self._lowest <= raw <= self._highest:
             limit = f"raw {self._lowest:g} to {self._highest:g}"
-            text = f"{value:g} {self._unit}".rstrip() + f", raw {raw:g}"
-            raise ConfigError(f"the value overflows {self._kind}", where=where, value=text, limit=limit)
+            raise _rejected(f"the value overflows {self._kind}", name, f"{self._shown(value)}, raw {raw:g}", limit)
         if self._enum and raw not in self._enum:
             states = ", ".join(f"{number} = {word}" for number, word in self._enum.items())
-            raise ConfigError("the value is not a state of the register", where=where, value=f"{value:g}", limit=states)
+            raise _rejected("the value is not a state of the register", name, f"{value:g}", states)
         return self.pack(raw)
 
     def saturated(self, value: float, context: Context = ALONE) -> tuple[int, ...]:
@@ -147,6 +144,9 @@ class Codec:
             exact = (context.sign * given - self._offset) / (context.scale or self._scale)
         return exact if self._kind == "float32" else round(exact)
 
+    def _shown(self, value: float) -> str:
+        return f"{value:g} {self._unit}".rstrip()
+
     def _overflow(self, value: float, raw: float) -> str:
         return (
             f"{value:g} {self._unit} is raw {raw:g}, which overflows {self._kind} "
@@ -172,3 +172,7 @@ class Codec:
         if number not in self._enum:
             return RegisterReading(raw, nan, f"unknown state {number}")
         return RegisterReading(raw, value, words=(self._enum[number],))
+
+
+def _rejected(what: str, name: str, value: object, limit: str | None = None, cure: str = "") -> ConfigError:
+    return ConfigError(what, where=f"register '{name}'", value=value, limit=limit, cure=cure)
