@@ -7,6 +7,9 @@ from typing import Annotated
 
 import typer
 
+PAGE_PORT = 5006
+"""The port of a page in the browser, unless the user chooses another one."""
+
 RigFile = Annotated[str, typer.Argument(help="Rig file, or the name of a shipped rig.")]
 
 TraceFolder = Annotated[

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib.util
 import json
 import os
 import secrets
@@ -16,11 +15,11 @@ from typing import Annotated
 
 import typer
 
-from smadrive.cli.options import RigFile
+from smadrive.cli.live_page import check_bokeh, check_real_time
+from smadrive.cli.options import PAGE_PORT, RigFile
 from smadrive.cli.output import AsJson, Output, make_folder
 from smadrive.cli.run import model_file
 from smadrive.cli.views.tune_view import TuneView, watched
-from smadrive.clock import VirtualClock
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError
@@ -55,7 +54,7 @@ def main(
     ] = Path(),
     port: Annotated[
         int, typer.Option(min=0, max=65535, help="Port of the page on 127.0.0.1; 0 picks a free one.")
-    ] = 5006,
+    ] = PAGE_PORT,
     browser: Annotated[bool, typer.Option(help="Open the page in the browser.")] = True,
     as_json: AsJson = False,
 ) -> None:
@@ -63,8 +62,7 @@ def main(
 
     The session is logged in a new file, whose name is printed at the end.
     """
-    if importlib.util.find_spec("bokeh") is None:
-        raise ConfigError("the tuning page needs bokeh", cure="install it with .venv/bin/pip install 'smadrive[tune]'")
+    check_bokeh()
     output = Output(as_json)
     config = load_rig(rig)
     wire = load_wire(model_file(config, model))
@@ -76,7 +74,7 @@ def main(
         ControlEnd() as channel,
         Rig(config) as open_rig,
     ):
-        _check_real_time(open_rig)
+        check_real_time(open_rig)
         balance = wire.heat_balance or open_rig.nominal_balance
         open_rig.check_balance(balance)
         page = TuningPage(channel, port=port, token=secrets.token_urlsafe(16), rig_file=rig_file(rig), folder=folder)
@@ -116,17 +114,6 @@ def new_log_file(folder: Path) -> Path:
     name = f"tuning-{datetime.now(UTC):%Y%m%d-%H%M%S}"
     names = (f"{name}{'' if n == 1 else f'-{n}'}.h5" for n in count(1))
     return next(path for path in (folder / file for file in names) if not os.path.lexists(path))
-
-
-def _check_real_time(rig: Rig) -> None:
-    """Raise ConfigError if the rig runs in virtual time, which is too fast for a user to watch."""
-    if isinstance(rig.clock, VirtualClock):
-        raise ConfigError(
-            "the page needs real time, but the time of sim:// is virtual",
-            where=f"rig '{rig.config.name}'",
-            cure="serve the simulated device with `firmware-sim SIM --pty PATH`, and write "
-            'url = "serial://PATH" for this device in the rig file',
-        )
 
 
 def _references(given: list[str], wire: HysteresisModel) -> dict[str, Reference]:

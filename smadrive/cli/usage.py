@@ -18,7 +18,11 @@ EXAMPLES = {
         "smadrive calibrate my-rig.toml temperature --point ice --point boiling --pressure-hpa 985",
         "smadrive calibrate my-rig.toml displacement --point 0 --point 5 --point 10",
     ),
-    "watch": ("smadrive watch my-rig.toml", "smadrive watch my-rig.toml --for 10 --json"),
+    "watch": (
+        "smadrive watch my-rig.toml",
+        "smadrive watch my-rig.toml --for 10 --json",
+        "smadrive watch my-rig.toml --page",
+    ),
     "heat": (
         "smadrive heat my-rig.toml --current 0.2 --for 10",
         "smadrive heat my-rig.toml --temperature 60 --for 30 -o warm.h5",

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
+from contextlib import AbstractContextManager, ExitStack
 from math import inf, isfinite
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
-from smadrive.cli.options import RigFile, TraceFolder
+from smadrive.cli.options import PAGE_PORT, RigFile, TraceFolder
 from smadrive.cli.output import Output
 from smadrive.cli.views.announcement import announce
 from smadrive.cli.views.keyboard import end_key
@@ -26,6 +25,9 @@ from smadrive.rig.switching_off.guardians import notes_waiting_guardians
 from smadrive.runs.experiments import observe
 from smadrive.runs.run_log import record_observation
 
+if TYPE_CHECKING:
+    from smadrive.tuning.watching import WatchFeed
+
 
 def main(
     rig: RigFile,
@@ -34,6 +36,14 @@ def main(
         Path | None, typer.Option("--log-file", "-o", help="Log (.h5) to write; none by default.")
     ] = None,
     trace: TraceFolder = None,
+    page: Annotated[bool, typer.Option("--page", help="Show the values on a page in the browser, too.")] = False,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            min=0, max=65535, help=f"Port of the page on 127.0.0.1, {PAGE_PORT} by default; 0 picks a free one."
+        ),
+    ] = None,
+    browser: Annotated[bool | None, typer.Option(help="Open the page in the browser; the default.")] = None,
     as_json: Annotated[
         bool,
         typer.Option("--json", help="Print one JSON object per measurement and line, and nothing else."),
@@ -41,9 +51,13 @@ def main(
 ) -> None:
     """Show the live values of RIG, without heat: the heater is never armed. The key q or Ctrl-C ends the command.
 
-    On a terminal the values and a plot of the last minute are live; a pipe or a file gets a line a second.
+    On a terminal the values and a plot of the last minute are live; a pipe or a file gets a line a second. The page has
+    no controls: it shows plots of the whole time, and several people can open it.
     """
     output = Output(as_json)
+    options = _page_options(port, browser, output) if page else None
+    if not page:
+        _check_no_page_option(port, browser)
     length_s = _checked_length(duration_s)
     if log_file is not None:
         check_output(log_file, LOG)
@@ -52,29 +66,57 @@ def main(
         with notes_waiting_guardians(), Rig(config, trace_folder=trace) as open_rig:
             _check_end(open_rig, length_s)
             _print_latched(open_rig, output)
-            with _shown(open_rig, length_s, log_file, extremes, output) as record, end_key() as is_ended:
-                observe(open_rig, length_s, record, is_ended)
+            with ExitStack() as stack:
+                takers: list[Record] = [extremes.add]
+                if log_file is not None:
+                    takers.append(stack.enter_context(record_observation(log_file, open_rig, length_s)).tick)
+                    announce(output, log_file, "the observation", length_s, open_rig.clock)
+                ends = [stack.enter_context(end_key())]
+                if options is not None:
+                    feed = stack.enter_context(_page(open_rig, options, output))
+                    takers.append(feed.tick)
+                    ends.append(feed.off_requested)
+                takers.append(stack.enter_context(watched_values(config.name, output)))
+                observe(open_rig, length_s, _each(takers), lambda: any(is_ended() for is_ended in ends))
     finally:
         if extremes.count:
             output.table(("quantity", "last", "lowest", "highest"), extremes.rows())
             output.say(f"{extremes.count} measurements" + ("" if log_file is None else f"   log: {log_file}"))
 
 
-@contextmanager
-def _shown(rig: Rig, length_s: float, log_file: Path | None, extremes: Extremes, output: Output) -> Iterator[Record]:
-    """Yield the function that shows, and may record, each measurement."""
-    with ExitStack() as stack:
-        takers: list[Callable[[Tick], None]] = [extremes.add]
-        if log_file is not None:
-            takers.append(stack.enter_context(record_observation(log_file, rig, length_s)).tick)
-            announce(output, log_file, "the observation", length_s, rig.clock)
-        takers.append(stack.enter_context(watched_values(rig.config.name, output)))
+def _each(takers: list[Record]) -> Record:
+    """Return the function that passes each measurement to all `takers`."""
 
-        def record(tick: Tick) -> None:
-            for take in takers:
-                take(tick)
+    def record(tick: Tick) -> None:
+        for take in takers:
+            take(tick)
 
-        yield record
+    return record
+
+
+class _PageOptions(NamedTuple):
+    port: int
+    browser: bool
+
+
+def _page_options(port: int | None, browser: bool | None, output: Output) -> _PageOptions:
+    if output.quiet:
+        raise ConfigError("is for a person, and --json for a program", where="--page", cure="leave one of them out")
+    return _PageOptions(PAGE_PORT if port is None else port, browser is not False)
+
+
+def _check_no_page_option(port: int | None, browser: bool | None) -> None:
+    """Raise ConfigError if an option of the page is given without a page."""
+    for option, value in (("--port", port), ("--browser", browser)):
+        if value is not None:
+            raise ConfigError("is an option of the page", where=option, cure="add --page")
+
+
+def _page(rig: Rig, options: _PageOptions, output: Output) -> AbstractContextManager[WatchFeed]:
+    from smadrive.cli.live_page import check_bokeh, watched_on_page  # noqa: PLC0415 (most calls open no page)
+
+    check_bokeh()
+    return watched_on_page(rig, options.port, output, browser=options.browser)
 
 
 def _checked_length(duration_s: float | None) -> float:

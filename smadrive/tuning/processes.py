@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import socket
+from collections.abc import Mapping
 from contextlib import ExitStack
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -36,17 +37,13 @@ Checks are counted, not seconds, because the control process itself may be pause
 
 
 class PageProcess(SupervisedProcess):
-    """Builds the pages. It listens for the front process on the Unix socket at `path`."""
+    """Builds the pages. It listens for the front process on the Unix socket at `path`.
 
-    def __init__(self, channel: ControlEnd, *, port: int, path: str, token: str, rig_file: Path, folder: Path) -> None:
-        parameters = {
-            **_ends(channel),
-            "port": port,
-            "path": path,
-            "token": token,
-            "rig_file": str(rig_file),
-            "folder": str(folder),
-        }
+    `document` has the parameters of the pages; with `token` they can control the session, without it they only watch.
+    """
+
+    def __init__(self, channel: ControlEnd, *, port: int, path: str, document: Mapping[str, str]) -> None:
+        parameters = {**_ends(channel), "port": port, "path": path, **document}
         super().__init__("smadrive.tuning.page.process", parameters, tuple(_ends(channel).values()), niceness=NICENESS)
 
 
@@ -68,21 +65,20 @@ class FrontProcess(SupervisedProcess):
         return self._looks >= FROZEN_LOOKS
 
 
-class TuningPage:
-    """The tuning page: its port, its front process and its page process. A context manager.
+class LivePage:
+    """A page in the browser: its port, its front process and its page process. A context manager.
 
-    `url`, the address of the page, is valid inside the context. ConfigError when the port cannot be opened, for example
-    because another program uses it.
+    `document` has the parameters of PageProcess. `url`, the address of the page, is valid inside the context.
+    ConfigError when the port cannot be opened, for example because another program uses it.
     """
 
     server: PageProcess
     front: FrontProcess
 
-    def __init__(self, channel: ControlEnd, *, port: int, token: str, rig_file: Path, folder: Path) -> None:
+    def __init__(self, channel: ControlEnd, *, port: int, document: Mapping[str, str]) -> None:
         self._channel = channel
         self._port = port
-        self._token = token
-        self._rig_file, self._folder = rig_file, folder
+        self._document = document
 
     @property
     def troubles(self) -> list[str]:
@@ -92,8 +88,8 @@ class TuningPage:
 
     @property
     def url(self) -> str:
-        """The address of the page, with the token that permits control."""
-        return f"http://{ADDRESS}:{self._port}/?token={self._token}"
+        """The address of the page."""
+        return f"http://{ADDRESS}:{self._port}/"
 
     def __enter__(self) -> Self:
         """Open the port and start both processes. At the end, the front process ends first and informs the pages."""
@@ -101,14 +97,7 @@ class TuningPage:
             listener = stack.enter_context(_listen(self._port))
             self._port = listener.getsockname()[1]
             path = str(Path(stack.enter_context(TemporaryDirectory(prefix="smadrive-"))) / "page")
-            self.server = PageProcess(
-                self._channel,
-                port=self._port,
-                path=path,
-                token=self._token,
-                rig_file=self._rig_file,
-                folder=self._folder,
-            )
+            self.server = PageProcess(self._channel, port=self._port, path=path, document=self._document)
             stack.enter_context(self.server)
             self.front = stack.enter_context(FrontProcess(self._channel, listener, path))
             self._on_exit = stack.pop_all()
@@ -119,6 +108,20 @@ class TuningPage:
     ) -> None:
         """End both processes."""
         self._on_exit.__exit__(kind, error, trace)
+
+
+class TuningPage(LivePage):
+    """The tuning page, which saves new models and rigs in `folder`. Its address contains the token."""
+
+    def __init__(self, channel: ControlEnd, *, port: int, token: str, rig_file: Path, folder: Path) -> None:
+        document = {"token": token, "rig_file": str(rig_file), "folder": str(folder)}
+        super().__init__(channel, port=port, document=document)
+        self._token = token
+
+    @property
+    def url(self) -> str:
+        """The address of the page, with the token that permits control."""
+        return f"{super().url}?token={self._token}"
 
 
 def _ends(channel: ControlEnd) -> dict[str, int]:

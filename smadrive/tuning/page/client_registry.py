@@ -25,7 +25,7 @@ Answered = Callable[[str | None], None]
 class ClientRegistry:
     """The clients of the page process, which share one `PageEnd`. A client is named by the id of its bokeh session."""
 
-    def __init__(self, channel: PageEnd, token: str) -> None:
+    def __init__(self, channel: PageEnd, token: str | None) -> None:
         self.channel = channel
         self._token = token
         self._clients: set[str] = set()
@@ -37,8 +37,8 @@ class ClientRegistry:
         self._report()  # a restarted page process has no client yet
 
     def may_control(self, token: str) -> bool:
-        """Return True if `token` is the token that permits control."""
-        return secrets.compare_digest(token.encode(), self._token.encode())
+        """Return True if `token` is the token that permits control. Without such a token, no client may control."""
+        return self._token is not None and secrets.compare_digest(token.encode(), self._token.encode())
 
     def enter(self, client: str) -> None:
         """Add a client that has opened a page."""

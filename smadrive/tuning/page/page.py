@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 from bokeh.document import Document
-from bokeh.models import Div
 
 from smadrive.errors import SmadriveError
 from smadrive.hysteresis.model_file import parse_model
@@ -23,20 +22,16 @@ from smadrive.tuning.page.fit import Fitter
 from smadrive.tuning.page.panel import LoopTiming, banner_html, chips_html, events_html, scores_html
 from smadrive.tuning.page.rules_table import LAWS
 from smadrive.tuning.page.save import save_tuning
-from smadrive.tuning.page.view.live_numbers import LiveNumbers
-from smadrive.tuning.page.view.plots import POINTS, Plots
+from smadrive.tuning.page.view.document import FRAME_MS, TIMING_FRAMES, fill, show_text, text_block
+from smadrive.tuning.page.view.live_numbers import LiveNumbers, tracking_numbers
+from smadrive.tuning.page.view.plots import Plots
 from smadrive.tuning.page.view.sample_history import SampleHistory
+from smadrive.tuning.page.view.time_plots import POINTS
 from smadrive.tuning.page.view.time_view import TimeView
 from smadrive.wire.identified_wire import IdentifiedWire
 
-HERE = Path(__file__).parent
-
-FRAME_MS = 300
 STATE_FRAMES = 2
 """The hysteresis plane and the texts change slowly, so they are drawn only once in this number of frames."""
-
-TIMING_FRAMES = 7
-"""The text of the loop timing changes once in this number of frames: a new text makes the browser lay out the page."""
 
 _SPREAD = {"mu_heating": 15.0, "mu_cooling": 15.0}
 """Range of these sliders, in °C to either side of the first value.
@@ -67,9 +62,9 @@ class Page:
         status = clients.status
         self._plots = Plots(status["limits"]["current_max_a"], status["limits"]["temperature_max_c"])
         self._controls = Controls(self._act, status["references"])
-        self._texts = {name: _text(name) for name in ("chips", "banner", "events", "scores")}
+        self._texts = {name: text_block(name) for name in ("chips", "banner", "events", "scores")}
         self._view = TimeView(self._plots, history)
-        self._numbers = LiveNumbers(1.0 / status["rate_hz"])
+        self._numbers = LiveNumbers(1.0 / status["rate_hz"], lambda row: tracking_numbers(row, self._plots.stroke_mm))
         self._note = ""
         self._timing = LoopTiming(1.0 / status["rate_hz"])
         self._timing_text = ""
@@ -80,13 +75,7 @@ class Page:
         self._show_model(status["tuning"])  # before the first rows: errors are drawn in percent of the model's stroke
         self._bound_knobs(status["tuning"])
         parts = self._plots.figures, self._controls.roots, self._view.buttons.values(), self._texts.values()
-        for root in (*chain.from_iterable(parts), self._numbers.model):
-            doc.add_root(root)
-        doc.js_on_event("document_ready", self._numbers.on_load)
-        doc.config.notify_connection_status = False  # the page itself shows the end of the run and a lost connection
-        doc.title = f"smadrive · {status['rig']}"
-        doc.template = (HERE / "page.html").read_text(encoding="utf-8")
-        doc.template_variables["rig"] = status["rig"]
+        fill(doc, chain.from_iterable(parts), self._numbers, status["rig"], controls=True)
         clients.enter(self._client)
         self._draw()
         doc.add_periodic_callback(self._draw, FRAME_MS)
@@ -95,7 +84,7 @@ class Page:
     def _draw(self) -> None:
         self._controls.events.set_offs(self._clients.channel.offs)
         self._seen, rows = self._clients.channel.since(self._seen)
-        self._numbers.update(rows, self._plots.stroke_mm)
+        self._numbers.update(rows)
         self._view.update(self._clients.status)  # before the new rows move the window that the user may have dragged
         if rows.size:
             if self._view.follows:
@@ -117,11 +106,13 @@ class Page:
             self._show_model(status["tuning"])
         self._show_knobs(status["tuning"])
         self._controls.enable(controls, status=status)
-        self._text("chips", chips_html(status, self._timing_text, late=self._timing.missed > 0, controls=controls))
-        self._text("banner", banner_html(status, self._note))
+        show_text(
+            self._texts["chips"], chips_html(status, self._timing_text, late=self._timing.missed > 0, controls=controls)
+        )
+        show_text(self._texts["banner"], banner_html(status, self._note))
         self._texts["banner"].visible = bool(self._texts["banner"].text)
-        self._text("events", events_html(status["events"]))
-        self._text("scores", scores_html(status["comparison"]))
+        show_text(self._texts["events"], events_html(status["events"]))
+        show_text(self._texts["scores"], scores_html(status["comparison"]))
 
     def _show_model(self, tuning: dict[str, Any]) -> None:
         if tuning["wire"] != self._shown.get("wire"):
@@ -147,10 +138,6 @@ class Page:
                 knob.bound(round(value - _SPREAD[name]), round(value + _SPREAD[name]))
             else:
                 knob.bound(*sorted((value / 3.0, value * 3.0)))
-
-    def _text(self, name: str, html: str) -> None:
-        if self._texts[name].text != html:
-            self._texts[name].text = html
 
     def _act(self, act: str, **values: Any) -> None:
         """Do the action `act` of a widget, or refuse it if this client does not control."""
@@ -224,8 +211,3 @@ class Page:
 
         noted(None)
         self._clients.ask(self._client, "note", noted, text=f"saved as {files[0].name} and {files[1].name}")
-
-
-def _text(name: str) -> Div:
-    style = (HERE / "panel.css").read_text(encoding="utf-8")
-    return Div(name=name, sizing_mode="stretch_width", margin=0, stylesheets=[style])

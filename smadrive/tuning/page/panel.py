@@ -56,6 +56,28 @@ def chips_html(status: dict[str, Any], timing: str, *, late: bool, controls: boo
     )
 
 
+def watch_chips_html(status: dict[str, Any], timing: str, *, late: bool) -> str:
+    """Return the line of the header of a page without controls: the devices, and the timing of the measurements."""
+    devices = "; ".join(f"{name}: {identity}" for name, identity in status["devices"].items())
+    return "".join(
+        [
+            _chip("heater", "off", "off"),
+            _chip("devices", devices, "calm"),
+            _chip("measurements", timing, "warn" if late else "calm"),
+        ]
+    )
+
+
+def watch_banner_html(status: dict[str, Any]) -> str:
+    """Return a lost device, the latched faults of the rig, and a fault of the thermocouple."""
+    lines = _device_lines(status, clear="run `smadrive off RIG --clear-faults`")
+    if status["latched"]:
+        lines.append(
+            ("bad", f"latched: {status['latched']}; remove the cause, then run `smadrive off RIG --clear-faults`")
+        )
+    return _lines_html(lines)
+
+
 def banner_html(status: dict[str, Any], note: str) -> str:
     """Return the faults with their remedy, a lost device, warnings about the model, and `note`.
 
@@ -66,16 +88,27 @@ def banner_html(status: dict[str, Any], note: str) -> str:
         lines.append(("bad", "The heater could NOT be confirmed off: cut its supply."))
     if status["fault"]:
         lines.append(("bad", status["fault"]))
+    lines += _device_lines(status, clear="press Clear faults")
+    lines.extend(("note", f"warning about the model in force: {caveat}") for caveat in status["tuning"]["caveats"])
+    if note:
+        lines.append(("note", note))
+    return _lines_html(lines)
+
+
+def _device_lines(status: dict[str, Any], clear: str) -> list[tuple[str, str]]:
+    """Return the lines about a lost device and about faults; `clear` says how latched faults are cleared."""
+    lines = []
     if status["lost"]:
         lines.append(("bad lost", f"no answer: {status['lost']}"))
     if status["device_faults"]:
         latched = ", ".join(status["device_faults"])
-        lines.append(("bad", f"latched on the device: {latched}; remove the cause, then press Clear faults"))
+        lines.append(("bad", f"latched on the device: {latched}; remove the cause, then {clear}"))
     if status["temperature_fault"]:
         lines.append(("bad", f"thermocouple: {status['temperature_fault']}"))
-    lines.extend(("note", f"warning about the model in force: {caveat}") for caveat in status["tuning"]["caveats"])
-    if note:
-        lines.append(("note", note))
+    return lines
+
+
+def _lines_html(lines: list[tuple[str, str]]) -> str:
     return "".join(f'<div class="line {kind}">{escape(text)}</div>' for kind, text in lines)
 
 

@@ -26,6 +26,7 @@ from smadrive.tuning.page.client_registry import ClientRegistry
 from smadrive.tuning.page.fit import Fitter
 from smadrive.tuning.page.page import Page
 from smadrive.tuning.page.view.sample_history import SampleHistory
+from smadrive.tuning.page.view.watch_page import WatchPage
 
 READ_MS = 50
 UNUSED_MS = 1000
@@ -35,12 +36,14 @@ UNUSED_MS = 1000
 def serve(parameters: dict[str, Any]) -> None:
     """Serve pages until standard input ends."""
     channel = PageEnd(parameters["memory_fd"], socket.socket(fileno=parameters["socket_fd"]))
-    clients, fitter = ClientRegistry(channel, parameters["token"]), Fitter()
+    clients, fitter = ClientRegistry(channel, parameters.get("token")), Fitter()
     history = SampleHistory(channel)
-    folder, rig_file = Path(parameters["folder"]), Path(parameters["rig_file"])
 
     def document(doc: Document) -> None:
-        Page(doc, clients, fitter, history, folder, rig_file)
+        if "token" in parameters:
+            Page(doc, clients, fitter, history, Path(parameters["folder"]), Path(parameters["rig_file"]))
+        else:
+            WatchPage(doc, clients, history)
 
     def read() -> None:
         clients.read()

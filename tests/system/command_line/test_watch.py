@@ -1,15 +1,20 @@
 """`watch` shows a rig without heat: live values, lines, JSON lines, a log; the key q ends it."""
 
+import contextlib
 import io
 import json
 import subprocess
 import sys
+import tomllib
+from http.client import HTTPConnection
 from math import nan
+from urllib.parse import urlsplit
 
 import numpy as np
 import programs
 import pytest
 from rich.console import Console
+from served import PATIENT, served
 
 from firmware_sim.bench import simulated_device
 from firmware_sim.config import load_sim
@@ -18,6 +23,7 @@ from smadrive.clock import VirtualClock
 from smadrive.control.controllers.temperature import Command
 from smadrive.control.loop import Tick
 from smadrive.errors import DataError, DeadlineError
+from smadrive.files.shipped import configs_dir
 from smadrive.measurement import Measurement
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
@@ -66,6 +72,10 @@ def test_pipe_gets_a_line_a_second_and_a_table(tmp_path):
         (("in-process", "--for", "nan"), 2, "above 0 s"),
         (("in-process", "--for", "1", "-o", "seen.csv"), 2, ".h5"),
         (("absent.toml", "--for", "1"), 2, "absent.toml"),
+        (("in-process", "--for", "1", "--port", "0"), 2, "--port"),
+        (("in-process", "--for", "1", "--no-browser"), 2, "--browser"),
+        (("in-process", "--for", "1", "--page", "--no-browser"), 2, "is virtual"),
+        (("in-process", "--for", "1", "--page", "--json"), 2, "--json"),
     ],
 )
 def test_mistake_is_one_sentence(tmp_path, arguments, code, part):
@@ -73,6 +83,33 @@ def test_mistake_is_one_sentence(tmp_path, arguments, code, part):
     assert (done.returncode, done.stdout) == (code, "")
     assert part in done.stderr
     assert "Traceback" not in done.stderr
+
+
+def answered(address, method, path):
+    """Return the body of the reply to a request to the page."""
+    connection = HTTPConnection(address.hostname, address.port)
+    connection.request(method, path)
+    with contextlib.closing(connection):
+        return connection.getresponse().read().decode()
+
+
+def test_page_shows_every_measurement_without_controls_and_ends_with_the_command(tmp_path):
+    with served("--pty", str(tmp_path / "port")) as (_, url):
+        rig = (configs_dir() / "rigs" / "simulated.toml").read_text()
+        (tmp_path / "rig.toml").write_text(rig.replace(tomllib.loads(rig)["devices"][0]["url"], url + PATIENT))
+        command = [sys.executable, "-m", "smadrive", "watch", "rig.toml", "--page", "--port", "0", "--no-browser"]
+        with programs.Program(
+            command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        ) as watching:
+            address = urlsplit(watching.stdout.readline().split()[-1])
+            text = answered(address, "GET", "/")
+            assert json.loads(answered(address, "POST", "/off")) == {"off": "requested"}
+            said, errors = watching.communicate()
+    assert "simulated bench" in text
+    assert 'id="off"' not in text
+    assert "bk-Slider" not in text
+    assert (watching.returncode, errors) == (0, "")
+    assert "measurements" in said
 
 
 @pytest.fixture

@@ -1,4 +1,4 @@
-"""The large numbers of the page: temperature, displacement, current and tracking error of the newest sample.
+"""The large numbers of a page: temperature, displacement, current, and tracking error or voltage of the newest sample.
 
 Each number has a state: `measured`, `estimated` or `commanded`; without a value the state says why. The browser only
 writes these texts into the page, so that new numbers need no new layout (see page.html).
@@ -45,9 +45,18 @@ class NumberTexts(DataModel):  # type: ignore[misc]  # bokeh has no type for it
 
 
 class LiveNumbers:
-    """Shows the newest sample as long as it is new. `model` is the root that the document needs."""
+    """Shows the newest sample as long as it is new. `model` is the root that the document needs.
 
-    def __init__(self, period_s: float, clock_s: Callable[[], float] = time.monotonic) -> None:
+    `numbers_of_row` returns the numbers of a row.
+    """
+
+    def __init__(
+        self,
+        period_s: float,
+        numbers_of_row: Callable[[Rows], tuple[LiveNumber, ...]],
+        clock_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._numbers_of_row = numbers_of_row
         self.model = NumberTexts(name="numbers", texts=[list(number) for number in _without("no sample")])
         self.on_load = CustomJS(args={"numbers": self.model}, code="showNumbers(numbers.texts)")
         self.model.js_on_change("texts", self.on_load)
@@ -55,12 +64,12 @@ class LiveNumbers:
         self._clock_s = clock_s
         self._newest_s = float("-inf")
 
-    def update(self, rows: Rows, stroke_mm: float) -> None:
+    def update(self, rows: Rows) -> None:
         """Show the last of the new rows. Without a new row for some time, show no value."""
         now_s = self._clock_s()
         if rows.size:
             self._newest_s = now_s
-            self._show(numbers_of(rows, stroke_mm))
+            self._show(self._numbers_of_row(rows[-1]))
         elif now_s - self._newest_s > self._old_s:
             self._show(_without("no sample"))
 
@@ -70,12 +79,27 @@ class LiveNumbers:
             self.model.texts = texts
 
 
-def numbers_of(rows: Rows, stroke_mm: float) -> tuple[LiveNumber, ...]:
-    """Return temperature, displacement, current and tracking error of the last row.
+def measured_numbers(row: Rows) -> tuple[LiveNumber, ...]:
+    """Return temperature, displacement, current and voltage of the row; a value that is not measured is unknown."""
+    return (
+        _measured(row, "temperature_c", 1),
+        _measured(row, "displacement_mm", 2),
+        _measured(row, "current_a", 3),
+        _measured(row, "voltage_v", 2),
+    )
+
+
+def _measured(row: Rows, name: str, decimals: int) -> LiveNumber:
+    value = float(row[_COLUMN[name]])
+    return LiveNumber(_text(value, decimals), "measured" if isfinite(value) else "unknown")
+
+
+def tracking_numbers(row: Rows, stroke_mm: float) -> tuple[LiveNumber, ...]:
+    """Return temperature, displacement, current and tracking error of the row.
 
     If a quantity is not measured, its number is the estimate of the model, or the commanded current.
     """
-    values = {name: float(rows[-1, number]) for name, number in _COLUMN.items()}
+    values = {name: float(row[number]) for name, number in _COLUMN.items()}
     setpoint_mm = values["setpoint_mm"]
     reached_mm = next((mm for mm in (values["displacement_mm"], values["estimated_mm"]) if isfinite(mm)), nan)
     displacement = _number(values, "displacement_mm", "estimated_mm", "estimated", 2)

@@ -1,8 +1,4 @@
-"""The plots of the page and their data: four plots over time, the hysteresis plane, the firing strengths of the rules.
-
-All traces over time share one data source, so that a new row is sent only once. An axis with known limits has fixed
-ends.
-"""
+"""The plots of the tuning page: those over time, the tracking error, the hysteresis plane, the firing strengths."""
 
 from __future__ import annotations
 
@@ -14,62 +10,49 @@ from bokeh.plotting import figure
 
 from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.identification.reshape import Model
-from smadrive.tuning.link.samples import COLUMNS, Rows
+from smadrive.tuning.link.samples import Rows
 from smadrive.tuning.page.view.error_axis import error_axis
-from smadrive.tuning.page.view.figures import limit, lines, plain_figure
-
-POINTS = 2000
-"""Largest number of points of a trace."""
-WINDOW_S = 60.0
-DRAWN = (
-    "time_s",
-    "temperature_c",
-    "displacement_mm",
-    "current_a",
-    "setpoint_c",
-    "setpoint_mm",
-    "estimated_c",
-    "estimated_mm",
-    "commanded_a",
+from smadrive.tuning.page.view.figures import lines, plain_figure
+from smadrive.tuning.page.view.time_plots import (
+    COLUMN,
+    DRAWN,
+    ESTIMATED,
+    MEASURED,
+    POINTS,
+    SETPOINT,
+    TimePlots,
+    show_time_axis,
 )
-"""The columns that are drawn over time."""
 
 MOVED = 0.004
 """The measured loop gets a new point when the wire has moved by this share of an axis."""
 
 BRANCH_POINTS = 200
 
-SETPOINT, MEASURED, ESTIMATED = "#22303c", "#0b8f87", "#e8890c"
 HEATING, COOLING = "#d1495b", "#3a7ca5"
 
-_COLUMN = {name: number for number, name in enumerate(COLUMNS)}
 
-
-class Plots:
-    """All figures. The template page.html places them by their names."""
+class Plots(TimePlots):
+    """All figures of the tuning page. The template page.html places them by their names."""
 
     def __init__(self, current_max_a: float, temperature_max_c: float) -> None:
-        self.time = ColumnDataSource({name: [] for name in (*DRAWN, "error_percent")})
+        self._mm, self._plane_mm = Range1d(0.0, 1.0), Range1d(0.0, 1.0)
+        super().__init__(current_max_a, temperature_max_c, self._mm, Range1d(15.0, 1.06 * temperature_max_c))
         self._branches = ColumnDataSource({"v": [], "heating": [], "cooling": []})
         self._loop = ColumnDataSource({"v": [], "y": []})
         self._state = ColumnDataSource({"v": [], "y": []})
         self._rules = ColumnDataSource({"set": [], "strength": [], "colour": []})
-        self._x = Range1d(0.0, WINDOW_S)
-        self.followed = 0.0, WINDOW_S
-        self._mm, self._plane_mm = Range1d(0.0, 1.0), Range1d(0.0, 1.0)
         self._plane_c = Range1d(15.0, 1.02 * temperature_max_c)
         self._drawn_to = np.full(2, np.nan)
         self._error_range = Range1d(-1.0, 1.0)
         self._model: Model | None = None
         self._travel_mm: tuple[float, float] | None = None
-        self.figures = [
-            self._displacement(),
-            self._temperature(temperature_max_c),
-            self._current(current_max_a),
-            self._error(),
-            self._plane(),
-            self._firing(),
-        ]
+        self.figures += [self._error(), self._plane(), self._firing()]
+
+    @property
+    def drawn(self) -> tuple[str, ...]:
+        """The columns of the data source."""
+        return (*DRAWN, "error_percent")
 
     def show_model(self, model: Model, travel_mm: tuple[float, float]) -> None:
         """Draw the branches of a new model, and fit the displacement axes to `travel_mm`, the ends of its travel."""
@@ -86,18 +69,13 @@ class Plots:
             axis.update(start=low_mm - margin_mm, end=high_mm + margin_mm)
 
     def add(self, rows: Rows) -> None:
-        """Append new rows. `show_model` must have been called before."""
-        self.time.stream(self._columns(rows), rollover=POINTS)
-        self._follow(float(rows[-1, _COLUMN["time_s"]]))
+        """Append new rows, and show the newest minute. `show_model` must have been called before."""
+        super().add(rows)
         self._fit_error_axis()
 
     def show_rows(self, rows: Rows, window: tuple[float, float] | None) -> None:
-        """Draw only these rows. `window` is the beginning and the end to show, in s; None shows the newest minute."""
-        self.time.data = self._columns(rows)
-        if window is not None:
-            self._x.update(start=window[0], end=window[1])
-        elif rows.size:
-            self._follow(float(rows[-1, _COLUMN["time_s"]]))
+        """Draw only these rows, as TimePlots does. `show_model` must have been called before."""
+        super().show_rows(rows, window)
         self._fit_error_axis()
 
     @property
@@ -106,18 +84,8 @@ class Plots:
         assert self._travel_mm is not None
         return abs(self._travel_mm[1] - self._travel_mm[0])
 
-    @property
-    def window(self) -> tuple[float, float]:
-        """The beginning and the end of the shown time, in s. The user may have changed them in the browser."""
-        return self._x.start, self._x.end
-
-    def _follow(self, now_s: float) -> None:
-        self.followed = now_s - WINDOW_S, now_s
-        self._x.update(start=self.followed[0], end=self.followed[1])
-
     def _columns(self, rows: Rows) -> dict[str, Rows]:
-        """Return the columns of the data source for these rows."""
-        columns = {name: rows[:, _COLUMN[name]] for name in DRAWN}
+        columns = super()._columns(rows)
         measured_mm = columns["displacement_mm"]
         reached_mm = np.where(np.isfinite(measured_mm), measured_mm, columns["estimated_mm"])
         columns["error_percent"] = 100.0 * (columns["setpoint_mm"] - reached_mm) / self.stroke_mm
@@ -142,7 +110,7 @@ class Plots:
         if not (isfinite(wire_c) and isfinite(reached_mm)):
             return
         self._state.data = {"v": [wire_c], "y": [reached_mm]}
-        self._draw_loop(rows[:, [_COLUMN["estimated_c"], _COLUMN["displacement_mm"]]])
+        self._draw_loop(rows[:, [COLUMN["estimated_c"], COLUMN["displacement_mm"]]])
         if isinstance(self._model, TSFuzzyDuhem):
             centres = [f"{centre:.1f}" for centre in self._model.sets.centres]
             if self._fired.x_range.factors != centres:
@@ -163,35 +131,11 @@ class Plots:
             v, y = np.array(drawn).T
             self._loop.stream({"v": v, "y": y}, POINTS)
 
-    def _over_time(self, name: str, label: str, y_range: Range1d) -> figure:
-        plot = plain_figure(name, label, "xpan,xwheel_zoom", x_range=self._x, y_range=y_range)
-        plot.xaxis.formatter.use_scientific = False
-        plot.xaxis.visible = False  # the lowest plot shows the time axis
-        return plot
-
-    def _displacement(self) -> figure:
-        plot = self._over_time("displacement", "displacement / mm", self._mm)
-        lines(plot, self.time, estimated_mm=ESTIMATED, displacement_mm=MEASURED, setpoint_mm=SETPOINT)
-        return plot
-
-    def _temperature(self, temperature_max_c: float) -> figure:
-        plot = self._over_time("temperature", "temperature / °C", Range1d(15.0, 1.06 * temperature_max_c))
-        lines(plot, self.time, estimated_c=ESTIMATED, temperature_c=MEASURED, setpoint_c=SETPOINT)
-        limit(plot, temperature_max_c)
-        return plot
-
-    def _current(self, current_max_a: float) -> figure:
-        plot = self._over_time("current", "current / A", Range1d(-0.03 * current_max_a, 1.1 * current_max_a))
-        lines(plot, self.time, current_a=MEASURED, commanded_a=SETPOINT)
-        limit(plot, current_max_a)
-        return plot
-
     def _error(self) -> figure:
         plot = self._over_time("error", "error / %", self._error_range)
         lines(plot, self.time, error_percent=HEATING)
         plot.add_layout(Span(location=0.0, dimension="width", line_color=SETPOINT, line_width=1))
-        plot.xaxis.visible = True
-        plot.xaxis.axis_label = "time / s"
+        show_time_axis(plot)
         return plot
 
     def _plane(self) -> figure:
@@ -220,7 +164,7 @@ def _has_moved(before: Rows, now: Rows, far: Rows) -> bool:
 
 
 def _first(row: Rows, *names: str) -> float:
-    return next((float(row[_COLUMN[name]]) for name in names if isfinite(row[_COLUMN[name]])), float("nan"))
+    return next((float(row[COLUMN[name]]) for name in names if isfinite(row[COLUMN[name]])), float("nan"))
 
 
 def _wire_c(row: Rows) -> float:

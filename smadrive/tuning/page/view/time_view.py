@@ -12,8 +12,8 @@ from typing import Any
 from bokeh.models import Button
 
 from smadrive.tuning.page.knob import COMPACT
-from smadrive.tuning.page.view.plots import POINTS, WINDOW_S, Plots
 from smadrive.tuning.page.view.sample_history import SampleHistory
+from smadrive.tuning.page.view.time_plots import POINTS, WINDOW_S, TimePlots
 
 BEFORE_S, AFTER_S = 62.0, 3.0
 """The time before and after a trip that a page shows when it freezes."""
@@ -30,7 +30,7 @@ SHORTEST_S = 1.0
 class TimeView:
     """Moves the window of `plots` over `history`, and owns the buttons for this purpose."""
 
-    def __init__(self, plots: Plots, history: SampleHistory) -> None:
+    def __init__(self, plots: TimePlots, history: SampleHistory) -> None:
         self._plots = plots
         self._history = history
         self._window: tuple[float, float] | None = None

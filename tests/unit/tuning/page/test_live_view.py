@@ -7,8 +7,9 @@ import pytest
 
 from smadrive.tuning.link.samples import COLUMNS
 from smadrive.tuning.page.view.error_axis import LEAST_PERCENT, error_axis
-from smadrive.tuning.page.view.live_numbers import NONE, OLD_S, LiveNumbers, numbers_of
-from smadrive.tuning.page.view.plots import ESTIMATED, MEASURED, SETPOINT, Plots
+from smadrive.tuning.page.view.live_numbers import NONE, OLD_S, LiveNumbers, measured_numbers, tracking_numbers
+from smadrive.tuning.page.view.plots import Plots
+from smadrive.tuning.page.view.time_plots import ESTIMATED, MEASURED, SETPOINT
 from tests.unit.tuning.conftest import true_wire
 
 MEASURED_ROW = {
@@ -31,7 +32,7 @@ def rows(*changed, **values):
 
 
 def test_measured_values_are_shown_with_their_setpoints():
-    temperature, displacement, current, error = numbers_of(rows(), stroke_mm=12.0)
+    temperature, displacement, current, error = tracking_numbers(rows()[0], stroke_mm=12.0)
     assert temperature == ("90.3", "measured", "setpoint\n90.5 °C")
     assert displacement == ("6.53", "measured", "setpoint\n6.51 mm")
     assert current == ("0.258", "measured", "commanded\n0.200 A")
@@ -39,8 +40,8 @@ def test_measured_values_are_shown_with_their_setpoints():
 
 
 def test_missing_values_are_estimated_and_the_error_too():
-    temperature, displacement, current, error = numbers_of(
-        rows(temperature_c=nan, displacement_mm=nan, current_a=nan), stroke_mm=12.0
+    temperature, displacement, current, error = tracking_numbers(
+        rows(temperature_c=nan, displacement_mm=nan, current_a=nan)[0], stroke_mm=12.0
     )
     assert temperature[:2] == ("90.4", "estimated")
     assert displacement[:2] == ("6.60", "estimated")
@@ -50,7 +51,7 @@ def test_missing_values_are_estimated_and_the_error_too():
 
 def test_cold_wire_has_no_setpoint_and_no_error():
     unheated = dict.fromkeys(("setpoint_c", "setpoint_mm", "estimated_c", "estimated_mm"), nan)
-    temperature, displacement, _, error = numbers_of(rows(**unheated, displacement_mm=nan), stroke_mm=12.0)
+    temperature, displacement, _, error = tracking_numbers(rows(**unheated, displacement_mm=nan)[0], stroke_mm=12.0)
     assert temperature == ("90.3", "measured", "")
     assert displacement == (NONE, "unknown", "")
     assert error == (NONE, "no setpoint", "")
@@ -60,30 +61,30 @@ def test_cold_wire_has_no_setpoint_and_no_error():
     ("mm", "text"), [(-0.001, "0.00"), (-12.344, "−12.34"), (123.456, "123.5"), (12345.6, "12346")]
 )
 def test_number_fits_into_its_place(mm, text):
-    assert numbers_of(rows(displacement_mm=mm), stroke_mm=12.0)[1].value == text
+    assert tracking_numbers(rows(displacement_mm=mm)[0], stroke_mm=12.0)[1].value == text
 
 
 def test_old_sample_is_not_shown_as_the_present_one():
     now_s = 100.0
-    numbers = LiveNumbers(0.05, lambda: now_s)
+    numbers = LiveNumbers(0.05, measured_numbers, lambda: now_s)
     none, one = rows()[:0], rows()
-    numbers.update(none, 12.0)
+    numbers.update(none)
     assert {value for value, *_ in numbers.model.texts} == {NONE}
-    numbers.update(one, 12.0)
+    numbers.update(one)
     now_s += 0.9 * OLD_S
-    numbers.update(none, 12.0)
+    numbers.update(none)
     assert numbers.model.texts[0][0] == "90.3"
     now_s += 0.2 * OLD_S
-    numbers.update(none, 12.0)
+    numbers.update(none)
     assert {(value, state) for value, state, _ in numbers.model.texts} == {(NONE, "no sample")}
 
 
 def test_slow_loop_is_not_called_silent_between_two_samples():
     now_s = 0.0
-    numbers = LiveNumbers(1.0, lambda: now_s)
-    numbers.update(rows(), 12.0)
+    numbers = LiveNumbers(1.0, measured_numbers, lambda: now_s)
+    numbers.update(rows())
     now_s = 2.0
-    numbers.update(rows()[:0], 12.0)
+    numbers.update(rows()[:0])
     assert numbers.model.texts[0][0] == "90.3"
 
 

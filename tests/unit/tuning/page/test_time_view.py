@@ -5,8 +5,9 @@ import pytest
 
 from smadrive.hysteresis import DuhemModel
 from smadrive.tuning.link.samples import COLUMNS
-from smadrive.tuning.page.view.plots import POINTS, WINDOW_S, Plots
+from smadrive.tuning.page.view.plots import Plots
 from smadrive.tuning.page.view.sample_history import CAPACITY, FULL_ROWS, SampleHistory, reduced
+from smadrive.tuning.page.view.time_plots import POINTS, WINDOW_S
 from smadrive.tuning.page.view.time_view import TimeView
 from tests.unit.tuning.conftest import true_wire
 

@@ -1,0 +1,52 @@
+"""The page of a command in the browser: the checks before it is opened, and the page of `watch`."""
+
+from __future__ import annotations
+
+import importlib.util
+import webbrowser
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from smadrive.cli.output import Output
+from smadrive.clock import VirtualClock
+from smadrive.errors import ConfigError
+from smadrive.rig.rig import Rig
+from smadrive.tuning.link.channel import ControlEnd
+from smadrive.tuning.processes import LivePage
+from smadrive.tuning.watching import WatchFeed
+
+
+def check_bokeh() -> None:
+    """Raise ConfigError if bokeh, which builds the pages, is not installed."""
+    if importlib.util.find_spec("bokeh") is None:
+        raise ConfigError("the page needs bokeh", cure="install it with .venv/bin/pip install 'smadrive[tune]'")
+
+
+def check_real_time(rig: Rig) -> None:
+    """Raise ConfigError if the rig runs in virtual time, which is too fast for a user to watch."""
+    if isinstance(rig.clock, VirtualClock):
+        raise ConfigError(
+            "the page needs real time, but the time of sim:// is virtual",
+            where=f"rig '{rig.config.name}'",
+            cure="serve the simulated device with `firmware-sim SIM --pty PATH`, and write "
+            'url = "serial://PATH" for this device in the rig file',
+        )
+
+
+@contextmanager
+def watched_on_page(rig: Rig, port: int, output: Output, *, browser: bool) -> Iterator[WatchFeed]:
+    """Open the page of `watch`, and yield the feed that sends each measurement to it.
+
+    At the end of the `with` block, the page shows that the command has ended.
+    """
+    check_real_time(rig)
+    with ControlEnd() as channel:
+        feed = WatchFeed(rig, channel)
+        with LivePage(channel, port=port, document={}) as page:
+            output.say(f"{rig.config.name}: {page.url}")
+            if browser:
+                webbrowser.open(page.url)
+            try:
+                yield feed
+            finally:
+                feed.end()
