@@ -93,7 +93,7 @@ class RequestPlans:
                 f"cannot be {verb} in one request",
                 where=f"'{self._profile.profile.id}'",
                 value=", ".join(names),
-                cure="name holding registers that are close together (written registers: without a gap)",
+                cure="use holding registers that are close together. Between registers to write there must be no gap",
             )
         return spans[0]
 

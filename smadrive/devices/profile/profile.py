@@ -129,7 +129,10 @@ class Profile(Section):
         return name
 
     def as_variant(self, variant: Variant) -> Profile:
-        """Return a profile of this variant only, with its registers, and its `match` as part of the identity."""
+        """Return a profile with the registers of this variant only.
+
+        Its `identify` contains the raw values of `variant.match`, so that a device of another variant is rejected.
+        """
         proofs = tuple(IdentityRegister(register=name, ranges=[span]) for name, span in variant.match.items())
         others = tuple(proof for proof in self.identify if proof.register_ not in variant.match)
         return self.model_copy(

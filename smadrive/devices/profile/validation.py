@@ -98,7 +98,7 @@ def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
         if rule.value is not None:
             _check_value(register, rule.write, rule.value, "write_order")
         elif rule.before in ("*", rule.write):
-            raise ValueError(f"write_order.write '{rule.write}' before '{rule.before}' needs a value")
+            raise ValueError(f"write_order: the rule to write '{rule.write}' before '{rule.before}' needs a value")
 
 
 def check_safe_state(steps: tuple[SafeWrite, ...], rules: tuple[WriteOrder, ...], registers: Registers) -> None:

@@ -29,7 +29,7 @@ GUARDIAN = b"smadrive.devices.guardian.process"
 
 @dataclass(frozen=True)
 class StoppedDriver:
-    """A driver that was asked to stop and has released the line. `killed` is True if it did not answer."""
+    """A driver that has released the line after a request to stop. `killed` is True if the driver had to be killed."""
 
     pid: int
     killed: bool
@@ -49,7 +49,7 @@ def stop_driver(line: str, name: str, within_s: float = ANSWERS_WITHIN_S) -> Sto
             connection.connect(address_of(name))
         except TimeoutError:  # the backlog is full: the driver is paused or hangs, and other programs wait
             raise SafetyError(
-                "its driver does not answer", where=line, cure="end that driver (kill -9), then run this again"
+                "its driver does not answer", where=line, cure="end that driver (kill -9), then repeat `smadrive off`"
             ) from None
         except OSError:
             return None
@@ -73,7 +73,7 @@ def _is_released(connection: socket.socket, driver: PeerProcess, line: str) -> b
     try:
         if connection.recv(len(REFUSED)) == REFUSED:
             raise SafetyError(
-                f"its driver (process {driver.pid}) goes on: your user may not open this port",
+                f"its driver (process {driver.pid}) refuses to stop, because your user may not open this port",
                 where=line,
                 cure=f"run `smadrive off` as {who_may_open(line)}, or cut the heater's supply",
             )
@@ -99,7 +99,7 @@ def _kill(process: int, driver: PeerProcess, line: str) -> None:
             raise SafetyError(
                 f"its driver (process {driver.pid}) does not answer, and your user may not end it",
                 where=line,
-                cure=f"end it as its user or as root (`sudo kill -9 {driver.pid}`), then run this again",
+                cure=f"end it as its user or as root (`sudo kill -9 {driver.pid}`), then repeat `smadrive off`",
             ) from None
         select.select((process,), (), (), DIES_WITHIN_S)
         for guardian in guardians:
