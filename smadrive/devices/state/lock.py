@@ -200,6 +200,6 @@ def _busy(line: str, holder: Holder | None) -> BusyError:
     return BusyError(
         f"busy, because {name} uses the port",
         where=line,
-        cure="end that process. A run or a tuning page of smadrive ends with its heater off at `smadrive off RIG`, at "
-        f"Ctrl-C in its terminal, or at {kill}; a tuning page also at its button OFF (POST /off)",
+        cure=f"end that process: run `smadrive off RIG`, press Ctrl-C in its terminal, or run {kill}. A program of "
+        "smadrive switches its heater off before it ends. OFF (POST /off) of a tuning page only switches it off",
     )

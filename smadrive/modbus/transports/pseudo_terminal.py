@@ -40,7 +40,7 @@ class PseudoTerminal:
         return None
 
     def close(self) -> None:
-        """Close the descriptor; afterwards nothing can be asked."""
+        """Close the descriptor. Afterwards do not use this object any more."""
         self._close()
 
     @property
@@ -53,11 +53,11 @@ class PseudoTerminal:
 
     @property
     def is_left_over(self) -> bool:
-        """True if the pseudo-terminal has ended, and nobody has changed the links from its path since then."""
+        """True if the pseudo-terminal has ended, but the path still goes over the same links as before its end."""
         return not self.exists and _links(self._path) == self._links
 
     def is_at(self, path: str) -> bool:
-        """Return True if `path` leads to this pseudo-terminal, which exists."""
+        """Return True if this pseudo-terminal still exists and `path` leads to it."""
         with suppress(OSError):
             return self.exists and os.path.samestat(Path(path).stat(), os.fstat(self._descriptor))
         return False
