@@ -201,5 +201,5 @@ def _busy(line: str, holder: Holder | None) -> BusyError:
         f"busy, because {name} uses the port",
         where=line,
         cure=f"end that process: run `smadrive off RIG`, press Ctrl-C in its terminal, or run {kill}. A program of "
-        "smadrive switches its heater off before it ends. OFF (POST /off) of a tuning page only switches it off",
+        "smadrive switches its heater off before it ends. OFF (POST /off) of its page only switches the heater off",
     )
