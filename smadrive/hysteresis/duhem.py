@@ -83,7 +83,11 @@ class DuhemModel(HysteresisModel):
 
     @classmethod
     def table1(cls) -> Self:
-        """Return Table 1 of the paper with μ and σ in the right columns: k 40, μ₊ 35, μ₋ -45, σ₊ 75, σ₋ 70, v ±300."""
+        """Return the model of the paper's Table 1: k 40, μ₊ 35, μ₋ -45, σ₊ 75, σ₋ 70, v ±300.
+
+        The paper prints the values of μ in the column of σ, and the values of σ in the column of μ. Here they are
+        right.
+        """
         return cls.gaussian(
             mu_heating=35, mu_cooling=-45, sigma_heating=75, sigma_cooling=70, scale=40, input_range=(-300, 300)
         )
@@ -106,7 +110,7 @@ class DuhemModel(HysteresisModel):
         return cls(heating, cooling, scale, offset, input_range)
 
     def admissible(self, v: float) -> tuple[float, float]:
-        """Return h₊(v) and h₋(v), between which the state w lies."""
+        """Return the heating branch h₊(v) and the cooling branch h₋(v), between which the state w lies."""
         return self.engine.target(v, rising=True), self.engine.target(v, rising=False)
 
     def local_laws(self, v: FloatArray, *, rising: bool) -> tuple[FloatArray, FloatArray]:

@@ -76,7 +76,7 @@ class TriangularSets:
 
 @dataclass(frozen=True, slots=True)
 class TrapezoidSets:
-    """Trapezoidal sets. The share `flat` (0 ≤ flat < 1) of each gap between two centres belongs to their flat tops."""
+    """Trapezoidal sets. Flat tops take the share `flat` (0 ≤ flat < 1) of each gap between two centres."""
 
     centres: tuple[float, ...]
     flat: float
