@@ -2,7 +2,7 @@
 
 x: see unknowns.py
 r = (error of the simulated output; differences of the rates from the Duhem fit; differences of the gaps
-     from their start; slopes of the wrong sign)
+     between the centres from the gaps at the start; slopes of the wrong sign)
 """
 
 from __future__ import annotations
@@ -93,7 +93,7 @@ class RuleProblem:
         return Unknowns(sets, sets + 1 if self.fit_centres else 0)
 
     def place(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the centres, and their derivatives with respect to the logits of the gaps.
+        """Return the centres, and their derivatives with respect to the logits of the gaps between centres.
 
         The derivatives have the shape (sets, gaps).
         """
