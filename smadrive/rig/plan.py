@@ -86,7 +86,7 @@ class PlannedDevice:
             raise ConfigError(
                 f"the profile '{self.config.profile}' has no {quantity} register",
                 where=self.where,
-                cure=f'remove "{quantity}" from its measures',
+                cure=f'remove "{quantity}" from `measures` of this device',
             )
         return quantity in self.config.measures
 
@@ -196,7 +196,7 @@ def _check_addresses(devices: Sequence[PlannedDevice], where: str) -> None:
             "the simulated devices of a rig must share one bench",
             where=where,
             value=", ".join(sorted(urls)),
-            cure="give them the same url",
+            cure="give all simulated devices the same url",
         )
 
 
@@ -235,7 +235,7 @@ def _guardian(source: PlannedDevice, devices: Iterable[PlannedDevice], limits: L
             where=where,
             value=f"{limits.watchdog_s:g} s",
             limit=f"{GUARDIAN_PATIENCE * longest_s:g} s",
-            cure="raise it",
+            cure="raise limits.watchdog_s",
         )
     config = source.config
     return Task(GuardedDevice(config.profile, config.url, config.unit_id), limits.watchdog_s)

@@ -1,6 +1,6 @@
 """The rig, which connects devices, controller, supervisor and loop, and runs experiments on the wire.
 
-This module computes nothing and sends no request: controllers and devices do both.
+This module computes nothing and sends no request: controllers compute, and devices send the requests.
 """
 
 from __future__ import annotations
