@@ -124,7 +124,7 @@ class DuhemModel(HysteresisModel):
         return rate, -rate * self.heating.cdf(v)
 
     def certificate(self) -> Certificate:
-        """Return the certificate. Its contraction rate is the smallest g±/d at the nodes of the table."""
+        """Return the certificate. Its contraction rate is the smallest rate |a| at the nodes of the table."""
         return certify(self.engine)
 
     def _branches(self, nodes: FloatArray) -> tuple[Branch, Branch]:
@@ -141,7 +141,7 @@ def _log_gap(heating: MixtureLogs, cooling: MixtureLogs) -> FloatArray:
 
 
 def grid_logs(mixture: GaussianMixture, nodes: FloatArray) -> MixtureLogs:
-    """Return the logarithms of a mixture at the nodes of a grid, then at the quadrature points of this grid."""
+    """Return the logarithms of a mixture at the nodes of a grid, followed by those at its quadrature points."""
     return mixture.logs(np.concatenate([nodes, quadrature_points(nodes).ravel()]))
 
 
@@ -150,8 +150,8 @@ def duhem_branches(
 ) -> tuple[Branch, Branch]:
     """Return the heating and the cooling branch at the nodes of a grid, from the `grid_logs` of both mixtures.
 
-    ModelError for branches that cross. With a finite `steepest`, the largest allowed rate |a|, branches may cross: the
-    trial models of a fit need this.
+    ModelError for branches that cross. `steepest` is the largest allowed rate |a|. If it is finite, branches may cross,
+    because the trial models of a fit may cross.
     """
     log_gap, count = _log_gap(heating, cooling), len(nodes)
     crossed = ~np.isfinite(log_gap[:count])

@@ -57,7 +57,10 @@ class FuzzySets(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TriangularSets:
-    """Triangular sets as in the paper's Figure 8; the outer two are shoulders. The blended law is piecewise linear."""
+    """Triangular sets; the first and the last are shoulders (see Figure 8 of the paper).
+
+    The blended law is piecewise linear.
+    """
 
     centres: tuple[float, ...]
 

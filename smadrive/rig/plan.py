@@ -93,7 +93,7 @@ class PlannedDevice:
 
 @dataclass(frozen=True)
 class PlannedSensor:
-    """A device, besides the heat source, that measures `quantity` every `period_s` and is stale after `stale_s`."""
+    """A device besides the heat source. It measures `quantity` every `period_s`; its value is stale after `stale_s`."""
 
     device: PlannedDevice
     quantity: str
@@ -114,7 +114,7 @@ class RigPlan:
 
 
 def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collection[str] = ()) -> RigPlan:
-    """Return the plan of the rig; `profiles` are by device name. ConfigError when the devices do not form a rig.
+    """Return the plan of the rig; `profiles` maps device names to profiles. ConfigError when the devices form no rig.
 
     `given` names the devices whose connection the caller supplies.
     """

@@ -64,7 +64,7 @@ NOT_TRIED = ShutdownOutcome(RuntimeError("switching off was not tried"))
 def shut_down(
     enter_safe_state: Callable[[], object], before: ShutdownOutcome = NOT_TRIED, *, is_run: bool = False
 ) -> ShutdownOutcome:
-    """Switch off by `enter_safe_state`, with signals held back, and return the outcome. Every error is its `failure`.
+    """Switch off by `enter_safe_state`, with signals held back. Return the outcome, whose `failure` is any error.
 
     `before` is the outcome of an earlier try, whose signals count too. `is_run` is True for a run that may have heated.
     """

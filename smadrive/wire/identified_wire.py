@@ -86,7 +86,7 @@ class IdentifiedWire:
         save_model(self.model, path, provenance=provenance)
 
     def text(self) -> str:
-        """Return model and heat balance in the format of the file. A log keeps this text."""
+        """Return model and heat balance as text, in the format of a wire's file. A log contains this text."""
         return model_text(self.model, _balance_provenance(self.heat_balance), place="wire")
 
     def wire_model(self) -> WireModel:

@@ -57,7 +57,7 @@ class TCLab(DeviceSource[TCLabBoard]):
                 where="current_max_a",
                 value=f"{limits.current_max_a:g} A",
                 limit=f"full_scale_a = {self._full_scale_a:g} A",
-                cure="lower it",
+                cure="lower current_max_a",
             )
         if limits.voltage_max_v < self._full_scale_v:
             raise ConfigError(

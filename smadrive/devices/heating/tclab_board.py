@@ -6,7 +6,7 @@
     R1        12.600                              duty of heater 1, read back
     T1        21.875                              temperature, °C
     P1 200    200.00                              pulse width at 100 % duty, at most 255
-    LED 0.07  0.07                                brightness of its lamp for 10 s, used as a token: see text_line.py
+    LED 0.07  0.07                                brightness of the lamp for 10 s, used as a token: see text_line.py
 
 Replies have no checksum. So the board must repeat the value of a command, and give a measured value twice. After any
 failure a late reply may still arrive, so the driver sends the greeting (text_line.py) before the next command.

@@ -197,7 +197,7 @@ class Profile(Section):
             validation.find_register(proof.register_, self.registers, "identify.register")
             if not proof.ranges and self.registers[proof.register_].writable:
                 raise ValueError(
-                    f"identify: {proof.register_} can be written, so its value proves nothing; give it ranges"
+                    f"identify: {proof.register_} can be written, so its value proves nothing; it needs ranges"
                 )
         for variant in self.variants:
             for name in variant.match:
@@ -239,5 +239,5 @@ def _raw_of(pair: str, choice: str) -> tuple[str, int]:
             "cannot be read",
             where=f"'{choice}'",
             value=pair,
-            cure="write REGISTER=RAW with a whole number, and commas between several of these",
+            cure="write REGISTER=RAW with a whole number, and separate several of these by commas",
         ) from None

@@ -148,8 +148,8 @@ class WriteOrder(Section):
 
     before    the register before which the rule applies; "*" stands for every register
     write     the register that must be written first
-    value     the value that the driver then writes to the register `write`. Without a value, the driver writes nothing:
-              the caller must have written the register `write` before
+    value     the value that the register `write` must hold; the driver writes this value if necessary. Without a value,
+              the caller must write the register `write` first, otherwise the driver raises ConfigError
     """
 
     before: str

@@ -54,7 +54,7 @@ class _FoundRecord(NamedTuple):
 
 
 class TripLatch:
-    """The trip of the heat source with this key. If `key` is None (simulated), the trip ends with the process."""
+    """The trip of the heat source with this key. Without a key (simulated device), the trip ends with the process."""
 
     def __init__(self, key: DeviceKey | None) -> None:
         self._key = key

@@ -99,7 +99,7 @@ def _kill(process: int, driver: PeerProcess, line: str) -> None:
             raise SafetyError(
                 f"its driver (process {driver.pid}) does not answer, and your user may not end it",
                 where=line,
-                cure=f"end it as its user or as root (`sudo kill -9 {driver.pid}`), then repeat `smadrive off`",
+                cure=f"end the driver as its user or as root (`sudo kill -9 {driver.pid}`), then repeat `smadrive off`",
             ) from None
         select.select((process,), (), (), DIES_WITHIN_S)
         for guardian in guardians:

@@ -75,7 +75,7 @@ def closed_loop(tables: RuleTables) -> Loop:
 def least_slopes(tables: RuleTables, depth: float) -> FloatArray:
     """Return the smallest slope at each node, shape (2, nodes): first row heating, second row cooling.
 
-    At a node, the states from a branch to the share `depth` of the way to the opposite branch are compared.
+    The minimum is taken over the states from a branch to the share `depth` of the way to the opposite branch.
     """
     loop = closed_loop(tables)
     p_heating, q_heating, p_cooling, q_cooling = tables.rates_at_nodes

@@ -88,7 +88,7 @@ class RuleProblem:
 
     @property
     def unknowns(self) -> Unknowns:
-        """The slices of x."""
+        """The positions of the unknowns in x, as slices."""
         sets = len(self.centres)
         return Unknowns(sets, sets + 1 if self.fit_centres else 0)
 
@@ -138,7 +138,7 @@ class RuleProblem:
         return np.concatenate([error, self.prior.weight * stray, self.prior.weight * shift, (weight * wrong).ravel()])
 
     def misfit(self, x: FloatArray) -> float:
-        """Return the RMS of the output error, in output spans."""
+        """Return the RMS of the output error, as a share of the output span."""
         error = self.residuals(x)[: len(self.record.v)]
         return float(np.sqrt(error @ error / self.record.count.sum()))
 

@@ -73,7 +73,7 @@ class Sensitivity:
 
 
 class RuleTables:
-    """The branch engine of trial rules over [lower, upper], and its derivatives."""
+    """The branch engine of trial rules over [lower, upper], and its derivatives with respect to the rules."""
 
     def __init__(self, rates: RuleRates, lower: float, upper: float) -> None:
         self.rates = rates

@@ -13,7 +13,10 @@ BOTTOM, TOP, FIRST_STATE = -3, -2, -1
 
 
 class Unknowns(NamedTuple):
-    """The slices of x that belong to `sets` fuzzy sets and `gaps` gaps between centres. Fixed centres have 0 gaps."""
+    """The positions of the unknowns in x, as slices, for `sets` fuzzy sets.
+
+    `gaps` is the number of gaps between centres; 0 for fixed centres.
+    """
 
     sets: int
     gaps: int

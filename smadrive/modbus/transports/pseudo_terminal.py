@@ -1,8 +1,8 @@
 """A pseudo-terminal: a serial port without hardware, such as a simulated device has.
 
-After the end of a pseudo-terminal, its number is soon given to another one, which may be the terminal of a user. A link
-that was left over then leads to the wrong terminal. So neither a path nor a link proves that the pseudo-terminal still
-exists.
+After the end of a pseudo-terminal, another pseudo-terminal soon gets its number, and may be the terminal of a user. A
+link that was left over then leads to the wrong terminal. So neither a path nor a link proves that the pseudo-terminal
+still exists.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class PseudoTerminal:
 
     @property
     def is_left_over(self) -> bool:
-        """True if the pseudo-terminal has ended, but the path still goes over the same links as before its end."""
+        """True if the pseudo-terminal has ended, and its path has the same links as when this object was made."""
         return not self.exists and _links(self._path) == self._links
 
     def is_at(self, path: str) -> bool:

@@ -20,7 +20,7 @@ def check_own_file(path: Path) -> None:
         raise ConfigError(
             "a shipped rig file is not changed",
             where=path.name,
-            cure=f"copy it (`cp {path} my-rig.toml`), then calibrate with the copy",
+            cure=f"copy the file (`cp {path} my-rig.toml`), then calibrate with the copy",
         )
 
 

@@ -46,7 +46,7 @@ def stop_late_drivers(
         "each time a driver was stopped, a new driver started",
         value=f"process {stopped[-1].pid} was the last",
         limit=MOST_LATE,
-        cure="end the program that starts them, or cut the heater's supply",
+        cure="end the program that starts the drivers, or cut the heater's supply",
     )
 
 
