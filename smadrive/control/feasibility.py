@@ -66,10 +66,9 @@ class Feasibility:
     """The result of a simulated run.
 
     `nearest` is the reference that the wire can follow; if the reference is feasible, this is the reference itself. The
-    largest error is `shortfall_mm`, at the time `at_s`, because of `limit`. While the wire fell behind, the mean rates
-    of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest
-    temperature of the run. `stroke_mm` is the travel of the wire, `span_mm` the span of the reference after its
-    approach.
+    largest error is `shortfall_mm`, at the time `at_s`, and `limit` is its cause. While the wire fell behind, the mean
+    rates of setpoint and wire were `setpoint_mm_per_s` and `reached_mm_per_s`. `hottest_c` is the highest temperature
+    of the run. `stroke_mm` is the travel of the wire, `span_mm` the span of the reference after its approach.
     """
 
     feasible: bool
@@ -85,7 +84,7 @@ class Feasibility:
 
     @property
     def caveats(self) -> tuple[str, ...]:
-        """The reasons to doubt that the user wants this run, one sentence each."""
+        """The warnings about this run for the user, one sentence each."""
         caveats = []
         if 0.0 < self.span_mm < VISIBLE * DISPLACEMENT_NOISE * self.stroke_mm:
             small = f"the reference moves by {self.span_mm:.2g} mm only, of a stroke of {self.stroke_mm:.3g} mm"
@@ -114,9 +113,9 @@ class Feasibility:
     def check(self, temperature_max_c: float, *, smooth: bool, smooth_option: str) -> None:
         """Raise ConfigError when the reference is not feasible, or needs a temperature above the limit.
 
-        With `smooth` the nearest feasible reference is tracked instead, and only its temperature is checked. The error
-        names `smooth_option`, the way to request the nearest feasible reference: an option of the command line, or an
-        argument in Python.
+        With `smooth` the nearest feasible reference is tracked instead, and only its temperature is checked. The cure
+        of the error contains `smooth_option`: the option of the command line, or the argument in Python, that requests
+        the nearest feasible reference.
         """
         if not (self.feasible or smooth):
             slower = "" if self.slower > JUMP else f"slow the reference down about {self.slower:.1f} times, or "
@@ -128,7 +127,7 @@ class Feasibility:
                 where="reference",
                 value=f"{self.hottest_c:.0f} °C",
                 limit=f"{temperature_max_c:g} °C",
-                cure="lower its highest displacement, or raise temperature_max_c if the data sheet allows it",
+                cure="lower the highest displacement, or raise temperature_max_c if the data sheet allows it",
             )
 
 

@@ -39,7 +39,7 @@ StopRequested = Callable[[], bool]
 
 
 def never() -> bool:
-    """Never request a stop: the run ends with its controller, or by an exception."""
+    """Return False: no user requests a stop, so the run ends with its controller or by an exception."""
     return False
 
 
@@ -148,11 +148,11 @@ class ControlLoop:
         return skipped
 
     def tick(self, late_s: float) -> None:
-        """Run one tick, begun `late_s` after its deadline. TripError when the supervisor trips.
+        """Run one tick, which begins `late_s` after its deadline. TripError when the supervisor trips.
 
-        Controller and log use the time of the measurement as the time of the tick. A device that answers late has
-        also acted late. If the time of the deadline counted instead, the heat balance would take this delay for a
-        change of the heat input.
+        Controller and log use the time of the measurement as the time of the tick. A device that answers late has also
+        changed its current late. With the time of the deadline, the heat balance would take this delay for a change of
+        the heat input.
         """
         self.figures.ticks += 1
         missed = late_s > LATE_FRACTION * self._period_s

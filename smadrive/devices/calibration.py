@@ -15,7 +15,7 @@ from smadrive.files.config import Section
 
 
 class SensorCorrection(NamedTuple):
-    """The straight line that converts the reading of a sensor to a value. By default the value is the reading."""
+    """The straight line that converts the reading of a sensor to a value. The default changes nothing."""
 
     offset: float = 0.0
     scale: float = 1.0
@@ -25,7 +25,7 @@ class SensorCorrection(NamedTuple):
         return self.scale * reading + self.offset
 
     def reading_at(self, value: float) -> float:
-        """Return the reading of the sensor at a true `value`."""
+        """Return the reading that the sensor gives when the true value is `value`."""
         return (value - self.offset) / self.scale
 
 
@@ -55,7 +55,7 @@ class TemperatureCalibration(SensorCalibration):
     scale: float = Field(default=1.0, ge=0.8, le=1.25)
 
     def correction(self) -> SensorCorrection:
-        """Return the correction of a reading in °C."""
+        """Return the straight line that corrects the readings of the thermocouple in °C."""
         return SensorCorrection(self.offset_c, self.scale)
 
 
@@ -67,7 +67,7 @@ class DisplacementCalibration(SensorCalibration):
     scale: float = Field(default=1.0, ge=0.5, le=2)
 
     def correction(self) -> SensorCorrection:
-        """Return the correction of a reading in mm."""
+        """Return the straight line that corrects the readings of the displacement sensor in mm."""
         return SensorCorrection(self.offset_mm, self.scale)
 
 

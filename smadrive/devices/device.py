@@ -2,14 +2,14 @@
 
 Nothing is written before the identity of the device is proved, and a write counts as done only after its read-back. A
 new connection may lead to another device (two adapters of a hub exchange their names), so the device must prove its
-identity again. If the models of a family differ in their registers, the model must be known before a read, too. If a
-setting of the device decides about the registers (a range switch), it is read again before every write.
+identity again. If the models of a family have different registers, the model must be known before a read, too. If a
+setting of the device changes the registers (a range switch), the driver reads this setting again before every write.
 
-The identity is checked before the uses below, unless it was proved on this connection and no exchange has failed since
-then. After silence, an exception or a wrong read-back another device may be there.
+A proof of the identity is valid until the connection is lost, or until an exchange fails (silence, an exception or a
+wrong read-back): then another device may be there. Without a valid proof, the identity is checked before these steps:
 
-    read                if the registers depend on the model, or the identity of the device is known
-    encode a write      if the registers depend on the model; with a range switch, at every write
+    read a register     only if the registers depend on the model, or an identity has been found before
+    encode a write      only if the registers depend on the model (with a range switch: even with a valid proof)
     send a write        always
 
 The safe state counts as confirmed after one more check of the identity, if registers can prove it.
@@ -36,10 +36,10 @@ _REFUTED = -1  # takes the place of the proved connection after another device h
 
 
 class Device:
-    """A device of type `profile` at `unit_id` (the profile's own if None) behind `client`.
+    """A device of type `profile` at `unit_id` on the bus of `client`; None stands for the unit id in the profile.
 
-    `read_retries` replaces the value in the profile; periodic pollers set 0. `identity` is the known identity of this
-    very device. If it is left out, the first identity that is found counts.
+    `read_retries` replaces the value in the profile; periodic pollers set 0. `identity` is the identity that the device
+    must have. Without `identity`, the device must keep the identity that it shows first.
     """
 
     def __init__(
@@ -128,7 +128,7 @@ class Device:
     ) -> dict[str, RegisterReading]:
         """Read `reads`, which include `name`, then write `value` to `name` unless it holds this value already.
 
-        The readings show the effect of the previous command. ReadBackError when `name` does not hold its value.
+        The readings show the effect of the previous command. ReadBackError when `name` lost the previous value.
         """
         with self._doubt:
             return self._command(name, value, reads, proved=proved)
@@ -151,8 +151,8 @@ class Device:
     def enter_safe_state(self) -> None:
         """Write the profile's safe state and confirm it by read-back; see `retry_all`.
 
-        A line may still carry requests when no reply comes back. So a step without an answer is sent once more, even
-        while replies are outstanding. Writing a safe state twice is harmless, and only a read-back confirms it.
+        A line can lose all replies and still deliver the requests. So a write without a reply is sent once more, and
+        nothing waits for its reply. The second write is harmless, and only a read-back confirms the safe state.
         """
         steps = [partial(self._make_safe, step.register_, step.value) for step in self.profile.safe_state]
         retry_all([*steps, self._confirm_identity], self.client.clock)

@@ -1,8 +1,9 @@
 """The identity of a device: the proof of its type, its model, and the registers that distinguish devices of this type.
 
-Registers named in the profile's `[[identify]]` hold one of several raw values, or any value (a serial number). The
-registers that identify the variant belong to the identity, too. Registers that can be written do not belong to it,
-because their values can change. A device with another identity is another device, even at the same port.
+The identity consists of the registers that the profile names in `[[identify]]`, and of the registers that identify the
+variant. A register of `[[identify]]` must hold a raw value within its ranges; without ranges, the register holds a
+serial number. Registers that can be written do not belong to the identity, because their values can change. A device
+with another identity is another device, even at the same port.
 """
 
 from __future__ import annotations
@@ -140,6 +141,6 @@ def check_same(expected: Identity, found: Identity, where: str) -> None:
                 "another device answers now",
                 where=where,
                 value=f"{name} = {found.get(name)}, was {value}",
-                cure="switch the previous device off at its panel, and use the names in /dev/serial/by-id: two "
-                "adapters may have exchanged their names",
+                cure="switch the previous device off at its panel. Two adapters may have exchanged their names: write "
+                "the names in /dev/serial/by-id into the rig file",
             )

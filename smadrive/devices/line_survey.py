@@ -1,10 +1,10 @@
 """Survey of an RTU line: it finds the units that may be there, without a wait for each silent unit.
 
 A silent unit costs its whole response timeout, and a scan asks ten units with several line settings. So the survey
-sends its requests one after the other, with short pauses, and waits only once, after the last request, for as long as
-the slowest device may take. A slow reply thus arrives while a later unit is asked, and may collide with that request.
-So every byte counts: only a line without a byte is empty. The pauses of the rounds differ, so that no constant delay of
-a device lets all its replies collide.
+sends all requests with short pauses. It waits only once, after the last request, for the response time of the slowest
+device. A slow reply may therefore collide with the request to a later unit, and arrive damaged. So even a single
+damaged byte shows that a device may be there. The survey asks every unit in several rounds. Each round has a different
+pause between the requests, so that a device with a constant delay gets at least one reply through.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def units_to_ask(
     patience_s: float,
     ask: Callable[[int], None],
 ) -> list[int]:
-    """Return the units that may be there: those that replied, or all units if any bytes are not a whole reply.
+    """Return the units that replied. If some received bytes are not a whole reply, return all units.
 
     `patience_s` is the longest response time of a device. `ask(unit_id)` is called before each request.
     """

@@ -24,7 +24,7 @@ _Names = tuple[str, ...]
 
 
 class RegisterSlice(NamedTuple):
-    """One register of a span. `place` is its position in the words of the span."""
+    """One register of a RegisterSpan. `place` is the position of the register in the words of the span."""
 
     name: str
     register: Register
@@ -69,8 +69,8 @@ class RequestPlans:
     def exchange(self, writes: _Names, reads: _Names) -> tuple[RegisterSpan, RegisterSpan]:
         """Return the span that one FC23 request writes, and the span that it reads.
 
-        ConfigError when one request cannot write or read the registers: one is not writable, not exchangeable or not a
-        holding register, they are too far apart, or there is a gap between written registers.
+        ConfigError when one request cannot write or read the registers: a register is not writable, not exchangeable or
+        not a holding register, the registers are too far apart, or there is a gap between written registers.
         """
         spans = self._exchanges.get((writes, reads))
         if spans is None:
@@ -78,7 +78,7 @@ class RequestPlans:
                 register = self._profile.register(name)
                 if not (register.writable and register.exchangeable):
                     raise ConfigError(
-                        "cannot be part of an exchange", where=f"register '{name}'", cure="write it alone"
+                        "cannot be part of an exchange", where=f"register '{name}'", cure="write this register alone"
                     )
             spans = self._one(writes, "written"), self._one(reads, "read")
             self._exchanges[writes, reads] = spans
@@ -93,7 +93,7 @@ class RequestPlans:
                 f"cannot be {verb} in one request",
                 where=f"'{self._profile.profile.id}'",
                 value=", ".join(names),
-                cure="name holding registers that are close together (written registers: without a gap)",
+                cure="use holding registers that are close together. Between registers to write there must be no gap",
             )
         return spans[0]
 

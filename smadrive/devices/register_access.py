@@ -30,7 +30,7 @@ class RegisterWrite(NamedTuple):
     words: tuple[int, ...]
 
     def text(self, words: Sequence[int]) -> str:
-        """Return `words` as a value of this register in engineering units."""
+        """Return `words` as text: the value of this register with its unit."""
         return f"{self.register.codec.decode(words, self.context).value:g} {self.register.unit}"
 
 
@@ -60,7 +60,7 @@ class RegisterAccess:
         return decode(spans, [self.span_words(span, proved=proved) for span in spans], names)
 
     def span_words(self, span: RegisterSpan, *, proved: bool = False) -> tuple[int, ...]:
-        """Read a span and return its words."""
+        """Read the adjacent registers of a span with one request, and return their words."""
         request = span.read_request(self.profile.timing.function_codes)
         return span.words(self.execute(request, proved=proved))
 

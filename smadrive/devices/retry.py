@@ -1,7 +1,7 @@
 """Repeats steps on a bad bus, to bring a device to its safe state.
 
-If a step fails with any exception, the other steps are still tried, because each of them may end the heat. Only a
-guardian that has taken over the devices, or a signal, ends the repetition.
+If a step fails with any exception, the other steps are still tried, because each of them may switch a heater off. Only
+a guardian that has taken over the devices, or a signal, ends the rounds early.
 """
 
 from __future__ import annotations
@@ -16,7 +16,10 @@ PAUSES_S = (0.0, 0.0, 0.5, 0.5, 0.5, 0.5)
 
 
 def retry_all(steps: Sequence[Callable[[], None]], clock: Clock) -> None:
-    """Run all steps in rounds until no step fails. Raise the first error of the last round."""
+    """Run all steps in rounds, until a round has no failed step.
+
+    After the last round, which follows the pauses `PAUSES_S`, raise the first error of that round.
+    """
     for pause_s in (*PAUSES_S, None):
         failed: Exception | None = None
         for step in steps:

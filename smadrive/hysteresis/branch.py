@@ -64,8 +64,8 @@ def _hermite(width: FloatArray, value: FloatArray, slope: FloatArray) -> FloatAr
 class BranchEngine:
     """Exact stepping along two tabulated branches.
 
-    `nodes` are the ends of `bins` uniform cells over [lower, upper], and at most one extra node inside each cell, where
-    a or b has a kink.
+    `nodes` are the ends of `bins` uniform cells over [lower, upper]. A cell may have one extra node inside, at an input
+    where a or b has a kink.
     """
 
     def __init__(self, nodes: FloatArray, bins: int, heating: Branch, cooling: Branch) -> None:
@@ -84,7 +84,10 @@ class BranchEngine:
         self._has_splits = bool(inside.any())
 
     def evaluate(self, v: FloatArray, rising: np.ndarray) -> tuple[FloatArray, FloatArray]:
-        """Return P(v) and Λ(v), both (samples,); `rising` selects the branch. `v` must be in [lower, upper]."""
+        """Return P and Λ of the branch at the inputs `v` in [lower, upper], both (samples,).
+
+        `rising` (samples,) is True where the heating branch is used, False where the cooling branch is used.
+        """
         target, exponent = np.empty_like(v), np.empty_like(v)
         for start in range(0, len(v), _CHUNK):
             part = slice(start, start + _CHUNK)
@@ -207,7 +210,7 @@ class BranchEngine:
         return rate, (3 * p3 * t + 2 * p2) * t + p1 - rate * (((p3 * t + p2) * t + p1) * t + p0)
 
     def target(self, v: float, *, rising: bool) -> float:
-        """Return P at one input: the state on the heating branch if `rising`, otherwise on the cooling branch."""
+        """Return the solution P at one input: the heating branch if `rising`, otherwise the cooling branch."""
         v = self.clamp(v)
         node, p0, p1, p2, p3, *_ = self.row(v, rising)
         t = v - node

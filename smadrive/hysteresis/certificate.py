@@ -6,9 +6,9 @@ Contraction   a ≤ -λ on heating and a ≥ λ on cooling. Two trajectories wit
               by the factor exp(-∮|a| dv), which is usually much smaller.
 Boundedness   The equilibria S = -b/a (heating) and R = -b/a (cooling) lie in [0, 1], so w never leaves [0, 1].
 Monotone      The slope is affine in w: w rises on heating where w < S(v), and falls on cooling where w > R(v). Between
-              R(v) and S(v) the inverse is unique. In a Duhem model R = h₊ and S = h₋ are the branches, so it is
-              invertible everywhere. If a branch of the major loop itself reverses, the wire moves backwards during a
-              full sweep.
+              R(v) and S(v) the inverse is unique. In a Duhem model R = h₊ and S = h₋ are the branches, so the
+              model is invertible everywhere. If a branch of the major loop itself reverses, the wire moves backwards
+              during a full sweep.
 """
 
 from __future__ import annotations

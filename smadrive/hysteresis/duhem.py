@@ -83,7 +83,11 @@ class DuhemModel(HysteresisModel):
 
     @classmethod
     def table1(cls) -> Self:
-        """Return Table 1 of the paper with μ and σ in the right columns: k 40, μ₊ 35, μ₋ -45, σ₊ 75, σ₋ 70, v ±300."""
+        """Return the model of the paper's Table 1: k 40, μ₊ 35, μ₋ -45, σ₊ 75, σ₋ 70, v ±300.
+
+        The paper prints the values of μ in the column of σ, and the values of σ in the column of μ. Here they are
+        right.
+        """
         return cls.gaussian(
             mu_heating=35, mu_cooling=-45, sigma_heating=75, sigma_cooling=70, scale=40, input_range=(-300, 300)
         )
@@ -106,7 +110,7 @@ class DuhemModel(HysteresisModel):
         return cls(heating, cooling, scale, offset, input_range)
 
     def admissible(self, v: float) -> tuple[float, float]:
-        """Return h₊(v) and h₋(v), between which the state w lies."""
+        """Return the heating branch h₊(v) and the cooling branch h₋(v), between which the state w lies."""
         return self.engine.target(v, rising=True), self.engine.target(v, rising=False)
 
     def local_laws(self, v: FloatArray, *, rising: bool) -> tuple[FloatArray, FloatArray]:
@@ -120,7 +124,7 @@ class DuhemModel(HysteresisModel):
         return rate, -rate * self.heating.cdf(v)
 
     def certificate(self) -> Certificate:
-        """Return the certificate. Its contraction rate is the smallest g±/d at the nodes of the table."""
+        """Return the certificate. Its contraction rate is the smallest rate |a| at the nodes of the table."""
         return certify(self.engine)
 
     def _branches(self, nodes: FloatArray) -> tuple[Branch, Branch]:
@@ -137,7 +141,7 @@ def _log_gap(heating: MixtureLogs, cooling: MixtureLogs) -> FloatArray:
 
 
 def grid_logs(mixture: GaussianMixture, nodes: FloatArray) -> MixtureLogs:
-    """Return the logarithms of a mixture at the nodes of a grid, then at the quadrature points of this grid."""
+    """Return the logarithms of a mixture at the nodes of a grid, followed by those at its quadrature points."""
     return mixture.logs(np.concatenate([nodes, quadrature_points(nodes).ravel()]))
 
 
@@ -146,8 +150,8 @@ def duhem_branches(
 ) -> tuple[Branch, Branch]:
     """Return the heating and the cooling branch at the nodes of a grid, from the `grid_logs` of both mixtures.
 
-    ModelError for branches that cross. With a finite `steepest`, the largest allowed rate |a|, branches may cross: the
-    trial models of a fit need this.
+    ModelError for branches that cross. `steepest` is the largest allowed rate |a|. If it is finite, branches may cross,
+    because the trial models of a fit may cross.
     """
     log_gap, count = _log_gap(heating, cooling), len(nodes)
     crossed = ~np.isfinite(log_gap[:count])

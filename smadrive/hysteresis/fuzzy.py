@@ -57,7 +57,10 @@ class FuzzySets(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class TriangularSets:
-    """Triangular sets as in the paper's Figure 8; the outer two are shoulders. The blended law is piecewise linear."""
+    """Triangular sets; the first and the last are shoulders (see Figure 8 of the paper).
+
+    The blended law is piecewise linear.
+    """
 
     centres: tuple[float, ...]
 
@@ -76,7 +79,7 @@ class TriangularSets:
 
 @dataclass(frozen=True, slots=True)
 class TrapezoidSets:
-    """Trapezoidal sets. The share `flat` (0 ≤ flat < 1) of each gap between two centres belongs to their flat tops."""
+    """Trapezoidal sets. Flat tops take the share `flat` (0 ≤ flat < 1) of each gap between two centres."""
 
     centres: tuple[float, ...]
     flat: float

@@ -26,7 +26,7 @@ MOST_COMPONENTS = 20
 
 
 class MixtureLogs(NamedTuple):
-    """Logarithms of h, 1 - h and g at some inputs."""
+    """Logarithms of the distribution function h, of 1 - h, and of the density g = h', at some inputs."""
 
     cdf: FloatArray
     sf: FloatArray
@@ -64,11 +64,11 @@ class GaussianMixture:
         )
 
     def cdf(self, v: FloatArray) -> FloatArray:
-        """Return h(v), in the shape of v."""
+        """Return the distribution function h(v), in the shape of v."""
         return np.asarray(np.tensordot(np.array(self.weights), ndtr(self._standard(v)), axes=1))
 
     def logs(self, v: FloatArray) -> MixtureLogs:
-        """Return the logarithms of h, 1 - h and g at v, each in the shape of v."""
+        """Return the logarithms of h, 1 - h and g = h' at v, each in the shape of v."""
         standard, log_weights = self._standard(v), np.log(self._column(self.weights, v))
         log_density = -0.5 * standard**2 - _LOG_ROOT_TWO_PI - np.log(self._column(self.sigmas, v))
         parts = log_ndtr(standard), log_ndtr(-standard), log_density

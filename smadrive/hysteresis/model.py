@@ -112,7 +112,7 @@ class HysteresisModel:
         return HysteresisState(v1, self.offset + self.scale * w, w)
 
     def facts(self) -> list[tuple[str, str]]:
-        """Return the main facts: names and values."""
+        """Return the main properties of the model for display, as pairs of a name and a text."""
         (low, high), certificate = self.input_range, self.certificate()
         ends = sorted(round(self.initial_state(end).y / self.scale, 9) * self.scale for end in (low, high))
         verdict = "yes" if certificate.holds else f"no: {', '.join(certificate.shortcomings)}"

@@ -208,7 +208,7 @@ def _build(fields: Fields) -> DuhemModel | TSFuzzyDuhem:
             error.where = f"{fields.place}: {error.where}"
         raise
     where = f"{fields.place}: kind"
-    raise ModelError("unknown kind", where=where, value=shortened(kind), cure="known are: 'duhem', 'tsfuzzy'")
+    raise ModelError("unknown kind", where=where, value=shortened(kind), cure="write 'duhem' or 'tsfuzzy'")
 
 
 def _mixture(fields: Fields) -> GaussianMixture:
@@ -223,5 +223,5 @@ def _sets(fields: Fields) -> FuzzySets:
         return TrapezoidSets(centres, fields.number("flat"))
     if shape == "gaussian":
         return GaussianSets(centres, fields.number("width"))
-    where, cure = f"{fields.place}: shape", "known are: 'triangular', 'trapezoid', 'gaussian'"
+    where, cure = f"{fields.place}: shape", "write 'triangular', 'trapezoid' or 'gaussian'"
     raise ModelError("unknown shape", where=where, value=shortened(shape), cure=cure)

@@ -101,8 +101,8 @@ def turning_points(v: FloatArray, radius: float) -> list[int]:
 def monotone_runs(v: FloatArray, radius: float) -> FloatArray:
     """Return the path `v` (samples,) without its false reversals.
 
-    Between true turning points the result is the monotone path with the smallest squared distance from v. This needs a
-    complete record. It averages the noise, while the real-time filter follows the noise to its extremes.
+    Between true turning points the result is the monotone path with the smallest squared distance from v. This function
+    needs a complete record. It averages the noise, while the real-time filter follows the noise to its extremes.
     """
     corners = turning_points(v, radius)
     turned, result = v.copy(), v.copy()

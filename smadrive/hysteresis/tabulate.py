@@ -39,7 +39,7 @@ Build = Callable[[FloatArray], tuple[Branch, Branch]]
 
 @dataclass(frozen=True, slots=True)
 class CellIntegrals:
-    """Λ of one branch: `exponent` at the nodes (nodes,), `inner_exponent` at the quadrature points (nodes - 1, 5)."""
+    """Λ = ∫a dv of one branch, at the nodes (nodes,) and at the quadrature points of the cells (cells, 5)."""
 
     exponent: FloatArray
     inner_exponent: FloatArray
@@ -51,7 +51,7 @@ def quadrature_points(nodes: FloatArray) -> FloatArray:
 
 
 def integrate_rate(nodes: FloatArray, rate: FloatArray) -> CellIntegrals:
-    """Return Λ from the rate a at the quadrature points, shape (cells, 5). At the first node Λ = 0."""
+    """Return Λ, the integral of the rate a, which is given at the quadrature points (cells, 5). Λ starts at 0."""
     weighted = rate * np.diff(nodes)[:, None]
     exponent = np.concatenate([[0.0], np.cumsum(weighted @ WEIGHTS)])
     return CellIntegrals(exponent, exponent[:-1, None] + weighted @ INNER.T)
@@ -72,11 +72,12 @@ def cell_maps(
 
 
 def march(start: ArrayLike, gain: FloatArray, shift: FloatArray, *, rising: bool) -> FloatArray:
-    """Return the solution at every node, from its value `start` at the end of the grid where the input enters.
+    """Return the solution at every node while the input crosses the whole grid.
 
-    This is the lower end if `rising`, otherwise the upper end. The maps of all cells form one linear system with two
-    diagonals. `gain` has the shape (cells,). For one solution `start` is a number and `shift` has the shape (cells,);
-    for several, `start` has the shape (columns,) and `shift` the shape (cells, columns).
+    The input enters at the lower end if `rising`, otherwise at the upper end. There the solution is `start`. The maps
+    w_out = gain w_in + shift of all cells form one linear system with two diagonals. `gain` has the shape (cells,).
+    For one solution, `start` is a number and `shift` has the shape (cells,). For several solutions, `start` has the
+    shape (columns,) and `shift` has the shape (cells, columns).
     """
     step = 1 if rising else -1
     entered = np.concatenate([np.reshape(start, (1, *shift.shape[1:])), shift[::step]])

@@ -37,8 +37,8 @@ class TSFuzzyDuhem(HysteresisModel):
 
     a_heating, b_heating, a_cooling and b_cooling have one number per set, in 1/(unit of v). ModelError for another
     number of values, values that are not finite, an impossible scale, offset or range, sets outside `input_range`, and
-    rules with which two states move apart by more than a factor of exp(50) over the range. Other rules that do not
-    contract are allowed here; certificate() reports them, and load_model rejects them.
+    rules that increase the distance of two states by more than a factor of exp(50) over the range. Other rules that do
+    not contract are allowed here; certificate() reports them, and load_model rejects them.
     """
 
     def __init__(
@@ -135,7 +135,7 @@ class MembershipGrid:
     def closed_branches(self, heating_law: Law, cooling_law: Law) -> tuple[Branch, Branch]:
         """Return the heating and the cooling branch of the closed major loop of these rules.
 
-        ModelError for rules with which two states move apart by more than a factor of exp(50).
+        ModelError for rules that increase the distance of two states by more than a factor of exp(50).
         """
         blended = self._blended(np.array([*heating_law, *cooling_law]))
         at_nodes, inside = np.split(blended, [len(self._nodes)], axis=1)
@@ -186,7 +186,7 @@ def _contained(gain: FloatArray, shift: FloatArray) -> tuple[FloatArray, FloatAr
     if not (np.isfinite(shift).all() and growth < 50):
         cure = "give a ≤ 0 on heating and a ≥ 0 on cooling"
         raise ModelError(
-            "two states move apart by more than a factor of exp(50) over the range", where="rules", cure=cure
+            "the distance of two states grows by more than a factor of exp(50) over the range", where="rules", cure=cure
         )
     return gain, shift
 

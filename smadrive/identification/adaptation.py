@@ -5,12 +5,13 @@ are simple bounds of θ, and every step keeps these bounds:
 
     θ = (p, q of the heating rules, p, q of the cooling rules, ln scale)      p, q ≥ 0, p heating ≥ λ, q cooling ≥ λ
 
-The measured temperature drives the model, and with it the sensitivities z = ∂w/∂θ, which obey the same linear law. The
-error of the displacement corrects θ as in a Kalman filter:
+λ is the smallest allowed contraction rate. The measured temperature drives the model. It also drives the sensitivities
+z = ∂w/∂θ, which obey the same linear law as w. The error e of the displacement corrects θ with the gain K of a Kalman
+filter:
 
     e = y - offset - scale w      ψ = ∂y/∂θ      K = P ψ / (ψ'P ψ + r)      θ += K e      P -= K ψ'P
 
-y is the measured displacement, r the variance of its noise, P the covariance of θ.
+y is the measured displacement, ψ its sensitivity, r the variance of its noise, P the covariance of θ.
 
 Likely changes of a wire are that its branches shift or widen, and that its scale drifts. P begins as the covariance P₀
 of these changes. While the wire travels, the filter forgets: θ is an Ornstein-Uhlenbeck process around its initial
@@ -20,7 +21,7 @@ value θ₀,
 
 So P never exceeds P₀, and θ returns to θ₀ in every direction that the samples do not determine. For example, until the
 wire reaches its hot end, an error of the scale and an error of the rules at the hot end can compensate each other.
-Errors within the dead zone count as noise; nothing is learned from them.
+Errors within the dead zone count as noise: θ learns nothing from them, and larger errors are reduced by the dead zone.
 
 A sample with a jump, or with an error larger than any likely change, is not used. The adaptation ends, and θ returns to
 an earlier value, if the sensor shows no travel while the wire travels, or if its errors stay too large. No parameter

@@ -1,9 +1,9 @@
 """Offset and scale of a sensor from readings at known values: value = scale * reading + offset.
 
 With one point the scale stays 1. With several points, the straight line is fitted by least squares. Each point is
-weighted by the inverse of its variance: the variance of the value plus that of the reading, as the scale is near 1
-(Guide to the Expression of Uncertainty in Measurement, 5.1). If the residuals are larger than these variances explain,
-the uncertainty is multiplied by the Birge ratio, the square root of χ² / (n - 2).
+weighted by the inverse of its variance: the variance of the value plus the variance of the reading, because the scale
+is near 1 (Guide to the Expression of Uncertainty in Measurement, 5.1). If the residuals are larger than these variances
+explain, the uncertainty is multiplied by the Birge ratio, the square root of χ² / (n - 2).
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class CalibrationPoint(NamedTuple):
 
     @property
     def variance(self) -> float:
-        """The variance of value minus reading."""
+        """The variance of the difference between value and reading."""
         return self.value_uncertainty**2 + self.reading_uncertainty**2
 
 
@@ -79,8 +79,8 @@ def _check_apart(points: Sequence[CalibrationPoint]) -> None:
         span = max(numbers) - min(numbers)
         if span < APART * deviation:
             raise DataError(
-                f"the {name}s of the points are too close together for a scale",
+                f"the {name}s of the points are too close together to determine a scale",
                 value=f"{span:.3g} apart",
                 limit=f"{APART * deviation:.3g}",
-                cure="move the sensor between the points, choose values farther apart, or calibrate at one point",
+                cure="choose values farther apart, check that the sensor follows them, or calibrate at one point only",
             )

@@ -1,8 +1,8 @@
 """Check of a column's numbers against the unit in its name.
 
 A table in kelvin or metres gives as good a fit as a table in °C or mm, and a certified model. A table states its units
-only in the names of the columns. So the only sign of a wrong unit are values that no wire has in the unit of the name.
-Where the length of the wire is known, its stroke is compared with this length.
+only in the names of its columns. So only implausible values show a wrong unit: values that no wire has in the unit of
+the column's name. Where the length of the wire is known, its stroke is compared with this length.
 """
 
 from __future__ import annotations
@@ -52,7 +52,8 @@ def stroke_doubts(displacement_mm: NDArray[np.float64], length_mm: float) -> tup
 def time_doubts(times_s: NDArray[np.float64], name: str, values: NDArray[np.float64]) -> tuple[str, ...]:
     """Return the reasons to doubt that times are in s, one sentence each.
 
-    The mean rate of a temperature shows a wrong unit of the times. The result is empty for any other column `name`.
+    `values` are the column `name`. If it is a temperature, its mean rate shows if the times have a wrong unit. For any
+    other column the result is empty.
     """
     duration_s = float(np.ptp(times_s))
     rate = float(np.abs(np.diff(values)).sum()) / duration_s if duration_s > 0 else np.inf

@@ -89,7 +89,9 @@ def _solve(record: Record, components: int) -> tuple[_Problem, FloatArray, Fit[D
             continue
         return problem, x, judge(model, record, float(record.mean_y[0]))
     cure = "check the order of the samples, and that the output changes at a higher input on heating than on cooling"
-    raise IdentificationError("cross in every fit of this record", where="branches", cure=cure)
+    raise IdentificationError(
+        "heating and cooling branch cross in every fit of this record", where="branches", cure=cure
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -62,7 +62,7 @@ class Excitation:
                 where="excitation",
                 value=f"{travel_k / self.rate_c_per_s:.2g} s",
                 limit=f"{LONGEST_S:g} s",
-                cure="raise rate_c_per_s to some kelvins per second; is it in K/s?",
+                cure="raise rate_c_per_s to a few kelvins per second. Is its unit K/s?",
             )
 
     @cached_property
@@ -89,8 +89,8 @@ def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a
     """Raise ConfigError when the experiment is impossible with the nominal wire; `found` is a sample before the start.
 
     The displacement must be measured. The largest current must reach the highest temperature at the rate of the path.
-    The wire must cool at this rate at the lowest temperature, where it cools slowest. Both heating and cooling must be
-    faster by the factor `SPARE`.
+    The wire must cool at this rate at the lowest temperature, where it cools slowest. The nominal wire must heat and
+    cool with a reserve of the factor `SPARE`.
     """
     if not isfinite(found.displacement_mm):
         raise ConfigError(

@@ -1,8 +1,8 @@
 """Preparation of a measured record for a fit: false reversals are removed, the loop is checked, samples are averaged.
 
-The model is rate-independent and steps exactly. So within a monotone section of the path, the samples in a cell of a
-few thousandths of the input span can be replaced by their mean, with their number as its weight. Turning points stay
-unchanged.
+The model is rate-independent and steps exactly. So a monotone section of the path is divided into cells of a few
+thousandths of the input span. The mean of the samples in a cell replaces these samples, and their number is the weight
+of the mean. Turning points stay unchanged.
 """
 
 from __future__ import annotations
@@ -32,13 +32,14 @@ if TYPE_CHECKING:
 class Record:
     """A prepared record: all samples, and the means of the cells.
 
-    path, y             input without false reversals and output, (samples,)
+    path                input without false reversals, (samples,)
+    y                   output, (samples,)
     corners             True at samples where the path starts, turns or ends, (samples,)
     v, mean_y, count    mean input, mean output and number of samples of each cell, (cells,)
     input_range         lowest and highest input
     output_span         highest - lowest output
-    noise               standard deviation of the output noise, in output spans
-    scatter             sum of squares of y about the means of the cells, in output spans squared
+    noise               standard deviation of the output noise, as a share of `output_span`
+    scatter             sum of squares of y about the means of the cells, divided by `output_span` squared
     """
 
     path: FloatArray
@@ -59,9 +60,10 @@ class Record:
         return np.concatenate([moves[:1], moves])
 
     def misfit(self, model: HysteresisModel, y0: float) -> float:
-        """Return the RMS error of `model`, started at output `y0`, against the means of the cells, in output spans.
+        """Return the RMS error of `model` against the means of the cells, as a share of the output span.
 
-        The scatter within the cells is left out: no model explains it, and it would hide small differences.
+        The simulation starts at the output `y0`. The scatter within the cells does not count, because no model explains
+        it, and it would hide small differences.
         """
         error = (model.simulate(self.v, y0) - self.mean_y) / self.output_span
         return float(np.sqrt(self.count @ error**2 / self.count.sum()))

@@ -5,9 +5,10 @@ Place μ and spread σ of a branch are mean and standard deviation of its slope,
     μ = ∫ v dP / ∫ dP        σ² = ∫ (v - μ)² dP / ∫ dP          P: the branch of the major loop
 
 With u(v) = μ_old + (v - μ_new) σ_old/σ_new, the new law at v is the old law at u, divided by the stretch σ_new/σ_old.
-For a Duhem model this is exact. In a T-S model both branches share the sets of the rules: the centres follow the mean
-of both moves, and the consequents are interpolated between the old ones. Contraction and boundedness depend only on the
-signs of the rates, so the new model keeps them. Slopes whose sign has become wrong are corrected.
+For a Duhem model this is exact. In a T-S model both branches share the sets of the rules: the centres move by the mean
+of the moves of both branches, and the new consequents are interpolated between the old consequents. Contraction and
+boundedness depend only on the signs of the rates, so the new model is contracting and bounded, too. Slopes that have
+the wrong sign in the new model are corrected.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """The line of one bus. It opens a lost connection, keeps the pauses, sends a request, and reads until the deadline.
 
-Before a request with a reply, the bytes that have arrived are discarded and counted: they answer nothing. On RTU, a
-quarantine follows each failure: nothing is sent until the bus has been silent for one response timeout.
-`send_unconfirmed` waits only for the pause between frames.
+Before a request that expects a reply, the bytes that have arrived are discarded and counted, because they belong to no
+request. On RTU, a quarantine follows each failure: nothing is sent until the bus has been silent for one response
+timeout. `send_unconfirmed` waits only for the pause between frames.
 
 A socket that missed a deadline may be dead without a sign: its gateway restarted, or a router dropped it from its
 table. So the line closes the socket and opens a new one for the next request. A new connection may lead to
@@ -106,7 +106,7 @@ class BusLine:
     def send_unconfirmed(self, transaction: Transaction) -> None:
         """Send a request without waiting for its reply, which counts as outstanding.
 
-        Send nothing if the connection is known to be lost. Only the pause between frames comes first.
+        Send nothing if the connection is known to be lost. Keep the pause between frames, but wait for nothing else.
         """
         unit_id, request, timing = transaction
         if self._transport.lost:

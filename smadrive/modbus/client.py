@@ -54,13 +54,13 @@ class ModbusClient:
     ) -> bytes:
         """Send `request` to `unit_id` and return the payload of the reply.
 
-        connection: the number of the connection that the request must use; None allows any.
-        proved: before the request, the device must answer a request of another kind. Then not even the second copy of
-        an earlier reply can be taken for the answer. Set it for a read on which a safety decision depends.
+        connection: the number of the connection that the request must use; None allows any connection.
+        proved: True makes the device answer a request of another kind first. Then a second copy of an earlier reply
+        cannot be taken for the answer, either. Set it for a read on which a safety decision depends.
 
         DeadlineError or ProtocolError when no right reply arrives (a read is retried first); ExceptionReply when the
-        device rejects the request; TransportError when the connection is lost, its number is not
-        `connection`, or the bus is never silent.
+        device rejects the request; TransportError when the connection is lost, when the present connection has another
+        number than `connection`, or when the bus is never silent.
         """
         transaction = Transaction(unit_id, request, timing)
         retries = 0 if request.writes else timing.read_retries
@@ -88,7 +88,7 @@ class ModbusClient:
             self._line.send_unconfirmed(Transaction(unit_id, request, timing))
 
     def distrust(self) -> None:
-        """Treat the last reply as stale, because its content proves that it is. The right reply may still arrive."""
+        """Treat the last reply as an older one, as its content shows. The right reply may still arrive."""
         self._protocol.distrust(self.clock.now_s())
 
     def _execute_once(self, transaction: Transaction, connection: int | None, *, proved: bool) -> bytes:

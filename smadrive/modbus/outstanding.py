@@ -26,7 +26,7 @@ def reply_kind(unit_id: int, request: Request) -> Kind:
 
 
 def exception_kind(unit_id: int, request: Request) -> Kind:
-    """Return the kind of an exception of `unit_id` to `request`; all requests of one function share it."""
+    """Return the kind of an exception of `unit_id` to `request`; all requests of one function share this kind."""
     return unit_id, bytes((request.function | 0x80,)), 1
 
 

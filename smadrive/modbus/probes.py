@@ -1,11 +1,13 @@
 """The choice of reads whose answers prove that older replies cannot arrive any more.
 
-A frame is outstanding if it may still arrive although the client no longer waits for it. The kind of a frame is all
-that distinguishes it from other frames; see outstanding.py.
+A frame is outstanding if it may still arrive although the client no longer waits for it. Only its kind (see
+outstanding.py) distinguishes a frame from other frames.
 
-A probe is a read whose reply differs from every outstanding frame: its answer proves that the unit has dealt with its
-older requests. A sync is a read whose kind of answer has not arrived lately, so its answer cannot be a copy of an older
-reply. The unit answers in order: after the answer to a sync, no older reply can arrive, and no reply lags behind its
+A probe is a read whose reply differs in kind from every outstanding frame. The answer to a probe proves that the unit
+has dealt with its older requests.
+
+A sync is a read whose kind of answer has not arrived lately, so the answer cannot be a copy of an older reply. The unit
+answers in order, so no older reply can arrive after the answer to a sync. The next reply therefore belongs to the next
 request.
 """
 
@@ -25,7 +27,7 @@ NEVER = -FRESH - 1
 
 
 class Probes:
-    """Chooses probes and syncs by the frames that have arrived on a connection and those `outstanding` on it."""
+    """Chooses probes and syncs from the frames that have arrived on a connection, and from the `outstanding` frames."""
 
     def __init__(self, outstanding: Outstanding) -> None:
         self._outstanding = outstanding
@@ -36,7 +38,7 @@ class Probes:
         self._silent: set[Kind] = set()
 
     def note_frame(self) -> None:
-        """Count the end of a request: a frame has arrived, or the reply is missing."""
+        """Count one more completed request: its frame has arrived, or its reply is missing."""
         self._arrivals += 1
 
     def note_reply(self, unit_id: int, request: Request, now_s: float) -> None:
@@ -57,8 +59,8 @@ class Probes:
     def probe_request(self, unit_id: int, request: Request, attempt: int, now_s: float) -> Request | None:
         """Return a probe for `request`. Reads that the unit has answered come first.
 
-        From `attempt` 1 on, reads with other functions come before reads of other lengths. Return None when so many
-        replies of the unit are outstanding that no read is left.
+        Reads of other lengths follow; from `attempt` 1 on, reads with other functions precede them. Return None when
+        the reply to every one of these reads could be taken for an outstanding frame.
         """
         others = () if attempt == 0 else _other_functions(request)
         tries = chain(self._answered_reads(unit_id), others, _other_lengths(request))

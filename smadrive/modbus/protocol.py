@@ -61,7 +61,7 @@ class ClientProtocol:
         self._become(ConnectionEvent.SILENCE)
 
     def distrust(self, now_s: float) -> None:
-        """Note that the content of the last reply proves it stale. The right reply may still arrive."""
+        """Note that the last reply answers an older request, as its content shows. The right reply may still arrive."""
         self._outstanding.add(reply_kind(self._unit_id, self._request), now_s)
         self._become(ConnectionEvent.FAILED)
 
@@ -102,8 +102,8 @@ class ClientProtocol:
     def needs_probe(self, unit_id: int, request: Request, now_s: float) -> bool:
         """Return True if a probe must go first, because an older reply or exception could be taken for the answer.
 
-        If only an exception is outstanding, a probe goes first only if the unit has answered a read that can serve as
-        a probe.
+        For an older exception, a probe is needed only if the unit has already answered a read that can serve as a
+        probe.
         """
         if self.may_be_mistaken(unit_id, request, now_s):
             return True

@@ -58,7 +58,7 @@ class TraceFile:
         try:
             self._file = path.open("x", encoding="ascii", buffering=1)
         except FileExistsError:
-            raise ConfigError("exists already", where=path, cure="trace to another folder, or remove it") from None
+            raise ConfigError("exists already", where=path, cure="use another folder, or remove the file") from None
         except OSError as error:
             raise _unwritable(path, error) from None
         kind = "text" if speaks_text else "tcp" if self._numbered else "rtu"
@@ -109,7 +109,8 @@ class TraceFile:
 def read_trace(path: Path) -> tuple[bool, list[TraceLine]]:
     """Return two values: True if the trace is of Modbus TCP (False for RTU), and its lines.
 
-    ConfigError when the file cannot be read or is not such a trace; `where` then names the file, and a wrong line.
+    ConfigError when the file cannot be read or is not a trace of Modbus. Its `where` names the file, and the line if a
+    line is wrong.
     """
     try:
         head, *rows = path.read_text(encoding="ascii").splitlines() or [""]
@@ -120,7 +121,7 @@ def read_trace(path: Path) -> tuple[bool, list[TraceLine]]:
     kind = head.removeprefix(HEADER).partition(",")[0].strip()
     if kind not in ("rtu", "tcp"):
         cure = "give a trace of rtu or tcp"
-        raise ConfigError("this kind of trace cannot be served again", where=path, value=kind, cure=cure)
+        raise ConfigError("a trace of this kind cannot be replayed as a device", where=path, value=kind, cure=cure)
     return kind == "tcp", [_line(path, number, row) for number, row in enumerate(rows, 2) if row and row[0] != "#"]
 
 

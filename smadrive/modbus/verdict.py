@@ -13,11 +13,11 @@ outstanding.py):
     no frame of the protocol     MALFORMED                            MALFORMED
     no whole frame in time       SILENT                               SILENT
 
-The consequences of a verdict (`CONSEQUENCES`): after ANSWERED no frame of this unit is outstanding. After a failure
-the reply and an exception may still arrive. After an exception the real reply may come: a busy device or a gateway
+The consequences of a verdict (`CONSEQUENCES`): after ANSWERED no frame of this unit is outstanding. After a failure the
+reply and an exception may still arrive. After an exception the reply may still arrive, too: a busy device or a gateway
 may answer later (DEFERRED), and a second copy of an older exception looks like the present exception. So the reply
-stays outstanding, and replies cannot begin to lag by one request. A final exception (REFUSED) proves that the device
-has dealt with its older requests.
+stays outstanding, and is never taken for the answer to the next request. A final exception (REFUSED) proves that the
+device has dealt with its older requests.
 
 The states of the connection (`TRANSITIONS`):
 

@@ -1,8 +1,8 @@
 """Matrices whose rows are weighted sums of a few rows of a smaller matrix, as in table interpolation.
 
 Row i is Σ_j shares[i, j] rows[places[i, j]]. A Jacobian along a record has one row per sample, but only as many
-independent rows as its tables have nodes. In this form, scaling and the chain rule act on the small matrix. The large
-matrix is computed block by block, so that each block is still in the cache when it is used.
+independent rows as its tables have nodes. In this form, scaling and the chain rule only change the small matrix. The
+large matrix is computed block by block, so that each block is still in the cache of the processor when it is used.
 """
 
 from __future__ import annotations

@@ -2,9 +2,10 @@
 
     minimise |r(x)|²/2, low ≤ x ≤ high:    (H + λ diag H) s = -g on the free variables,  H = JᵀJ,  g = Jᵀr
 
-A variable is free unless it is at a bound and the gradient points outward. Each iteration factors one matrix, whose
-size is at most the number of variables. scipy's bounded solvers decompose the whole Jacobian instead. With threaded
-linear algebra on a busy machine, this takes a hundred times as long.
+J is the Jacobian ∂r/∂x, s the step of x, λ the damping. A variable is free unless it is at a bound and the gradient
+points outward. Each iteration factors one matrix, whose size is at most the number of variables. scipy's bounded
+solvers decompose the whole Jacobian instead. With threaded linear algebra on a busy machine, this takes a hundred times
+as long.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 
 
 class PiecewiseLinear:
-    """A piecewise linear function through the corners (place, value).
+    """A piecewise linear function through corners, each of a `place` (the argument) and a value.
 
     `places` must increase. Before the first corner and after the last one the function is constant.
     """

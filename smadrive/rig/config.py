@@ -137,7 +137,7 @@ class RigConfig(Section):
         if limits.watchdog_s < 2.0 / self.rate_hz:
             raise ValueError(
                 f"limits.watchdog_s = {limits.watchdog_s:g} is shorter than two periods of the loop "
-                f"({2.0 / self.rate_hz:g} s at rate_hz = {self.rate_hz:g}): raise it"
+                f"({2.0 / self.rate_hz:g} s at rate_hz = {self.rate_hz:g}): raise watchdog_s"
             )
 
     def check_feedback(self, feedback: FeedbackConfig) -> None:
@@ -149,7 +149,7 @@ class RigConfig(Section):
                     where=f"rig '{self.name}'",
                     value=f"{getattr(feedback, name):g} s",
                     limit=f"{1.0 / self.rate_hz:g} s at rate_hz = {self.rate_hz:g}",
-                    cure="raise it",
+                    cure=f"raise feedback.{name}",
                 )
 
     def in_folder(self, folder: Path) -> RigConfig:

@@ -1,17 +1,17 @@
 """Checks of a rig file against its wire, before anything is heated.
 
-**Limits.** Each limit must be plausible for this wire. A limit in a wrong unit is not.
+**Limits.** Each limit must be plausible for this wire. An implausible limit often has a wrong unit.
 
-Temperature: at most the limit of the wire file. Current: it is compared with the current that holds the wire at
-`temperature_max_c`,
+The temperature limit must not exceed the limit of the wire file. The current limit is compared with the current that
+holds a wire of resistance R at `temperature_max_c` (T_max) in surroundings of T_amb; h A is its heat loss in W/K:
 
     I_held = sqrt(h A (T_max - T_amb) / R)
 
-A limit of more than `AMPLE` times this current has no effect. Voltage: when a clamp opens, the voltage of a supply
-rises to its limit, so the limit should be only a little above R I_max. If a supply gives less than `LEAST_SHARE` of the
-commanded current, the supervisor assumes a broken circuit, so a lower voltage limit would trip it. The upper bound
-allows for the leads, and for a current limit that is still low for the first heating: V <= `MOST_VOLTS` (R + R_leads)
-max(I_max, I_held).
+A current limit of more than `AMPLE` times this current has no effect. When a clamp opens, the voltage of a supply rises
+to the voltage limit, so this limit should be only a little above R I_max, with I_max the current limit. If a supply
+gives less than `LEAST_SHARE` of the commanded current, the supervisor assumes a broken circuit. So the voltage limit
+must at least allow this share. The upper bound of the voltage limit allows for the leads, and for a current limit that
+is still low for the first heating: V <= `MOST_VOLTS` (R + R_leads) max(I_max, I_held).
 
 **Heat balance.** An identified heat balance must be near the nominal heat balance of the rig's wire, because all
 supervision of a run relies on it. With a thermocouple lag in milliseconds instead of seconds, no reading would be
@@ -125,7 +125,7 @@ def _check_voltage(config: RigConfig, balance: HeatBalance, held_a: float) -> No
             where=f"rig '{config.name}'",
             value=f"{limits.voltage_max_v:g} V",
             limit=f"{least_v:.2g} to {most_v:.2g} V",
-            cure=f"set it to about {1.25 * needed_v:.2g} V. Is it in volts?",
+            cure=f"set voltage_max_v to about {1.25 * needed_v:.2g} V. Is the limit in volts?",
         )
 
 
@@ -163,12 +163,12 @@ def _check_temperature_step(temperature_c: float, config: RigConfig, balance: He
     most_c = limits.temperature_max_c - DERATE_C
     if not temperature_c <= most_c:
         raise ConfigError(
-            f"too hot for rig '{config.name}', which lowers the current from {DERATE_C:g} K below "
-            f"temperature_max_c = {limits.temperature_max_c:g} °C on",
+            f"too hot for rig '{config.name}', because the driver lowers the current of a wire that is less than "
+            f"{DERATE_C:g} K below temperature_max_c = {limits.temperature_max_c:g} °C",
             where="step: temperature",
             value=f"{temperature_c:g} °C",
             limit=f"{most_c:g} °C",
-            cure="lower it, or raise the limit if the data sheet of the wire allows it",
+            cure="choose a lower temperature, or raise temperature_max_c if the data sheet of the wire allows it",
         )
     if not temperature_c > balance.ambient_c:
         raise ConfigError(
@@ -176,7 +176,7 @@ def _check_temperature_step(temperature_c: float, config: RigConfig, balance: He
             where="step: temperature",
             value=f"{temperature_c:g} °C",
             limit=f"ambient_c = {balance.ambient_c:g} °C",
-            cure="raise it, or correct ambient_c in the wire file",
+            cure="choose a higher temperature, or correct ambient_c in the wire file",
         )
     needed_a = balance.current_a(balance.power_w(temperature_c, 0.0, 0.0), 1.0)
     if needed_a <= limits.current_max_a:

@@ -86,14 +86,14 @@ class PlannedDevice:
             raise ConfigError(
                 f"the profile '{self.config.profile}' has no {quantity} register",
                 where=self.where,
-                cure=f'remove "{quantity}" from its measures',
+                cure=f'remove "{quantity}" from `measures` of this device',
             )
         return quantity in self.config.measures
 
 
 @dataclass(frozen=True)
 class PlannedSensor:
-    """A device, besides the heat source, that measures `quantity` every `period_s` and is stale after `stale_s`."""
+    """A device besides the heat source. It measures `quantity` every `period_s`; its value is stale after `stale_s`."""
 
     device: PlannedDevice
     quantity: str
@@ -114,7 +114,7 @@ class RigPlan:
 
 
 def plan_rig(config: RigConfig, profiles: Mapping[str, Profile], given: Collection[str] = ()) -> RigPlan:
-    """Return the plan of the rig; `profiles` are by device name. ConfigError when the devices do not form a rig.
+    """Return the plan of the rig; `profiles` maps device names to profiles. ConfigError when the devices form no rig.
 
     `given` names the devices whose connection the caller supplies.
     """
@@ -196,7 +196,7 @@ def _check_addresses(devices: Sequence[PlannedDevice], where: str) -> None:
             "the simulated devices of a rig must share one bench",
             where=where,
             value=", ".join(sorted(urls)),
-            cure="give them the same url",
+            cure="give all simulated devices the same url",
         )
 
 
@@ -235,7 +235,7 @@ def _guardian(source: PlannedDevice, devices: Iterable[PlannedDevice], limits: L
             where=where,
             value=f"{limits.watchdog_s:g} s",
             limit=f"{GUARDIAN_PATIENCE * longest_s:g} s",
-            cure="raise it",
+            cure="raise limits.watchdog_s",
         )
     config = source.config
     return Task(GuardedDevice(config.profile, config.url, config.unit_id), limits.watchdog_s)

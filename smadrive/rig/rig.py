@@ -1,6 +1,6 @@
 """The rig, which connects devices, controller, supervisor and loop, and runs experiments on the wire.
 
-This module computes nothing and sends no request: controllers and devices do both.
+This module computes nothing and sends no request: controllers compute, and devices send the requests.
 """
 
 from __future__ import annotations
@@ -169,7 +169,7 @@ class Rig:
 
         balance           heat balance of the wire; ConfigError if it cannot belong to the rig's wire
         model             if given, a displacement outside the model's range at the measured temperature is a fault
-        stop_requested    asked before every exchange; True ends the run
+        stop_requested    called before every exchange; the run ends when it returns True
         """
         self.check_balance(balance)
         return self._run(controller, self._supervisor(balance, model), record, stop_requested)

@@ -57,6 +57,6 @@ class DisplacementBand:
         return f"{displacement_mm:.3f} mm measured, {low_mm:.2f} to {high_mm:.2f} mm possible at {temperature_c:.1f} °C"
 
     def nearest_mm(self, temperature_c: float, displacement_mm: float) -> float:
-        """Return the displacement nearest to `displacement_mm` that the model can have at exactly this temperature."""
+        """Return the nearest displacement to `displacement_mm` between the branches of the model at `temperature_c`."""
         ends = [branch.at(temperature_c) for branch in self._branches]
         return min(max(displacement_mm, min(ends)), max(ends))

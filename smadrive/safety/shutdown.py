@@ -1,9 +1,9 @@
 """Switching the heater off at the end of a run, and the outcome as a typed result.
 
 Every run is a block of `ends_safe`. The block switches the heater off at the end of the run, and after a trip, an
-exception of any type or a signal. Only `ABORTS_AT` signals end the tries: no other event prevents the writing of the
-safe state or hides its outcome. `ShutdownOutcome` tells if read-back confirmed the heater off. The error that ended the
-run carries this outcome; `shutdown_of` returns it.
+exception of any type or a signal. Only `ABORTS_AT` signals end the tries early. No other event prevents the writing of
+the safe state or hides its outcome. `ShutdownOutcome` tells if read-back confirmed the heater off. The error that ended
+the run carries this outcome; `shutdown_of` returns it.
 """
 
 from __future__ import annotations
@@ -53,7 +53,7 @@ class ShutdownOutcome:
         return f"{UNCONFIRMED} ({reason}): {CUT}"
 
     def obey_signals(self) -> None:
-        """Call the program's own handler for the first signal; the handler may raise."""
+        """Call the program's own handler for the first signal in `signals`; the handler may raise an error."""
         if self.signals:
             signal.raise_signal(self.signals[0])
 
@@ -64,7 +64,7 @@ NOT_TRIED = ShutdownOutcome(RuntimeError("switching off was not tried"))
 def shut_down(
     enter_safe_state: Callable[[], object], before: ShutdownOutcome = NOT_TRIED, *, is_run: bool = False
 ) -> ShutdownOutcome:
-    """Switch off by `enter_safe_state` while signals are held, and return the outcome with any error that was raised.
+    """Switch off by `enter_safe_state`, with signals held back. Return the outcome, whose `failure` is any error.
 
     `before` is the outcome of an earlier try, whose signals count too. `is_run` is True for a run that may have heated.
     """

@@ -30,8 +30,8 @@ class SafetyLimits:
 
     Within `settle_s` the heat source reaches a commanded current: the measured current must lie between the smallest
     and the largest command of this time, ± `current_tolerance_a`. A displacement may be outside its band for
-    `misplaced_for_s`, because the thermocouple lags. It may be unknown, or differ from the setpoint by more than
-    `tracking_max_mm`, for `tracking_for_s`.
+    `misplaced_for_s`, because the thermocouple lags. For `tracking_for_s` the displacement may be unknown, or differ
+    from the setpoint by more than `tracking_max_mm`.
     """
 
     temperature_max_c: float
@@ -50,7 +50,7 @@ class Supervisor:
     """Checks each measurement, and the time since the last measurement; the first fault is latched as `trip`.
 
     `temperature_band` compares the reading with the heat input, and `displacement_band` the displacement with the model
-    of the wire. Without a band its check is left out.
+    of the wire. A band that is None is not checked.
     """
 
     def __init__(

@@ -55,7 +55,7 @@ UNCERTAINTIES = {BalanceSource.DATA_SHEET: NOMINAL, BalanceSource.IDENTIFIED: ID
 
 
 class Band(NamedTuple):
-    """Limits that follow from the heat input."""
+    """The limits of reading and wire temperature that follow from the heat input."""
 
     low_c: float
     """The least possible reading."""
@@ -92,7 +92,7 @@ class TemperatureBand:
         self._changed(reading_c, 0.0)
 
     def update(self, reading_c: float, power_w: float, dt_s: float) -> Band:
-        """Return the band after `dt_s` at `power_w`, when the new reading is `reading_c`."""
+        """Return the band after `dt_s` of heating with `power_w`; the thermocouple now reads `reading_c`."""
         coldest_c = self._coldest.step(power_w, dt_s)
         hottest_c = self._hottest.step(power_w, dt_s)
         follow = 1.0 - exp(-dt_s / self._lag_s) if self._lag_s > 0 else 1.0

@@ -94,9 +94,10 @@ class HeatBalance:
         return wire_before_c + (reading_c - wire_before_c) * decay + ramp_c * (1.0 - (1.0 - decay) * lag_s / dt_s)
 
     def power_w(self, temperature_c: float, rate_c_per_s: float, phase_rate_per_s: float) -> float:
-        """Return the power that changes temperature and austenite fraction at these rates (the inverse heat balance).
+        """Return the power in W at which the wire at `temperature_c` has these rates of temperature and phase.
 
-        A negative result means that the wire cannot cool so fast.
+        This is the inverse heat balance; the phase is the austenite fraction. A negative result means that the wire
+        cannot cool so fast.
         """
         return (
             self.heat_capacity_j_per_k * rate_c_per_s

@@ -40,7 +40,7 @@ class IdentifiedWire:
     source: str = ""
 
     def facts(self) -> list[tuple[str, str]]:
-        """Return the main facts: names and values with units."""
+        """Return the main properties of the wire for display, as pairs of a name and a text with its unit."""
         cold_mm, hot_mm = travel_mm(self.model)
         low_c, high_c = self.model.input_range
         facts = [
@@ -86,7 +86,7 @@ class IdentifiedWire:
         save_model(self.model, path, provenance=provenance)
 
     def text(self) -> str:
-        """Return model and heat balance in the format of the file. A log keeps this text."""
+        """Return model and heat balance as text, in the format of a wire's file. A log contains this text."""
         return model_text(self.model, _balance_provenance(self.heat_balance), place="wire")
 
     def wire_model(self) -> WireModel:
@@ -150,5 +150,5 @@ def _source(parameters: Fields) -> BalanceSource:
     except ValueError:
         sources = ", ".join(f"'{one}'" for one in BalanceSource)
         raise ModelError(
-            "unknown source", where=f"{parameters.place}: source", value=f"{source!r}", cure=f"known are: {sources}"
+            "unknown source", where=f"{parameters.place}: source", value=f"{source!r}", cure=f"write one of {sources}"
         ) from None

@@ -2,9 +2,9 @@
 
 Temperature and phase depend on each other: the transformation takes heat, and the temperature drives the
 transformation. Over a small change of temperature the slope dw/dT is constant, and the heat balance is exact. A larger
-change is divided into pieces, each with its mean slope (the slope at its start, improved once). A correction of the
-observer may put the state outside the branches. There the slope may have the wrong sign: the state then only returns to
-the branches. This is no transformation and takes no heat.
+change is divided into pieces. Each piece is computed with the slope at its start, then once more with its mean slope. A
+correction of the observer may put the state outside the branches, where the slope may have the wrong sign. A state that
+only returns to the branches is no transformation and takes no heat, so such a slope counts as zero.
 """
 
 from __future__ import annotations

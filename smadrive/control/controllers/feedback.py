@@ -2,12 +2,13 @@
 
     command = clamp(feedforward + Kp e + I),    dI/dt = Ki e while the command is inside its limits
 
-Anti-windup is by conditional integration. The integral stands for a small model error. At every turning point the
-feedforward alone drives the command far below its lower limit, because negative power does not exist; back-calculation
-would then change the integral by a large amount.
+e is the error of the temperature, limited to ± `INTEGRATED_C` in the integral. I is the integral, which compensates a
+small model error. The limits of the command are zero power and the largest power. At a limit the integral stays
+constant (conditional integration). Back-calculation is not used: at every turning point the feedforward requests a
+negative power, and back-calculation would then change the integral by a large amount.
 
-The gains follow from the heat balance by pole placement. With Kp = m c / Tc the error decays with the chosen time
-constant Tc. With Ki = Kp / Ti the effect of a model error decays within about Ti.
+The gains follow from the heat balance by pole placement. m c is the heat capacity of the wire. With Kp = m c / Tc the
+error decays with the chosen time constant Tc. With Ki = Kp / Ti the effect of a model error decays within about Ti.
 
 Bumpless transfer: a feedback that replaces another feedback adds the difference of the two commands, which then decays.
 """

@@ -53,13 +53,16 @@ class Controller(Protocol):
 
 
 def power_envelope_w(balance: HeatBalance, setpoint_c: float, rate_c_per_s: float) -> float:
-    """Return the largest power for an unknown wire that should be at `setpoint_c` and change at `rate_c_per_s`."""
+    """Return the largest power in W that may heat a wire that is not identified yet, near `setpoint_c`.
+
+    The setpoint of its temperature moves at `rate_c_per_s`.
+    """
     transforming = balance.latent_heat_j / TRANSFORMATION_C * rate_c_per_s
     return ENVELOPE * (balance.power_w(setpoint_c + LAGS_C, rate_c_per_s, 0.0) + transforming)
 
 
 class TemperatureController:
-    """Follows the temperature path of an excitation. It uses the nominal heat balance: no other is identified yet.
+    """Follows the temperature path of an excitation, with the nominal heat balance: the wire is not identified yet.
 
     The reading of the thermocouple counts as the temperature of the wire; the identification corrects its lag. The path
     waits while the wire is farther than `LAGS_C` from the path, so that every wire reaches every turning point.
@@ -88,7 +91,7 @@ class TemperatureController:
         return self._path_s + self._waited_s
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
-        """Return the command that takes the wire to the temperature of the path one period ahead."""
+        """Return the command for the coming period; at its end the wire shall have the temperature of the path."""
         reading_c = self._reading_c(measurement)
         self._wait(time_s, reading_c, dt_s)
         on_path_s = time_s - self._waited_s

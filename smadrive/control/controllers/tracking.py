@@ -111,7 +111,7 @@ class TrackingController:
     def take_over(self, before: TrackingController) -> None:
         """Continue from the state of `before`, converted to this controller's model, without a jump of the command.
 
-        A reversal that `before` has begun continues only if both have the same reference.
+        A reversal that `before` has begun continues only if both controllers have the same reference.
         """
         if before.state is not None:
             reversal = before.state.reversal if before._reference is self._reference else None

@@ -4,7 +4,7 @@ The inverse starts from the measured displacement, so an error decays with the t
 loop. One error remains: if the wire moves more (or less) per kelvin than its model, it leads (or lags) the setpoint by
 Tc times the difference of the two rates. The trim is added to the setpoint before the inverse:
 
-    trim' = (setpoint - displacement) / Ti        Ti = 4 Tc, the usual separation of the loops of a cascade
+    d(trim)/dt = (setpoint - displacement) / Ti        Ti = 4 Tc, the usual separation of the loops of a cascade
 
 The trim is in millimetres, so it has the same effect on steep and on flat parts of the loop. The trim must not act
 against the hysteresis: while the wire crosses the loop (its temperature differs from the setpoint), or while the power

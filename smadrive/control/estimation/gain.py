@@ -1,11 +1,14 @@
 """Kalman gains of the observer, from the heat balance and the slope of the hysteresis model.
 
-Linearised at a slope s = dξ/dT of the phase, with κ = exp(-Δt h A/(m c + Q s)) and λ = exp(-Δt/lag), over one period
+The model is linearised at a slope s = dξ/dT of the phase. Over one period Δt the state changes to
 
     T'  = κ T + (1-κ) d/(h A)        T_tc' = λ T_tc + (1-λ) T        d' = d        ξ' = ξ + s (T' - T)
 
+    κ = exp(-Δt h A/(m c + Q s))     λ = exp(-Δt/lag)
+
 T is the temperature of the wire, T_tc of the thermocouple, d the power that the heat balance does not explain, ξ
-the phase. T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete
+the phase. m c, Q, h A and lag are parameters of the heat balance: heat capacity, latent heat, heat loss, thermocouple
+lag. T_tc and ξ are measured. Only s varies along the loop. The gain is the stationary solution of the discrete
 Riccati equation. There is one gain for the thermocouple alone. For thermocouple and displacement together there is one
 gain for each of several slopes.
 """

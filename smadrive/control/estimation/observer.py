@@ -68,7 +68,7 @@ class WireObserver:
     def adopt(self, estimate: WireEstimate) -> WireEstimate:
         """Convert the estimate of another observer to the model of this observer.
 
-        The temperatures stay, and the displacement stays as far as this model can have it.
+        The temperatures stay. The displacement becomes the nearest displacement that this model can have.
         """
         return estimate._replace(hysteresis=self._model.initial_state(estimate.hysteresis.v, estimate.hysteresis.y))
 

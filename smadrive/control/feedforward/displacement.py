@@ -2,9 +2,9 @@
 
 The inverse starts from the estimated displacement, not from the setpoint. The wire keeps the direction of the
 reference. If the estimate is a little ahead of the reference, the wire waits and does not reverse, because after a
-reversal a hysteretic wire moves only after many kelvin. The wire reverses only for a large lead: one that exceeds
-`REVERSAL_TOLERANCE` even after the reference has moved on for `REVERSAL_S`. For a smaller lead, reversing twice would
-take longer than waiting.
+reversal a hysteretic wire moves only after many kelvin. The wire reverses only for a large lead: the lead must exceed
+`REVERSAL_TOLERANCE` even after the reference has moved on for `REVERSAL_S`. For a smaller lead, two reversals would
+take longer than the wait.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class TemperatureTarget(NamedTuple):
 class DisplacementInverse(Protocol):
     """Computes the temperature for a displacement setpoint.
 
-    `hysteretic` is True if heating and cooling have different temperatures.
+    `hysteretic` is True if the temperature for a displacement differs between heating and cooling.
     """
 
     hysteretic: bool

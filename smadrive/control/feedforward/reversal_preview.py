@@ -3,8 +3,9 @@
 At a reversal the temperature must change by many kelvin, from one branch to the other, and meanwhile the wire hardly
 moves. The surroundings limit the cooling. A wire that reverses together with the reference is late by the whole time of
 this crossing. A wire that reverses too early does not reach the peak of the reference. The preview begins the reversal
-when both errors are equal, which makes the larger error as small as possible. For this, it simulates the crossing at
-zero power (on the way to heating: at full power), and compares the wire with the reference at some points.
+when both errors are equal, which makes the larger error as small as possible. To find this moment, it simulates a wire
+that begins to reverse now: at zero power if the wire must cool, at full power if the wire must heat up. It compares
+this wire with the reference at `POINTS` times.
 """
 
 from __future__ import annotations

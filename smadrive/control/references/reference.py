@@ -51,8 +51,8 @@ TRAVEL_SLACK = 0.005
 class Reference:
     """Displacement setpoint over time. At `scored_from_s` the approach ends and the metrics begin.
 
-    At the end of its table, an `endless` reference continues at `scored_from_s`. A reference with `repeats` does the
-    same until this number of cycles is complete.
+    At the end of its table, an `endless` reference continues at `scored_from_s`. With `repeats` above 1 the reference
+    continues there, too, until it has made this number of cycles.
     """
 
     times_s: Array
@@ -142,7 +142,7 @@ class Reference:
         return times[changes].tolist(), moves[changes].tolist()
 
     def next_reversal_s(self, time_s: float, direction: int) -> float:
-        """Return the time in s after `time_s` at which a movement in `direction` next reverses, or inf."""
+        """Return the time in s at which a movement in `direction` (+1 or -1) first reverses after `time_s`, or inf."""
         times_s, directions = self._reversals
         begun_s = self._begun_s(time_s)
         for number in range(bisect_right(times_s, time_s - begun_s), len(times_s)):
@@ -191,7 +191,9 @@ class Reference:
         )
 
     def repeated(self, repeats: int, return_s: float) -> Reference:
-        """Return the same reference, repeated `repeats` times; as in `without_end`, a way back closes each cycle.
+        """Return the same reference, repeated `repeats` times.
+
+        If its ends differ, each cycle ends with a smooth way back that lasts `return_s`.
 
         DataError when all cycles together last longer than `LONGEST_REPEATED_S`.
         """
@@ -226,7 +228,7 @@ def check_displacement(name: str, value_mm: float) -> None:
             where=f"{WHERE}: {name}",
             value=f"{value_mm:g} mm",
             limit=f"±{FARTHEST_MM:g} mm",
-            cure="is it in millimetres?",
+            cure="is the displacement in millimetres?",
         )
 
 
@@ -245,4 +247,4 @@ def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONG
         raise DataError("too long", where=WHERE, value=value, limit=f"{longest_s:g} s", cure=cure)
     most = longest_s / TABLE_STEP_S
     if pieces > most:
-        raise DataError("too many samples", where=WHERE, value=pieces, limit=most, cure="lower their number")
+        raise DataError("too many samples", where=WHERE, value=pieces, limit=most, cure="lower the number of samples")

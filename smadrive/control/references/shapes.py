@@ -192,11 +192,11 @@ def _check_pace(duration_s: float, pieces: float, longest_s: float) -> None:
     most = duration_s / SHORTEST_S
     if pieces > most * (1.0 + ROUNDING):
         raise DataError(
-            "its half swings or levels are too short",
+            "the half swings or levels are too short",
             where=WHERE,
             value=f"{pieces:g} in {duration_s:g} s",
             limit=f"{most:g} of {SHORTEST_S:g} s each",
-            cure="lower their number, or slow the reference down; is its time in seconds?",
+            cure="lower the number of swings or levels, or slow the reference down. Are its times in seconds?",
         )
 
 

@@ -82,8 +82,8 @@ class GuardianClient:
     def configure(self, identity: Identity) -> None:
         """Send the guardian its task with the identity of the device, and wait until the guardian is ready.
 
-        The device must be confirmed off: guardians of earlier runs that wait for it are ended. SafetyError when the
-        guardian does not start.
+        The device must be confirmed off before this call, because the call ends the guardians of earlier runs that
+        still wait for this device. SafetyError when the guardian does not start.
         """
         device = replace(self._task.device, identity=dict(identity))
         profile = load_profile(device.profile)
@@ -175,7 +175,10 @@ class GuardianClient:
             self._state = WatchState.STANDING_BY
 
     def stand_down(self) -> None:
-        """End the watch after the driver has confirmed the source off. Wait for a guardian that takes over just now."""
+        """End the watch after the driver has confirmed the source off.
+
+        If the guardian is taking over at this moment, wait until it has finished.
+        """
         if self._state is not WatchState.STANDING_BY:
             self._state = WatchState.STANDING_BY
             if not self._is_freed():

@@ -17,12 +17,13 @@ answers every `r` with `f` (free): the driver may use the ports, and the guardia
 
 The guardian can open a serial port while a driver that stands still has it open; the guardian shares that driver's lock
 of the line (lock.py). A device or gateway behind a socket may accept only one client, which is the driver as long as
-the driver lives. If the guardian cannot connect there, it waits `timeout_s` more. A driver that wakes gives way in that
-time, also if the guardian stood still together with it, because an interrupted wait continues for its remaining time.
-If the driver stays silent, the guardian kills it (SIGKILL), with everything else in its process, and takes the free
-socket. An unplugged device looks the same to the guardian; then the driver is killed in vain. Otherwise it would still
-hold the connection when the device is plugged in again. The guardian kills only its parent process, and only while that
-is the parent: after the end of the driver its process id may belong to another program.
+the driver lives. If the guardian cannot connect there, it waits `timeout_s` more. During this time a driver that wakes
+gives way. If the guardian stood still together with the driver, the driver has this time, too: an interrupted wait
+continues for its remaining time. If the driver stays silent, the guardian kills it (SIGKILL), with everything else in
+its process, and takes the free socket. The guardian cannot distinguish an unplugged device from an occupied device, so
+it kills the driver in both cases: a living driver could take the connection when the device is plugged in again. The
+guardian kills the driver only while the driver is its parent process: after the end of the driver, the process id of
+the driver may belong to another program.
 
 When the driver has ended and the device cannot be reached, the guardian waits for the device without limit, at the
 ports that search.py lists. It prints the next step for the user, and does not occupy the line between attempts. It ends

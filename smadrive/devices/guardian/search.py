@@ -1,5 +1,4 @@
-"""The ports at which a guardian looks for its device: each permanent name of the device's port, but no port of another
-adapter.
+"""The search for the port of a guarded device: all names of its port are tried, but no port of another adapter.
 
 If another device has answered several times at a port, the guardian does not use this port for a while, because another
 program may use it.

@@ -3,9 +3,9 @@
     IDLE                 the driver lives and nothing heats
     WATCHING             the driver heats; if it is silent for too long, the guardian takes over
     TAKING_OVER          the driver is silent; the heater is not confirmed off
-    BARRED               as TAKING_OVER, but the device is behind a network and did not answer: the driver may have its
-                         only connection
-    ENDING_DRIVER        the guardian has killed this driver, to get the connection, and waits for the end of the driver
+    BARRED               as TAKING_OVER, but the device is behind a network and did not answer: the driver may hold the
+                         only connection that the device accepts
+    ENDING_DRIVER        the guardian has killed the driver, to get the connection, and waits for the end of the driver
     WAITING_FOR_DRIVER   the guardian confirms the heater off repeatedly: the driver may wake and send one last command
     GIVEN_WAY            the driver woke and closed its connections
     RELEASING            the driver waits for its ports, and gets them when the heater is confirmed off once more
@@ -170,9 +170,9 @@ def run(
 ) -> None:
     """Run the table of states until DONE.
 
-    `listen(within_s)` waits at most `within_s` for a signal of the driver. When the driver has closed the pipe, it
-    waits the whole time. `attempt(state)` tries to switch the heater off. `act` carries out an action. A driver that
-    heats counts as dead after a silence of `timeout_s`.
+    `listen(within_s)` waits at most `within_s` for a signal of the driver. After the driver has closed the pipe,
+    `listen` waits the whole time. `attempt(state)` tries to switch the heater off. `act` carries out an action. A
+    driver that heats counts as dead after a silence of `timeout_s`.
     """
     state = GuardianState.IDLE
 

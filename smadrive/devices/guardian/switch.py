@@ -39,11 +39,11 @@ class LineAccess:
 
     @contextmanager
     def to(self, lines: Collection[str], *, alone: bool) -> Iterator[bool]:
-        """Use the line that has the names `lines`; `alone` is True once the driver has ended.
+        """Use the line that has the names `lines`. The caller sets `alone` to True once the driver has ended.
 
-        Yield True if the guardian has locked the line for itself, False while it shares the lock of the driver. A
-        shared lock of one of the names is enough: the host may have other addresses now than when the driver looked
-        them up. BusyError when another program has the line.
+        Yield True if the guardian has locked the line for itself, False while the guardian shares the lock of the
+        driver. The shared lock of one name is enough, because the addresses of the host may have changed since the
+        driver looked them up. BusyError when another program has locked the line.
         """
         if not alone or any(lock.line in lines for lock in self._shared):
             yield False

@@ -79,7 +79,9 @@ class HeaterBoard(DeviceSource[Device]):
         self._write_key("arm")
         status = self._names["status"]
         if "armed" not in (words := self.device.read((status,), proved=True)[status].words):
-            raise SafetyError("the device did not arm", where=status, value=", ".join(words), cure="clear its faults")
+            raise SafetyError(
+                "the device did not arm", where=status, value=", ".join(words), cure="clear the faults of the device"
+            )
         self._armed = True
 
     def exchange(self, current_a: float, *, proved: bool = True) -> Supplied:  # noqa: ARG002  (the echo always proves it)

@@ -37,7 +37,7 @@ class HeaterLimits:
 
 
 def _no_limit(name: str, value: float, needed: str) -> ConfigError:
-    return ConfigError("this limit has no effect", where=name, value=value, cure=f"set it to {needed}")
+    return ConfigError("this limit has no effect", where=name, value=value, cure=f"set {name} to {needed}")
 
 
 class Supplied(NamedTuple):
@@ -74,7 +74,7 @@ class HeatSource(Protocol):
     def identity(self) -> Identity:
         """The values of the registers that distinguish the device from others of its type.
 
-        It is empty before `connect`, and for a device without such registers.
+        The result is empty before `connect`, and for a device without such registers.
         """
         ...
 
@@ -88,7 +88,7 @@ class HeatSource(Protocol):
         ...
 
     def configure(self, limits: HeaterLimits, watchdog_s: float) -> None:
-        """Set limits and watchdog of the device, confirmed by read-back; ConfigError when it cannot keep them."""
+        """Set limits and watchdog of the device, confirmed by read-back; ConfigError if the device cannot keep them."""
         ...
 
     def arm(self) -> None:
@@ -103,7 +103,7 @@ class HeatSource(Protocol):
         ...
 
     def enter_safe_state(self) -> None:
-        """Set zero current and switch the output off. Try several times; raise an error if it is not confirmed."""
+        """Set zero current and switch the output off. Try several times; raise an error without a confirmation."""
         ...
 
     def clear_faults(self) -> None:

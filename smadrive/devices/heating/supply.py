@@ -111,7 +111,7 @@ class BenchSupply(DeviceSource[Device]):
             raise ConfigError(
                 f"is missing, but '{profile.profile.id}' needs a voltage limit",
                 where="voltage_max_v",
-                cure="set it in [limits], to about 1.25 times the voltage of the wire at current_max_a",
+                cure="set voltage_max_v in [limits] to about 1.25 times the voltage of the wire at current_max_a",
             )
         if name is not None:
             self._protect("ovp", limit_v)

@@ -7,9 +7,9 @@ The heat is proportional to the duty. So "current" and "voltage" mean the root m
 The board measures neither. Both are computed from the duty that it reads back and from the two full scales in the rig
 file. The pulse width has `STEPS` steps, and a command is rounded down to a step.
 
-Replies have no checksum. So every exchange has three checks: it reads back the duty in force, accepts a temperature
-only if the board gives it twice, and ends when the board has repeated the new duty to the last digit. If a check fails,
-the whole exchange is discarded. The board has no watchdog, although its documentation describes one.
+Replies have no checksum. So every exchange has three checks: it reads back the duty in force, reads the temperature
+twice and requires that both readings agree, and requires that the board repeats the new duty to the last digit. If a
+check fails, the whole exchange is discarded. The board has no watchdog, although its documentation describes one.
 """
 
 from __future__ import annotations
@@ -35,8 +35,8 @@ SENSOR_RANGE_C = (-40.0, 150.0)
 class TCLab(DeviceSource[TCLabBoard]):
     """A TCLabBoard as heat source; see HeatSource.
 
-    `full_scale_a` and `full_scale_v` are the root mean square of current and voltage at the wire at 100 % duty, with P1
-    at `STEPS`.
+    `full_scale_a` and `full_scale_v` are the root mean square of current and voltage at the wire, at 100 % duty and at
+    the pulse width `STEPS`.
     """
 
     measures = frozenset(("temperature",))
@@ -57,7 +57,7 @@ class TCLab(DeviceSource[TCLabBoard]):
                 where="current_max_a",
                 value=f"{limits.current_max_a:g} A",
                 limit=f"full_scale_a = {self._full_scale_a:g} A",
-                cure="lower it",
+                cure="lower current_max_a",
             )
         if limits.voltage_max_v < self._full_scale_v:
             raise ConfigError(
@@ -70,7 +70,7 @@ class TCLab(DeviceSource[TCLabBoard]):
         self.device.limit_pulses(STEPS)
 
     def arm(self) -> None:
-        """Arm if the board confirms zero duty; SafetyError when its heater is on. Nothing is switched."""
+        """Arm the source if the board confirms zero duty; SafetyError when its heater is on. This switches nothing."""
         if duty := self.device.read("R1", proved=True):
             raise SafetyError(
                 "not armed, because the board already heats",

@@ -6,10 +6,10 @@
     R1        12.600                              duty of heater 1, read back
     T1        21.875                              temperature, °C
     P1 200    200.00                              pulse width at 100 % duty, at most 255
-    LED 0.07  0.07                                brightness of its lamp for 10 s, used as a token: see text_line.py
+    LED 0.07  0.07                                brightness of the lamp for 10 s, used as a token: see text_line.py
 
 Replies have no checksum. So the board must repeat the value of a command, and give a measured value twice. After any
-failure the line is out of step: the greeting (text_line.py) goes before the next command.
+failure a late reply may still arrive, so the driver sends the greeting (text_line.py) before the next command.
 """
 
 from __future__ import annotations
@@ -54,11 +54,11 @@ class TCLabBoard:
 
     @property
     def proof(self) -> Proof:
-        """The degree to which the type of the device is proved."""
+        """PROVED if the device has returned the banner of a TCLab, otherwise NOT_ASKED."""
         return Proof.PROVED if self._identified else Proof.NOT_ASKED
 
     def check_identity(self) -> None:
-        """Prove that the device is a TCLab; IdentityError for another device. A board has `boot_ms` to start."""
+        """Prove that the device is a TCLab; IdentityError if the board has not proved it after `boot_ms`."""
         give_up_s = self.clock.now_s() + self.profile.timing.boot_ms / 1e3
         while not self._identified:
             try:
@@ -91,7 +91,11 @@ class TCLabBoard:
         return second
 
     def read_back(self, command: str, expected: Sequence[float], *, proved: bool = False) -> float:
-        """Send `command` and return the number in the reply. If it is not one of the `expected` numbers, ask again."""
+        """Send `command` and return the number in the reply.
+
+        If this number is not one of the `expected` numbers, greet the board, send `command` once more, and return the
+        second number.
+        """
         number = self.read(command, proved=proved)
         if number in expected:
             return number

@@ -5,12 +5,14 @@ Such a reply proves neither that it answers this command nor that it is undamage
 1. it has the form of the command's reply, arrived whole before the deadline, and nothing arrived with it;
 2. no earlier reply was on its way when the command was sent.
 
-After any failure, and at the beginning, the line is out of step, and the greeting is sent before anything else. The
-board must return its banner, the same as before, then repeat a token that differs from the last tokens. Lines in
-between are dropped. A board answers in order, so no older line can follow the token. The banner alone proves
-nothing, because it may answer an earlier greeting. A greeting costs two lines, but no pause: it may be urgent to switch
-a heater off. A damaged reply can still have the right form. The caller detects it: the board must repeat the value of a
-command, and gives a measured value twice.
+After any failure, and at the beginning, late replies may be on their way. So the greeting is sent before the next
+command: the board must return the same banner as before, then repeat a token that differs from the last tokens. All
+lines before the repeated token are dropped. A board answers in order, so no older line can follow the token. The banner
+alone proves nothing, because it may answer an earlier greeting. A greeting costs two lines and no pause, because the
+next command may have to switch a heater off at once.
+
+A damaged reply can still have the right form. The caller must detect it: the caller checks that the board repeats the
+value of a command, and reads a measured value twice.
 """
 
 from __future__ import annotations
@@ -41,8 +43,8 @@ class Exchange(NamedTuple):
 class TextLine:
     """The only client of a text line.
 
-    `greeting` asks for the banner of the board. The reply to `token(n)` differs from the replies to the tokens shortly
-    before; numbers start at 0 in every driver, and tokens may repeat. A token has no effect on the heaters.
+    `greeting` asks for the banner of the board. `token(n)` is a command whose reply differs from the replies to the
+    previous tokens, n = 0, 1, 2, ... After many tokens the replies may repeat. A token has no effect on the heaters.
     """
 
     def __init__(

@@ -38,7 +38,7 @@ def wait_for_zero_current(source: HeatSource, current_max_a: float, clock: Clock
             raise SafetyError(
                 "the heater was switched off, but heating has not ended",
                 value=_remaining(supplied, flows=flows),
-                cure="cut its supply",
+                cure="cut the supply of the heater",
             )
         clock.sleep_until(clock.now_s() + LOOK_AGAIN_S)
 

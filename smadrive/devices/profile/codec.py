@@ -33,7 +33,7 @@ STATES = 64
 
 
 class Codec:
-    """The conversions above for one register. The parameters are named as in the profile; see Register."""
+    """Converts between the words and the value of one register. The parameters have the names of the profile's keys."""
 
     def __init__(
         self,
@@ -95,7 +95,7 @@ class Codec:
         return self.pack(raw)
 
     def saturated(self, value: float, context: Context = ALONE) -> tuple[int, ...]:
-        """Return the words with which a device shows `value`.
+        """Return the words that a device sends when it measures `value`.
 
         A value outside the range of the type becomes the nearest end of this range.
         """
@@ -109,7 +109,7 @@ class Codec:
         return register_types.pattern(self._kind, self._order, bits)
 
     def check_fits(self, value: float) -> None:
-        """Raise ValueError if the type has no raw number for `value`."""
+        """Raise ValueError if the raw number of `value` lies outside the range of the type."""
         raw = self._raw_of(value, ALONE)
         if not self._lowest <= raw <= self._highest:
             raise ValueError(self._overflow(value, raw))

@@ -57,8 +57,8 @@ def check_dependencies(name: str, register: Register, registers: Mapping[str, Re
         register.unit != CELSIUS or CELSIUS not in registers[register.unit_from].enum.values()
     ):
         raise ValueError(
-            f"registers.{name}: unit_from needs unit = '{CELSIUS}', and the enum of the register that it names must "
-            f"contain '{CELSIUS}'"
+            f"registers.{name}: unit_from needs unit = '{CELSIUS}' in this register, and '{CELSIUS}' in the enum of "
+            f"'{register.unit_from}'"
         )
 
 

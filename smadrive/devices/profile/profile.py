@@ -129,7 +129,10 @@ class Profile(Section):
         return name
 
     def as_variant(self, variant: Variant) -> Profile:
-        """Return a profile of this variant only, with its registers, and its `match` as part of the identity."""
+        """Return a profile with the registers of this variant only.
+
+        Its `identify` contains the raw values of `variant.match`, so that a device of another variant is rejected.
+        """
         proofs = tuple(IdentityRegister(register=name, ranges=[span]) for name, span in variant.match.items())
         others = tuple(proof for proof in self.identify if proof.register_ not in variant.match)
         return self.model_copy(
@@ -194,7 +197,7 @@ class Profile(Section):
             validation.find_register(proof.register_, self.registers, "identify.register")
             if not proof.ranges and self.registers[proof.register_].writable:
                 raise ValueError(
-                    f"identify: {proof.register_} can be written, so its value proves nothing; give it ranges"
+                    f"identify: {proof.register_} can be written, so its value proves nothing; it needs ranges"
                 )
         for variant in self.variants:
             for name in variant.match:
@@ -236,5 +239,5 @@ def _raw_of(pair: str, choice: str) -> tuple[str, int]:
             "cannot be read",
             where=f"'{choice}'",
             value=pair,
-            cure="write REGISTER=RAW with a whole number, and commas between several of these",
+            cure="write REGISTER=RAW with a whole number, and separate several of these by commas",
         ) from None

@@ -67,7 +67,8 @@ class Register(Section):
     def _sensible(self) -> Register:
         if (self.table in ("coil", "discrete")) != (self.type == "bool"):
             raise ValueError(
-                f"type '{self.type}' in table '{self.table}': 'bool' is the type of coils and discrete inputs alone"
+                f"type '{self.type}' in table '{self.table}': coils and discrete inputs need type 'bool', other tables "
+                "need another type"
             )
         if (self.type == "string") != (self.length > 0):
             raise ValueError("a string needs a length, its number of registers; other types have none")
@@ -95,7 +96,7 @@ class Register(Section):
 
     @cached_property
     def exchangeable(self) -> bool:
-        """True if an exchange may write the register: with other registers, and without reading any register first."""
+        """True if an FC23 exchange may write the register, together with others and without a read before."""
         return not (self.nonvolatile or self.depends_on or self.block)
 
     @cached_property

@@ -14,7 +14,7 @@ from smadrive.modbus.transports.transport import Parity
 
 
 class Head(Section):
-    """Name, role, protocol and vendor of the device. `evidence`: number of sources of the map, or `own` map."""
+    """Name, role, protocol and vendor of the device. `evidence` names the sources of the register map."""
 
     id: str
     role: Literal["heater", "supply", "temperature", "displacement"]
@@ -126,7 +126,7 @@ class Variant(Section):
     @model_validator(mode="after")
     def _one_way(self) -> Variant:
         if bool(self.match) == bool(self.choice):
-            raise ValueError("a variant has either match = { register = [first, last] } or choice = 'name'")
+            raise ValueError("a variant needs either match = { register = [first, last] } or choice = 'name'")
         return self
 
     def holds(self, name: str, raw: float) -> bool:
@@ -148,7 +148,8 @@ class WriteOrder(Section):
 
     before    the register before which the rule applies; "*" stands for every register
     write     the register that must be written first
-    value     the value that the register `write` must hold; without a value, the caller must write the register
+    value     the value that the register `write` must hold; the driver writes this value if necessary. Without a value,
+              the caller must write the register `write` first, otherwise the driver raises ConfigError
     """
 
     before: str

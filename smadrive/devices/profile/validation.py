@@ -15,7 +15,7 @@ Registers = Mapping[str, Register]
 
 
 def refuse_overlaps(registers: Registers) -> None:
-    """Raise ValueError if two registers overlap, or one lies beyond the last address."""
+    """Raise ValueError if two registers overlap, or if a register lies beyond the last address."""
     for table in ("holding", "input", "coil", "discrete"):
         ordered = sorted((register.address, name) for name, register in registers.items() if register.table == table)
         for (_, before), (address, after) in pairwise(ordered):
@@ -88,7 +88,7 @@ def find_register(name: str, registers: Registers, key: str) -> Register:
 
 
 def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
-    """Raise ValueError for a rule about a register that cannot be written, read back, or hold the value."""
+    """Raise ValueError for a rule whose register cannot be written, cannot be read back, or cannot hold the value."""
     for rule in rules:
         if rule.before != "*":
             find_register(rule.before, registers, "write_order.before")
@@ -98,7 +98,7 @@ def check_order(rules: tuple[WriteOrder, ...], registers: Registers) -> None:
         if rule.value is not None:
             _check_value(register, rule.write, rule.value, "write_order")
         elif rule.before in ("*", rule.write):
-            raise ValueError(f"write_order.write '{rule.write}' before '{rule.before}' needs a value")
+            raise ValueError(f"write_order: the rule to write '{rule.write}' before '{rule.before}' needs a value")
 
 
 def check_safe_state(steps: tuple[SafeWrite, ...], rules: tuple[WriteOrder, ...], registers: Registers) -> None:

@@ -27,7 +27,7 @@ def expanded(registers: Mapping[str, Register]) -> dict[str, Register]:
 
 
 def applied(registers: Mapping[str, Register], variant: Variant) -> dict[str, Register]:
-    """Return the registers of this variant; ValueError if it changes an unknown register or makes one invalid."""
+    """Return the registers of this variant; ValueError for an unknown or an invalid register."""
     changed = dict(registers)
     for target, override in variant.registers.items():
         names = [name for name, register in registers.items() if target in (name, _array_of(name, register))]

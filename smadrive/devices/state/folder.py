@@ -11,7 +11,10 @@ WITHOUT_HOME = Path("/var/lib/smadrive")
 
 
 def state_dir() -> Path:
-    """Return `$XDG_STATE_HOME/smadrive`, or `~/.local/state/smadrive` without that variable. It may not exist yet."""
+    """Return `$XDG_STATE_HOME/smadrive`, or `~/.local/state/smadrive` without that variable.
+
+    The folder may not exist yet.
+    """
     if folder := os.environ.get("XDG_STATE_HOME"):
         return Path(folder) / "smadrive"
     try:
@@ -26,5 +29,6 @@ def unreadable(error: OSError) -> SafetyError:
         "the state folder cannot be read",
         where=error.filename or state_dir(),
         value=error.strerror,
-        cure=f"give it to your user (`sudo chown -R $USER {state_dir()}`), or set XDG_STATE_HOME to your own folder",
+        cure=f"give this folder to your user (`sudo chown -R $USER {state_dir()}`), or set XDG_STATE_HOME to a folder "
+        "of your own",
     )

@@ -79,7 +79,7 @@ class DeviceKey:
     port: str = field(default="", compare=False)
 
     def port_match(self, other: DeviceKey) -> Match:
-        """Compare the unit ids and the names of the ports. One name in common proves that the port is the same."""
+        """Return the match of unit ids and port names. One name in common proves that the port is the same."""
         if None not in (self.unit_id, other.unit_id) and self.unit_id != other.unit_id:
             return Match.DIFFERENT
         if self.names & other.names:
@@ -89,7 +89,7 @@ class DeviceKey:
         return Match.DIFFERENT
 
     def serial_match(self, other: DeviceKey) -> Match:
-        """Compare the serial numbers of both keys."""
+        """Return the match of the serial numbers of both keys."""
         if self.serial_number is None or other.serial_number is None:
             return Match.UNKNOWN
         return Match.SAME if self.serial_number == other.serial_number else Match.DIFFERENT
@@ -101,7 +101,7 @@ class DeviceKey:
     def proves(self, other: DeviceKey) -> bool:
         """Return True if `other` is certainly this device. A guardian that waits for this device may then end.
 
-        A device with a serial number must show it. A device without one is recognised by its port.
+        A device with a serial number must show the same serial number. Any other device is recognised by its port.
         """
         if self.serial_number is not None or other.serial_number is not None:
             return self.serial_match(other) is Match.SAME

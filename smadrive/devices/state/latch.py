@@ -54,7 +54,7 @@ class _FoundRecord(NamedTuple):
 
 
 class TripLatch:
-    """The trip of the heat source with this key. If `key` is None (simulated), the trip ends with the process."""
+    """The trip of the heat source with this key. Without a key (simulated device), the trip ends with the process."""
 
     def __init__(self, key: DeviceKey | None) -> None:
         self._key = key
@@ -78,7 +78,7 @@ class TripLatch:
             trip.add_note(f"the next start of the driver will not know this trip: {error}")
 
     def clear(self) -> None:
-        """Remove every record that applies; SafetyError if one cannot be removed."""
+        """Remove every record that applies to this heat source; SafetyError if a record cannot be removed."""
         for found in _applying(self._key) if self._key is not None else ():
             try:
                 found.file.unlink(missing_ok=True)

@@ -111,7 +111,8 @@ def lines_of(key: DeviceKey) -> tuple[str, ...]:
 def lock_line(line: str, role: Role, within_s: float = GUARDIAN_WITHIN_S) -> LineLock:
     """Lock `line` and return the lock; BusyError, with the holder, if another process has it.
 
-    Wait up to `within_s` for the lock. Do not wait for a living driver; a driver does not wait for `off` either.
+    Wait up to `within_s` for the lock. If a living driver has the lock, raise BusyError at once. If `role` is DRIVER
+    and `smadrive off` has the lock, raise BusyError at once, too.
     """
     give_up_s = time.monotonic() + within_s
     while (lock := _try_lock(line)) is None:
@@ -199,6 +200,6 @@ def _busy(line: str, holder: Holder | None) -> BusyError:
     return BusyError(
         f"busy, because {name} uses the port",
         where=line,
-        cure="end that process. A smadrive that runs or tunes there switches the heater off at `smadrive off RIG`, at "
-        f"Ctrl-C in its terminal, at {kill}, or at OFF (POST /off) of its page",
+        cure=f"end that process: run `smadrive off RIG`, press Ctrl-C in its terminal, or run {kill}. A program of "
+        "smadrive switches its heater off before it ends. OFF (POST /off) of its page only switches the heater off",
     )

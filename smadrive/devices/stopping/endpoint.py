@@ -61,7 +61,8 @@ class PeerProcess(NamedTuple):
     def may_stop(self, line: str) -> bool:
         """Return True if the process may stop the driver of `line`, which is the calling process.
 
-        It may if it has the user of the driver, or may open the port. A network port is open to every user.
+        The process may stop the driver if it runs as the driver's user or as root, or if its user may read and write
+        the port. Every user may stop the driver of a network port.
         """
         path = port_path(line)
         if path is None or self.user_id in (0, os.geteuid()):
@@ -85,7 +86,7 @@ def address_of(name: str) -> str:
 
 
 def places(name: str) -> tuple[str, ...]:
-    """Return the names at which the driver of the line `name` may listen; the driver takes the first free name.
+    """Return the names at which the driver of the line `name` may listen. A driver uses the first name that is free.
 
     After the end of a pseudo-terminal, its number is soon reused, while the old driver may still run. So there are
     several names for the number of a pseudo-terminal. The lock of the line excludes two drivers of one pseudo-terminal.
@@ -104,7 +105,7 @@ def names_of_line(line: str, key: DeviceKey) -> tuple[str, ...]:
 
 
 def peer_of(connection: socket.socket) -> PeerProcess:
-    """Return the process at the other end. If that is a driver, it is the process that began to listen."""
+    """Return the process at the other end of the connection. For a driver, this is the process that called listen()."""
     pid, user_id, group_id = _CREDENTIALS.unpack(
         connection.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, _CREDENTIALS.size)
     )

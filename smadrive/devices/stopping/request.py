@@ -38,7 +38,7 @@ GUARDIAN = b"smadrive.devices.guardian.process"
 
 @dataclass(frozen=True)
 class StoppedDriver:
-    """A driver that was asked to stop and has released the line. `killed` is True if it did not answer."""
+    """A driver that has released the line after a request to stop. `killed` is True if the driver had to be killed."""
 
     pid: int
     killed: bool
@@ -83,7 +83,7 @@ class StopRequest:
         with suppress(ConnectionError):  # the driver was killed
             if self.connection.recv(len(REFUSED)) == REFUSED:
                 raise SafetyError(
-                    f"its driver (process {self.driver.pid}) goes on: your user may not open this port",
+                    f"its driver (process {self.driver.pid}) refuses to stop, because your user may not open this port",
                     where=self.line,
                     cure=f"run `smadrive off` as {who_may_open(self.line)}, or cut the heater's supply",
                 )
@@ -104,7 +104,8 @@ class StopRequest:
                 raise SafetyError(
                     f"its driver (process {self.driver.pid}) does not answer, and your user may not end it",
                     where=self.line,
-                    cure=f"end it as its user or as root (`sudo kill -9 {self.driver.pid}`), then run this again",
+                    cure=f"end the driver as its user or as root (`sudo kill -9 {self.driver.pid}`), "
+                    "then repeat `smadrive off`",
                 ) from None
             select.select((process,), (), (), DIES_WITHIN_S)
             for guardian in guardians:
@@ -125,7 +126,7 @@ def ask_to_stop(line: str, name: str, deadline_s: float, stack: ExitStack) -> St
         connection.connect(address_of(name))
     except TimeoutError:  # the backlog is full: the driver is paused or hangs, and other programs wait
         raise SafetyError(
-            "its driver does not answer", where=line, cure="end that driver (kill -9), then run this again"
+            "its driver does not answer", where=line, cure="end that driver (kill -9), then repeat `smadrive off`"
         ) from None
     except OSError:
         return None

@@ -1,4 +1,4 @@
-"""Leave-one-out error of a fit, computed without fitting again. It tells if the fit predicts samples it did not use.
+"""Leave-one-out error of a fit, computed without new fits. It tells if the fit predicts samples that it did not use.
 
 Near its minimum a least-squares fit is linear in the measured outputs. J is the Jacobian of all residuals, including
 the ties of the rules to the prior, and J_i is its row of sample i. Without sample i, the residual r_i becomes
@@ -8,10 +8,10 @@ the ties of the rules to the prior, and J_i is its row of sample i. Without samp
 (Allen's PRESS). A leverage near 1 means that a rule follows this sample alone, so that its residual has no meaning.
 This happens with free rules on steep, sparsely sampled parts of a loop.
 
-Noise and gaps both raise the error of a sample that is left out. If every other sample is left out, the usual bound of
-the error is 1.2 times the training error, an excess variance of 0.44. If one sample is left out of the other half, the
-gap around this sample is twice as wide, and the excess variance at least doubles. So the bound here is
-(1 + 2 · 0.44)^½ = 1.37.
+Noise and gaps both raise the error of a sample that the fit did not use. For a fit to every other sample (hold_out.py),
+the usual bound of this error is 1.2 times the training error: its variance is larger by 0.44. If such a fit also leaves
+out one of its own samples, the gap around this sample is twice as wide, and the excess of the variance at least
+doubles. So the bound here is (1 + 2 · 0.44)^½ = 1.37.
 """
 
 from __future__ import annotations
@@ -31,7 +31,8 @@ def leave_one_out_ratio(residuals: FloatArray, jacobian: FloatArray, samples: in
     """Return the leave-one-out error divided by the training error, both RMS.
 
     `residuals` (rows,) and `jacobian` (rows, free variables) are taken at the minimum; the first `samples` rows belong
-    to the measured cells. `scatter` is the sum of squares within the cells, which no model can explain.
+    to the cells of the record. A cell is the mean of neighbouring samples; `scatter` is the sum of squares of the
+    samples about these means, which no model can explain.
     """
     error = residuals[:samples]
     left_out = error / np.maximum(1 - leverages(jacobian, samples), _LEAST_FREEDOM)

@@ -1,7 +1,8 @@
 """Slopes of the right sign, which a unique inverse needs: derivatives for the fit, and the correction of its result.
 
-The slope is affine in w. H is the heating branch of the major loop, C its cooling branch. The slope has the right sign
-everywhere between the branches if it has the right sign on the opposite branch:
+The slope is dw/dv. It is affine in w and follows from the rates p and q of the rules (see sensitivity.py). H is the
+heating branch of the major loop, C its cooling branch. The slope has the right sign everywhere between the branches if
+it has the right sign on the opposite branch:
 
     heating:  p(v) - (p + q)(v) C(v) ≥ 0           cooling:  q(v) - (p + q)(v) (1 - H(v)) ≥ 0
 
@@ -74,7 +75,7 @@ def closed_loop(tables: RuleTables) -> Loop:
 def least_slopes(tables: RuleTables, depth: float) -> FloatArray:
     """Return the smallest slope at each node, shape (2, nodes): first row heating, second row cooling.
 
-    It is the smallest over the states from a branch to the share `depth` of the way to the opposite branch.
+    The minimum is taken over the states from a branch to the share `depth` of the way to the opposite branch.
     """
     loop = closed_loop(tables)
     p_heating, q_heating, p_cooling, q_cooling = tables.rates_at_nodes

@@ -26,7 +26,7 @@ _TIE_FLOOR = 2e-6  # tie to the Duhem fit for a record without noise, in output 
 
 
 class Prior:
-    """The rates p and q of a Duhem model, tabulated over v, per input span."""
+    """The rates p and q of a Duhem model, tabulated over v. Their unit is 1/(input span)."""
 
     def __init__(self, fit: Fit[DuhemModel], record: Record) -> None:
         lower, upper = record.input_range

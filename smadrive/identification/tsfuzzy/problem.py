@@ -2,7 +2,7 @@
 
 x: see unknowns.py
 r = (error of the simulated output; differences of the rates from the Duhem fit; differences of the gaps
-     from their start; slopes of the wrong sign)
+     between the centres from the gaps at the start; slopes of the wrong sign)
 """
 
 from __future__ import annotations
@@ -88,12 +88,12 @@ class RuleProblem:
 
     @property
     def unknowns(self) -> Unknowns:
-        """The slices of x."""
+        """The positions of the unknowns in x, as slices."""
         sets = len(self.centres)
         return Unknowns(sets, sets + 1 if self.fit_centres else 0)
 
     def place(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Return the centres, and their derivatives with respect to the logits of the gaps.
+        """Return the centres, and their derivatives with respect to the logits of the gaps between centres.
 
         The derivatives have the shape (sets, gaps).
         """
@@ -138,7 +138,7 @@ class RuleProblem:
         return np.concatenate([error, self.prior.weight * stray, self.prior.weight * shift, (weight * wrong).ravel()])
 
     def misfit(self, x: FloatArray) -> float:
-        """Return the RMS of the output error, in output spans."""
+        """Return the RMS of the output error, as a share of the output span."""
         error = self.residuals(x)[: len(self.record.v)]
         return float(np.sqrt(error @ error / self.record.count.sum()))
 

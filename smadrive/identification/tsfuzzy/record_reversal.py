@@ -49,7 +49,7 @@ NOWHERE = RecordReversals()
 
 
 def find_record_reversals(record: Record) -> RecordReversals:
-    """Return the stretches of `record`, or NOWHERE if noise explains its distance from monotone curves."""
+    """Return the stretches of `record` where the output reverses; NOWHERE if noise explains these reversals."""
     rises = bool(np.corrcoef(record.v, record.mean_y)[0, 1] > 0)
     material = float(np.hypot(MATERIAL, record.noise))
     squares = 0.0

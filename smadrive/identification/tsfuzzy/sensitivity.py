@@ -63,9 +63,9 @@ class Runs:
 
 @dataclass(frozen=True, slots=True)
 class Sensitivity:
-    """∂P (`target`) and ∂Λ (`exponent`) of one branch at the nodes, both of shape (nodes, 5 · sets).
+    """The derivatives of P (`target`) and of Λ (`exponent`) of one branch at the nodes, both (nodes, 5 · sets).
 
-    The columns are the fields of RuleRates in their order.
+    P is the particular solution, Λ the integral of the rate a. The columns are the fields of RuleRates in their order.
     """
 
     target: FloatArray
@@ -73,7 +73,7 @@ class Sensitivity:
 
 
 class RuleTables:
-    """The branch engine of trial rules over [lower, upper], and its derivatives."""
+    """The branch engine of trial rules over [lower, upper], and its derivatives with respect to the rules."""
 
     def __init__(self, rates: RuleRates, lower: float, upper: float) -> None:
         self.rates = rates
@@ -98,7 +98,7 @@ class RuleTables:
 
     @cached_property
     def sensitivities(self) -> tuple[Sensitivity, Sensitivity]:
-        """Sensitivities of the heating branch and of the cooling branch."""
+        """The derivatives of the heating branch and of the cooling branch with respect to the rules."""
         return (
             self._sensitivity(self.up, self._up_maps, rising=True),
             self._sensitivity(self.down, self._down_maps, rising=False),
@@ -119,14 +119,15 @@ class RuleTables:
         return self.engine.trajectory(runs.v, w_start)
 
     def jacobian(self, runs: Runs, w: FloatArray) -> InterpolationMatrix:
-        """Return ∂w at every sample, shape (samples, 5 · sets + 1).
+        """Return the derivatives ∂w of the state at every sample, shape (samples, 5 · sets + 1).
 
-        The columns are the fields of RuleRates, then w at the start. `w` are the states at the samples. Within a
-        section of `runs`,
+        The columns belong to the fields of RuleRates in their order, and the last column to the first state. `w` are
+        the states at the samples. Within a section of `runs`,
 
-            ∂w = ∂P + D e ∂Λ + D (∂e - e ∂Λ at the start)        e = w - P at the start,  D the decay of e since then
+            ∂w = ∂P + D e ∂Λ + D (∂e₀ - e ∂Λ₀)        e = w₀ - P₀,  D the decay of e since the start of the section
 
-        ∂P and ∂Λ are interpolated between two nodes each; the bracket is one more row for each section.
+        Index 0 is the start of the section. ∂P and ∂Λ are interpolated between two nodes of the tables. The bracket
+        does not change within a section.
         """
         up, down = self.sensitivities
         rows = np.zeros((4 * len(self.nodes) + 1 + len(runs.starts), up.target.shape[1] + 1))

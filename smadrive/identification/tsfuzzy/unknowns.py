@@ -1,7 +1,7 @@
 """Positions of the unknowns of the rule problem in its vector x.
 
 x = (rates p and q of every rule, times the input span; logits of the gaps between the centres, if the centres move;
-     bottom; top; first state)
+     output at w = 0; output at w = 1; first state)
 """
 
 from __future__ import annotations
@@ -13,7 +13,10 @@ BOTTOM, TOP, FIRST_STATE = -3, -2, -1
 
 
 class Unknowns(NamedTuple):
-    """The slices of x that belong to `sets` fuzzy sets and `gaps` gaps between centres. Fixed centres have 0 gaps."""
+    """The positions of the unknowns in x, as slices, for `sets` fuzzy sets.
+
+    `gaps` is the number of gaps between centres; 0 for fixed centres.
+    """
 
     sets: int
     gaps: int
@@ -25,12 +28,12 @@ class Unknowns(NamedTuple):
 
     @property
     def logits(self) -> slice:
-        """The logits of the gaps."""
+        """The logits of the gaps between the centres."""
         return slice(4 * self.sets, 4 * self.sets + self.gaps)
 
     @property
     def centres(self) -> slice:
-        """The columns of the centres in derivatives with respect to RuleRates. In x the logits stand here instead."""
+        """The columns of the centres in derivatives with respect to RuleRates. In x, the logits take their place."""
         return slice(4 * self.sets, 5 * self.sets)
 
     @property

@@ -50,7 +50,7 @@ class Framing(Protocol):
         ...
 
     def skip(self, data: bytes) -> None:
-        """Take `data` that arrived before a request, so that none of it is taken for the reply."""
+        """Take `data` that arrived before a request, so that no part of `data` is taken for the reply."""
         ...
 
     def intact(self, reply: bytes) -> bool:
@@ -125,7 +125,7 @@ class TcpFraming:
         return mbap.seal(number, unit_id, pdu)
 
     def reply(self, data: bytes) -> bytes:
-        """Take the received `data`; return unit id and PDU of the reply once it is whole, and no bytes before.
+        """Take the received `data`; return unit id and PDU of the reply, or no bytes while the reply is incomplete.
 
         Replies to earlier requests are dropped. ProtocolError when the bytes are not Modbus TCP.
         """

@@ -1,8 +1,8 @@
 """A pseudo-terminal: a serial port without hardware, such as a simulated device has.
 
-After the end of a pseudo-terminal, its number is soon given to another one, which may be the terminal of a user. A link
-that was left over then leads to the wrong terminal. So neither a path nor a link proves that the pseudo-terminal still
-exists.
+After the end of a pseudo-terminal, another pseudo-terminal soon gets its number, and may be the terminal of a user. A
+link that was left over then leads to the wrong terminal. So neither a path nor a link proves that the pseudo-terminal
+still exists.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class PseudoTerminal:
         return None
 
     def close(self) -> None:
-        """Close the descriptor; afterwards nothing can be asked."""
+        """Close the descriptor. Afterwards do not use this object any more."""
         self._close()
 
     @property
@@ -53,11 +53,11 @@ class PseudoTerminal:
 
     @property
     def is_left_over(self) -> bool:
-        """True if the pseudo-terminal has ended, and nobody has changed the links from its path since then."""
+        """True if the pseudo-terminal has ended, and its path has the same links as when this object was made."""
         return not self.exists and _links(self._path) == self._links
 
     def is_at(self, path: str) -> bool:
-        """Return True if `path` leads to this pseudo-terminal, which exists."""
+        """Return True if this pseudo-terminal still exists and `path` leads to it."""
         with suppress(OSError):
             return self.exists and os.path.samestat(Path(path).stat(), os.fstat(self._descriptor))
         return False

@@ -52,7 +52,7 @@ class SerialTransport(DescriptorTransport):
         """Open and return the port. The call opens the port or fails at once, so the time limit is not used."""
         if self._terminal is not None and self._terminal.is_left_over:
             raise TransportError(
-                "the pseudo-terminal has ended, and its number may be that of another one",
+                "the pseudo-terminal has ended, and its number may belong to another pseudo-terminal now",
                 where=self.name,
                 cure="start its program again, and give the path of the new pseudo-terminal",
             )
@@ -95,8 +95,8 @@ def _failure(port: str, error: Exception) -> TransportError:
             "no such port",
             where=port,
             value=f"serial ports present: {present}",
-            cure="plug the adapter in, or let firmware-sim serve there (--pty). A replugged adapter may have another "
-            "number: use its name in /dev/serial/by-id, which stays",
+            cure="plug the adapter in, or start firmware-sim with `--pty` and this path. A replugged adapter may have "
+            "another number: use its name in /dev/serial/by-id, which never changes",
         )
     if code in (errno.EACCES, errno.EPERM):
         return TransportError(
@@ -110,8 +110,8 @@ def _failure(port: str, error: Exception) -> TransportError:
         return TransportError(
             f"busy, because {holder} uses the port",
             where=port,
-            cure=f"end that program: press Ctrl-C in its terminal, or run {kill}. In both cases a smadrive switches "
-            "the heater off first; `smadrive tune` does the same at OFF (POST /off) on its page",
+            cure=f"end that program: press Ctrl-C in its terminal, or run {kill}. A program of smadrive switches its "
+            "heater off before it ends. The button OFF (POST /off) of `smadrive tune` only switches the heater off",
         )
     cure = "check the path in the URL"
     return TransportError("cannot be opened as a serial port", where=port, value=error, cure=cure)

@@ -87,7 +87,7 @@ def _failure(name: str, host: str, timeout_s: float, error: OSError) -> Transpor
             "the name of the host is unknown",
             where=name,
             value=host,
-            cure="write its address, as in tcp://192.168.1.10:502",
+            cure="write the address of the device, as in tcp://192.168.1.10:502",
         )
     if isinstance(error, ConnectionRefusedError):
         return TransportError(

@@ -13,7 +13,7 @@ def today() -> date:
 
 
 def descriptions(config: CalibrationConfig, on: date) -> dict[str, str]:
-    """Return offset and scale of each sensor, and the age of its calibration on a day."""
+    """Return one text per sensor: its offset and scale, and the age of its calibration on the day `on`."""
     return {sensor: f"{sensor} {_description(calibration, on)}" for sensor, calibration in config}
 
 

@@ -20,15 +20,15 @@ def check_own_file(path: Path) -> None:
         raise ConfigError(
             "a shipped rig file is not changed",
             where=path.name,
-            cure=f"copy it (`cp {path} my-rig.toml`), then calibrate with the copy",
+            cure=f"copy the file (`cp {path} my-rig.toml`), then calibrate with the copy",
         )
 
 
 def store_calibration(path: Path, quantity: str, values: dict[str, Any]) -> None:
     """Write `values` as the section [calibration.QUANTITY] of the rig file, in place of an earlier one.
 
-    ConfigError when offset or scale is not that of a working sensor; DataError when the file cannot be written. Then
-    the file stays as it is.
+    ConfigError when no working sensor has such an offset or scale; DataError when the file cannot be written. In both
+    cases the file stays as it is.
     """
     try:
         validate({quantity: values}, CalibrationConfig, where=str(path))
@@ -37,7 +37,7 @@ def store_calibration(path: Path, quantity: str, values: dict[str, Any]) -> None
             f"no working {quantity} sensor has this calibration, so it is not stored",
             where=path,
             value=error.what,
-            cure="check type and wiring of the sensor, and that it was at the known value",
+            cure="check type and wiring of the sensor, and that the sensor was at the known value",
         ) from None
     document = tomlkit.parse(path.read_text(encoding="utf-8-sig"))
     section = document.setdefault("calibration", tomlkit.table(is_super_table=True))

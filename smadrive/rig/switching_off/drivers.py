@@ -54,10 +54,10 @@ def stop_late_drivers(
         stopped += late
         confirm_again()
     raise SafetyError(
-        "a new driver has started after every driver that was stopped",
+        "each time a driver was stopped, a new driver started",
         value=f"process {stopped[-1].pid} was the last",
         limit=MOST_LATE,
-        cure="end the program that starts them, or cut the heater's supply",
+        cure="end the program that starts the drivers, or cut the heater's supply",
     )
 
 

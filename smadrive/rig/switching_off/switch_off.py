@@ -1,11 +1,11 @@
-"""Switching off: every device of a rig enters its safe state, beginning with the one that heats.
+"""Switching off: every device of a rig enters its safe state; the heat source is the first.
 
 A driver that uses the line of a device is asked to stop first, because two programs on one line would take each other's
 replies for their own.
 
 Switching off must work whatever else is broken. It needs no wire, no limits, no sensor and no guardian. So only the
-addresses of the devices are read from the rig file, and every other device still enters its safe state if one device
-cannot be reached.
+addresses of the devices are read from the rig file. If one device cannot be reached, every other device still enters
+its safe state.
 """
 
 from __future__ import annotations

@@ -168,7 +168,7 @@ def test_too_long_reference_is_rejected_before_its_table_is_made(spec):
     with pytest.raises(DataError) as error:
         parse_reference(f"{spec},low_mm=1,high_mm=2")
     assert error.value.where == "reference"
-    assert "shorten it" in error.value.cure or "lower their number" in error.value.cure
+    assert "shorten it" in error.value.cure or "lower the number of" in error.value.cure
 
 
 @pytest.mark.parametrize(
