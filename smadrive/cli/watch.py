@@ -12,8 +12,9 @@ import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import Output
+from smadrive.cli.stdout import is_unread
 from smadrive.cli.views.announcement import announce
-from smadrive.cli.views.keyboard import end_key
+from smadrive.cli.views.keyboard import end_interrupt, end_key
 from smadrive.cli.views.watch_view import Extremes, watched_values
 from smadrive.clock import VirtualClock
 from smadrive.control.loop import Tick
@@ -41,6 +42,8 @@ def main(
 ) -> None:
     """Show the live values of RIG, without heat: the heater is never armed. The key q or Ctrl-C ends the command.
 
+    Both are its normal end, with exit code 0.
+
     On a terminal the values and a plot of the last minute are live; a pipe or a file gets a line a second.
     """
     output = Output(as_json)
@@ -52,12 +55,19 @@ def main(
         with notes_waiting_guardians(), Rig(config, trace_folder=trace) as open_rig:
             _check_end(open_rig, length_s)
             _print_latched(open_rig, output)
-            with _shown(open_rig, length_s, log_file, extremes, output) as record, end_key() as is_ended:
+            with _shown(open_rig, length_s, log_file, extremes, output) as record, _end() as is_ended:
                 observe(open_rig, length_s, record, is_ended)
     finally:
         if extremes.count:
             output.table(("quantity", "last", "lowest", "highest"), extremes.rows())
             output.say(f"{extremes.count} measurements" + ("" if log_file is None else f"   log: {log_file}"))
+
+
+@contextmanager
+def _end() -> Iterator[Callable[[], bool]]:
+    """Yield a function that returns True after q or Ctrl-C was pressed, or when the reader of the output is gone."""
+    with end_key() as is_pressed, end_interrupt() as is_interrupted:
+        yield lambda: is_pressed() or is_interrupted() or is_unread()
 
 
 @contextmanager
