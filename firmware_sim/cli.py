@@ -173,13 +173,23 @@ def _run(server: Server, addresses: Sequence[str], time: Time) -> None:
     with stop_on_signal(), contextlib.suppress(KeyboardInterrupt):
         if time is Time.REAL:
             use_real_time_scheduling()  # a reply that is late on a busy machine would trip the driver
-        for address in addresses:
-            typer.echo(address)
-        sys.stdout.flush()
+        _print_addresses(addresses)
         if time is Time.REAL:
             server.run_real()
         else:
             server.run_lockstep()
+
+
+def _print_addresses(addresses: Sequence[str]) -> None:
+    """Print the addresses to standard output. ConfigError when that fails, because the addresses are needed."""
+    try:
+        for address in addresses:
+            typer.echo(address)
+    except OSError as error:
+        sys.stdout = None  # so that the interpreter does not try again at its end
+        raise ConfigError(
+            "cannot be written", where="standard output", value=error.strerror, cure="redirect it to another place"
+        ) from None
 
 
 def _line_writer(file: TextIO) -> Callable[[str], None]:

@@ -158,11 +158,18 @@ class SafetyError(SmadriveError):
 
 
 class TripError(SafetyError):
-    """The supervisor or the device tripped; `number` is the number of the fault, and the message has its cause."""
+    """The supervisor or the device tripped.
 
-    def __init__(self, what: str, number: int, *, cure: str = "") -> None:
-        super().__init__(what, cure=cure)
+    `number` is the number of the fault. `what` is the whole sentence of the trip: number, cause, value, limit, remedy.
+    `cure` clears the latched fault.
+    """
+
+    def __init__(self, what: str, number: int, *, value: object = None, limit: object = None, cure: str = "") -> None:
+        super().__init__(what, value=value, limit=limit, cure=cure)
         self.number = number
+
+    def __str__(self) -> str:
+        return f"{_sentence(self.what)} {_sentence(self.cure)}" if self.cure else self.what
 
 
 class TakenOverError(SafetyError):

@@ -3,9 +3,10 @@
 It may import everything below it. Logic that scripts also need belongs to rig, runs or tuning, not here.
 
 Every error of smadrive becomes a message on stderr and an exit code: 2 usage or config, 3 communication or device,
-4 safety trip, 5 identification. The exit code of an interruption is 130. Ctrl-C, SIGTERM and a closed terminal unwind
-the program, so the heater is off before the program ends. A signal does not interrupt the switching off (see
-interrupts.py). The last lines say whether a run tripped and whether the heater is confirmed off.
+4 safety trip, 5 identification. The exit code of an interruption is 130; Ctrl-C is the normal end of `watch`, with 0.
+Ctrl-C, SIGTERM and a closed terminal unwind the program, so the heater is off before the program ends. A signal does
+not interrupt the switching off (see interrupts.py). The last lines say whether a run tripped and whether the heater is
+confirmed off.
 """
 
 from __future__ import annotations

@@ -9,6 +9,7 @@ import typer
 
 from smadrive.cli.options import RigFile
 from smadrive.cli.output import AsJson, Output
+from smadrive.cli.stdout import use_stderr_if_stdout_fails
 from smadrive.errors import SafetyError
 from smadrive.rig.switching_off.guardians import notes_waiting_guardians, waiting_guardians
 from smadrive.rig.switching_off.switch_off import switch_off
@@ -17,7 +18,12 @@ ClearFaults = Annotated[bool, typer.Option("--clear-faults", help="Also clear la
 
 
 def main(rig: RigFile, clear_faults: ClearFaults = False, as_json: AsJson = False) -> None:
-    """Emergency stop: stop the driver of RIG, if one runs, and switch the heater off, confirmed by read-back."""
+    """Emergency stop: stop the driver of RIG, if one runs, and switch the heater off, confirmed by read-back.
+
+    The exit code tells the state of the heater, and is 0 only if the heater is confirmed off. If standard output cannot
+    be written, the text goes to standard error.
+    """
+    use_stderr_if_stdout_fails()
     output = Output(as_json)
     with notes_waiting_guardians():
         off = switch_off(rig, clear_faults=clear_faults)

@@ -42,20 +42,22 @@ class Output:
     def table(self, header: Sequence[str], rows: Iterable[Sequence[str]], *, notes: bool = False) -> None:
         """Print a table for a person: names in the first column, numbers in the others.
 
-        With `notes`, the last column holds text.
+        With `notes`, the last column holds text. Where the terminal is too narrow for the numbers, the table becomes a
+        list.
         """
         if self.quiet:
             return
         from rich.console import Console  # noqa: PLC0415
-        from rich.table import Table  # noqa: PLC0415
 
-        table = Table(header_style="bold")
-        for n, name in enumerate(header):
-            is_text = n == 0 or (notes and n == len(header) - 1)
-            table.add_column(name, justify="left" if is_text else "right")
-        for row in rows:
-            table.add_row(*map(encodable, row))
-        Console(highlight=False, soft_wrap=True).print(table)
+        from smadrive.cli.table import fitted_table, list_lines  # noqa: PLC0415
+
+        console, shown = Console(highlight=False), [[*map(encodable, row)] for row in rows]
+        texts = {0, len(header) - 1} if notes else {0}
+        table = fitted_table(header, shown, texts, console.width)
+        if table is not None:
+            console.print(table)
+        else:
+            print(*list_lines(header, shown), sep="\n")
 
     def result(self, values: Mapping[str, Any]) -> None:
         """Print the JSON object for a program. JSON has no NaN: an unknown number becomes null."""

@@ -1,7 +1,10 @@
 """Standard output of the commands: a failed write raises one ConfigError, without a traceback or a message at exit.
 
-Each line is written at once. So the command that prints the line gets the error, and can still switch the heater off. A
-pipe that the reader has closed is not an error for the user.
+Each line is written at once. So the command that prints the line gets the error, and can still switch the heater off.
+
+A reader that closes its pipe early, as `head` does, neither ends the work nor changes its exit code: the rest of the
+output is dropped. Only `watch` ends then. The output of `off` goes to standard error if standard output fails in any
+way, and its exit code is that of the heater. A failed write to standard error is dropped in every command.
 
 A character that the encoding of an output does not have is replaced by other characters: in ASCII, "°C"
 becomes "deg C".
@@ -13,6 +16,7 @@ import codecs
 import io
 import os
 import sys
+from contextlib import suppress
 from typing import TYPE_CHECKING
 
 from smadrive.errors import ConfigError
@@ -65,35 +69,79 @@ def encodable(text: str) -> str:
     return text.encode(sys.stdout.encoding, sys.stdout.errors or "strict").decode(sys.stdout.encoding, "replace")
 
 
-class _Output(io.FileIO):
-    _has_failed = False
+class _Stdout(io.FileIO):
+    """Standard output. After the first failure, output goes to the descriptor `spare`, or is dropped without it."""
+
+    has_failed = False
+    is_unread = False
+    spare: int | None = None
 
     def write(self, content: ReadableBuffer, /) -> int:
-        """Write the content. The first failure raises ConfigError or BrokenPipeError; later output is dropped."""
-        if self._has_failed:
-            return len(memoryview(content))
+        """Write the content. A failure raises ConfigError, unless there is a spare or the reader is gone."""
+        if self.has_failed:
+            return self._write_to_spare(content)
         try:
             return super().write(content)
         except OSError as error:
-            self._has_failed = True
-            if isinstance(error, BrokenPipeError):
-                raise
+            self.has_failed = True
+            self.is_unread = isinstance(error, BrokenPipeError)
+            if self.spare is not None or self.is_unread:
+                return self._write_to_spare(content)
             raise ConfigError(
                 "cannot be written", where="standard output", value=error.strerror, cure="redirect it to another place"
             ) from None
 
+    def _write_to_spare(self, content: ReadableBuffer) -> int:
+        if self.spare is not None:
+            with suppress(OSError):
+                os.write(self.spare, content)
+        return memoryview(content).nbytes
+
+
+class _Stderr(io.FileIO):
+    """Standard error. A failed write has no effect, so it changes no exit code."""
+
+    def write(self, content: ReadableBuffer, /) -> int:
+        """Write the content, or drop it."""
+        with suppress(OSError):
+            return super().write(content)
+        return memoryview(content).nbytes
+
 
 def open_stdout() -> None:
-    """Replace Python's standard output by one that raises ConfigError at a failed write and substitutes characters.
+    """Replace Python's standard output and standard error by streams that handle failed writes as the head says.
 
     If standard output is closed, the null device replaces it, so that no other file gets its descriptor.
     """
     codecs.register_error(_SUBSTITUTING, _substitute)
     if isinstance(sys.stderr, io.TextIOWrapper):
-        sys.stderr.reconfigure(errors=_SUBSTITUTING)
+        sys.stderr = _text(_Stderr(sys.stderr.fileno(), "w", closefd=False), sys.stderr.encoding)
     if sys.stdout is None:
-        sys.stdout = open(os.devnull, "w", encoding="utf-8")  # noqa: PTH123, SIM115 (open as long as the program lasts)
-        return
-    encoding = sys.stdout.encoding
-    raw = _Output(sys.stdout.fileno(), "w", closefd=False)
-    sys.stdout = io.TextIOWrapper(io.BufferedWriter(raw), encoding, _SUBSTITUTING, line_buffering=True)
+        raw = _Stdout(os.open(os.devnull, os.O_WRONLY), "w")
+        raw.has_failed = True
+        sys.stdout = _text(raw, "utf-8")
+    else:
+        sys.stdout = _text(_Stdout(sys.stdout.fileno(), "w", closefd=False), sys.stdout.encoding)
+
+
+def _text(raw: io.FileIO, encoding: str) -> io.TextIOWrapper:
+    return io.TextIOWrapper(io.BufferedWriter(raw), encoding, _SUBSTITUTING, line_buffering=True)
+
+
+def is_unread() -> bool:
+    """Return True after a write found that the reader of standard output has closed the pipe."""
+    raw = _raw_stdout()
+    return raw is not None and raw.is_unread
+
+
+def use_stderr_if_stdout_fails() -> None:
+    """From now on, write to standard error what cannot be written to standard output."""
+    raw = _raw_stdout()
+    if raw is not None and sys.stderr is not None:
+        raw.spare = sys.stderr.fileno()
+
+
+def _raw_stdout() -> _Stdout | None:
+    """Return the stream of `open_stdout`, or None in a program that has not called it."""
+    raw = getattr(getattr(sys.stdout, "buffer", None), "raw", None)
+    return raw if isinstance(raw, _Stdout) else None

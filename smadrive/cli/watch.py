@@ -11,8 +11,9 @@ import typer
 
 from smadrive.cli.options import PAGE_PORT, RigFile, TraceFolder
 from smadrive.cli.output import Output
+from smadrive.cli.stdout import is_unread
 from smadrive.cli.views.announcement import announce
-from smadrive.cli.views.keyboard import end_key
+from smadrive.cli.views.keyboard import end_interrupt, end_key
 from smadrive.cli.views.watch_view import Extremes, watched_values
 from smadrive.clock import VirtualClock
 from smadrive.control.loop import Tick
@@ -51,6 +52,8 @@ def main(
 ) -> None:
     """Show the live values of RIG, without heat: the heater is never armed. The key q or Ctrl-C ends the command.
 
+    Both are its normal end, with exit code 0.
+
     On a terminal the values and a plot of the last minute are live; a pipe or a file gets a line a second. The page has
     no controls: it shows plots of the whole time, and several people can open it.
     """
@@ -71,7 +74,7 @@ def main(
                 if log_file is not None:
                     takers.append(stack.enter_context(record_observation(log_file, open_rig, length_s)).tick)
                     announce(output, log_file, "the observation", length_s, open_rig.clock)
-                ends = [stack.enter_context(end_key())]
+                ends = [stack.enter_context(end_key()), stack.enter_context(end_interrupt()), is_unread]
                 if options is not None:
                     feed = stack.enter_context(_page(open_rig, options, output))
                     takers.append(feed.tick)

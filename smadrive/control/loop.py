@@ -192,6 +192,6 @@ class ControlLoop:
 
     def _tripped(self, trip: Trip) -> TripError:
         self.figures.trips += 1
-        error = TripError(str(trip), trip.fault.number)
+        error = trip.error()
         self._on_trip(error)
         return error

@@ -34,8 +34,9 @@ from smadrive.rig.controllers import excitation_controller, tracking_controller
 from smadrive.rig.plan import STALE_PERIODS, plan_rig
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR
+from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.shutdown import ends_safe
-from smadrive.safety.supervisor import SafetyLimits, Supervisor
+from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import UNCERTAINTIES, TemperatureBand
 from smadrive.wire.data_sheet import load_data_sheet
 from smadrive.wire.heat_balance import HeatBalance
@@ -207,6 +208,7 @@ class Rig:
         guarded = SafetyLimits(
             limits.temperature_max_c,
             limits.temperature_min_c,
+            limits.current_max_a,
             stale_after_s=max(limits.stale_after_s, STALE_PERIODS * self.period_s),
             current_tolerance_a=min(CURRENT_TOLERANCE_A, ZERO_SHARE * limits.current_max_a),
             settle_s=self.heater.source.settle_s,

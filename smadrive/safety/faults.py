@@ -8,6 +8,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import Enum
 
+from smadrive.errors import TripError
+
 
 class Fault(Enum):
     """A fault: number, cause and remedy."""
@@ -114,12 +116,18 @@ CLEAR = "Clear it once its cause is gone: `smadrive off RIG --clear-faults`, or 
 
 @dataclass(frozen=True, slots=True)
 class Trip:
-    """A latched fault with the value that raised it."""
+    """A latched fault with the value that raised it, and the limit that the value violates if it is a single one."""
 
     fault: Fault
     time_s: float
     detail: str
+    limit: str | None = None
 
     def __str__(self) -> str:
         """Return one sentence for the user."""
-        return f"fault {self.fault.number}: {self.fault.cause} ({self.detail}); {self.fault.remedy}"
+        limit = "" if self.limit is None else f", limit {self.limit}"
+        return f"fault {self.fault.number}: {self.fault.cause} ({self.detail}{limit}); {self.fault.remedy}"
+
+    def error(self) -> TripError:
+        """Return the error that ends the run."""
+        return TripError(str(self), self.fault.number, value=self.detail, limit=self.limit, cure=CLEAR)

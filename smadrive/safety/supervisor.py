@@ -7,7 +7,6 @@ several of the latest samples show them. Late, wrong or missing data are faults,
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 from math import inf, isfinite
 
 from smadrive.errors import SafetyError
@@ -15,6 +14,7 @@ from smadrive.measurement import Measurement
 from smadrive.safety.debounce import Debounce
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR, Fault, Trip
+from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.temperature_band import FROZEN_C, TemperatureBand
 
 LATE_TICKS = 20
@@ -22,28 +22,6 @@ LATE_TICKS = 20
 
 REFUSED = "refused to arm"
 """The beginning of every message which says that heating must not begin."""
-
-
-@dataclass(frozen=True, slots=True)
-class SafetyLimits:
-    """Limits of a run, from the rig file.
-
-    Within `settle_s` the heat source reaches a commanded current: the measured current must lie between the smallest
-    and the largest command of this time, ± `current_tolerance_a`. A displacement may be outside its band for
-    `misplaced_for_s`, because the thermocouple lags. For `tracking_for_s` the displacement may be unknown, or differ
-    from the setpoint by more than `tracking_max_mm`.
-    """
-
-    temperature_max_c: float
-    temperature_min_c: float = -20.0
-    stale_after_s: float = 0.3
-    current_tolerance_a: float = 0.05
-    settle_s: float = 0.0
-    displacement_min_mm: float = -inf
-    displacement_max_mm: float = inf
-    tracking_max_mm: float = inf
-    tracking_for_s: float = 2.0
-    misplaced_for_s: float = 2.0
 
 
 class Supervisor:
@@ -102,9 +80,8 @@ class Supervisor:
             self._fresh_s = now_s
         age_s = now_s - self._fresh_s
         if age_s > self._limits.stale_after_s:
-            self._raise(
-                Fault.STALE_DATA, now_s, f"{age_s:.2f} s without a measurement, limit {self._limits.stale_after_s:g} s"
-            )
+            limit = f"{self._limits.stale_after_s:g} s"
+            self._raise(Fault.STALE_DATA, now_s, f"{age_s:.2f} s without a measurement", limit)
         return self.trip
 
     def check_deadline(self, missed: bool, now_s: float) -> Trip | None:
@@ -143,7 +120,7 @@ class Supervisor:
 
     def _check_device(self, measurement: Measurement) -> None:
         if measurement.device_faults:
-            self._raise(Fault.DEVICE_FAULT, measurement.time_s, ", ".join(measurement.device_faults))
+            self._raise(Fault.DEVICE_FAULT, measurement.time_s, *self._limits.device_faults(measurement))
         elif self._disarmed.update(not measurement.armed):
             self._raise(Fault.DISARMED, measurement.time_s, "its output is off")
 
@@ -152,11 +129,11 @@ class Supervisor:
         if self._invalid.update(not isfinite(temperature_c)):
             self._raise(Fault.SENSOR_INVALID, measurement.time_s, measurement.temperature_fault or "no reading")
         if self._hot.update(temperature_c > limits.temperature_max_c):
-            detail = f"{temperature_c:.1f} °C, limit {limits.temperature_max_c:g} °C"
-            self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail)
+            limit = f"{limits.temperature_max_c:g} °C"
+            self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, f"{temperature_c:.1f} °C", limit)
         if self._cold.update(temperature_c < limits.temperature_min_c):
-            detail = f"{temperature_c:.1f} °C, limit {limits.temperature_min_c:g} °C"
-            self._raise(Fault.UNDER_TEMPERATURE, measurement.time_s, detail)
+            limit = f"{limits.temperature_min_c:g} °C"
+            self._raise(Fault.UNDER_TEMPERATURE, measurement.time_s, f"{temperature_c:.1f} °C", limit)
 
     def _check_current(self, measurement: Measurement) -> None:
         """Compare the measured current with the commands of the last `settle_s`."""
@@ -171,9 +148,8 @@ class Supervisor:
         lacking = measured_a < least_a - tolerance_a and not _is_excused(measurement, least_a)
         if self._mismatch.update(measured_a > most_a + tolerance_a or lacking):
             fault = Fault.CURRENT_MISMATCH if most_a > 0 else Fault.UNEXPECTED_HEATING
-            self._raise(
-                fault, measurement.time_s, f"{measured_a:.3f} A measured, {least_a:.3f} to {most_a:.3f} A commanded"
-            )
+            detail = f"{measured_a:.3f} A measured, {least_a:.3f} to {most_a:.3f} A commanded"
+            self._raise(fault, measurement.time_s, detail, f"± {tolerance_a:.2g} A")
 
     def _check_power(self, measurement: Measurement) -> None:
         """Compute the power from current and voltage. If one of them is unknown, keep the previous power."""
@@ -190,7 +166,7 @@ class Supervisor:
         band = self._temperature_band.update(reading_c, self._power_w, dt_s)
         if band.coldest_c > self._limits.temperature_max_c:
             detail = f"at least {band.coldest_c:.0f} °C by the heat input, the thermocouple reads {reading_c:.1f} °C"
-            self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail)
+            self._raise(Fault.OVER_TEMPERATURE, measurement.time_s, detail, f"{self._limits.temperature_max_c:g} °C")
         if self._frozen.update(band.unseen_c > FROZEN_C):
             detail = f"{reading_c:.2f} °C, while the temperature changed by at least {band.unseen_c:.0f} K"
             self._raise(Fault.SENSOR_FROZEN, measurement.time_s, detail)
@@ -207,12 +183,14 @@ class Supervisor:
             self._raise(Fault.DISPLACEMENT_UNKNOWN, measurement.time_s, f"no reading for {limits.tracking_for_s:g} s")
         outside = measured_mm < limits.displacement_min_mm or measured_mm > limits.displacement_max_mm
         if self._strayed.update(outside):
-            self._raise(Fault.OVER_DISPLACEMENT, measurement.time_s, f"{measured_mm:.3f} mm")
+            is_low = measured_mm < limits.displacement_min_mm
+            limit = f"{limits.displacement_min_mm if is_low else limits.displacement_max_mm:g} mm"
+            self._raise(Fault.OVER_DISPLACEMENT, measurement.time_s, f"{measured_mm:.3f} mm", limit)
         if self._following_s is None or not abs(setpoint_mm - measured_mm) > limits.tracking_max_mm:
             self._following_s = measurement.time_s
         elif measurement.time_s - self._following_s > limits.tracking_for_s:
             detail = f"setpoint {setpoint_mm:.3f} mm, measured {measured_mm:.3f} mm, for {limits.tracking_for_s:g} s"
-            self._raise(Fault.TRACKING_LOST, measurement.time_s, detail)
+            self._raise(Fault.TRACKING_LOST, measurement.time_s, detail, f"{limits.tracking_max_mm:g} mm")
 
     def _check_displacement_band(self, measurement: Measurement) -> None:
         outside = self._outside_band(measurement)
@@ -226,9 +204,9 @@ class Supervisor:
             return None
         return self._displacement_band.outside(measurement.temperature_c, measurement.displacement_mm)
 
-    def _raise(self, fault: Fault, time_s: float, detail: str) -> None:
+    def _raise(self, fault: Fault, time_s: float, detail: str, limit: str | None = None) -> None:
         if self.trip is None:
-            self.trip = Trip(fault, time_s, detail)
+            self.trip = Trip(fault, time_s, detail, limit)
 
 
 def check_thermocouple(measurement: Measurement) -> None:

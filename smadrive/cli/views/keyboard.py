@@ -1,14 +1,16 @@
-"""The key that ends a command on a terminal."""
+"""The keys that end a command on a terminal: q and Ctrl-C."""
 
 from __future__ import annotations
 
 import os
 import select
+import signal
 import sys
 import termios
 import tty
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from types import FrameType
 
 END_KEYS = b"qQ"
 
@@ -30,6 +32,23 @@ def end_key() -> Iterator[Callable[[], bool]]:
     finally:
         with suppress(OSError, termios.error):
             termios.tcsetattr(terminal, termios.TCSANOW, before)
+
+
+@contextmanager
+def end_interrupt() -> Iterator[Callable[[], bool]]:
+    """Yield a function that returns True after the first Ctrl-C. The second Ctrl-C interrupts the command."""
+    before = signal.getsignal(signal.SIGINT)
+    received: list[int] = []
+
+    def receive(number: int, _frame: FrameType | None) -> None:
+        received.append(number)
+        signal.signal(signal.SIGINT, before)
+
+    signal.signal(signal.SIGINT, receive)
+    try:
+        yield lambda: bool(received)
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 def _own_terminal() -> int | None:

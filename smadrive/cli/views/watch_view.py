@@ -78,7 +78,7 @@ class WatchView:
         tick = self._latest
         if tick is None:
             return Text(f"{self._name}: starting")
-        text = Text(no_wrap=True, overflow="ellipsis")
+        text = Text(overflow="fold")
         text.append(self._name, "bold").append(f"  {tick.time_s:.1f} s, heater off; q or Ctrl-C ends")
         history = tuple(self._history)
         for name, attribute, digits, unit, span in QUANTITIES:

@@ -69,11 +69,11 @@ class TripLatch:
 
     def latch(self, trip: TripError) -> None:
         """Latch the trip. If its record cannot be written, the latch ends with the process, and `trip` gets a note."""
-        self._trip = str(trip)
+        self._trip = trip.what
         if self._key is None:
             return
         try:
-            _write(self._key, str(trip))
+            _write(self._key, trip.what)
         except (OSError, DataError) as error:
             trip.add_note(f"the next start of the driver will not know this trip: {error}")
 

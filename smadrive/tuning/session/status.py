@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from typing import Any
 
+from smadrive.errors import TripError
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
 from smadrive.safety.shutdown import shutdown_of
@@ -76,7 +77,8 @@ class Status:
         """Store `error` with its notes as the open fault; `is_safe` is then False only after a failed shutdown."""
         outcome = shutdown_of(error)
         self.is_safe = outcome is None or outcome.confirmed
-        self.fault = " — ".join([str(error), *getattr(error, "__notes__", ())])
+        text = error.what if isinstance(error, TripError) else str(error)  # the page has a button that clears the trip
+        self.fault = " — ".join([text, *getattr(error, "__notes__", ())])
         self.fault_type = type(error).__name__
         self.fault_s = time_s
         self.add_event(time_s, self.fault)

@@ -232,30 +232,6 @@ def test_run_warns_that_only_tune_adapts_the_rules(track, tmp_path):
     assert log.json("caveats") == ran["caveats"]
 
 
-@pytest.mark.parametrize("unbuffered", ["", "1"])
-@pytest.mark.parametrize(
-    "arguments", [("--help",), ("--version",), ("probe", "in-process"), ("off", "in-process", "--json")]
-)
-def test_full_disk_is_an_error_and_a_closed_pipe_is_not(tmp_path, arguments, unbuffered):
-    environment = {**os.environ, "PYTHONUNBUFFERED": unbuffered}
-    with Path("/dev/full").open("w") as full:
-        done = smadrive(*arguments, cwd=tmp_path, stdout=full, env=environment, is_from_scratch=True)
-    assert done.returncode == 2
-    assert done.stderr.startswith("smadrive: standard output: cannot be written (No space left on device)")
-    assert len(done.stderr.splitlines()) == 1
-    reading, writing = os.pipe()
-    os.close(reading)
-    unread = smadrive(*arguments, cwd=tmp_path, stdout=writing, env=environment, is_from_scratch=True)
-    assert unread.stderr == ""
-    os.close(writing)
-
-
-def test_command_works_without_a_standard_output(tmp_path):
-    command = ["sh", "-c", '"$0" -m smadrive off in-process --json >&-', sys.executable]
-    done = subprocess.run(command, cwd=tmp_path, stderr=subprocess.PIPE, text=True, check=False)
-    assert (done.returncode, done.stderr) == (0, "")
-
-
 @pytest.mark.parametrize("encoding", ["ascii", "ascii:strict"])
 def test_output_in_another_encoding_has_substitutes(tmp_path, encoding):
     environment = {**os.environ, "PYTHONIOENCODING": encoding}

@@ -3,6 +3,7 @@
 import contextlib
 import io
 import json
+import signal
 import subprocess
 import sys
 import tomllib
@@ -62,6 +63,19 @@ def test_pipe_gets_a_line_a_second_and_a_table(tmp_path):
     assert times == ["0.0", "1.0", "2.0", "3.0"]
     assert "61 measurements" in done.stdout
     assert "highest" in done.stdout
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 130)])
+def test_interrupt_is_a_normal_end_and_a_termination_is_not(tmp_path, number, code):
+    command = [sys.executable, "-m", "smadrive", "watch", "in-process", "--for", "1e9"]
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE}
+    with programs.Program(command, cwd=tmp_path, text=True, **streams) as process:
+        assert "0.0 s: " in process.stdout.readline()
+        process.send_signal(number)
+        output, errors = process.communicate()
+    assert process.returncode == code
+    assert "highest" in output
+    assert ("interrupted" in errors) == (code == 130)
 
 
 @pytest.mark.parametrize(

@@ -125,5 +125,5 @@ def test_trip_is_latched_before_the_heater_is_switched_off():
             rig.heater.source.enter_safe_state = lambda: (states.append(rig.latch.read()), enter_safe_state())[1]
             with pytest.raises(TripError) as trip:
                 heat(rig)
-            assert states[-1] == str(trip.value)
+            assert states[-1] == trip.value.what
             rig.clear_faults()

@@ -10,7 +10,8 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
 from smadrive.safety.displacement_band import DisplacementBand
 from smadrive.safety.faults import CLEAR, Fault
-from smadrive.safety.supervisor import SafetyLimits, Supervisor
+from smadrive.safety.safety_limits import SafetyLimits
+from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import IDENTIFIED, TemperatureBand
 from smadrive.wire.heat_balance import HeatBalance
 
@@ -138,6 +139,29 @@ def test_trip_text_has_number_cause_value_limit_and_remedy():
     text = str(trip)
     for part in ("fault 1", "hotter", "125.0 °C", "120", "let it cool"):
         assert part in text
+
+
+@pytest.mark.parametrize(
+    ("fields", "value", "limit"),
+    [
+        ({"temperature_c": 125.04}, "125.0 °C", "120 °C"),
+        ({"temperature_c": -30.0}, "-30.0 °C", "-20 °C"),
+        ({"displacement_mm": 13.5}, "13.500 mm", "12 mm"),
+        ({"displacement_mm": -1.5}, "-1.500 mm", "-1 mm"),
+        ({"device_faults": ("over_temperature",), "temperature_c": 119.9}, "119.9 °C", "temperature_max_c = 120 °C"),
+        ({"device_faults": ("over_current",), "current_a": 0.62}, "0.620 A", "current_max_a = 0.6 A"),
+        ({"device_faults": ("watchdog",)}, "watchdog", None),
+        ({"current_a": 0.31}, "0.310 A", "± 0.05 A"),
+    ],
+)
+def test_error_of_a_trip_has_value_limit_and_the_cure_that_clears_it(fields, value, limit):
+    supervisor = Supervisor(replace(LIMITS, current_max_a=0.6, displacement_min_mm=-1.0, displacement_max_mm=12.0))
+    while (trip := supervisor.update(sample()._replace(**fields), nan)) is None:
+        pass
+    error = trip.error()
+    assert value in error.value
+    assert (error.number, error.limit, error.cure) == (trip.fault.number, limit, CLEAR)
+    assert all(str(error).count(part) == 1 for part in (error.what[:-1], CLEAR, limit or value))
 
 
 def test_fault_numbers_are_unique():

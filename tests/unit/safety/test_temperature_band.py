@@ -10,7 +10,8 @@ from hypothesis import strategies as st
 from smadrive.hysteresis import DuhemModel
 from smadrive.measurement import Measurement
 from smadrive.safety.faults import Fault
-from smadrive.safety.supervisor import SafetyLimits, Supervisor
+from smadrive.safety.safety_limits import SafetyLimits
+from smadrive.safety.supervisor import Supervisor
 from smadrive.safety.temperature_band import IDENTIFIED, NOMINAL, TemperatureBand
 from smadrive.wire.data_sheet import load_data_sheet
 

@@ -1,0 +1,43 @@
+"""The limits of a run that the supervisor checks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from math import inf
+
+from smadrive.measurement import Measurement
+
+
+@dataclass(frozen=True, slots=True)
+class SafetyLimits:
+    """Limits of a run, from the rig file.
+
+    Within `settle_s` the heat source reaches a commanded current: the measured current must lie between the smallest
+    and the largest command of this time, ± `current_tolerance_a`. A displacement may be outside its band for
+    `misplaced_for_s`, because the thermocouple lags. For `tracking_for_s` the displacement may be unknown, or differ
+    from the setpoint by more than `tracking_max_mm`.
+    """
+
+    temperature_max_c: float
+    temperature_min_c: float = -20.0
+    current_max_a: float = inf
+    stale_after_s: float = 0.3
+    current_tolerance_a: float = 0.05
+    settle_s: float = 0.0
+    displacement_min_mm: float = -inf
+    displacement_max_mm: float = inf
+    tracking_max_mm: float = inf
+    tracking_for_s: float = 2.0
+    misplaced_for_s: float = 2.0
+
+    def device_faults(self, measurement: Measurement) -> tuple[str, str | None]:
+        """Return the latched faults of the device, and the limit of the rig with which the device has compared.
+
+        The limit is None for faults without such a limit.
+        """
+        faults = ", ".join(measurement.device_faults)
+        if "over_temperature" in measurement.device_faults:
+            return f"{faults}: {measurement.temperature_c:.1f} °C", f"temperature_max_c = {self.temperature_max_c:g} °C"
+        if "over_current" in measurement.device_faults:
+            return f"{faults}: {measurement.current_a:.3f} A", f"current_max_a = {self.current_max_a:g} A"
+        return faults, None
