@@ -105,7 +105,6 @@ def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], kind: Kin
         v, y = paired_vectors(data, displacement_mm)
         return fit_columns(v, y, columns, kind, sets), ""
     if isinstance(data, Run):
-        _check_excitation(data)
         return fit_log(data.log, kind, sets), str(data.log_file)
     if isinstance(data, str | os.PathLike):
         return fit_file(Path(data), columns, kind, sets), str(data)
@@ -114,13 +113,6 @@ def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], kind: Kin
         return fit_columns(v, y, columns, kind, sets), ""
     cure = "pass a run, the path of a log or CSV file, a table with columns by name, or two arrays"
     raise ConfigError("no record", where="data", value=type(data).__qualname__, cure=cure)
-
-
-def _check_excitation(run: Run) -> None:
-    """Raise DataError for a run that is not an excitation."""
-    if run.kind != "excitation":
-        cure = "identify the run of rig.excite; to fit its columns anyway, pass run.to_xarray()"
-        raise DataError("not the log of an excitation", where=run.log_file, value=run.kind, cure=cure)
 
 
 def _column(table: Any, name: str) -> NDArray[np.float64]:

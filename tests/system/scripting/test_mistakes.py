@@ -64,6 +64,12 @@ MISTAKES = [
     ("data", lambda rig, wire: smadrive.identify([1.0, 2.0], ["a", "b"]), DataError, "not numbers"),
     ("data", lambda rig, wire: smadrive.identify([1.0, 2.0], [1.0, 2.0]), IdentificationError, "less than one full"),
     ("data", lambda rig, wire: smadrive.identify(rig.drive(Warm(), wire, duration_s=1)), DataError, "not the log of"),
+    (
+        "data",
+        lambda rig, wire: smadrive.identify(rig.heat(1.0, current_a=0.1, log="warm.h5").log_file),
+        DataError,
+        "warm.h5: not the log of an excitation (manual step)",
+    ),
     ("data", lambda rig, wire: smadrive.identify({"temperature": [1.0]}), DataError, "no column 'temperature_c'"),
     ("data", lambda rig, wire: smadrive.identify("absent.csv"), DataError, "no such file"),
     ("kind", lambda rig, wire: smadrive.identify("excitation.h5", kind="fuzy"), ConfigError, "kind: unknown ('fuzy')"),
