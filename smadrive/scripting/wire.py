@@ -16,6 +16,7 @@ from smadrive.files.kinds import MODEL
 from smadrive.files.spelling import suggestion_or_list
 from smadrive.identification.wire import AnyFit, Kind
 from smadrive.numerics.arrays import paired_vectors
+from smadrive.numerics.scalars import whole_number
 from smadrive.runs.figures.fit_plots import loop_figure, model_figure
 from smadrive.runs.plots import PlotFigure
 from smadrive.runs.record_fit import RecordFit, fit_columns, fit_file, fit_log
@@ -73,7 +74,7 @@ def identify(
 
     DataError for a record that cannot be used, IdentificationError for a record that does not determine the model.
     """
-    _check_options(kind, sets)
+    _check_options(kind, sets, (input, output))
     record, source = _fitted(data, displacement_mm, (input, output), kind, sets)
     wire = record.wire(source)
     axes = ("wire temperature / °C", "displacement / mm") if record.thermal is not None else record.axes
@@ -91,12 +92,14 @@ def load_wire(path: str | os.PathLike[str]) -> Wire:
     return Wire(wire.model, wire.heat_balance, wire.caveats, wire.metrics, wire.source)
 
 
-def _check_options(kind: object, sets: object) -> None:
+def _check_options(kind: object, sets: object, columns: tuple[object, object]) -> None:
     if kind not in KINDS:
         raise ConfigError("unknown", where="kind", value=repr(kind), cure=suggestion_or_list(str(kind), KINDS))
-    if not isinstance(sets, int) or not SETS[0] <= sets <= SETS[1]:
-        limit = f"{SETS[0]} to {SETS[1]}"
-        raise ConfigError("not a number of fuzzy sets", where="sets", value=repr(sets), limit=limit)
+    whole_number(sets, "sets", "fuzzy sets", *SETS)
+    for where, name in zip(("input", "output"), columns, strict=True):
+        if not isinstance(name, str):
+            cure = "pass the name of a column"
+            raise ConfigError("of the wrong type", where=where, value=type(name).__qualname__, cure=cure)
 
 
 def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], kind: Kind, sets: int) -> tuple[RecordFit, str]:
