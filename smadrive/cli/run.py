@@ -57,7 +57,10 @@ def main(
     model: Annotated[Path | None, typer.Option(help="Model file; by default the model of the rig file.")] = None,
     smooth: Annotated[
         bool,
-        typer.Option("--smooth", help="If the wire cannot follow the reference, track the nearest feasible reference."),
+        typer.Option(
+            "--smooth",
+            help="If the wire cannot follow the reference, track the nearest feasible reference; also with --resume.",
+        ),
     ] = False,
     repeat: Annotated[
         int | None, typer.Option(min=1, help="Repeat the reference this number of times, and measure every cycle.")
@@ -71,12 +74,15 @@ def main(
     """Track a displacement reference with the wire of RIG, by the inverse of its identified model.
 
     The run is simulated on the model before the wire is heated. A reference that the wire cannot follow is an error.
-    --resume takes reference, model and number of cycles from a log, which stays as it is.
+    --resume takes reference, model and number of cycles from a log, which stays as it is. --smooth, --trace and
+    --log-file apply to the cycles that it runs.
     """
     output = Output(as_json)
     check_output(log_file, LOG)
     config = load_rig(rig)
     given = _resumed(resume, config, reference, model, repeat) or _given(config, reference, model, repeat)
+    if given.cycling is not None and given.cycling.continues:
+        output.say(_resumed_text(given.cycling, smooth=smooth))
     try:
         with Rig(config, trace_folder=trace) as open_rig:
             plan = plan_tracking(
@@ -122,6 +128,13 @@ def _resumed(
             what, cure = "--resume takes this value from the log", "leave the option out"
             raise ConfigError(what, where=option, value=value, cure=cure)
     return _Given(*continuation_of(resume, config))
+
+
+def _resumed_text(cycling: Cycling, *, smooth: bool) -> str:
+    """Return the line that says which cycles a resumed run does, and whether `--smooth` applies to them."""
+    first = len(cycling.before) + 1
+    applied = "; --smooth applies to them" if smooth else ""
+    return f"resuming {cycling.continues}: cycles {first} to {cycling.total} of its reference{applied}"
 
 
 def _print_metrics(log: Log, loop: LoopMetrics | None, output: Output, *, tripped: str | None) -> None:

@@ -112,6 +112,19 @@ def test_resumed_run_does_the_rest_and_leaves_the_first_log(folder):
     assert "all cycles are done" in again.stderr
 
 
+@pytest.mark.parametrize("options", [("--smooth",), ("--smooth", "--trace", "traces")])
+def test_resumed_run_says_which_cycles_it_does_and_that_smooth_applies(folder, tmp_path, options):
+    log_file = tmp_path / "rest.h5"
+    done = smadrive(folder, "run", "in-process", "--resume", "part.h5", "-o", log_file, *options)
+    assert done.returncode == 0, done.stderr
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("resuming ")]
+    assert "part.h5" in line
+    assert "3 to 4" in line
+    assert "--smooth" in line
+    assert "given_reference" in read_log(log_file).metadata
+    assert (folder / "traces" / "board.trace").exists() is ("--trace" in options)
+
+
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
