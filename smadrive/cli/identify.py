@@ -17,8 +17,8 @@ from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL, PAGE
 from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
 from smadrive.identification.thermal import ThermalFit
-from smadrive.identification.wire import DUHEM_COMPONENTS, AnyFit
-from smadrive.runs.record_fit import fit_file
+from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, AnyFit
+from smadrive.runs.record_fit import INPUT, OUTPUT, fit_file
 
 
 class Kind(StrEnum):
@@ -32,15 +32,20 @@ def main(
     data: Annotated[Path, typer.Argument(help="CSV, or the log (.h5) of `smadrive excite`.")],
     model_file: Annotated[Path, typer.Option("--model-file", "-o", help="Model file (JSON) to write.")],
     kind: Annotated[Kind, typer.Option(help="T-S fuzzy Duhem model, or Duhem model.")] = Kind.tsfuzzy,
-    sets: Annotated[int, typer.Option(min=3, max=99, help="Number of fuzzy sets; each set has two rules.")] = 11,
+    sets: Annotated[
+        int | None,
+        typer.Option(
+            min=3, max=99, help=f"Number of fuzzy sets (--kind tsfuzzy), two rules each; by default {FUZZY_SETS}."
+        ),
+    ] = None,
     components: Annotated[
         int | None,
         typer.Option(
             min=1, max=6, help=f"Gaussians per branch of a Duhem model (--kind duhem); by default {DUHEM_COMPONENTS}."
         ),
     ] = None,
-    input_column: Annotated[str, typer.Option("--input", help="Column of the input (CSV).")] = "temperature_c",
-    output_column: Annotated[str, typer.Option("--output", help="Column of the output (CSV).")] = "displacement_mm",
+    input_column: Annotated[str, typer.Option("--input", help="Column of the input (CSV).")] = INPUT,
+    output_column: Annotated[str, typer.Option("--output", help="Column of the output (CSV).")] = OUTPUT,
     plot: Annotated[Path | None, typer.Option(help="Page (HTML) to write, with loop, residuals and rules.")] = None,
     as_json: AsJson = False,
 ) -> None:
@@ -50,12 +55,19 @@ def main(
         raise ConfigError(
             "only a Duhem model has Gaussians", where="--components", cure="add --kind duhem, or use --sets"
         )
+    if sets is not None and kind is not Kind.tsfuzzy:
+        cure = "leave it out, or use --components"
+        raise ConfigError("only a T-S fuzzy model has fuzzy sets", where="--sets", value=sets, cure=cure)
     check_output(model_file, MODEL, data)
     if plot is not None:
         check_output(plot, PAGE, data)
     with output.progress(f"fitting {data.name}"):
         result = fit_file(
-            data, (input_column, output_column), kind.value, sets, components=components or DUHEM_COMPONENTS
+            data,
+            (input_column, output_column),
+            kind.value,
+            sets or FUZZY_SETS,
+            components=components or DUHEM_COMPONENTS,
         )
     fit, thermal = result.fit, result.thermal
     replaced = model_file.exists()

@@ -57,7 +57,10 @@ def main(
     model: Annotated[Path | None, typer.Option(help="Model file; by default the model of the rig file.")] = None,
     smooth: Annotated[
         bool,
-        typer.Option("--smooth", help="If the wire cannot follow the reference, track the nearest feasible reference."),
+        typer.Option(
+            "--smooth",
+            help="If the wire cannot follow the reference, track the nearest feasible reference; also with --resume.",
+        ),
     ] = False,
     repeat: Annotated[
         int | None, typer.Option(min=1, help="Repeat the reference this number of times, and measure every cycle.")
@@ -71,27 +74,31 @@ def main(
     """Track a displacement reference with the wire of RIG, by the inverse of its identified model.
 
     The run is simulated on the model before the wire is heated. A reference that the wire cannot follow is an error.
-    --resume takes reference, model and number of cycles from a log, which stays as it is.
+    --resume takes reference, model and number of cycles from a log, which stays as it is. --smooth, --trace and
+    --log-file apply to the cycles that it runs.
     """
-    output = Output(as_json)
+    output, warned = Output(as_json), tuple[str, ...]()
     check_output(log_file, LOG)
     config = load_rig(rig)
     given = _resumed(resume, config, reference, model, repeat) or _given(config, reference, model, repeat)
+    if given.cycling is not None and given.cycling.continues:
+        output.say(_resumed_text(given.cycling, smooth=smooth))
     try:
         with Rig(config, trace_folder=trace) as open_rig:
             plan = plan_tracking(
                 open_rig, given.reference, given.wire, smooth=smooth, smooth_option="--smooth", cycling=given.cycling
             )
             plan = replace(plan, caveats=(*given.caveats, *plan.caveats))
-            output.warn(plan.caveats)
+            warned = plan.caveats
+            output.warn(warned)
             watch = shown("tracking", config.limits.current_max_a, quiet=output.quiet)
             loop = track(log_file, open_rig, plan, announced(output, log_file, "the run", open_rig.clock, watch))
     except TripError as trip:
         try:
-            _print_metrics(read_log(log_file), None, output, tripped=str(trip))
+            _print_metrics(read_log(log_file), None, output, warned, tripped=str(trip))
         finally:
             raise trip  # also when the output cannot be written
-    _print_metrics(read_log(log_file), loop, output, tripped=None)
+    _print_metrics(read_log(log_file), loop, output, warned, tripped=None)
 
 
 def _given(config: RigConfig, reference: str | None, model: Path | None, repeat: int | None) -> _Given:
@@ -124,15 +131,27 @@ def _resumed(
     return _Given(*continuation_of(resume, config))
 
 
-def _print_metrics(log: Log, loop: LoopMetrics | None, output: Output, *, tripped: str | None) -> None:
-    """Print the metrics of the run up to its end or its trip. `loop` is None after a trip."""
+def _resumed_text(cycling: Cycling, *, smooth: bool) -> str:
+    """Return the line that says which cycles a resumed run does, and whether `--smooth` applies to them."""
+    first = len(cycling.before) + 1
+    applied = "; --smooth applies to them" if smooth else ""
+    return f"resuming {cycling.continues}: cycles {first} to {cycling.total} of its reference{applied}"
+
+
+def _print_metrics(
+    log: Log, loop: LoopMetrics | None, output: Output, warned: tuple[str, ...], *, tripped: str | None
+) -> None:
+    """Print the metrics of the run up to its end or its trip. `loop` is None after a trip.
+
+    The caveats in `warned` were printed before the run, so only the object for a program holds them again.
+    """
     metrics = tracking_metrics(log, loop or tripped_loop_metrics(log))
     caveats = tracking_caveats(log)
     output.table(HEADER, [table_row("tracking", metrics)])
     cycles = cycles_of(log)
     if cycles:
         output.table(CYCLE_HEADER, cycle_rows(thinned(cycles, MOST_CYCLES)))
-    output.warn(caveats)
+    output.warn(caveat for caveat in caveats if caveat not in warned)
     cycling = cycling_of(log)
     done = "" if cycling is None else f"   {len(cycles)} of {cycling.total} cycles are done"
     output.say(f"log: {log.path}{done}")

@@ -77,8 +77,8 @@ class DuhemModel(HysteresisModel):
                 "and with 45 the branches cross at v = 92.5, inside the range"
             )
             raise ModelError(what, where="Table 1", cure="use DuhemModel.table1()")
-        heating = GaussianMixture((1.0,), (float(mu_heating),), (float(sigma_heating),))
-        cooling = GaussianMixture((1.0,), (float(mu_cooling),), (float(sigma_cooling),))
+        heating = GaussianMixture((1.0,), (mu_heating,), (sigma_heating,))
+        cooling = GaussianMixture((1.0,), (mu_cooling,), (sigma_cooling,))
         return cls(heating, cooling, scale, offset, input_range)
 
     @classmethod

@@ -10,7 +10,9 @@ rate of the input, so the rules here multiply dv.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from math import isfinite
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -18,6 +20,7 @@ import numpy as np
 from smadrive.errors import ModelError
 from smadrive.files.number_text import shortened
 from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.scalars import real_number
 
 MOST_SETS = 200
 """The largest number of sets. A wire needs about 11; the memory grows with the number, to 100 GB for 20,000 sets."""
@@ -86,7 +89,7 @@ class TrapezoidSets:
 
     def __post_init__(self) -> None:
         check_centres(self.centres)
-        if not 0 <= self.flat < 1:
+        if not 0 <= real_number(self.flat, "trapezoid sets: flat", ModelError) < 1:
             raise ModelError("must be at least 0 and less than 1", where="trapezoid sets: flat", value=self.flat)
 
     @property
@@ -116,7 +119,7 @@ class GaussianSets:
 
     def __post_init__(self) -> None:
         check_centres(self.centres)
-        if not (np.isfinite(self.width) and self.width > 0):
+        if not (isfinite(real_number(self.width, "Gaussian sets: width", ModelError)) and self.width > 0):
             raise ModelError("not a positive number", where="Gaussian sets: width", value=self.width)
 
     @property
@@ -142,8 +145,13 @@ def hat_weights(v: FloatArray, centres: FloatArray) -> FloatArray:
     return weights.reshape(*np.shape(v), len(centres))
 
 
-def check_centres(centres: tuple[float, ...]) -> None:
+def check_centres(centres: object) -> None:
     """Raise ModelError unless the centres are 2 to `MOST_SETS` finite ascending numbers."""
+    if not isinstance(centres, Sequence | np.ndarray):
+        cure = "pass a tuple of numbers"
+        raise ModelError("centres are not a sequence", where="sets", value=type(centres).__qualname__, cure=cure)
+    for centre in centres:
+        real_number(centre, "sets: centre", ModelError)
     if len(centres) < 2:
         raise ModelError("too few centres", where="sets", value=len(centres), limit=2)
     if len(centres) > MOST_SETS:

@@ -8,6 +8,7 @@ ratios far out in the tails stay exact.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from math import fsum, isfinite
 from typing import NamedTuple
@@ -17,6 +18,7 @@ from scipy.special import log_ndtr, ndtr
 
 from smadrive.errors import ModelError
 from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.scalars import real_number
 
 _LOG_ROOT_TWO_PI = 0.5 * np.log(2 * np.pi)
 
@@ -33,6 +35,15 @@ class MixtureLogs(NamedTuple):
     pdf: FloatArray
 
 
+def _check_numbers(name: str, values: object) -> None:
+    """Raise ModelError unless `values` is a sequence of numbers."""
+    where = f"mixture: {name}"
+    if not isinstance(values, Sequence | np.ndarray):
+        raise ModelError("not a sequence", where=where, value=type(values).__qualname__, cure="pass a tuple of numbers")
+    for value in values:
+        real_number(value, where, ModelError)
+
+
 @dataclass(frozen=True, slots=True)
 class GaussianMixture:
     """Weights, means and standard deviations of the components. Raises ModelError for invalid parameters."""
@@ -42,6 +53,8 @@ class GaussianMixture:
     sigmas: tuple[float, ...]
 
     def __post_init__(self) -> None:
+        for name in ("weights", "means", "sigmas"):
+            _check_numbers(name, getattr(self, name))
         if not len(self.weights) == len(self.means) == len(self.sigmas) > 0:
             counts = len(self.weights), len(self.means), len(self.sigmas)
             what = "unequal numbers of weights, means and sigmas, or no component"

@@ -9,6 +9,7 @@ the range, the state is constant and the slope is zero. So a wrong reading of a 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -17,7 +18,9 @@ import numpy as np
 from smadrive.display.card import card
 from smadrive.display.line_plot import Curve, line_plot
 from smadrive.errors import DataError, ModelError
-from smadrive.numerics.arrays import FloatArray, finite_array
+from smadrive.files.number_text import shortened
+from smadrive.numerics.arrays import FloatArray, finite_array, float_array
+from smadrive.numerics.scalars import real_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -75,7 +78,7 @@ class HysteresisModel:
     def _start_states(self, v0: FloatArray, y0: ArrayLike | None) -> list[float]:
         if y0 is None:
             return [self.initial_state(v).w for v in v0.tolist()]
-        outputs = finite_array("initial output y0", np.atleast_1d(np.asarray(y0, dtype=np.float64)))
+        outputs = finite_array("initial output y0", np.atleast_1d(float_array("initial output y0", y0)))
         if outputs.size not in (1, len(v0)):
             cure = "pass one number or one per wire"
             raise DataError(
@@ -88,10 +91,13 @@ class HysteresisModel:
         """Return the state at input v0 with output y; without y the state on the heating branch.
 
         An output that the model cannot have at v0 is replaced by the nearest possible one. Raises DataError when v0 or
-        y is not finite.
+        y is not a finite number.
         """
-        if not isfinite(v0) or (y is not None and not isfinite(y)):
-            raise DataError("not finite", where="initial state (v0, y)", value=(v0, y))
+        where = "initial state (v0, y)"
+        if not (
+            isfinite(real_number(v0, where, DataError)) and (y is None or isfinite(real_number(y, where, DataError)))
+        ):
+            raise DataError("not finite", where=where, value=(v0, y))
         v0 = float(v0)
         if y is None:
             w = self.engine.target(v0, rising=True)
@@ -154,15 +160,24 @@ def loop_plot(model: HysteresisModel, input_name: str = "input", output_name: st
 def check_output_map(scale: float, offset: float, input_range: tuple[float, float]) -> tuple[float, float]:
     """Return `input_range` as floats.
 
-    ModelError for a zero scale, an empty or falling range, and values that are not finite.
+    ModelError for values that are not numbers, a zero scale, an empty or falling range, and values that are not finite.
     """
-    if not isfinite(scale) or scale == 0:
+    if not isfinite(real_number(scale, "scale", ModelError)) or scale == 0:
         cure = "give a positive scale, or a negative one when the output falls on heating"
         raise ModelError("zero or not finite", where="scale", value=scale, cure=cure)
-    if not isfinite(offset):
+    if not isfinite(real_number(offset, "offset", ModelError)):
         raise ModelError("not finite", where="offset", value=offset)
-    lower, upper = map(float, input_range)
+    lower, upper = _range_ends(input_range)
     if not (isfinite(lower) and isfinite(upper) and lower < upper):
         cure = "give the lower end first, both ends finite"
         raise ModelError("not an increasing range", where="input_range", value=(lower, upper), cure=cure)
+    return lower, upper
+
+
+def _range_ends(input_range: object) -> tuple[float, float]:
+    """Return the two ends as floats. ModelError for anything else than two numbers."""
+    if not isinstance(input_range, Sequence | np.ndarray) or len(input_range) != 2:
+        cure = "pass the lower and the upper end"
+        raise ModelError("not two numbers", where="input_range", value=shortened(input_range), cure=cure)
+    lower, upper = (real_number(end, "input_range", ModelError) for end in input_range)
     return lower, upper

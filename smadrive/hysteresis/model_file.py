@@ -40,6 +40,7 @@ def save_model(
     ModelError for a type of model without a file format and for values that JSON cannot hold; DataError when the file
     cannot be written.
     """
+    _check_path(path)
     text = model_text(model, provenance or {}, place=str(path))
     with replacing(Path(path)) as partial:
         partial.write_text(text, encoding="utf-8")
@@ -53,11 +54,19 @@ def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False)
     return parse_model(read_model(path), place=str(path), allow_uncertified=allow_uncertified)
 
 
+def _check_path(path: object) -> None:
+    """Raise ModelError when `path` is not of a type that names a file."""
+    if not isinstance(path, str | os.PathLike):
+        cure = "pass the path of a model file"
+        raise ModelError("of the wrong type", where="path", value=type(path).__qualname__, cure=cure)
+
+
 def read_model(path: str | os.PathLike[str]) -> str:
     """Return the text of a model file.
 
     ModelError when the file cannot be read, is of another kind, or is larger than `MOST_BYTES`.
     """
+    _check_path(path)
     check_kind(Path(path), MODEL)
     try:
         size = Path(path).stat().st_size

@@ -26,6 +26,7 @@ from scipy.optimize import isotonic_regression
 
 from smadrive.errors import ModelError
 from smadrive.numerics.arrays import FloatArray, finite_array
+from smadrive.numerics.scalars import real_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -135,6 +136,8 @@ def _turning_point(v: FloatArray, corner: int, radius: float) -> float:
 
 def check_radius(radius: float) -> float:
     """Return the radius as a float. Raises ModelError for a negative or infinite radius."""
-    if not (np.isfinite(radius) and radius >= 0):
-        raise ModelError("negative or not finite", where="radius of the dead band", value=radius)
-    return float(radius)
+    where = "radius of the dead band"
+    number = real_number(radius, where, ModelError)
+    if not (np.isfinite(number) and number >= 0):
+        raise ModelError("negative or not finite", where=where, value=radius)
+    return number

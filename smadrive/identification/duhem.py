@@ -20,12 +20,13 @@ from scipy.special import ndtri_exp, softmax
 from smadrive.errors import IdentificationError, ModelError
 from smadrive.hysteresis.branch import BranchEngine
 from smadrive.hysteresis.duhem import DuhemModel, duhem_branches, grid_logs
-from smadrive.hysteresis.mixture import GaussianMixture, MixtureLogs
+from smadrive.hysteresis.mixture import MOST_COMPONENTS, GaussianMixture, MixtureLogs
 from smadrive.identification.quality.caveats import undetermined
 from smadrive.identification.quality.fit import Fit, judge
 from smadrive.identification.quality.uncertainty import DuhemErrors, MixtureErrors, standard_errors
 from smadrive.identification.record import Record, prepare
 from smadrive.numerics.levenberg_marquardt import Minimum, forward_differences, minimise
+from smadrive.numerics.scalars import whole_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -59,9 +60,8 @@ def identify_duhem(v: ArrayLike, y: ArrayLike, components: int = 2, *, dead_band
     without it the radius follows from the noise of v. Raises DataError for samples that cannot be used,
     IdentificationError when the record does not determine a loop.
     """
-    if components < 1:
-        raise IdentificationError("too few Gaussians per branch", where="components", value=components, limit=1)
-    problem, x, fit = _solve(prepare(v, y, dead_band), components)
+    count = whole_number(components, "components", "Gaussians per branch", 1, MOST_COMPONENTS, IdentificationError)
+    problem, x, fit = _solve(prepare(v, y, dead_band), count)
     errors = problem.standard_errors(x, fit.residual)
     doubts = undetermined("heating", fit.model.heating, errors.heating)
     doubts += undetermined("cooling", fit.model.cooling, errors.cooling)

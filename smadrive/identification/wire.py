@@ -25,6 +25,9 @@ Kind = Literal["tsfuzzy", "duhem"]
 
 AnyFit = Fit[TSFuzzyDuhem] | Fit[DuhemModel]
 
+FUZZY_SETS = 11
+"""Fuzzy sets of a T-S fuzzy fit."""
+
 DUHEM_COMPONENTS = 2
 """Gaussians per branch of a Duhem fit: measured wires need two."""
 
@@ -58,7 +61,7 @@ def identify_wire(
     start: HeatBalance,
     *,
     kind: Kind = "tsfuzzy",
-    sets: int = 11,
+    sets: int = FUZZY_SETS,
     components: int = DUHEM_COMPONENTS,
 ) -> WireFit:
     """Fit heat balance and hysteresis to a recorded excitation.

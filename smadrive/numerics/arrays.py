@@ -10,15 +10,20 @@ from smadrive.errors import DataError
 FloatArray = NDArray[np.float64]
 
 
+def float_array(name: str, values: ArrayLike) -> FloatArray:
+    """Return `values` as a float64 array of any shape. DataError when they are not numbers."""
+    try:
+        return np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError, OverflowError) as error:
+        raise DataError("not numbers", where=name, value=error, cure="pass an array of floats") from error
+
+
 def finite_array(name: str, values: ArrayLike) -> FloatArray:
     """Return `values` as a finite float64 array of shape (samples,) or (samples, wires), with at least one sample.
 
     Raises DataError for other shapes and values; the error names the first sample that is not finite.
     """
-    try:
-        array = np.asarray(values, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise DataError("not numbers", where=name, value=error, cure="pass an array of floats") from error
+    array = float_array(name, values)
     if array.ndim not in (1, 2) or array.shape[0] == 0:
         cure = "pass the shape (samples,) or (samples, wires), with at least one sample"
         raise DataError("unusable shape", where=name, value=array.shape, cure=cure)

@@ -116,9 +116,9 @@ class Connections:
         try:
             self._trace_folder.mkdir(parents=True, exist_ok=True)
         except OSError as error:
-            raise ConfigError(
-                "the folder for traces cannot be made", where=self._trace_folder, value=error.strerror
-            ) from None
+            cure = "choose a folder that you may write to; each device gets a trace file in it"
+            what, where = "the folder for traces cannot be made", self._trace_folder
+            raise ConfigError(what, where=where, value=error.strerror, cure=cure) from None
         path = self._trace_folder / f"{device.name}.trace"
         return self._stack.enter_context(TraceFile(path, transport, speaks_text=speaks_text))
 

@@ -105,6 +105,10 @@ class Rig:
         """Enter the safe state, then close the ports. An error in the `with` block is raised again."""
         self._on_exit.__exit__(kind, error, trace)
 
+    def measures(self, quantity: str) -> bool:
+        """Return True if a device of the rig measures `quantity`, "temperature" or "displacement"."""
+        return any(device.measures(quantity) for device in self._plan.devices)
+
     @property
     def identities(self) -> dict[str, DeviceType]:
         """The type of each device, by the device's name, with the proof of this type."""

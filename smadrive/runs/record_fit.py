@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from smadrive.errors import DataError
+from smadrive.errors import ConfigError, DataError
 from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import LOG, TABLE
 from smadrive.identification.column_units import time_doubts, unit_doubts
@@ -17,6 +17,9 @@ from smadrive.identification.wire import DUHEM_COMPONENTS, AnyFit, Kind, identif
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_metadata import excitation_caveats, excitation_record, nominal_balance
 from smadrive.wire.identified_wire import IdentifiedWire
+
+INPUT, OUTPUT = "temperature_c", "displacement_mm"
+"""The columns of a table from which a model is fitted, unless other columns are chosen."""
 
 
 @dataclass(frozen=True)
@@ -40,8 +43,12 @@ class RecordFit:
 def fit_file(
     path: Path, columns: tuple[str, str], kind: Kind, sets: int, *, components: int = DUHEM_COMPONENTS
 ) -> RecordFit:
-    """Fit the record in a log, or the two `columns` of a CSV file. DataError for another kind of file."""
+    """Fit the record in a log, or the two `columns` of a CSV file.
+
+    DataError for another kind of file, ConfigError for other columns of a log.
+    """
     if LOG.has_ending(path):
+        check_log_columns(path, columns)
         return fit_log(read_log(path), kind, sets, components=components)
     if not TABLE.has_ending(path):
         raise DataError(
@@ -53,6 +60,16 @@ def fit_file(
     if "time_s" not in table.cells:
         return fit
     return replace(fit, caveats=(*time_doubts(table.column("time_s"), columns[0], v), *fit.caveats))
+
+
+def check_log_columns(path: Path, columns: tuple[str, str]) -> None:
+    """Raise ConfigError if other columns than those of an excitation are chosen for the log at `path`."""
+    for name, fitted in zip(columns, (INPUT, OUTPUT), strict=True):
+        if name != fitted:
+            cure = (
+                f"leave the choice of `{name}` out, or write a CSV with `smadrive report LOG --csv FILE` and give that"
+            )
+            raise ConfigError("the columns of a log cannot be chosen", where=path, value=name, limit=fitted, cure=cure)
 
 
 def fit_log(log: Log, kind: Kind, sets: int, *, components: int = DUHEM_COMPONENTS) -> RecordFit:

@@ -22,7 +22,7 @@ from smadrive.measurement import Measurement
 from smadrive.rig.controllers import excitation_controller, step_controller, tracking_controller
 from smadrive.runs.columns import fields_of
 from smadrive.runs.log.reader import Log
-from smadrive.runs.run_log import OBSERVATION, OWN_CONTROLLER, STEP
+from smadrive.runs.run_log import EXCITATION, OBSERVATION, OWN_CONTROLLER, STEP
 from smadrive.runs.run_metadata import excitation_of, nominal_balance, reference_of, rig_config_of, step_of, wire_of
 from smadrive.runs.session_record import KIND
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -106,9 +106,9 @@ def _controller(log: Log, wire: IdentifiedWire | None) -> Controller:
         what = "a tuning session cannot be replayed, because its tuning and its reference changed while it ran"
         raise DataError(what, where=log.path, cure="save the tuning on the page, and record it with `smadrive run`")
     config = rig_config_of(log)
-    if log.metadata.get("kind") in ("excitation", STEP):
+    if log.metadata.get("kind") in (EXCITATION, STEP):
         if wire is not None:
-            name = "an excitation" if log.metadata["kind"] == "excitation" else f"a {STEP}"
+            name = "an excitation" if log.metadata["kind"] == EXCITATION else f"a {STEP}"
             raise DataError(f"{name} uses no model", where=log.path, cure="replay it without --model")
         if log.metadata["kind"] == STEP:
             return step_controller(config, step_of(log), nominal_balance(log))

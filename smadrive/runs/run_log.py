@@ -30,6 +30,10 @@ from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
 
 _row = row_getter(COLUMNS)
+
+EXCITATION = "excitation"
+"""The kind of an identification experiment."""
+
 OWN_CONTROLLER = "own controller"
 """The kind of a run with a controller of the user; its log cannot be replayed."""
 
@@ -73,7 +77,7 @@ class TickRecorder(Recorder):
 
 def record_excitation(path: Path, rig: Rig, excitation: Excitation, **notes: str) -> TickRecorder:
     """Create the log of an identification experiment, and return its recorder. `notes` are further metadata."""
-    metadata = {"kind": "excitation", "excitation": json.dumps(asdict(excitation))}
+    metadata = {"kind": EXCITATION, "excitation": json.dumps(asdict(excitation))}
     return _open(path, rig, {**metadata, **notes}, excitation.duration_s)
 
 

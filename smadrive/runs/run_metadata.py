@@ -16,15 +16,28 @@ from smadrive.identification.column_units import stroke_doubts, unit_doubts
 from smadrive.identification.excitation import Excitation, ExcitationRecord
 from smadrive.rig.config import RigConfig
 from smadrive.runs.log.reader import Log
+from smadrive.runs.run_log import EXCITATION
 from smadrive.wire.heat_balance import BalanceSource, HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire, parse_wire
+
+IDENTIFIABLE = (
+    "give the log of `smadrive excite` or rig.excite; to fit the columns of this log anyway, write them with "
+    "`smadrive report LOG --csv FILE` and give that CSV"
+)
+"""The cure for a log from which no wire can be identified."""
 
 COMPLETE = 0.98
 """An experiment that reached this share of its duration counts as complete."""
 
 
 def excitation_record(log: Log) -> ExcitationRecord:
-    """Return the columns from which a wire is identified. DataError when a value is missing or not finite."""
+    """Return the columns from which a wire is identified.
+
+    DataError for a log of another experiment, and when a value is missing or not finite.
+    """
+    kind = log.text("kind")
+    if kind != EXCITATION:
+        raise DataError("not the log of an excitation", where=log.path, value=kind, cure=IDENTIFIABLE)
     names = [field.name for field in fields(ExcitationRecord)]
     return ExcitationRecord(*(log.column(name) for name in names))
 

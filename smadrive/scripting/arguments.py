@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from numbers import Real
 from pathlib import Path
 from typing import Literal, Protocol
 
@@ -14,6 +13,7 @@ from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output, unused_record
 from smadrive.files.kinds import LOG
 from smadrive.measurement import Measurement
+from smadrive.numerics.scalars import real_number, whole_number
 from smadrive.rig.config import RigConfig, load_rig
 from smadrive.runs.cycling.cycles import Cycling
 from smadrive.runs.experiments import RETURN_S, read_reference
@@ -56,24 +56,19 @@ def reference_of_argument(reference: ReferenceLike) -> Reference:
 
 def step_of_arguments(duration_s: float, current_a: float | None, temperature_c: float | None) -> ManualStep:
     """Return the manual step. ConfigError for an argument that is not a number, and for an impossible step."""
-    numbers = {"duration_s": duration_s, "current_a": current_a, "temperature_c": temperature_c}
-    for name, value in numbers.items():
-        if not isinstance(value, Real) and not (value is None and name != "duration_s"):
-            cure = "pass a number"
-            raise ConfigError("of the wrong type", where=name, value=type(value).__qualname__, cure=cure)
-    current_a, temperature_c = (None if value is None else float(value) for value in (current_a, temperature_c))
-    return ManualStep(current_a, temperature_c, float(duration_s))
+    length_s = real_number(duration_s, "duration_s")
+    held_a = None if current_a is None else real_number(current_a, "current_a")
+    held_c = None if temperature_c is None else real_number(temperature_c, "temperature_c")
+    return ManualStep(held_a, held_c, length_s)
 
 
 def cycling_of_argument(reference: Reference, repeat: int | None) -> Cycling | None:
     """Return the plan to repeat the reference `repeat` times, None for one run. ConfigError for any other value."""
     if repeat is None:
         return None
-    if not isinstance(repeat, int) or repeat < 1:
-        cure = "pass a whole number above 0"
-        raise ConfigError("not a number of cycles", where="repeat", value=repr(repeat), cure=cure)
-    reference.repeated(repeat, RETURN_S)
-    return Cycling(repeat)
+    cycles = whole_number(repeat, "repeat", "cycles", 1)
+    reference.repeated(cycles, RETURN_S)
+    return Cycling(cycles)
 
 
 def new_log(log: PathText | None, kind: Literal["excitation", "heat", "run"]) -> Path:

@@ -12,6 +12,7 @@ from typing import Any, Self
 from smadrive.display.card import card
 from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
+from smadrive.numerics.scalars import real_number
 from smadrive.rig.config import RigConfig
 from smadrive.runs.log.reader import read_log
 from smadrive.safety.shutdown import ShutdownOutcome, carry, shutdown_of
@@ -185,7 +186,7 @@ class OpenRig:
 
     def cool_down(self, duration_s: float) -> None:
         """Let the wire cool for `duration_s` with the heater off."""
-        self._call(CoolDownRequest(float(duration_s)))
+        self._call(CoolDownRequest(real_number(duration_s, "duration_s")))
 
     def off(self) -> None:
         """Switch the heater off and confirm it by read-back; raises an error if the heater is not confirmed off."""

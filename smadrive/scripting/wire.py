@@ -14,17 +14,16 @@ from smadrive.errors import ConfigError, DataError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL
 from smadrive.files.spelling import suggestion_or_list
-from smadrive.identification.wire import AnyFit, Kind
+from smadrive.identification.wire import FUZZY_SETS, AnyFit, Kind
 from smadrive.numerics.arrays import paired_vectors
+from smadrive.numerics.scalars import whole_number
 from smadrive.runs.figures.fit_plots import loop_figure, model_figure
 from smadrive.runs.plots import PlotFigure
-from smadrive.runs.record_fit import RecordFit, fit_columns, fit_file, fit_log
+from smadrive.runs.record_fit import INPUT, OUTPUT, RecordFit, check_log_columns, fit_columns, fit_file, fit_log
 from smadrive.scripting.arguments import path_text
 from smadrive.scripting.run import Run
 from smadrive.wire.identified_wire import IdentifiedWire
 from smadrive.wire.identified_wire import load_wire as load_wire_file
-
-INPUT, OUTPUT = "temperature_c", "displacement_mm"
 
 KINDS = ("tsfuzzy", "duhem")
 SETS = (3, 99)
@@ -57,7 +56,7 @@ def identify(
     displacement_mm: Any = None,
     *,
     kind: Kind = "tsfuzzy",
-    sets: int = 11,
+    sets: int | None = None,
     input: str = INPUT,  # noqa: A002 (as the option of the command is called)
     output: str = OUTPUT,
 ) -> Wire:
@@ -69,12 +68,15 @@ def identify(
         wire = smadrive.identify(temperature_c, displacement_mm)      two arrays
 
     `input` and `output` choose other columns of a CSV file or a table. A table is any object with columns by name, such
-    as a DataFrame, a dict or an xarray.Dataset. `kind` is "tsfuzzy" or "duhem", `sets` the number of fuzzy sets.
+    as a DataFrame, a dict or an xarray.Dataset. `kind` is "tsfuzzy" or "duhem", `sets` the number of fuzzy sets of a
+    T-S fuzzy model, by default 11.
 
-    DataError for a record that cannot be used, IdentificationError for a record that does not determine the model.
+    ConfigError for an option that the kind or the record does not have. DataError for a record that cannot be used,
+    IdentificationError for a record that does not determine the model.
     """
-    _check_options(kind, sets)
-    record, source = _fitted(data, displacement_mm, (input, output), kind, sets)
+    _check_options(kind, sets, (input, output))
+    count = FUZZY_SETS if sets is None else sets
+    record, source = _fitted(data, displacement_mm, (input, output), kind, count)
     wire = record.wire(source)
     axes = ("wire temperature / °C", "displacement / mm") if record.thermal is not None else record.axes
     return Wire(wire.model, wire.heat_balance, wire.caveats, wire.metrics, wire.source, record.fit, axes)
@@ -91,12 +93,18 @@ def load_wire(path: str | os.PathLike[str]) -> Wire:
     return Wire(wire.model, wire.heat_balance, wire.caveats, wire.metrics, wire.source)
 
 
-def _check_options(kind: object, sets: object) -> None:
+def _check_options(kind: object, sets: object, columns: tuple[object, object]) -> None:
     if kind not in KINDS:
         raise ConfigError("unknown", where="kind", value=repr(kind), cure=suggestion_or_list(str(kind), KINDS))
-    if not isinstance(sets, int) or not SETS[0] <= sets <= SETS[1]:
-        limit = f"{SETS[0]} to {SETS[1]}"
-        raise ConfigError("not a number of fuzzy sets", where="sets", value=repr(sets), limit=limit)
+    if sets is not None:
+        whole_number(sets, "sets", "fuzzy sets", *SETS)
+        if kind != "tsfuzzy":
+            cure = 'leave it out, or pass kind="tsfuzzy"'
+            raise ConfigError("only a T-S fuzzy model has fuzzy sets", where="sets", value=sets, cure=cure)
+    for where, name in zip(("input", "output"), columns, strict=True):
+        if not isinstance(name, str):
+            cure = "pass the name of a column"
+            raise ConfigError("of the wrong type", where=where, value=type(name).__qualname__, cure=cure)
 
 
 def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], kind: Kind, sets: int) -> tuple[RecordFit, str]:
@@ -105,7 +113,7 @@ def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], kind: Kin
         v, y = paired_vectors(data, displacement_mm)
         return fit_columns(v, y, columns, kind, sets), ""
     if isinstance(data, Run):
-        _check_excitation(data)
+        check_log_columns(data.log_file, columns)
         return fit_log(data.log, kind, sets), str(data.log_file)
     if isinstance(data, str | os.PathLike):
         return fit_file(Path(data), columns, kind, sets), str(data)
@@ -114,13 +122,6 @@ def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], kind: Kin
         return fit_columns(v, y, columns, kind, sets), ""
     cure = "pass a run, the path of a log or CSV file, a table with columns by name, or two arrays"
     raise ConfigError("no record", where="data", value=type(data).__qualname__, cure=cure)
-
-
-def _check_excitation(run: Run) -> None:
-    """Raise DataError for a run that is not an excitation."""
-    if run.kind != "excitation":
-        cure = "identify the run of rig.excite; to fit its columns anyway, pass run.to_xarray()"
-        raise DataError("not the log of an excitation", where=run.log_file, value=run.kind, cure=cure)
 
 
 def _column(table: Any, name: str) -> NDArray[np.float64]:

@@ -15,30 +15,21 @@ from math import inf, isclose
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from smadrive.control.references.limits import (
+    LONGEST_REPEATED_S,
+    TABLE_STEP_S,
+    WHERE,
+    check_displacement,
+    check_length,
+)
 from smadrive.display.card import card
 from smadrive.display.line_plot import Curve, line_plot
 from smadrive.errors import ConfigError, DataError
+from smadrive.numerics.arrays import float_array
 from smadrive.numerics.piecewise_linear import PiecewiseLinear
+from smadrive.numerics.scalars import whole_number
 
 Array = NDArray[np.float64]
-
-WHERE = "reference"
-"""The part `where` of the errors about references."""
-
-TABLE_STEP_S = 0.02
-"""Step of the tables of curved shapes, s: at most a loop period, so the error of the straight lines is negligible."""
-
-LONGEST_S = 86_400.0
-"""The longest reference: a day. At 20 Hz its feasibility check takes about three minutes and 1.3 GB of memory."""
-
-SHORTEST_S = 0.1
-"""The shortest reference, and the shortest half swing, s. Every wire is slower."""
-
-FARTHEST_MM = 1e5
-"""The largest displacement of a reference, mm: the length of the longest wire that a wire file may describe."""
-
-LONGEST_REPEATED_S = 604_800.0
-"""The longest repeated reference: a week. At 20 Hz its log has about 1.6 GB."""
 
 CLOSED_MM = 1e-6
 """A reference whose ends differ by less than this, mm, needs no way back before it is repeated."""
@@ -61,20 +52,26 @@ class Reference:
     endless: bool = False
     repeats: int = 1
 
+    def __post_init__(self) -> None:
+        """Make arrays of the columns. DataError when they are not numbers."""
+        for name in ("times_s", "displacement_mm"):
+            object.__setattr__(self, name, float_array(f"{WHERE}: {name}", getattr(self, name)))
+
     @classmethod
     def from_samples(cls, times_s: ArrayLike, displacement_mm: ArrayLike) -> Reference:
         """Return the reference through the samples, with straight lines between them.
 
-        DataError for a value that is not finite or beyond `FARTHEST_MM`, for columns of different lengths, for a time
-        that does not increase, and for a reference shorter than `SHORTEST_S` or longer than `LONGEST_S`.
+        DataError for a value that is not a finite number or beyond `FARTHEST_MM`, for columns of different lengths, for
+        a time that does not increase, and for a reference shorter than `SHORTEST_S` or longer than `LONGEST_S`.
         """
-        times = np.asarray(times_s, dtype=np.float64)
-        values = np.asarray(displacement_mm, dtype=np.float64)
+        times = float_array(f"{WHERE}: time_s", times_s)
+        values = float_array(f"{WHERE}: displacement_mm", displacement_mm)
         if times.shape != values.shape or times.ndim != 1 or times.size < 2:
             raise DataError(
                 "needs two columns of the same length, with 2 samples at least",
                 where=WHERE,
                 value=(times.shape, values.shape),
+                cure="pass one displacement for each time",
             )
         for name, column in (("time_s", times), ("displacement_mm", values)):
             bad = np.flatnonzero(~np.isfinite(column))
@@ -195,8 +192,10 @@ class Reference:
 
         If its ends differ, each cycle ends with a smooth way back that lasts `return_s`.
 
-        DataError when all cycles together last longer than `LONGEST_REPEATED_S`.
+        ConfigError unless `repeats` is a whole number above 0. DataError when all cycles together last longer than
+        `LONGEST_REPEATED_S`.
         """
+        whole_number(repeats, "repeats", "cycles", 1)
         cycles = replace(self.without_end(return_s), endless=False, repeats=repeats)
         check_length(cycles.duration_s, longest_s=LONGEST_REPEATED_S)
         return cycles
@@ -218,33 +217,3 @@ def _minimum_jerk(from_mm: float, to_mm: float, within_s: float) -> Array:
     """Return a table of the smoothest (minimum-jerk) path between two points at rest."""
     s = np.linspace(0.0, 1.0, max(3, int(within_s / TABLE_STEP_S)))
     return from_mm + (to_mm - from_mm) * s**3 * (10.0 - 15.0 * s + 6.0 * s**2)
-
-
-def check_displacement(name: str, value_mm: float) -> None:
-    """Raise DataError when the displacement exceeds `FARTHEST_MM` in absolute value, or is NaN."""
-    if not abs(value_mm) <= FARTHEST_MM:
-        raise DataError(
-            "farther than any wire moves",
-            where=f"{WHERE}: {name}",
-            value=f"{value_mm:g} mm",
-            limit=f"±{FARTHEST_MM:g} mm",
-            cure="is the displacement in millimetres?",
-        )
-
-
-def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONGEST_S) -> None:
-    """Raise DataError for a reference shorter than `SHORTEST_S`, longer than `longest_s`, or of too many `pieces`.
-
-    `pieces` is the number of its straight lines. Call this function before the table is made, which may be too large
-    for the memory.
-    """
-    value = f"{duration_s:g} s"
-    if duration_s < SHORTEST_S:
-        cure = "slow it down; is its time in seconds?"
-        raise DataError("too short", where=WHERE, value=value, limit=f"{SHORTEST_S:g} s", cure=cure)
-    if duration_s > longest_s:
-        cure = "shorten it, or lower its number of cycles; is its time in seconds?"
-        raise DataError("too long", where=WHERE, value=value, limit=f"{longest_s:g} s", cure=cure)
-    most = longest_s / TABLE_STEP_S
-    if pieces > most:
-        raise DataError("too many samples", where=WHERE, value=pieces, limit=most, cure="lower the number of samples")

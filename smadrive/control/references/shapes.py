@@ -11,19 +11,20 @@ from inspect import Parameter, signature
 
 import numpy as np
 
-from smadrive.control.references.reference import (
+from smadrive.control.references.limits import (
     LONGEST_S,
     SHORTEST_S,
     TABLE_STEP_S,
     WHERE,
-    Reference,
     check_displacement,
     check_length,
 )
+from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, DataError
 from smadrive.files.number_text import parse_number
 from smadrive.files.spelling import suggestion, suggestion_or_list
 from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.scalars import real_number
 
 ROUNDING = 1e-9
 """Allowed relative rounding error when a quotient of keys is compared with a bound or a whole number."""
@@ -165,8 +166,12 @@ def _held(levels_mm: FloatArray, hold_s: float, *, every_s: float) -> Reference:
 
 
 def _check(**keys: float) -> None:
-    """Raise DataError for an impossible displacement, and ConfigError for any other key that is not positive."""
-    for name, value in keys.items():
+    """Raise DataError for an impossible displacement, and ConfigError for any other key that is not positive.
+
+    ConfigError also for a value of another type than a number.
+    """
+    for name, given in keys.items():
+        value = real_number(given, f"{WHERE}: {name}")
         if name.endswith("_mm"):
             check_displacement(name, value)
         elif not value > 0:
@@ -188,7 +193,7 @@ def _check_pace(duration_s: float, pieces: float, longest_s: float) -> None:
     A piece is half a swing, or a level. From shorter pieces the steps of the table would make an alias, a slower swing.
     A piece of `SHORTEST_S` still has five steps. Call this function before the table is made.
     """
-    check_length(duration_s, longest_s=longest_s)
+    check_length(duration_s, longest_s=real_number(longest_s, f"{WHERE}: longest_s"))
     most = duration_s / SHORTEST_S
     if pieces > most * (1.0 + ROUNDING):
         raise DataError(

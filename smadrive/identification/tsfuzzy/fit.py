@@ -31,6 +31,8 @@ from smadrive.identification.tsfuzzy.monotone import monotone
 from smadrive.identification.tsfuzzy.prior import Prior
 from smadrive.identification.tsfuzzy.problem import LEAST_GAP, RuleProblem
 from smadrive.identification.tsfuzzy.record_reversal import MATERIAL
+from smadrive.numerics.arrays import float_array
+from smadrive.numerics.scalars import whole_number
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -199,11 +201,10 @@ def _placements(record: Record, sets: int | Sequence[float], *, fit_centres: boo
     the output changes most.
     """
     lower, upper = record.input_range
-    if not isinstance(sets, int | np.integer):
+    if sets is not None and not np.isscalar(sets):
         return [_given_centres(sets, lower, upper)]
     most = int(0.5 / LEAST_GAP)
-    if not 2 <= sets <= most:
-        raise IdentificationError("unusable number of sets", where="sets", value=sets, limit=f"2 to {most}")
+    sets = whole_number(sets, "sets", "fuzzy sets", 2, most, IdentificationError)
     if not fit_centres:
         return [np.linspace(lower, upper, sets)]
     order = np.argsort(record.v[1:])
@@ -216,8 +217,8 @@ def _placements(record: Record, sets: int | Sequence[float], *, fit_centres: boo
     return [lower + (upper - lower) * share for share in shares]
 
 
-def _given_centres(sets: Sequence[float], lower: float, upper: float) -> FloatArray:
-    centres = np.asarray(sets, dtype=np.float64)
+def _given_centres(sets: ArrayLike, lower: float, upper: float) -> FloatArray:
+    centres = float_array("sets", sets)
     least = LEAST_GAP * (upper - lower)
     inside = len(centres) >= 2 and centres.min() >= lower and centres.max() <= upper
     if not (inside and np.diff(centres).min() >= least):

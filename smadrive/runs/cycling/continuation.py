@@ -9,14 +9,23 @@ import json
 from pathlib import Path
 from typing import NamedTuple
 
+import numpy as np
+
 from smadrive.control.references.reference import Reference
 from smadrive.errors import ConfigError, DataError
 from smadrive.rig.config import RigConfig
+from smadrive.rig.rig import Rig
 from smadrive.runs.comparison.settings import flat
 from smadrive.runs.cycling.cycles import Cycling, cycles_of, cycling_of
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_metadata import reference_of, rig_config_of, wire_of
 from smadrive.wire.identified_wire import IdentifiedWire
+
+MOST_SHOWN = 2
+"""The largest number of changes of the rig file that a warning names."""
+
+MOST_CHARACTERS = 40
+"""The largest length of a value in this warning."""
 
 
 class Continuation(NamedTuple):
@@ -66,8 +75,19 @@ def _check_wire(log: Log, config: RigConfig) -> None:
 
 
 def _differences(log: Log, config: RigConfig) -> tuple[str, ...]:
+    """Return one warning of at most two sentences if the rig file has changed since the run, otherwise none."""
     now = dict(flat(json.loads(config.model_dump_json())))
     before = dict(flat(log.json("rig")))
     names = [name for name in {**before, **now} if now.get(name) != before.get(name)]
-    texts = [f"{name} was {before.get(name, 'not set')}, is {now.get(name, 'not set')}" for name in names]
-    return (f"the rig file has changed since {log.path.name}: {'; '.join(texts)}",) if texts else ()
+    texts = [f"{name} was {_shown(before.get(name))}, is {_shown(now.get(name))}" for name in names]
+    if not texts:
+        return ()
+    if np.isfinite(log.column_with_gaps("displacement_mm")).any() and not Rig(config).measures("displacement"):
+        texts.insert(0, "no device measures the displacement now")
+    more = [f"and {len(texts) - MOST_SHOWN} more"] if len(texts) > MOST_SHOWN else []
+    changes = "; ".join([*texts[:MOST_SHOWN], *more])
+    return (f"the rig file has changed since {log.path.name}: {changes}. Press Ctrl-C if this is the wrong rig",)
+
+
+def _shown(value: str | None) -> str:
+    return "not set" if value is None else value if len(value) <= MOST_CHARACTERS else f"{value[:MOST_CHARACTERS]}…"

@@ -10,7 +10,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from math import isfinite
 
-from smadrive.control.references.reference import Reference, check_length
+from smadrive.control.references.limits import check_length
+from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import parse_reference
 from smadrive.errors import ConfigError, DataError
 from smadrive.measurement import Measurement

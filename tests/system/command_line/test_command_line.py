@@ -288,6 +288,8 @@ WRONG = [
     ("text in a cell", ("identify", "text.csv", *STRAIN), 2, "line 3, column 'strain': 'high'"),
     ("nan in a cell", ("identify", "nan.csv", *STRAIN), 2, "line 3, column 'strain': 'nan'"),
     ("Gaussians of a fuzzy model", ("identify", "wire.csv", *STRAIN, "--components", "2"), 2, "only a Duhem model has"),
+    ("fuzzy sets of a Duhem model", ("identify", "wire.csv", *STRAIN, "--kind", "duhem", "--sets", "7"), 2, "--sets:"),
+    ("columns of a log", ("identify", "kept.h5", *STRAIN), 2, "kept.h5: the columns of a log cannot be chosen (strain"),
     ("constant input", ("identify", "flat.csv", *STRAIN), 5, "constant"),
     ("no such model", ("simulate", "absent.json", "wire.csv", "-o", "o.csv"), 2, "absent.json"),
     ("a model that is no JSON", ("simulate", "text.md", "wire.csv", "-o", "o.csv"), 2, "text.md: not a JSON file"),

@@ -14,6 +14,7 @@ from smadrive.cli.views.log_report import write_log_report
 from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import sine
 from smadrive.errors import ConfigError, DataError
+from smadrive.files.shipped import configs_dir
 from smadrive.hysteresis import DuhemModel
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
@@ -112,6 +113,19 @@ def test_resumed_run_does_the_rest_and_leaves_the_first_log(folder):
     assert "all cycles are done" in again.stderr
 
 
+@pytest.mark.parametrize("options", [("--smooth",), ("--smooth", "--trace", "traces")])
+def test_resumed_run_says_which_cycles_it_does_and_that_smooth_applies(folder, tmp_path, options):
+    log_file = tmp_path / "rest.h5"
+    done = smadrive(folder, "run", "in-process", "--resume", "part.h5", "-o", log_file, *options)
+    assert done.returncode == 0, done.stderr
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("resuming ")]
+    assert "part.h5" in line
+    assert "3 to 4" in line
+    assert "--smooth" in line
+    assert "given_reference" in read_log(log_file).metadata
+    assert (folder / "traces" / "board.trace").exists() is ("--trace" in options)
+
+
 @pytest.mark.parametrize(
     ("arguments", "part"),
     [
@@ -162,6 +176,31 @@ def test_continuation_needs_cycles_and_the_same_wire(folder):
     assert "rate_hz was 20.0, is 10.0" in caveat
     with pytest.raises(DataError):
         continuation_of(folder / "whole.h5", RIG)
+
+
+def test_warning_of_a_changed_rig_is_short_and_names_the_lost_sensor(folder):
+    (board,) = RIG.devices
+    changed = RIG.model_copy(
+        update={
+            "devices": (board.model_copy(update={"measures": ("temperature",), "name": "b" * 500}),),
+            "limits": RIG.limits.model_copy(update={"stale_after_s": 0.5, "watchdog_s": 1.0}),
+            "rate_hz": 10.0,
+        }
+    )
+    (caveat,) = continuation_of(folder / "part.h5", changed).caveats
+    assert len(caveat) < 250
+    assert caveat.count(". ") == 1
+    assert "displacement" in caveat
+
+
+def test_warning_of_a_resumed_run_is_printed_once(folder, tmp_path):
+    text = (configs_dir() / "rigs" / "in-process.toml").read_text()
+    (tmp_path / "rig.toml").write_text(text.replace("watchdog_s = 0.5", "watchdog_s = 0.6"))
+    resumed = ("--resume", folder / "part.h5", "-o", tmp_path / "rest.h5", "--smooth")
+    done = smadrive(folder, "run", tmp_path / "rig.toml", *resumed)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.count("watchdog_s was 0.5") == 1
+    assert any("watchdog_s was 0.5" in caveat for caveat in read_log(tmp_path / "rest.h5").json("caveats"))
 
 
 def test_repeated_reference_closes_its_cycles_and_ends():

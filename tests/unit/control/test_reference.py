@@ -137,6 +137,7 @@ def test_value_out_of_bounds_is_rejected_by_its_key(spec, error, key):
         ([0, 1, 2], [0, np.nan, 2], "reference: displacement_mm of sample 2", pytest.approx(np.nan, nan_ok=True), None),
         ([0, 1], [0, 1, 2], "reference", ((2,), (3,)), None),
         ([0], [0], "reference", ((1,), (1,)), None),
+        ([0, 10], [2], "reference", ((2,), (1,)), None),
         ([0, 86_401], [0, 1], "reference", "86401 s", "86400 s"),
         ([0, 1e300], [0, 1], "reference", "1e+300 s", "86400 s"),
         ([-1.7e308, 1.7e308], [0, 1], "reference", "inf s", "86400 s"),
@@ -146,6 +147,7 @@ def test_unsuitable_samples_are_rejected(times, values, where, value, limit):
     with pytest.raises(DataError) as error:
         Reference.from_samples(times, values)
     assert (error.value.where, error.value.value, error.value.limit) == (where, value, limit)
+    assert error.value.cure
 
 
 @pytest.mark.parametrize(

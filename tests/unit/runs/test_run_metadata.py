@@ -8,9 +8,11 @@ import pytest
 
 from smadrive.errors import DataError
 from smadrive.runs.log.reader import Log
+from smadrive.runs.run_log import OBSERVATION, OWN_CONTROLLER, STEP
 from smadrive.runs.run_metadata import (
     excitation_caveats,
     excitation_of,
+    excitation_record,
     nominal_balance,
     reference_of,
     rig_config_of,
@@ -75,3 +77,11 @@ def test_stroke_that_the_wire_cannot_have_is_a_caveat(metadata, stroke_mm):
     columns = {"time_s": np.linspace(0.0, 200.0, 100), "displacement_mm": np.linspace(0.0, stroke_mm, 100)}
     caveats = excitation_caveats(Log(Path("e.h5"), columns, {"excitation": excitation, **metadata}, (), "", "", ""))
     assert [caveat.split(" by ")[0] for caveat in caveats] == ["displacement_mm moves"] * (stroke_mm > 1000.0)
+
+
+@pytest.mark.parametrize("kind", [STEP, OBSERVATION, OWN_CONTROLLER, "tracking", "tuning"])
+def test_log_of_another_experiment_holds_no_record_of_an_excitation(kind):
+    with pytest.raises(DataError) as error:
+        excitation_record(Log(Path("warm.h5"), {}, {"kind": kind}, (), "", "", ""))
+    assert (error.value.where, error.value.value) == ("warm.h5", kind)
+    assert error.value.cure

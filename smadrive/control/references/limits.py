@@ -1,0 +1,53 @@
+"""Limits of a reference: its displacement, its duration and its number of samples."""
+
+from __future__ import annotations
+
+from smadrive.errors import DataError
+
+WHERE = "reference"
+"""The part `where` of the errors about references."""
+
+TABLE_STEP_S = 0.02
+"""Step of the tables of curved shapes, s: at most a loop period, so the error of the straight lines is negligible."""
+
+LONGEST_S = 86_400.0
+"""The longest reference: a day. At 20 Hz its feasibility check takes about three minutes and 1.3 GB of memory."""
+
+SHORTEST_S = 0.1
+"""The shortest reference, and the shortest half swing, s. Every wire is slower."""
+
+FARTHEST_MM = 1e5
+"""The largest displacement of a reference, mm: the length of the longest wire that a wire file may describe."""
+
+LONGEST_REPEATED_S = 604_800.0
+"""The longest repeated reference: a week. At 20 Hz its log has about 1.6 GB."""
+
+
+def check_displacement(name: str, value_mm: float) -> None:
+    """Raise DataError when the displacement exceeds `FARTHEST_MM` in absolute value, or is NaN."""
+    if not abs(value_mm) <= FARTHEST_MM:
+        raise DataError(
+            "farther than any wire moves",
+            where=f"{WHERE}: {name}",
+            value=f"{value_mm:g} mm",
+            limit=f"±{FARTHEST_MM:g} mm",
+            cure="is the displacement in millimetres?",
+        )
+
+
+def check_length(duration_s: float, pieces: float = 0.0, longest_s: float = LONGEST_S) -> None:
+    """Raise DataError for a reference shorter than `SHORTEST_S`, longer than `longest_s`, or of too many `pieces`.
+
+    `pieces` is the number of its straight lines. Call this function before the table is made, which may be too large
+    for the memory.
+    """
+    value = f"{duration_s:g} s"
+    if duration_s < SHORTEST_S:
+        cure = "slow it down; is its time in seconds?"
+        raise DataError("too short", where=WHERE, value=value, limit=f"{SHORTEST_S:g} s", cure=cure)
+    if duration_s > longest_s:
+        cure = "shorten it, or lower its number of cycles; is its time in seconds?"
+        raise DataError("too long", where=WHERE, value=value, limit=f"{longest_s:g} s", cure=cure)
+    most = longest_s / TABLE_STEP_S
+    if pieces > most:
+        raise DataError("too many samples", where=WHERE, value=pieces, limit=most, cure="lower the number of samples")
