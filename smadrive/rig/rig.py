@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack
-from math import inf
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -17,7 +16,6 @@ from smadrive.control.controllers.temperature import Controller
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.loop import ControlLoop, LoopMetrics, StopRequested, Tick, never
 from smadrive.control.references.reference import Reference
-from smadrive.devices.heating.zero_current import ZERO_SHARE
 from smadrive.devices.identity import DeviceType, Proof
 from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.latch import TripLatch
@@ -31,29 +29,15 @@ from smadrive.rig.assembly import open_devices
 from smadrive.rig.config import RigConfig
 from smadrive.rig.config_checks import check_limits, check_same_wire
 from smadrive.rig.controllers import excitation_controller, tracking_controller
-from smadrive.rig.plan import STALE_PERIODS, plan_rig
-from smadrive.safety.displacement_band import DisplacementBand
+from smadrive.rig.plan import plan_rig
+from smadrive.rig.supervision import supervisor
 from smadrive.safety.faults import CLEAR
-from smadrive.safety.safety_limits import SafetyLimits
 from smadrive.safety.shutdown import ends_safe
 from smadrive.safety.supervisor import Supervisor
-from smadrive.safety.temperature_band import UNCERTAINTIES, TemperatureBand
 from smadrive.wire.data_sheet import load_data_sheet
 from smadrive.wire.heat_balance import HeatBalance
 
 Record = Callable[[Tick], None]
-
-LAG_FACTOR = 3.0
-"""Multiple of the thermocouple's nominal lag that the supervisor allows before a reading counts as implausible."""
-
-MISPLACED_S = 2.0
-"""A displacement outside the model's range is a fault after this time in s plus the allowed lag of the thermocouple."""
-
-SAMPLED = 0.5
-"""Longest time between two temperature readings, as a fraction of the wire's time constant."""
-
-CURRENT_TOLERANCE_A = 0.05
-"""Largest difference between measured and commanded current in amperes, but at most a tenth of current_max_a."""
 
 RATE_EXCHANGES = 4
 """Number of exchanges that are timed before the loop starts, to check that the devices keep up with its rate."""
@@ -194,37 +178,8 @@ class Rig:
         self.enter_safe_state()
         self.clock.sleep_until(self.clock.now_s() + duration_s)
 
-    def _check_thermometer(self, balance: HeatBalance) -> None:
-        """Raise ConfigError if the wire can overheat between two temperature readings."""
-        period_s, most_s = self.heater.temperature_period_s, SAMPLED * balance.time_constant_s
-        if period_s > most_s:
-            raise ConfigError(
-                f"the wire, of time constant {balance.time_constant_s:.2g} s, can overheat between two readings",
-                where=self._where,
-                value=f"read every {period_s:g} s",
-                limit=f"{most_s:.2g} s",
-                cure="raise the device's rate_hz, or use a faster thermometer",
-            )
-
     def _supervisor(self, balance: HeatBalance, model: HysteresisModel | None = None) -> Supervisor:
-        self._check_thermometer(balance)
-        limits, lag_s = self.config.limits, LAG_FACTOR * balance.thermocouple_lag_s
-        guarded = SafetyLimits(
-            limits.temperature_max_c,
-            limits.temperature_min_c,
-            limits.current_max_a,
-            stale_after_s=max(limits.stale_after_s, STALE_PERIODS * self.period_s),
-            current_tolerance_a=min(CURRENT_TOLERANCE_A, ZERO_SHARE * limits.current_max_a),
-            settle_s=self.heater.source.settle_s,
-            displacement_min_mm=-inf if limits.displacement_min_mm is None else limits.displacement_min_mm,
-            displacement_max_mm=inf if limits.displacement_max_mm is None else limits.displacement_max_mm,
-            tracking_max_mm=limits.tracking_max_mm or inf,
-            tracking_for_s=limits.tracking_for_s,
-            misplaced_for_s=MISPLACED_S + lag_s,
-        )
-        lag_s += self.heater.temperature_period_s
-        band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s)
-        return Supervisor(guarded, band, None if model is None else DisplacementBand(model))
+        return supervisor(self.config, self.heater, balance, model)
 
     def _run(
         self, controller: Controller, supervisor: Supervisor, record: Record, stop_requested: StopRequested = never

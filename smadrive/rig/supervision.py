@@ -1,0 +1,74 @@
+"""The supervisor of a run, created from rig file, heater, heat balance and model."""
+
+from __future__ import annotations
+
+from math import inf
+
+from smadrive.devices.heater import Heater
+from smadrive.devices.heating.zero_current import ZERO_SHARE
+from smadrive.errors import ConfigError
+from smadrive.hysteresis import HysteresisModel
+from smadrive.rig.config import RigConfig
+from smadrive.rig.plan import STALE_PERIODS
+from smadrive.safety.displacement_band import DisplacementBand
+from smadrive.safety.safety_limits import SafetyLimits
+from smadrive.safety.supervisor import Supervisor
+from smadrive.safety.temperature_band import UNCERTAINTIES, TemperatureBand
+from smadrive.wire.heat_balance import HeatBalance
+
+LAG_FACTOR = 3.0
+"""Multiple of the thermocouple's nominal lag that the supervisor allows before a reading counts as implausible."""
+
+MISPLACED_S = 2.0
+"""A displacement outside the model's range is a fault after this time in s plus the allowed lag of the thermocouple."""
+
+SAMPLED = 0.5
+"""Longest time between two temperature readings, as a fraction of the wire's time constant."""
+
+CURRENT_TOLERANCE_A = 0.05
+"""Largest difference between measured and commanded current in amperes, but at most a tenth of current_max_a."""
+
+
+def supervisor(
+    config: RigConfig, heater: Heater, balance: HeatBalance, model: HysteresisModel | None = None
+) -> Supervisor:
+    """Return the supervisor of a run with the limits of the rig file.
+
+    With a model, a displacement outside the model's range is a fault. ConfigError if the wire can overheat between two
+    temperature readings.
+    """
+    _check_thermometer(config, heater.temperature_period_s, balance)
+    lag_s = LAG_FACTOR * balance.thermocouple_lag_s
+    limits = _safety_limits(config, heater.source.settle_s, lag_s)
+    band = TemperatureBand(balance, UNCERTAINTIES[balance.source], lag_s + heater.temperature_period_s)
+    return Supervisor(limits, band, None if model is None else DisplacementBand(model))
+
+
+def _safety_limits(config: RigConfig, settle_s: float, lag_s: float) -> SafetyLimits:
+    limits = config.limits
+    return SafetyLimits(
+        limits.temperature_max_c,
+        limits.temperature_min_c,
+        limits.current_max_a,
+        stale_after_s=max(limits.stale_after_s, STALE_PERIODS / config.rate_hz),
+        current_tolerance_a=min(CURRENT_TOLERANCE_A, ZERO_SHARE * limits.current_max_a),
+        settle_s=settle_s,
+        displacement_min_mm=-inf if limits.displacement_min_mm is None else limits.displacement_min_mm,
+        displacement_max_mm=inf if limits.displacement_max_mm is None else limits.displacement_max_mm,
+        tracking_max_mm=limits.tracking_max_mm or inf,
+        tracking_for_s=limits.tracking_for_s,
+        misplaced_for_s=MISPLACED_S + lag_s,
+    )
+
+
+def _check_thermometer(config: RigConfig, period_s: float, balance: HeatBalance) -> None:
+    """Raise ConfigError if the wire can overheat between two temperature readings."""
+    most_s = SAMPLED * balance.time_constant_s
+    if period_s > most_s:
+        raise ConfigError(
+            f"the wire, of time constant {balance.time_constant_s:.2g} s, can overheat between two readings",
+            where=f"rig '{config.name}'",
+            value=f"read every {period_s:g} s",
+            limit=f"{most_s:.2g} s",
+            cure="raise the device's rate_hz, or use a faster thermometer",
+        )
