@@ -63,7 +63,7 @@ def test_pipe_gets_a_line_a_second_and_a_table(tmp_path):
     [
         (("in-process",), 2, "is virtual"),
         (("in-process", "--for", "0"), 2, "above 0 s"),
-        (("in-process", "--for", "nan"), 2, "above 0 s"),
+        (("in-process", "--for", "nan"), 2, "--for: not a number"),
         (("in-process", "--for", "1", "-o", "seen.csv"), 2, ".h5"),
         (("absent.toml", "--for", "1"), 2, "absent.toml"),
     ],
