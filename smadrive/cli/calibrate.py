@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from enum import StrEnum
+from math import nan
 from typing import Annotated, Any
 
 import typer
@@ -12,9 +13,10 @@ import typer
 from smadrive.cli.options import RigFile
 from smadrive.cli.output import AsJson, Output
 from smadrive.errors import ConfigError, DataError
-from smadrive.identification.calibration import CalibrationFit, CalibrationPoint, fit_calibration
+from smadrive.files.number_text import parse_number, with_decimal_point
+from smadrive.identification.calibration import CalibrationFit, CalibrationPoint, check_values_apart, fit_calibration
 from smadrive.rig.calibration.description import descriptions, today
-from smadrive.rig.calibration.reading import UNITS, read_steadily
+from smadrive.rig.calibration.reading import UNITS, check_measured, check_reading, read_steadily
 from smadrive.rig.calibration.rig_file import check_own_file, store_calibration
 from smadrive.rig.config import load_rig, rig_file
 from smadrive.rig.rig import Rig
@@ -23,6 +25,10 @@ from smadrive.wire.boiling_point import STANDARD_HPA, boiling_point_c
 SUFFIXES = {"temperature": "c", "displacement": "mm"}
 VALUE_UNCERTAINTIES = {"temperature": 0.1, "displacement": 0.01}
 """Standard uncertainty of a known value, if --value-uncertainty is not given: a stirred bath in °C, a gauge in mm."""
+
+
+KNOWN_VALUES = {"temperature": (-100.0, 600.0), "displacement": (-1e4, 1e4)}
+"""The range of known values: no limit of a rig lies outside it."""
 
 
 class CalibratedSensor(StrEnum):
@@ -59,7 +65,11 @@ def main(
     values = [_value(text, sensor, pressure_hpa) for text in point]
     uncertainty = VALUE_UNCERTAINTIES[sensor] if value_uncertainty is None else value_uncertainty
     raw = config.calibration.model_copy(update={sensor.value: None})
-    with Rig(config.model_copy(update={"calibration": raw})) as open_rig:
+    check_values_apart(values, uncertainty)
+    closed_rig = Rig(config.model_copy(update={"calibration": raw}))
+    check_measured(closed_rig, sensor)
+    with closed_rig as open_rig:
+        check_reading(open_rig, sensor)
         points = list(_points(open_rig, sensor, values, uncertainty, duration_s))
     fit = fit_calibration(points)
     section = _section(sensor, fit, points)
@@ -85,16 +95,20 @@ def _value(text: str, sensor: CalibratedSensor, pressure_hpa: float) -> float:
     named = {"ice": 0.0, "boiling": boiling_point_c(pressure_hpa)} if sensor is CalibratedSensor.TEMPERATURE else {}
     if text in named:
         return named[text]
+    corrected = with_decimal_point(text)
     try:
-        value = float(text)
+        value = parse_number(text)
     except ValueError:
-        value = float("nan")
-    if not abs(value) < 1e4:
+        value = nan
+    low, high = KNOWN_VALUES[sensor]
+    if not low <= value <= high:
+        numbers = f"give a number of {UNITS[sensor]}{', `ice` or `boiling`' if named else ''}"
         raise ConfigError(
             "this cannot be a known value",
             where="--point",
             value=text,
-            cure=f"give a number of {UNITS[sensor]}{', `ice` or `boiling`' if named else ''}",
+            limit=f"{low:g} to {high:g} {UNITS[sensor]}",
+            cure=numbers if corrected is None else f"write {corrected}",
         )
     return value
 

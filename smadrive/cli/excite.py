@@ -9,7 +9,7 @@ import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.views.announcement import announced
+from smadrive.cli.views.announcement import announced, log_named_at_interruption
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
 from smadrive.errors import TripError
@@ -32,7 +32,7 @@ def main(
     output = Output(as_json)
     check_output(log_file, LOG)
     try:
-        with Rig(load_rig(rig), trace_folder=trace) as open_rig:
+        with log_named_at_interruption(log_file, "the experiment"), Rig(load_rig(rig), trace_folder=trace) as open_rig:
             metrics = _excite(log_file, open_rig, output)
     except TripError as trip:
         try:

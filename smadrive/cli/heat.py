@@ -10,7 +10,7 @@ import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.views.announcement import announced
+from smadrive.cli.views.announcement import announced, log_named_at_interruption
 from smadrive.cli.views.run_view import number, shown
 from smadrive.control.controllers.step import ManualStep
 from smadrive.control.loop import LoopMetrics
@@ -47,7 +47,7 @@ def main(
     closed_rig = Rig(load_rig(rig), trace_folder=trace)
     output.warn(check_step(step, closed_rig.config, closed_rig.data_sheet))
     try:
-        with closed_rig as open_rig:
+        with log_named_at_interruption(log_file, "the step"), closed_rig as open_rig:
             watch = shown(f"heating, {step}", open_rig.config.limits.current_max_a, quiet=output.quiet)
             loop = heat(log_file, open_rig, step, announced(output, log_file, "the step", open_rig.clock, watch))
     except TripError as trip:

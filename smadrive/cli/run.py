@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from dataclasses import asdict, replace
 from math import isnan
 from pathlib import Path
@@ -11,7 +12,7 @@ import typer
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
-from smadrive.cli.views.announcement import announced
+from smadrive.cli.views.announcement import announced, log_named_at_interruption
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
 from smadrive.control.references.reference import Reference
@@ -83,8 +84,9 @@ def main(
     given = _resumed(resume, config, reference, model, repeat) or _given(config, reference, model, repeat)
     if given.cycling is not None and given.cycling.continues:
         output.say(_resumed_text(given.cycling, smooth=smooth))
+    rest = "" if given.cycling is None else _rest_text(rig, log_file)
     try:
-        with Rig(config, trace_folder=trace) as open_rig:
+        with log_named_at_interruption(log_file, "the run", rest), Rig(config, trace_folder=trace) as open_rig:
             plan = plan_tracking(
                 open_rig, given.reference, given.wire, smooth=smooth, smooth_option="--smooth", cycling=given.cycling
             )
@@ -136,6 +138,12 @@ def _resumed_text(cycling: Cycling, *, smooth: bool) -> str:
     first = len(cycling.before) + 1
     applied = "; --smooth applies to them" if smooth else ""
     return f"resuming {cycling.continues}: cycles {first} to {cycling.total} of its reference{applied}"
+
+
+def _rest_text(rig: str, log_file: Path) -> str:
+    """Return the end of the sentence about an interrupted run: the command that does the cycles that are left."""
+    resume = f"smadrive run {shlex.quote(rig)} --resume {shlex.quote(str(log_file))} -o NEW.h5"
+    return f"; do the remaining cycles with {resume}"
 
 
 def _print_metrics(

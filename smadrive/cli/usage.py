@@ -9,6 +9,8 @@ from typing import Any
 
 from typer.core import TyperCommand, TyperGroup
 
+from smadrive.cli.values import checked_conversion
+
 EXAMPLES = {
     "demo": ("smadrive demo", "smadrive demo --output-dir first-try --seed 3"),
     "list": ("smadrive list",),
@@ -84,8 +86,10 @@ class PlainGroup(TyperGroup):
 
 
 def _with_placeholders(params: Any) -> Any:
+    """Return the parameters with their placeholders, and with clear errors for mistyped values."""
     for param in params:
-        vars(param).update(_shown_as(param))
+        conversion = {} if "process_value" in vars(param) else {"process_value": checked_conversion(param)}
+        vars(param).update(_shown_as(param) | conversion)
     return params
 
 

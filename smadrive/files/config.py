@@ -12,7 +12,7 @@ from pydantic import BaseModel, ConfigDict, ValidationError, model_validator
 from smadrive.errors import ConfigError
 from smadrive.files.kinds import check_regular
 from smadrive.files.number_text import shortened
-from smadrive.files.spelling import suggestion_or_list
+from smadrive.files.spelling import missing_file_cure, suggestion_or_list
 from smadrive.files.toml import parse_toml
 from smadrive.files.toml_mistakes import TomlMistakeError
 
@@ -56,7 +56,7 @@ def read_toml(path: Path) -> dict[str, Any]:
     try:
         return parse_toml(path.read_text(encoding="utf-8-sig"))
     except FileNotFoundError:
-        raise ConfigError("no such file", where=path) from None
+        raise ConfigError("no such file", where=path, cure=missing_file_cure(path)) from None
     except (OSError, UnicodeDecodeError) as error:
         raise ConfigError(f"cannot be read: {error}", where=path) from None
     except TomlMistakeError as error:

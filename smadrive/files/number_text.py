@@ -11,6 +11,7 @@ MOST_DIGITS = 400
 """The largest number of characters in the text of a number. No float needs so many."""
 
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+(?:\.[0-9]*)?|\.[0-9]+)(?:[eE][+-]?[0-9]+)?|[+-]?(?:nan|inf)", re.ASCII)
+_DECIMAL_COMMA = re.compile(r"[+-]?[0-9]+,[0-9]+", re.ASCII)
 _WHOLE = re.compile(r"[+-]?(?:0[xX][0-9a-fA-F]+|[0-9]+)", re.ASCII)
 
 
@@ -23,6 +24,11 @@ def parse_whole(text: str) -> int:
     """Return the whole number in `text`, decimal or hexadecimal as 0x8000. ValueError for any other text."""
     digits = _checked(text, _WHOLE)
     return int(digits, 16 if "x" in digits.lower() else 10)
+
+
+def with_decimal_point(text: str) -> str | None:
+    """Return the number in `text` with a decimal point. None if `text` is not a number with a decimal comma."""
+    return text.replace(",", ".") if _DECIMAL_COMMA.fullmatch(text) else None
 
 
 def _checked(text: str, form: re.Pattern[str]) -> str:

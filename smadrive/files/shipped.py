@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 from smadrive.errors import ConfigError
 from smadrive.files.kinds import CONFIGS, PROFILE, RIG, SIM, WIRE, FileKind, check_kind
-from smadrive.files.spelling import suggestion
+from smadrive.files.spelling import suggested_file, suggestion
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -74,7 +74,13 @@ def config_file(name: str | Path, expected: FileKind) -> Path:
 def _hint(name: str, shipped: dict[str, Path]) -> str:
     """Return a hint about shipped files of other kinds with this name, or else a spelling suggestion."""
     others = " and ".join(kind.what for kind in CONFIGS if name in _shipped(kind.folder))
-    return f"it is the name of {others}: give one of this list" if others else suggestion(name, shipped)
+    return f"it is the name of {others}: give one of this list" if others else _near(name, shipped)
+
+
+def _near(name: str, shipped: dict[str, Path]) -> str:
+    """Return a spelling suggestion: the file NAME.toml, the nearest shipped name, or the nearest .toml file."""
+    path = Path(f"{name}.toml")
+    return (path.is_file() and suggested_file(path)) or suggestion(name, shipped) or suggested_file(path)
 
 
 def _shipped(folder: str) -> dict[str, Path]:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
 
 
 def suggestion(name: str, names: Iterable[str]) -> str:
@@ -16,3 +18,17 @@ def suggestion_or_list(name: str, names: Iterable[str]) -> str:
     """Return the suggestion, or else `known are: x, y` with all `names`."""
     in_order = sorted(names)
     return suggestion(name, in_order) or f"known are: {', '.join(in_order)}"
+
+
+def suggested_file(path: Path) -> str:
+    """Return the suggestion of the file with the same folder and ending and the nearest name; "" without a near one."""
+    names: list[str] = []
+    with suppress(OSError, ValueError):
+        names = sorted(one.name for one in path.parent.iterdir() if one.suffix == path.suffix)
+    close = difflib.get_close_matches(path.name, names, n=1)
+    return f"did you mean '{path.with_name(close[0])}'?" if close else ""
+
+
+def missing_file_cure(path: Path) -> str:
+    """Return the cure for a missing file: the suggested file, or else the advice to check the path."""
+    return suggested_file(path) or "check the path"

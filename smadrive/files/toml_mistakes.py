@@ -9,12 +9,11 @@ from __future__ import annotations
 import re
 from typing import NamedTuple
 
-from smadrive.files.number_text import shortened
+from smadrive.files.number_text import shortened, with_decimal_point
 
 _PLACE = re.compile(r"\(at line (\d+), column \d+\)$")
 _ENTRY = re.compile(r"""\s*[\w.-]+\s*=\s*(?P<value>[^"'#\[{]*[^"'#\[{\s])\s*(?:#.*)?""")
 _COMMENT = re.compile(r"\s+#.*")
-_DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 _BARE_TEXT = re.compile(r"[^\W\d][^=]*|[./~][^=]*[^\W\d][^=]*")
 
 
@@ -59,8 +58,9 @@ def _missing_quote(number: int, line: str) -> Mistake:
 
 
 def _bare_value(number: int, value: str) -> Mistake | None:
-    if _DECIMAL_COMMA.fullmatch(value):
-        return Mistake(number, "a number has a decimal comma", value, f"write {value.replace(',', '.')}")
+    corrected = with_decimal_point(value)
+    if corrected is not None:
+        return Mistake(number, "a number has a decimal comma", value, f"write {corrected}")
     if value.lower() in {"true", "false"}:
         return Mistake(number, "a truth value has a capital letter", value, f"write {value.lower()}")
     if _BARE_TEXT.fullmatch(value):

@@ -17,6 +17,7 @@ from smadrive.errors import CertificateError, ModelError
 from smadrive.files.atomic import replacing
 from smadrive.files.kinds import MODEL, check_kind
 from smadrive.files.number_text import shortened
+from smadrive.files.spelling import missing_file_cure
 from smadrive.hysteresis.duhem import DuhemModel
 from smadrive.hysteresis.fuzzy import FuzzySets, GaussianSets, TrapezoidSets, TriangularSets
 from smadrive.hysteresis.mixture import GaussianMixture
@@ -74,7 +75,8 @@ def read_model(path: str | os.PathLike[str]) -> str:
             raise ModelError("too large", where=path, value=f"{size} bytes", limit=MOST_BYTES, cure=CURE)
         return Path(path).read_text(encoding="utf-8-sig")
     except OSError as error:
-        raise ModelError(f"cannot be read: {error.strerror}", where=path, cure="check the path") from error
+        cure = missing_file_cure(Path(path))
+        raise ModelError(f"cannot be read: {error.strerror}", where=path, cure=cure) from error
     except UnicodeDecodeError as error:
         raise ModelError("binary, not a JSON file", where=path, cure=CURE) from error
 

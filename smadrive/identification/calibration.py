@@ -71,16 +71,25 @@ def fit_calibration(points: Sequence[CalibrationPoint]) -> CalibrationFit:
     return CalibrationFit(float(offset), float(spread[0]), float(scale), float(spread[1]), float(abs(residuals).max()))
 
 
+def check_values_apart(values: Sequence[float], uncertainty: float) -> None:
+    """Raise DataError when several known values are too close together to determine a scale."""
+    if len(values) > 1:
+        _check_span("value", values, uncertainty)
+
+
 def _check_apart(points: Sequence[CalibrationPoint]) -> None:
     """Raise DataError when values or readings are too close together to determine a scale."""
     deviation = sqrt(max(point.variance for point in points))
     for name in ("value", "reading"):
-        numbers = [getattr(point, name) for point in points]
-        span = max(numbers) - min(numbers)
-        if span < APART * deviation:
-            raise DataError(
-                f"the {name}s of the points are too close together to determine a scale",
-                value=f"{span:.3g} apart",
-                limit=f"{APART * deviation:.3g}",
-                cure="choose values farther apart, check that the sensor follows them, or calibrate at one point only",
-            )
+        _check_span(name, [getattr(point, name) for point in points], deviation)
+
+
+def _check_span(name: str, numbers: Sequence[float], deviation: float) -> None:
+    span = max(numbers) - min(numbers)
+    if span < APART * deviation:
+        raise DataError(
+            f"the {name}s of the points are too close together to determine a scale",
+            value=f"{span:.3g} apart",
+            limit=f"{APART * deviation:.3g}",
+            cure="choose values farther apart, check that the sensor follows them, or calibrate at one point only",
+        )

@@ -22,6 +22,8 @@ thermocouple several times slower.
 
 from __future__ import annotations
 
+from math import isnan
+
 from smadrive.control.controllers.step import ManualStep
 from smadrive.devices.heater import DERATE_C
 from smadrive.errors import ConfigError
@@ -143,7 +145,7 @@ def _check_current_step(
     limits = config.limits
     if not 0.0 < current_a <= limits.current_max_a:
         raise ConfigError(
-            f"not a current that rig '{config.name}' may heat with",
+            "not a number" if isnan(current_a) else f"not a current that rig '{config.name}' may heat with",
             where="step: current",
             value=f"{current_a:g} A",
             limit=f"above 0 A, at most current_max_a = {limits.current_max_a:g} A",
@@ -162,13 +164,17 @@ def _check_temperature_step(temperature_c: float, config: RigConfig, balance: He
     limits = config.limits
     most_c = limits.temperature_max_c - DERATE_C
     if not temperature_c <= most_c:
-        raise ConfigError(
+        hot = (
             f"too hot for rig '{config.name}', because the driver lowers the current of a wire that is less than "
-            f"{DERATE_C:g} K below temperature_max_c = {limits.temperature_max_c:g} °C",
+            f"{DERATE_C:g} K below temperature_max_c = {limits.temperature_max_c:g} °C"
+        )
+        cure = "choose a lower temperature, or raise temperature_max_c if the data sheet of the wire allows it"
+        raise ConfigError(
+            "not a number" if isnan(temperature_c) else hot,
             where="step: temperature",
             value=f"{temperature_c:g} °C",
             limit=f"{most_c:g} °C",
-            cure="choose a lower temperature, or raise temperature_max_c if the data sheet of the wire allows it",
+            cure="choose a temperature below this limit" if isnan(temperature_c) else cure,
         )
     if not temperature_c > balance.ambient_c:
         raise ConfigError(

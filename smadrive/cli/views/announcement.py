@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from contextlib import AbstractContextManager
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
 from math import isfinite
 from pathlib import Path
 
 from smadrive.cli.output import Output
 from smadrive.clock import Clock, VirtualClock
+from smadrive.errors import StoppedError
 from smadrive.rig.rig import Record
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
@@ -28,6 +30,17 @@ def announced(output: Output, log_file: Path, what: str, clock: Clock, watch: Wa
         return watch(recorder, duration_s)
 
     return both
+
+
+@contextmanager
+def log_named_at_interruption(log_file: Path, what: str, rest: str = "") -> Iterator[None]:
+    """Add a note with the log that was written to an interruption of the `with` block; `rest` completes the note."""
+    try:
+        yield
+    except (SystemExit, KeyboardInterrupt, StoppedError) as interruption:
+        if log_file.exists():
+            interruption.add_note(f"{log_file} holds {what} up to here{rest}")
+        raise
 
 
 def duration_text(duration_s: float) -> str:

@@ -7,7 +7,7 @@ and the power is limited like the power of an excitation.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from math import isfinite, nan
+from math import isfinite, isnan, nan
 
 from smadrive.control.controllers.feedback import PIGains, TemperatureFeedback
 from smadrive.control.controllers.temperature import Command, power_envelope_w
@@ -42,7 +42,8 @@ class ManualStep:
         if not 0.0 < self.duration_s <= LONGEST_S:
             where, limit = f"{WHERE}: duration", f"above 0 s, at most {LONGEST_S:g} s"
             cure = "choose a time within these limits"
-            raise ConfigError("cannot be used", where=where, value=f"{self.duration_s:g} s", limit=limit, cure=cure)
+            what = "not a number" if isnan(self.duration_s) else "cannot be used"
+            raise ConfigError(what, where=where, value=f"{self.duration_s:g} s", limit=limit, cure=cure)
 
     def __str__(self) -> str:
         """Return the step as text, for example `80 °C for 30 s`."""

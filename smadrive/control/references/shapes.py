@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from inspect import Parameter, signature
+from math import isnan
 
 import numpy as np
 
@@ -172,6 +173,9 @@ def _check(**keys: float) -> None:
     """
     for name, given in keys.items():
         value = real_number(given, f"{WHERE}: {name}")
+        if isnan(value):
+            cure = "write a number such as 2 or 0.1"
+            raise DataError("not a number", where=f"{WHERE}: {name}", value=value, cure=cure)
         if name.endswith("_mm"):
             check_displacement(name, value)
         elif not value > 0:

@@ -6,7 +6,7 @@ from math import hypot, isfinite, sqrt
 from statistics import fmean, stdev
 from typing import NamedTuple
 
-from smadrive.errors import DataError
+from smadrive.errors import ConfigError, DataError
 from smadrive.rig.rig import Rig
 
 UNITS = {"temperature": "°C", "displacement": "mm"}
@@ -51,6 +51,21 @@ def read_steadily(rig: Rig, quantity: str, duration_s: float) -> SteadyReading:
         )
     scatter = stdev(readings) / sqrt(len(readings))
     return SteadyReading(fmean(readings), hypot(scatter, abs(change) / sqrt(3)), len(readings))
+
+
+def check_measured(rig: Rig, quantity: str) -> None:
+    """Raise ConfigError if no device of the rig measures `quantity`. The rig need not be open."""
+    if not rig.measures(quantity):
+        raise ConfigError(
+            f"no device of the rig measures the {quantity}",
+            where=f"rig '{rig.config.name}'",
+            cure="add the sensor to [[devices]] in the rig file, or calibrate the other sensor",
+        )
+
+
+def check_reading(rig: Rig, quantity: str) -> None:
+    """Raise DataError if the sensor of the open rig has no valid reading."""
+    _valid(rig, quantity)
 
 
 def _valid(rig: Rig, quantity: str) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from smadrive.errors import DataError, SmadriveError
 from smadrive.files.kinds import LOG, check_kind
-from smadrive.files.spelling import suggestion_or_list
+from smadrive.files.spelling import missing_file_cure, suggestion_or_list
 from smadrive.runs.log.content import Content, read_content
 from smadrive.runs.log.errors import DamageError, ForeignContentError, NewerLayoutError
 from smadrive.runs.log.old_layouts import LAYOUT
@@ -125,7 +125,7 @@ def read_log(path: Path) -> Log:
     """Return the log at `path`. DataError when it is missing, damaged, not a log, newer, or refers to other files."""
     check_kind(path, LOG)
     if not path.exists():
-        raise DataError("no such file", where=path)
+        raise DataError("no such file", where=path, cure=missing_file_cure(path))
     try:
         with h5py.File(path, "r", locking=False) as file:
             content = read_content(file, path.stat().st_size)

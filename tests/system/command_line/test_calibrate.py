@@ -53,3 +53,23 @@ def test_mistake_leaves_the_rig_file(smadrive, tmp_path, arguments, keys):
     assert done.returncode == 2
     assert "Traceback" not in done.stderr
     assert (tmp_path / "rig.toml").read_text() == SHIPPED.read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "devices"),
+    [
+        (("displacement", "--point", "1"), 'measures = ["temperature"]'),
+        (("temperature", "--point", "ice", "--point", "0"), ""),
+        (("temperature", "--point", "5000"), ""),
+        (("temperature", "--point", "25,5"), ""),
+        (("displacement", "--point", "1e5"), ""),
+    ],
+    ids=["no such sensor", "the same point twice", "5000 °C", "a decimal comma", "100 m"],
+)
+def test_mistake_that_is_known_before_is_an_error_without_a_question(smadrive, tmp_path, arguments, devices):
+    text = SHIPPED.read_text().replace("unit_id = 1", f"unit_id = 1\n{devices}")
+    (tmp_path / "rig.toml").write_text(text)
+    done = smadrive("calibrate", "rig.toml", *arguments, keys="")
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "press Enter" not in done.stderr
+    assert len(done.stderr.splitlines()) == 1

@@ -4,7 +4,7 @@ import json
 import shutil
 import sys
 from contextlib import nullcontext
-from math import nan
+from math import isnan, nan
 from pathlib import Path
 
 import numpy as np
@@ -119,6 +119,7 @@ def test_step_beyond_a_limit_is_refused_before_a_port_is_opened(step, where, lim
     assert error.value.where == where
     assert limit in str(error.value.limit)
     assert error.value.cure
+    assert (error.value.what == "not a number") is any(value is not None and isnan(value) for value in step)
 
 
 def test_limits_are_checked_before_the_port(tmp_path):

@@ -1,8 +1,11 @@
 """`run --repeat` measures every cycle, and `--resume` runs the cycles that are left, without touching the first log."""
 
 import json
+import signal
+import subprocess
 import sys
-from contextlib import nullcontext
+import time
+from contextlib import nullcontext, suppress
 from dataclasses import asdict
 from math import isnan
 
@@ -19,7 +22,7 @@ from smadrive.hysteresis import DuhemModel
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
 from smadrive.runs.cycling.continuation import continuation_of
-from smadrive.runs.cycling.cycles import Cycling, cycles_of, metrics_of, thinned
+from smadrive.runs.cycling.cycles import Cycling, cycles_of, cycling_of, metrics_of, thinned
 from smadrive.runs.experiments import plan_tracking, track
 from smadrive.runs.log.reader import read_log
 from smadrive.runs.replay import replay
@@ -233,3 +236,26 @@ def test_long_table_is_thinned_to_its_ends(folder):
     shown = thinned(many, 20)
     assert (len(shown), shown[0].cycle, shown[-1].cycle) == (20, 1, 1000)
     assert thinned(many[:5], 20) == many[:5]
+
+
+def has_rows(log_file):
+    with suppress(DataError):
+        return read_log(log_file).column_with_gaps("time_s").size > 0
+    return False
+
+
+def test_interruption_names_the_log_and_how_to_resume(tmp_path):
+    swing = ("--reference", "sine:low_mm=2,high_mm=6,period_s=12,cycles=1", "--repeat", "20000", "--smooth")
+    (tmp_path / "wire.json").write_text(WIRE.text())
+    command = [sys.executable, "-m", "smadrive", "run", "in-process", "--model", "wire.json", *swing, "-o", "part.h5"]
+    with programs.Program(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        while not has_rows(tmp_path / "part.h5"):
+            assert process.poll() is None
+            time.sleep(0.05)
+        process.send_signal(signal.SIGINT)
+        _, stderr = process.communicate()
+    assert process.returncode == 130, stderr
+    (line,) = [line for line in stderr.splitlines() if "--resume part.h5" in line]
+    assert line.startswith("smadrive: part.h5 ")
+    assert cycling_of(read_log(tmp_path / "part.h5")).total == 20000
+    assert not [event for event in read_log(tmp_path / "part.h5").events if "--resume" in event.message]

@@ -83,7 +83,7 @@ def test_interrupt_is_a_normal_end_and_a_termination_is_not(tmp_path, number, co
     [
         (("in-process",), 2, "is virtual"),
         (("in-process", "--for", "0"), 2, "above 0 s"),
-        (("in-process", "--for", "nan"), 2, "above 0 s"),
+        (("in-process", "--for", "nan"), 2, "--for: not a number"),
         (("in-process", "--for", "1", "-o", "seen.csv"), 2, ".h5"),
         (("absent.toml", "--for", "1"), 2, "absent.toml"),
         (("in-process", "--for", "1", "--port", "0"), 2, "--port"),

@@ -1,6 +1,7 @@
 """References from a script: arguments that are not numbers are errors that name the argument."""
 
 from inspect import signature
+from math import nan
 
 import pytest
 
@@ -35,3 +36,12 @@ def test_number_of_cycles_that_is_not_whole_is_rejected(repeats):
     with pytest.raises(ConfigError) as error:
         Reference.from_samples([0, 10], [2, 3]).repeated(repeats, 10.0)
     assert error.value.where == "repeats"
+
+
+@pytest.mark.parametrize(("shape", "key"), KEYS)
+def test_nan_is_not_a_number(shape, key):
+    numbers = {name: 1.0 for other, name in KEYS if other == shape}
+    with pytest.raises(DataError) as error:
+        SHAPES[shape](**{**numbers, key: nan})
+    assert error.value.where == f"reference: {key}"
+    assert error.value.limit is None

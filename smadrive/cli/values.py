@@ -1,0 +1,78 @@
+"""The values of options as a user mistypes them: each mistake is an error with its cure.
+
+typer's own messages name the type of a value, but not what the user must write instead.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import Enum
+from math import isfinite, isnan
+from typing import Any
+
+import typer
+
+from smadrive.errors import ConfigError
+from smadrive.files.number_text import parse_number, with_decimal_point
+from smadrive.files.spelling import suggestion_or_list
+
+
+def checked_conversion(param: Any) -> Callable[[Any, Any], Any]:
+    """Return the conversion of `param`, a parameter of a command, with ConfigError for a mistyped value.
+
+    While a shell completes a line, the conversion stays as it is.
+    """
+    convert = param.process_value
+
+    def process_value(context: Any, value: Any) -> Any:
+        try:
+            found = convert(context, value)
+        except typer.BadParameter:
+            if not context.resilient_parsing and isinstance(value, str):
+                check_text(_place(param), value, _annotation(param))
+            raise
+        if isinstance(found, float) and not context.resilient_parsing:
+            check_finite(_place(param), found)
+        return found
+
+    return process_value
+
+
+def check_text(where: str, text: str, annotation: object) -> None:
+    """Raise ConfigError if `text` is not one of the names of an enumeration, or not a number, as `annotation` needs."""
+    if isinstance(annotation, type) and issubclass(annotation, Enum):
+        names = [str(member.value) for member in annotation]
+        raise ConfigError("unknown", where=where, value=text, cure=suggestion_or_list(text, names))
+    if annotation in {int, float} and check_number(where, text) % 1.0 and annotation is int:
+        raise ConfigError("not a whole number", where=where, value=text, cure="write a number such as 2")
+
+
+def check_number(where: str, text: str) -> float:
+    """Return the finite number in `text`. ConfigError when it is none."""
+    corrected = with_decimal_point(text)
+    if corrected is not None:
+        raise ConfigError("a number has a decimal comma", where=where, value=text, cure=f"write {corrected}")
+    try:
+        number = parse_number(text)
+    except ValueError:
+        cure = "write a number without a unit, such as 2 or 0.1"
+        raise ConfigError("not a number", where=where, value=text[:60], cure=cure) from None
+    return check_finite(where, number)
+
+
+def check_finite(where: str, number: float) -> float:
+    """Return the number. ConfigError when it is NaN or infinite."""
+    if not isfinite(number):
+        what = "not a number" if isnan(number) else "not a finite number"
+        raise ConfigError(what, where=where, value=f"{number:g}", cure="write a number such as 2 or 0.1")
+    return number
+
+
+def _place(param: Any) -> str:
+    """Return the name of an option with its dashes, or the name of an argument in capital letters."""
+    return str(param.name).upper() if param.param_type_name == "argument" else str(max(param.opts, key=len))
+
+
+def _annotation(param: Any) -> object:
+    """Return the type of the values of `param`, or None if typer does not tell it."""
+    return getattr(getattr(param, "type_descriptor", None), "annotation", None)

@@ -1,0 +1,43 @@
+"""A mistyped name of a file is an error that suggests the file with the nearest name and the same ending."""
+
+import pytest
+
+from smadrive.errors import ConfigError
+from smadrive.files.csv_table import read_table
+from smadrive.hysteresis import load_model
+from smadrive.rig.config import load_off_config, load_rig
+from smadrive.runs.log.reader import read_log
+
+
+@pytest.mark.parametrize(
+    ("read", "typed", "present"),
+    [
+        (load_rig, "my-rgi.toml", "my-rig.toml"),
+        (load_off_config, "my-rgi.toml", "my-rig.toml"),
+        (read_table, "wier.csv", "wire.csv"),
+        (read_log, "excitaton.h5", "excitation.h5"),
+        (load_model, "wier.json", "wire.json"),
+    ],
+)
+def test_nearest_file_is_suggested(tmp_path, read, typed, present):
+    for name in (present, f"{typed}.txt", "other.md"):
+        (tmp_path / name).touch()
+    with pytest.raises(ConfigError) as error:
+        read(tmp_path / typed)
+    assert (error.value.where, error.value.cure) == (str(tmp_path / typed), f"did you mean '{tmp_path / present}'?")
+
+
+@pytest.mark.parametrize("place", ["nothing.csv", "no/folder/wire.csv", "wire.csv\0"])
+def test_missing_file_without_a_near_name_has_a_cure(tmp_path, place):
+    with pytest.raises(ConfigError) as error:
+        read_table(tmp_path / place)
+    assert error.value.cure
+
+
+@pytest.mark.parametrize("typed", ["my-rig", "my-rgi"])
+def test_rig_file_without_its_ending_is_suggested(tmp_path, monkeypatch, typed):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "my-rig.toml").touch()
+    with pytest.raises(ConfigError) as error:
+        load_off_config(typed)
+    assert error.value.cure == "did you mean 'my-rig.toml'?"
