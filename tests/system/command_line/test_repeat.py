@@ -83,7 +83,7 @@ def test_every_cycle_is_measured_and_the_run_replays(folder):
 def test_log_has_an_event_for_each_cycle_and_the_report_a_table_and_a_plot(folder, tmp_path):
     log = read_log(folder / "whole.h5")
     written = [event.message for event in log.events if event.message.startswith("cycle ")]
-    assert written == [str(one) for one in cycles_of(log)]
+    assert written == [one.event_text() for one in cycles_of(log)]
     write_log_report(tmp_path / "page.html", log)
     page = (tmp_path / "page.html").read_text()
     for part in ("<h2>Cycles</h2>", "at rest / Ω", "4 of 4 cycles are complete"):
