@@ -39,6 +39,15 @@ CUT = (
 """`UNCONFIRMED` begins and `CUT` ends the note that an error carries when current may still flow."""
 
 
+def free_the_line(pid: int | None) -> str:
+    """Return the cure for a line that another program uses; `pid` is None if its process is unknown."""
+    kill = "`kill PID`" if pid is None else f"`kill {pid}`"
+    return (
+        "end that program. A smadrive that runs or tunes there switches the heater off at `smadrive off RIG`, at "
+        f"Ctrl-C in its terminal, at {kill}, or at OFF (POST /off) of its page"
+    )
+
+
 class SmadriveError(Exception):
     """Root of the tree. Its message: `<where>: <what> (<value>, limit <limit>). <Cure>.`
 

@@ -146,4 +146,9 @@ def counted(rows: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
         return rows
     counts = [sum(texts[run] != texts[0] for texts in of_models) for run in range(len(of_models[0]))]
     others = {name: texts for name, texts in rows.items() if not name.startswith(MODEL)}
-    return {**others, "values of the model": tuple(f"{count} others" if count else "as the first" for count in counts)}
+    return {**others, "values of the model": tuple(_count_text(count) for count in counts)}
+
+
+def _count_text(count: int) -> str:
+    """Return the number of values that differ from the first run as text."""
+    return f"{count} differ from the first run" if count else "same as the first run"

@@ -155,8 +155,9 @@ def test_way_back_of_a_cycle_is_a_caveat_of_the_run(folder):
 
 def test_continuation_needs_cycles_and_the_same_wire(folder):
     other = RIG.model_copy(update={"wire": "other-wire"})
-    with pytest.raises(ConfigError):
+    with pytest.raises(ConfigError) as error:
         continuation_of(folder / "part.h5", other)
+    assert (error.value.value.split(",")[0], error.value.limit) == ("other-wire", None)
     changed = RIG.model_copy(update={"rate_hz": 10.0})
     (caveat,) = continuation_of(folder / "part.h5", changed).caveats
     assert "rate_hz was 20.0, is 10.0" in caveat
