@@ -39,6 +39,15 @@ CUT = (
 """`UNCONFIRMED` begins and `CUT` ends the note that an error carries when current may still flow."""
 
 
+def free_the_line(pid: int | None) -> str:
+    """Return the cure for a line that another program uses; `pid` is None if its process is unknown."""
+    kill = "`kill PID`" if pid is None else f"`kill {pid}`"
+    return (
+        f"end that program: run `smadrive off RIG`, press Ctrl-C in its terminal, or run {kill}. A program of smadrive "
+        "switches its heater off before it ends. OFF (POST /off) of its page only switches the heater off"
+    )
+
+
 class SmadriveError(Exception):
     """Root of the tree. Its message: `<where>: <what> (<value>, limit <limit>). <Cure>.`
 

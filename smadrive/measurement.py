@@ -5,6 +5,7 @@ from __future__ import annotations
 from math import nan
 from typing import NamedTuple
 
+from smadrive.display.ascii_text import ascii_text
 from smadrive.display.card import card, quantity
 
 
@@ -55,7 +56,7 @@ class Measurement(NamedTuple):
         )
 
     def __repr__(self) -> str:
-        return f"Measurement({', '.join(f'{name} {value}' for name, value in self.facts())})"
+        return ascii_text(f"Measurement({', '.join(f'{name} {value}' for name, value in self.facts())})")
 
     def _repr_html_(self) -> str:
         return card("Measurement", self.facts())

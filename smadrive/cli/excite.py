@@ -12,6 +12,7 @@ from smadrive.cli.output import AsJson, Output
 from smadrive.cli.views.announcement import announced, log_named_at_interruption
 from smadrive.cli.views.run_view import shown
 from smadrive.control.loop import LoopMetrics
+from smadrive.display.card import count_text
 from smadrive.errors import TripError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import LOG
@@ -52,9 +53,9 @@ def _excite(log_file: Path, rig: Rig, output: Output) -> LoopMetrics:
 
 
 def _print_metrics(log_file: Path, metrics: LoopMetrics, output: Output, *, tripped: str | None) -> None:
-    missed = "1 missed deadline" if metrics.missed_deadlines == 1 else f"{metrics.missed_deadlines} missed deadlines"
+    samples, missed = count_text(metrics.ticks, "sample"), count_text(metrics.missed_deadlines, "missed deadline")
     ended = "the heater is off" if tripped is None else "then the run tripped"
-    output.say(f"{log_file}: {metrics.ticks} samples, {missed}; {ended}")
+    output.say(f"{log_file}: {samples}, {missed}; {ended}")
     output.result(
         {
             "ticks": metrics.ticks,

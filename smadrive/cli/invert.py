@@ -9,6 +9,7 @@ import numpy as np
 import typer
 
 from smadrive.cli.output import AsJson, Output
+from smadrive.display.card import count_text
 from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import read_table, write_table
 from smadrive.files.kinds import TABLE
@@ -36,5 +37,5 @@ def main(
     result = InverseFeedforward(loaded).trajectory(setpoint, v0)
     write_table(output_file, table.cells, {input_column: result.v, "reachable": result.reachable.astype(np.float64)})
     unreachable = int((~result.reachable).sum())
-    output.say(f"{output_file}: {len(setpoint)} samples, {unreachable} out of reach")
+    output.say(f"{output_file}: {count_text(len(setpoint), 'sample')}, {unreachable} out of reach")
     output.result({"samples": len(setpoint), "unreachable": unreachable, "output_file": str(output_file)})

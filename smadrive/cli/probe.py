@@ -7,6 +7,7 @@ from math import isfinite
 
 from smadrive.cli.options import RigFile, TraceFolder
 from smadrive.cli.output import AsJson, Output
+from smadrive.display.card import quantity
 from smadrive.measurement import Measurement
 from smadrive.rig.calibration.description import descriptions, today
 from smadrive.rig.config import load_rig
@@ -53,17 +54,14 @@ def _print_latched(output: Output, measurement: Measurement, tripped: str | None
 
 
 def _rows(measurement: Measurement) -> list[tuple[str, str]]:
-    temperature = measurement.temperature_fault or f"{measurement.temperature_c:.2f} °C"
-    displacement = (
-        f"{measurement.displacement_mm:.4f} mm"
-        if isfinite(measurement.displacement_mm)
-        else "no sensor, or out of its range"
-    )
+    temperature = measurement.temperature_fault or quantity(measurement.temperature_c, 2, "°C")
+    displacement = quantity(measurement.displacement_mm, 4, "mm")
+    is_displaced = isfinite(measurement.displacement_mm)
     return [
         ("temperature", temperature),
-        ("displacement", displacement),
-        ("heater current", f"{measurement.current_a:.4f} A"),
-        ("heater voltage", f"{measurement.voltage_v:.3f} V"),
+        ("displacement", displacement if is_displaced else "no sensor, or out of its range"),
+        ("heater current", measurement.supply_fault or quantity(measurement.current_a, 4, "A")),
+        ("heater voltage", measurement.supply_fault or quantity(measurement.voltage_v, 3, "V")),
         ("faults", ", ".join(measurement.device_faults) or "none"),
         ("limited by", ", ".join(measurement.device_limits + measurement.host_limits) or "nothing"),
     ]

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.output import AsJson, Output
+from smadrive.display.card import count_text
 from smadrive.runs.columns import COLUMNS
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.replay import Replay, prediction_percent, replay
@@ -72,7 +73,7 @@ def _predictions(log: Log, again: Replay, wire: IdentifiedWire | None) -> dict[s
 def _print_differences(output: Output, again: Replay, predictions: dict[str, float]) -> None:
     ticks = again.time_s.size
     if again.exact:
-        output.say(f"{ticks} ticks: the replay is identical to the record")
+        output.say(f"{count_text(ticks, 'tick')}: the replay is identical to the record")
     else:
         output.table(("signal", "max difference", "RMS difference", "first at"), _rows(again))
     if all(isfinite(value) for value in predictions.values()) and predictions:

@@ -161,7 +161,11 @@ def _print_metrics(
         output.table(CYCLE_HEADER, cycle_rows(thinned(cycles, MOST_CYCLES)))
     output.warn(caveat for caveat in caveats if caveat not in warned)
     cycling = cycling_of(log)
-    done = "" if cycling is None else f"   {len(cycles)} of {cycling.total} cycles are done"
+    done = (
+        ""
+        if cycling is None
+        else f"   {len(cycles)} of {cycling.total} {'cycle is' if cycling.total == 1 else 'cycles are'} done"
+    )
     output.say(f"log: {log.path}{done}")
     of_cycles = {} if cycling is None else {"cycles": [asdict(one) for one in cycles], "cycles_planned": cycling.total}
     output.result({**asdict(metrics), "caveats": caveats, "tripped": tripped, **of_cycles})

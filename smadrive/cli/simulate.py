@@ -8,6 +8,7 @@ from typing import Annotated
 import typer
 
 from smadrive.cli.output import AsJson, Output
+from smadrive.display.card import count_text
 from smadrive.files.atomic import check_output
 from smadrive.files.csv_table import read_table, write_table
 from smadrive.files.kinds import TABLE
@@ -28,5 +29,5 @@ def main(
     table = read_table(csv)
     y = load_model(model).simulate(table.column(input_column))
     write_table(output_file, table.cells, {output_column: y})
-    output.say(f"{output_file}: {len(y)} samples, {output_column} from {y.min():.4g} to {y.max():.4g}")
+    output.say(f"{output_file}: {count_text(len(y), 'sample')}, {output_column} from {y.min():.4g} to {y.max():.4g}")
     output.result({"samples": len(y), "output_file": str(output_file)})

@@ -19,37 +19,11 @@ import sys
 from contextlib import suppress
 from typing import TYPE_CHECKING
 
+from smadrive.display.ascii_text import SUBSTITUTES
 from smadrive.errors import ConfigError
 
 if TYPE_CHECKING:
     from _typeshed import ReadableBuffer
-
-SUBSTITUTES = {
-    "°": "deg ",
-    "µ": "u",
-    "μ": "u",
-    "Ω": "Ohm",
-    "±": "+/-",
-    "·": "*",
-    "×": "x",
-    "≤": "<=",
-    "≥": ">=",
-    "→": "->",
-    "–": "-",
-    "—": "-",
-    "−": "-",
-    "…": "...",
-    "━": "-",
-    "─": "-",
-    "│": "|",
-    **dict.fromkeys("▁▂▃", "."),
-    **dict.fromkeys("▄▅▆", ":"),
-    **dict.fromkeys("▇█", "#"),
-    "’": "'",
-    "“": '"',
-    "”": '"',
-}
-"""The spelling in ASCII of characters that smadrive prints; any other such character becomes a question mark."""
 
 _SUBSTITUTING = "smadrive-substitutes"
 

@@ -17,6 +17,7 @@ from smadrive.cli.views.keyboard import end_interrupt, end_key
 from smadrive.cli.views.watch_view import Extremes, watched_values
 from smadrive.clock import VirtualClock
 from smadrive.control.loop import Tick
+from smadrive.display.card import count_text
 from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import LOG
@@ -84,7 +85,7 @@ def main(
     finally:
         if extremes.count:
             output.table(("quantity", "last", "lowest", "highest"), extremes.rows())
-            output.say(f"{extremes.count} measurements" + ("" if log_file is None else f"   log: {log_file}"))
+            output.say(count_text(extremes.count, "measurement") + ("" if log_file is None else f"   log: {log_file}"))
 
 
 def _each(takers: list[Record]) -> Record:

@@ -28,3 +28,8 @@ def card(title: str, facts: Facts, plot: str = "", warnings: Iterable[str] = ())
 def quantity(value: float, digits: int, unit: str) -> str:
     """Return a value with its unit; a dash for NaN."""
     return f"{value:.{digits}f} {unit}" if isfinite(value) else "–"
+
+
+def count_text(number: int, noun: str) -> str:
+    """Return a number with its noun, such as `1 sample` or `20 samples`."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

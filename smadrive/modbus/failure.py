@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from smadrive.display.card import count_text
 from smadrive.errors import DeadlineError, ExceptionReply, ProtocolError, SmadriveError
 from smadrive.modbus.bus import EXCEPTIONS
 from smadrive.modbus.verdict import Outcome, Verdict
@@ -44,7 +45,7 @@ def failure(outcome: Outcome, where: str) -> SmadriveError:
         return DeadlineError(
             "the reply was incomplete at the deadline" if outcome.data else "no reply before the deadline",
             where=where,
-            value=f"{len(outcome.data)} bytes",
+            value=count_text(len(outcome.data), "byte"),
             cure="check that the device is powered, and that unit id, baud rate and parity are right",
         )
     wrong, cure = _WRONG[outcome.verdict]

@@ -9,6 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
+from smadrive.display.ascii_text import ascii_text
 from smadrive.display.card import card
 from smadrive.errors import ConfigError
 from smadrive.measurement import Measurement
@@ -228,7 +229,8 @@ class OpenRig:
         ]
 
     def __repr__(self) -> str:
-        return f"OpenRig({self.config.name}, {', '.join(f'{name} {value}' for name, value in self.facts())})"
+        facts = ", ".join(f"{name} {value}" for name, value in self.facts())
+        return ascii_text(f"OpenRig({self.config.name}, {facts})")
 
     def _repr_html_(self) -> str:
         return card(f"Rig: {self.config.name}", self.facts())

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from smadrive.display.ascii_text import ascii_text
 from smadrive.display.card import card, quantity
 from smadrive.display.line_plot import Curve, line_plot
 from smadrive.errors import ConfigError
@@ -176,7 +177,7 @@ class Run:
     def __repr__(self) -> str:
         facts = (f"{name} {value}" for name, value in self.facts())
         warnings = (f"warning: {caveat}" for caveat in self.caveats)
-        return f"Run({', '.join((self.kind, str(self.log_file), *facts, *warnings))})"
+        return ascii_text(f"Run({', '.join((self.kind, str(self.log_file), *facts, *warnings))})")
 
     def _repr_html_(self) -> str:
         title = f"{self.kind[0].upper()}{self.kind[1:]}, {self.log_file.name}"

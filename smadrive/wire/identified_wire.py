@@ -13,6 +13,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from smadrive.display.ascii_text import ascii_text
 from smadrive.display.card import card
 from smadrive.errors import ModelError
 from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem, save_model
@@ -63,7 +64,7 @@ class IdentifiedWire:
     def __repr__(self) -> str:
         facts = (f"{name} {value}" for name, value in self.facts())
         warnings = (f"warning: {caveat}" for caveat in self.caveats)
-        return f"{type(self).__name__}({', '.join((*facts, *warnings))})"
+        return ascii_text(f"{type(self).__name__}({', '.join((*facts, *warnings))})")
 
     def _repr_html_(self) -> str:
         title = f"Identified wire, from {Path(self.source).name}" if self.source else "Identified wire"

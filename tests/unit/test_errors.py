@@ -4,7 +4,7 @@ import pickle
 
 import pytest
 
-from smadrive.errors import ConfigError, ControllerError, ExceptionReply, TripError
+from smadrive.errors import ConfigError, ControllerError, ExceptionReply, TripError, free_the_line
 
 
 @pytest.mark.parametrize(
@@ -23,6 +23,11 @@ from smadrive.errors import ConfigError, ControllerError, ExceptionReply, TripEr
 )
 def test_message_has_the_parts_that_are_given(parts, message):
     assert str(ConfigError("too short", **parts)) == message
+
+
+@pytest.mark.parametrize(("pid", "shown"), [(None, "`kill PID`"), (77, "`kill 77`")])
+def test_cure_for_a_busy_line_names_the_process_if_it_is_known(pid, shown):
+    assert shown in free_the_line(pid)
 
 
 def test_question_needs_no_full_stop():

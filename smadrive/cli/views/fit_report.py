@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from smadrive.display.card import count_text
 from smadrive.hysteresis import TSFuzzyDuhem
 from smadrive.identification.duhem import DuhemFit
 from smadrive.identification.wire import AnyFit
@@ -29,7 +30,8 @@ def write_fit_report(path: Path, fit: AnyFit, caveats: Iterable[str], source: st
         ),
         *_parameters(fit),
     ]
-    write_report(path, f"Hysteresis identified from {Path(source).name}", f"{len(fit.residual)} samples.", parts)
+    samples = count_text(len(fit.residual), "sample")
+    write_report(path, f"Hysteresis identified from {Path(source).name}", f"{samples}.", parts)
 
 
 def _verdict(fit: AnyFit) -> Banner:

@@ -8,8 +8,9 @@ from math import isfinite
 from pathlib import Path
 from typing import Any
 
+from smadrive.display.card import quantity
 from smadrive.errors import UNCONFIRMED
-from smadrive.runs.comparison.settings import flat
+from smadrive.runs.comparison.settings import set_values
 from smadrive.runs.cycling.cycles import CYCLE_HEADER, cycle_rows, cycles_of, cycling_of, thinned
 from smadrive.runs.figures.cycle_plots import cycle_plot
 from smadrive.runs.figures.log_plots import log_plots
@@ -90,9 +91,9 @@ def _tiles(summary: RunMetrics, limit_a: float, *, is_virtual: bool) -> Iterator
     if isfinite(summary.rms_percent):
         yield f"{summary.rms_percent:.2f} %", "RMS error, of the stroke"
         yield f"{summary.max_percent:.2f} %", "largest error"
-    yield f"{summary.temperature_max_c:.1f} °C", "hottest reading"
-    yield f"{summary.current_max_a:.3f} A", f"largest current, limit {limit_a:g} A"
-    yield f"{summary.energy_j:.0f} J", "electrical energy"
+    yield quantity(summary.temperature_max_c, 1, "°C"), "hottest reading"
+    yield quantity(summary.current_max_a, 3, "A"), f"largest current, limit {limit_a:g} A"
+    yield quantity(summary.energy_j, 0, "J"), "electrical energy"
     rarely = 0.0 < summary.limited_percent < 0.1
     yield "< 0.1 %" if rarely else f"{summary.limited_percent:.1f} %", "of the time at a limit"
     yield f"{summary.ticks}", "ticks"
@@ -106,7 +107,8 @@ def _cycles(log: Log) -> Iterator[PagePart]:
     if not cycles or cycling is None:
         return
     yield cycle_plot(cycles, len(cycling.before))
-    rows, count = cycle_rows(thinned(cycles, MOST_CYCLES)), f"{len(cycles)} of {cycling.total} cycles are complete"
+    rows, verb = cycle_rows(thinned(cycles, MOST_CYCLES)), "cycle is" if cycling.total == 1 else "cycles are"
+    count = f"{len(cycles)} of {cycling.total} {verb} complete"
     yield Grid(CYCLE_HEADER, rows)
     part = f"; the first {len(cycling.before)} are those of {cycling.continues}" if cycling.before else ""
     thin = f"; the table shows {len(rows)} of them" if len(rows) < len(cycles) else ""
@@ -136,16 +138,16 @@ def _provenance(log: Log) -> Grid:
 
 def _background(log: Log) -> Iterator[PagePart]:
     """Yield the configuration of the run. The reader opens each part by a click on its title."""
-    yield Grid(("key", "value"), list(flat(log.json("rig"))), "Rig file", texts=True, folded=True)
+    yield Grid(("key", "value"), list(set_values(log.json("rig"))), "Rig file", texts=True, folded=True)
     if "wire" in log.metadata:
         yield Listing("Wire: the model of the run", log.text("wire"))
     for number, text in models_of(log).items():
         yield Listing(f"Model {number}", json.dumps(json.loads(text), indent=1))
     if "step" in log.metadata:
-        yield Grid(("key", "value"), list(flat(log.json("step"))), "Step", texts=True, folded=True)
+        yield Grid(("key", "value"), list(set_values(log.json("step"))), "Step", texts=True, folded=True)
     if "excitation" in log.metadata:
-        yield Grid(("key", "value"), list(flat(log.json("excitation"))), "Excitation", texts=True, folded=True)
-    yield Grid(("key", "value"), list(flat(log.json("nominal_balance"))), "Nominal heat balance", True, True)
+        yield Grid(("key", "value"), list(set_values(log.json("excitation"))), "Excitation", texts=True, folded=True)
+    yield Grid(("key", "value"), list(set_values(log.json("nominal_balance"))), "Nominal heat balance", True, True)
     yield Listing("Device profiles", json.dumps(log.json("profiles"), indent=1))
 
 

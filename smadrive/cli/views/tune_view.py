@@ -78,9 +78,9 @@ class TuneView:
             off_url = self._page.url.split("?")[0] + "off"
             return f"no page is open: the run continues; Ctrl-C or `curl -X POST {off_url}` ends it"
         if count == 0:
-            return "no page is open; Ctrl-C ends"
+            return "no page is open; Ctrl-C ends the session"
         pages = "1 page is open" if count == 1 else f"{count} pages are open"
-        return f"{pages}, {'one' if is_controlled else 'none'} controls; Ctrl-C ends"
+        return f"{pages}, {'one' if is_controlled else 'none'} controls; Ctrl-C ends the session"
 
 
 class Changes:

@@ -79,7 +79,7 @@ class WatchView:
         if tick is None:
             return Text(f"{self._name}: starting")
         text = Text(overflow="fold")
-        text.append(self._name, "bold").append(f"  {tick.time_s:.1f} s, heater off; q or Ctrl-C ends")
+        text.append(self._name, "bold").append(f"  {tick.time_s:.1f} s, heater off; q or Ctrl-C ends the command")
         history = tuple(self._history)
         for name, attribute, digits, unit, span in QUANTITIES:
             text.append(f"\n{name:<13}", "dim").append(_value_text(tick, attribute, digits, unit))

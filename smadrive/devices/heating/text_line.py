@@ -91,8 +91,7 @@ class TextLine:
             raise ProtocolError(
                 "discarded, because the reply has another form",
                 where=self._where(command),
-                value=repr(answer),
-                limit=form.pattern,
+                value=f"{answer!r}, expected {form.pattern}",
             )
         self._in_step = True
         return reply

@@ -26,7 +26,7 @@ from weakref import WeakSet
 
 from smadrive.devices.state.folder import state_dir
 from smadrive.devices.state.key import DeviceKey
-from smadrive.errors import BusyError, DataError
+from smadrive.errors import BusyError, DataError, free_the_line
 from smadrive.files.kinds import check_regular
 
 GUARDIAN_WITHIN_S = 10.0
@@ -194,12 +194,6 @@ def _busy(line: str, holder: Holder | None) -> BusyError:
             where=line,
             cure="end that driver if it still runs, and try again",
         )
-    name, kill = "another smadrive", "`kill PID`"
-    if holder is not None:
-        name, kill = f"process {holder.pid}", f"`kill {holder.pid}`"
-    return BusyError(
-        f"busy, because {name} uses the port",
-        where=line,
-        cure=f"end that process: run `smadrive off RIG`, press Ctrl-C in its terminal, or run {kill}. A program of "
-        "smadrive switches its heater off before it ends. OFF (POST /off) of its page only switches the heater off",
-    )
+    pid = None if holder is None else holder.pid
+    name = "another smadrive" if pid is None else f"process {pid}"
+    return BusyError(f"busy, because {name} uses the port", where=line, cure=free_the_line(pid))

@@ -21,7 +21,7 @@ from typing import Self
 from weakref import WeakSet
 
 from smadrive.devices.stopping.endpoint import IS_POSSIBLE, REFUSED, address_of, peer_of, places
-from smadrive.errors import BusyError, StoppedError
+from smadrive.errors import BusyError, StoppedError, free_the_line
 
 BACKLOG = 16
 MOST_ASKERS = 64
@@ -185,4 +185,4 @@ def _listening(name: str) -> socket.socket:
 
 def _busy(name: str) -> BusyError:
     """Return the BusyError for a line that another driver uses; that driver may belong to another user."""
-    return BusyError("busy, another driver uses the line", where=name, cure="`smadrive off RIG` ends that driver")
+    return BusyError("busy, another driver uses the line", where=name, cure=free_the_line(None))

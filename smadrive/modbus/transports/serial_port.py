@@ -13,7 +13,7 @@ from pathlib import Path
 import serial
 from serial.tools import list_ports
 
-from smadrive.errors import TransportError
+from smadrive.errors import TransportError, free_the_line
 from smadrive.modbus.framing.framing import RtuFraming
 from smadrive.modbus.transports.descriptor import DescriptorTransport
 from smadrive.modbus.transports.pseudo_terminal import TERMINALS, PseudoTerminal
@@ -106,13 +106,8 @@ def _failure(port: str, error: Exception) -> TransportError:
         )
     if code in (errno.EAGAIN, errno.EBUSY):
         pid = _locked_by(port)
-        holder, kill = ("another program", "`kill PID`") if pid is None else (f"process {pid}", f"`kill {pid}`")
-        return TransportError(
-            f"busy, because {holder} uses the port",
-            where=port,
-            cure=f"end that program: press Ctrl-C in its terminal, or run {kill}. A program of smadrive switches its "
-            "heater off before it ends. The button OFF (POST /off) of `smadrive tune` only switches the heater off",
-        )
+        holder = "another program" if pid is None else f"process {pid}"
+        return TransportError(f"busy, because {holder} uses the port", where=port, cure=free_the_line(pid))
     cure = "check the path in the URL"
     return TransportError("cannot be opened as a serial port", where=port, value=error, cure=cure)
 

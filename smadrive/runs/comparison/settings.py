@@ -62,6 +62,11 @@ def flat(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
         yield key, json.dumps(value, ensure_ascii=False)
 
 
+def set_values(value: Any) -> Iterator[tuple[str, str]]:
+    """Yield (path, value) like `flat`, without the values that were left out (null in JSON)."""
+    return ((name, text) for name, text in flat(value) if text != "null")
+
+
 def _settings(log: Log) -> Iterator[tuple[str, str]]:
     yield "kind of run", log.text("kind")
     yield from _experiment(log)
@@ -94,7 +99,7 @@ def _experiment(log: Log) -> Iterator[tuple[str, str]]:
 
 def _plain(value: Any) -> Iterator[tuple[str, str]]:
     """Yield (path, value) like `flat`, texts without quotation marks and numbers with five digits."""
-    for name, text in flat(value):
+    for name, text in set_values(value):
         inner = json.loads(text)
         yield name, f"{inner:.5g}" if isinstance(inner, float) else inner if isinstance(inner, str) else text
 
@@ -141,4 +146,9 @@ def counted(rows: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
         return rows
     counts = [sum(texts[run] != texts[0] for texts in of_models) for run in range(len(of_models[0]))]
     others = {name: texts for name, texts in rows.items() if not name.startswith(MODEL)}
-    return {**others, "values of the model": tuple(f"{count} others" if count else "as the first" for count in counts)}
+    return {**others, "values of the model": tuple(_count_text(count) for count in counts)}
+
+
+def _count_text(count: int) -> str:
+    """Return the number of values that differ from the first run as text."""
+    return f"{count} differ from the first run" if count else "same as the first run"

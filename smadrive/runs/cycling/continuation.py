@@ -68,8 +68,7 @@ def _check_wire(log: Log, config: RigConfig) -> None:
         raise ConfigError(
             "the rig has another wire than the run to resume",
             where=f"rig '{config.name}'",
-            value=config.wire,
-            limit=before.wire,
+            value=f"{config.wire}, the run had {before.wire}",
             cure="give the rig of that run",
         )
 

@@ -50,7 +50,7 @@ class CycleMetrics:
     energy_j: float
     temperature_max_c: float
 
-    def __str__(self) -> str:
+    def event_text(self) -> str:
         """Return the text of the event."""
         values = (
             f"stroke {self.stroke_mm:.4g} mm",
@@ -139,7 +139,8 @@ class CycleEvents:
         """Write the event of the cycle that has ended."""
         if self._values:
             rows = np.frombuffer(self._values).reshape(-1, len(COLUMNS_OF_A_CYCLE))
-            self._write(str(metrics_of(self._first + self._number, rows, self._travel, self._current_max_a)))
+            metrics = metrics_of(self._first + self._number, rows, self._travel, self._current_max_a)
+            self._write(metrics.event_text())
             self._values = array("d")
 
 

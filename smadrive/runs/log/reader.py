@@ -17,6 +17,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from smadrive.display.ascii_text import ascii_text
 from smadrive.errors import DataError, SmadriveError
 from smadrive.files.kinds import LOG, check_kind
 from smadrive.files.spelling import missing_file_cure, suggestion_or_list
@@ -65,7 +66,8 @@ class Log:
 
     def __repr__(self) -> str:
         rows = len(next(iter(self.columns.values()), ()))
-        return f"Log({self.path}, {self.metadata.get('kind', 'unknown')}, {rows} rows of {len(self.columns)} columns)"
+        kind = self.metadata.get("kind", "unknown")
+        return ascii_text(f"Log({self.path}, {kind}, {rows} rows of {len(self.columns)} columns)")
 
     @property
     def ended_by(self) -> str:

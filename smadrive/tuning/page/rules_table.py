@@ -44,7 +44,7 @@ class RulesTable:
     def _table(self) -> DataTable:
         plain = NumberFormatter(format="0.0", text_align="right")
         fine = NumberFormatter(format="0.0000", text_align="right")
-        columns = [TableColumn(field="centre", title="about / °C", formatter=plain, width=60)]
+        columns = [TableColumn(field="centre", title="centre / °C", formatter=plain, width=60)]
         for law in LAWS:
             title = law.replace("_", " ")
             columns.append(TableColumn(field=law, title=title, formatter=fine, editor=NumberEditor(), width=80))

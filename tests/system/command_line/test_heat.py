@@ -64,6 +64,7 @@ def test_current_is_held_and_ends_at_zero(tmp_path):
     page = (tmp_path / "heat.html").read_text()
     assert "manual step" in page
     assert "Step" in page
+    assert "<td>null</td>" not in page
 
 
 def test_step_that_trips_ends_with_its_metrics(tmp_path):

@@ -87,7 +87,7 @@ def test_every_cycle_is_measured_and_the_run_replays(folder):
 def test_log_has_an_event_for_each_cycle_and_the_report_a_table_and_a_plot(folder, tmp_path):
     log = read_log(folder / "whole.h5")
     written = [event.message for event in log.events if event.message.startswith("cycle ")]
-    assert written == [str(one) for one in cycles_of(log)]
+    assert written == [one.event_text() for one in cycles_of(log)]
     write_log_report(tmp_path / "page.html", log)
     page = (tmp_path / "page.html").read_text()
     for part in ("<h2>Cycles</h2>", "at rest / Ω", "4 of 4 cycles are complete"):
@@ -172,8 +172,9 @@ def test_way_back_of_a_cycle_is_a_caveat_of_the_run(folder):
 
 def test_continuation_needs_cycles_and_the_same_wire(folder):
     other = RIG.model_copy(update={"wire": "other-wire"})
-    with pytest.raises(ConfigError):
+    with pytest.raises(ConfigError) as error:
         continuation_of(folder / "part.h5", other)
+    assert (error.value.value.split(",")[0], error.value.limit) == ("other-wire", None)
     changed = RIG.model_copy(update={"rate_hz": 10.0})
     (caveat,) = continuation_of(folder / "part.h5", changed).caveats
     assert "rate_hz was 20.0, is 10.0" in caveat

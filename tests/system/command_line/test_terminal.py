@@ -92,7 +92,7 @@ def test_tune_prints_its_state_and_its_open_pages(tmp_path):
     assert log.column("time_s").size > 0
     assert "session ended: heater off, confirmed" in [event.message for event in log.events]
     assert log.ended_by.startswith("interruption")
-    assert "heater off; no page is open; Ctrl-C ends (" in alone
+    assert "heater off; no page is open; Ctrl-C ends the session (" in alone
     assert re.search(r"heater off; \d pages? (is|are) open, ", opened)
 
 

@@ -65,6 +65,10 @@ def test_pipe_gets_a_line_a_second_and_a_table(tmp_path):
     assert "highest" in done.stdout
 
 
+def test_one_measurement_is_named_in_the_singular(tmp_path):
+    assert "1 measurement\n" in watch(tmp_path, "in-process", "--for", "0.01").stdout
+
+
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 0), (signal.SIGTERM, 130)])
 def test_interrupt_is_a_normal_end_and_a_termination_is_not(tmp_path, number, code):
     command = [sys.executable, "-m", "smadrive", "watch", "in-process", "--for", "1e9"]

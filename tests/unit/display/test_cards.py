@@ -6,12 +6,14 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
+import smadrive
 from smadrive.control.references.shapes import sine
 from smadrive.display.card import card
 from smadrive.display.line_plot import POINTS, Curve, line_plot
 from smadrive.hysteresis import DuhemModel
 from smadrive.identification import identify_tsfuzzy
 from smadrive.measurement import Measurement
+from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.identified_wire import IdentifiedWire
 
 MODEL = DuhemModel.gaussian(
@@ -98,5 +100,17 @@ def test_measurement_names_invalid_values_by_their_reason():
     text = repr(broken)
     assert "temperature open" in text
     assert "current no reply" in text
-    assert "displacement –" in text
+    assert "displacement -" in text
     assert "limited by current" in text
+
+
+def test_text_of_every_public_object_is_ascii(tmp_path):
+    balance = HeatBalance(0.0298, 0.014, 0.83, 22.0, 16.5, -0.12, 0.15)
+    broken = Measurement(0.0, 21.5, nan, nan, supply_fault="größer als 1 Ω")
+    wire = IdentifiedWire(MODEL, balance, caveats=("temperature ≥ 20 °C – 5 µm",), source="Drähte.csv")
+    with smadrive.open_rig("in-process") as rig:
+        run = rig.heat(0.5, current_a=0.1, log=tmp_path / "Drähte.h5")
+        closed = [repr(rig), repr(run), repr(run.log)]
+    for text in (*closed, *map(str, (MODEL, wire, wire.heat_balance, broken, sine(low_mm=2, high_mm=9, period_s=56)))):
+        assert text.isascii()
+    assert "temperature 21.50 deg C" in repr(broken)

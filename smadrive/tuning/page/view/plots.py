@@ -149,7 +149,7 @@ class Plots(TimePlots):
 
     def _firing(self) -> figure:
         plot = plain_figure("firing", "firing strength", x_range=["–"], y_range=Range1d(0.0, 1.05))
-        plot.xaxis.axis_label = "centre of the set / °C"
+        plot.xaxis.axis_label = "centre / °C"
         plot.xaxis.major_label_orientation = 0.8
         plot.vbar("set", top="strength", width=0.8, color="colour", source=self._rules)
         self._fired = plot

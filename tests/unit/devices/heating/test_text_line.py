@@ -71,6 +71,7 @@ def test_wrong_line_is_rejected_and_the_board_greeted_again(wrong):
     with pytest.raises(ProtocolError) as error:
         line.ask("N 7", NUMBER)
     assert error.value.where.endswith("'N 7'")
+    assert error.value.limit in {None, "64 characters"}
     assert line.ask("N 8", NUMBER) == "8.000"
     assert board.heard == ["VER", "token0", "N 7", "VER", "token1", "N 8"]
 

@@ -27,7 +27,7 @@ def run(rig, view, until_s):
 @pytest.mark.parametrize(
     ("acts", "expected"),
     [
-        ((), "heater off; no page is open; Ctrl-C ends"),
+        ((), "heater off; no page is open; Ctrl-C ends the session"),
         (({"act": "arm"},), f"armed, holding; {WITHOUT_PAGE}"),
         (({"act": "arm"}, {"act": "track", "reference": "sine"}), f"armed, tracking; {WITHOUT_PAGE}"),
     ],
@@ -72,7 +72,7 @@ def test_terminal_shows_a_fault(rig, view):
     rig.at(1.0, "arm")
     rig.do(3.0, rig.device.bench.sensors.faults.open_thermocouple)
     run(rig, view, until_s=6.0)
-    assert "heater off; no page is open; Ctrl-C ends; fault: " in view.state
+    assert "heater off; no page is open; Ctrl-C ends the session; fault: " in view.state
     assert "°C" not in view.values
 
 
