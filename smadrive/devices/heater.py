@@ -32,7 +32,8 @@ class Heater:
 
     `thermometer` and `displacement` are sensors that replace the measurements of the source. `guard` is the guardian of
     a source that has no watchdog of its own. `corrections` turn the readings of the sensors into values; every limit
-    applies to the corrected values.
+    applies to the corrected values. `from_source` names the quantities that are taken from the source, by default all
+    that it measures: an input without a sensor shows a value, too.
     """
 
     def __init__(
@@ -45,9 +46,11 @@ class Heater:
         guard: GuardianClient | None = None,
         stop: StopListener | None = None,
         corrections: Corrections = UNCORRECTED,
+        from_source: frozenset[str] | None = None,
     ) -> None:
         """Send nothing yet: call `connect()`. ConfigError when no device measures the temperature."""
-        if thermometer is None and "temperature" not in source.measures:
+        self._from_source = source.measures if from_source is None else from_source
+        if thermometer is None and "temperature" not in self._from_source:
             raise ConfigError(
                 "no device measures the temperature of the wire",
                 where="[[devices]]",
@@ -206,9 +209,8 @@ class Heater:
         return min(max(current_a, 0.0), most_a), (limit,) if current_a >= AT_LIMIT * most_a else ()
 
     def _measurement(self, supplied: Supplied, in_force_a: float, limits: tuple[str, ...]) -> Measurement:
-        temperature = supplied.temperature if self._thermometer is None else self._thermometer.sample()
-        displacement = supplied.displacement if self._displacement is None else self._displacement.sample()
-        temperature, displacement = temperature or _NOTHING, displacement or _NOTHING
+        temperature = self._sample("temperature", supplied.temperature, self._thermometer)
+        displacement = self._sample("displacement", supplied.displacement, self._displacement)
         now_s = self._clock.now_s()
         self._temperature_c = self._corrections.temperature.corrected(temperature.value)
         return Measurement(
@@ -228,3 +230,8 @@ class Heater:
             displacement_age_s=now_s - displacement.time_s,
             supply_fault=supplied.problem,
         )
+
+    def _sample(self, quantity: str, supplied: Sample | None, sensor: PolledSensor | None) -> Sample:
+        if sensor is not None:
+            return sensor.sample()
+        return supplied if supplied is not None and quantity in self._from_source else _NOTHING

@@ -21,7 +21,8 @@ from smadrive.devices.state.key import DeviceKey
 from smadrive.devices.stopping.listener import StopListener
 from smadrive.modbus.transports.transport import Transport
 from smadrive.rig.connections import Connections, key_of
-from smadrive.rig.plan import PlannedDevice, RigPlan
+from smadrive.rig.plan import RigPlan
+from smadrive.rig.planned_device import PlannedDevice
 
 
 class RigDevices(NamedTuple):
@@ -84,6 +85,7 @@ def open_devices(
         guard,
         stop,
         plan.corrections,
+        plan.source.source_measures,
     )
     return RigDevices(heater, devices, clock, source, port_key(plan.source))
 

@@ -20,7 +20,7 @@ from smadrive.modbus.client import ModbusClient
 from smadrive.modbus.trace import TraceFile
 from smadrive.modbus.transports.connect import is_remote, open_transport
 from smadrive.modbus.transports.transport import PortAccess, Transport
-from smadrive.rig.plan import SIMULATED, PlannedDevice
+from smadrive.rig.planned_device import SIMULATED, PlannedDevice
 from smadrive.rig.simulation import SimulatedConnections, simulate
 
 

@@ -1,9 +1,8 @@
 """The plan of a rig, which gives every device its task. It is derived from the rig file and the device profiles.
 
 This module opens no port: devices that do not form a rig raise ConfigError before any port is opened. One device heats.
-A device measures every quantity that its profile has a register for, or only the quantities that the rig file lists for
-it. Two devices that measure the same quantity are an error, because only the user knows which one is right. A heat
-source without a watchdog of its own needs a guardian.
+Two devices that measure the same quantity are an error, because only the user knows which one is right. A heat source
+without a watchdog of its own needs a guardian.
 """
 
 from __future__ import annotations
@@ -14,20 +13,15 @@ from math import inf
 
 from smadrive.devices.calibration import Corrections
 from smadrive.devices.guardian.task import GuardedDevice, Task
-from smadrive.devices.heating.board import HeaterBoard
 from smadrive.devices.heating.heat_source import HeaterLimits
-from smadrive.devices.heating.supply import BenchSupply
 from smadrive.devices.heating.tclab import TCLab
 from smadrive.devices.profile.profile import Profile
 from smadrive.devices.retry import PAUSES_S
 from smadrive.errors import ConfigError
 from smadrive.modbus.transports.connect import latency_s_of
-from smadrive.rig.config import DeviceConfig, LimitsConfig, RigConfig
+from smadrive.rig.config import LimitsConfig, RigConfig
+from smadrive.rig.planned_device import SIMULATED, PlannedDevice
 
-SIMULATED = "sim://"
-"""The scheme of simulated devices. They end with this process: they need no guardian, and their trips are not kept."""
-
-HEATING_ROLES = ("heater", "supply")
 QUANTITIES = ("temperature", "displacement")
 
 STALE_PERIODS = 3.0
@@ -35,60 +29,6 @@ STALE_PERIODS = 3.0
 
 GUARDIAN_PATIENCE = 1.5
 """The guardian waits for the driver at least this many times longer than the driver waits for a reply."""
-
-
-@dataclass(frozen=True)
-class PlannedDevice:
-    """A device of the rig file and its profile. If `is_given` is True, the caller supplies the connection."""
-
-    config: DeviceConfig
-    profile: Profile
-    is_given: bool = False
-
-    @property
-    def name(self) -> str:
-        """The name of the device in the rig file."""
-        return self.config.name
-
-    @property
-    def where(self) -> str:
-        """The name of the device in error messages."""
-        return f"device '{self.name}'"
-
-    @property
-    def heats(self) -> bool:
-        """True if the device drives current through the wire."""
-        return self.profile.profile.role in HEATING_ROLES
-
-    @property
-    def is_simulated(self) -> bool:
-        """True if the device has no port: it is simulated in this process, or the caller gives its connection."""
-        return self.is_given or self.config.url.startswith(SIMULATED)
-
-    @property
-    def unit_id(self) -> int:
-        """The unit id in the rig file, or the factory setting of the device if the file has none."""
-        return self.profile.unit_id if self.config.unit_id is None else self.config.unit_id
-
-    @property
-    def source_type(self) -> type[HeaterBoard | BenchSupply | TCLab]:
-        """The class of heat source for this device."""
-        if not self.profile.has_registers:
-            return TCLab
-        return HeaterBoard if self.profile.profile.role == "heater" else BenchSupply
-
-    def measures(self, quantity: str) -> bool:
-        """Return True if the rig takes `quantity` from this device; ConfigError if the device cannot measure it."""
-        has_register = getattr(self.profile.roles, quantity) is not None
-        if self.config.measures is None:
-            return has_register
-        if quantity in self.config.measures and not has_register:
-            raise ConfigError(
-                f"the profile '{self.config.profile}' has no {quantity} register",
-                where=self.where,
-                cure=f'remove "{quantity}" from `measures` of this device',
-            )
-        return quantity in self.config.measures
 
 
 @dataclass(frozen=True)
@@ -180,7 +120,7 @@ def _sensor(device: PlannedDevice, quantity: str, config: RigConfig) -> PlannedS
 
 
 def _check_thermometer(source: PlannedDevice, sensors: Iterable[PlannedSensor], where: str) -> None:
-    if "temperature" not in {*source.source_type.measures, *(sensor.quantity for sensor in sensors)}:
+    if "temperature" not in {*source.source_measures, *(sensor.quantity for sensor in sensors)}:
         raise ConfigError(
             "no device measures the temperature of the wire", where=where, cure="add a thermometer to [[devices]]"
         )

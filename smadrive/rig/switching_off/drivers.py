@@ -13,7 +13,7 @@ from smadrive.devices.stopping.endpoint import names_of_line, places
 from smadrive.devices.stopping.request import ANSWERS_WITHIN_S, StoppedDriver, ask_to_stop
 from smadrive.errors import SafetyError
 from smadrive.rig.connections import key_of, line_names
-from smadrive.rig.plan import PlannedDevice
+from smadrive.rig.planned_device import PlannedDevice
 from smadrive.rig.switching_off.each import each
 
 MOST_LATE = 4

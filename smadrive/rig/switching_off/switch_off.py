@@ -29,7 +29,8 @@ from smadrive.interrupts import HeldSignals
 from smadrive.rig.assembly import heat_source, port_key
 from smadrive.rig.config import DeviceConfig, OffConfig, load_off_config
 from smadrive.rig.connections import Connections
-from smadrive.rig.plan import PlannedDevice, check_full_scales
+from smadrive.rig.plan import check_full_scales
+from smadrive.rig.planned_device import PlannedDevice
 from smadrive.rig.switching_off.drivers import stop_drivers, stop_late_drivers
 from smadrive.rig.switching_off.each import each
 from smadrive.safety.shutdown import ShutdownOutcome, carry

@@ -1,5 +1,7 @@
 """The whole driver with the simulated device in one process and in virtual time: excite, identify, track, trip."""
 
+from math import isfinite, isnan
+
 import numpy as np
 import pytest
 
@@ -31,6 +33,20 @@ class Bench:
 @pytest.fixture
 def bench():
     return Bench()
+
+
+def test_displacement_of_a_board_without_a_sensor_is_unknown(bench):
+    config = load_rig("in-process")
+    board = config.devices[0].model_copy(update={"measures": ("temperature",)})
+    alone = Rig(
+        config.model_copy(update={"devices": (board,)}), transports={"board": bench.device.transport(bench.clock)}
+    )
+    with bench.rig as rig:
+        assert isfinite(rig.measure().displacement_mm)
+    with alone as rig:
+        measured = rig.measure()
+    assert isfinite(measured.temperature_c)
+    assert isnan(measured.displacement_mm)
 
 
 @pytest.fixture

@@ -11,7 +11,7 @@ import pytest
 from smadrive.devices.profile.profile import load_profile
 from smadrive.errors import SafetyError
 from smadrive.rig.config import DeviceConfig
-from smadrive.rig.plan import PlannedDevice
+from smadrive.rig.planned_device import PlannedDevice
 from smadrive.rig.switching_off.drivers import MOST_LATE, stop_drivers, stop_late_drivers
 
 DRIVER = """

@@ -96,6 +96,12 @@ def test_rig_measures_the_temperature():
     assert "temperature" in error_of(SUPPLY, LASER).what
 
 
+def test_rig_takes_from_the_source_only_what_the_rig_file_lists():
+    assert plan(BOARD).source.source_measures == {"temperature", "displacement"}
+    assert plan(BOARD | {"measures": ["temperature"]}).source.source_measures == {"temperature"}
+    assert "temperature" in error_of(BOARD | {"measures": ["displacement"]}).what
+
+
 def test_two_thermometers_need_a_choice():
     spare = READER | {"name": "spare", "url": "serial:///dev/e"}
     assert error_of(SUPPLY, READER, spare).value == "'reader', 'spare'"

@@ -1,0 +1,81 @@
+"""A device of a rig file with its profile: what it is, and which quantities the rig takes from it.
+
+A device measures every quantity that its profile has a register for, or only the quantities that the rig file lists for
+it: an input without a sensor shows a value, too.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from smadrive.devices.heating.board import HeaterBoard
+from smadrive.devices.heating.supply import BenchSupply
+from smadrive.devices.heating.tclab import TCLab
+from smadrive.devices.profile.profile import Profile
+from smadrive.errors import ConfigError
+from smadrive.rig.config import DeviceConfig
+
+SIMULATED = "sim://"
+"""The scheme of simulated devices. They end with this process: they need no guardian, and their trips are not kept."""
+
+HEATING_ROLES = ("heater", "supply")
+
+
+@dataclass(frozen=True)
+class PlannedDevice:
+    """A device of the rig file and its profile. If `is_given` is True, the caller supplies the connection."""
+
+    config: DeviceConfig
+    profile: Profile
+    is_given: bool = False
+
+    @property
+    def name(self) -> str:
+        """The name of the device in the rig file."""
+        return self.config.name
+
+    @property
+    def where(self) -> str:
+        """The name of the device in error messages."""
+        return f"device '{self.name}'"
+
+    @property
+    def heats(self) -> bool:
+        """True if the device drives current through the wire."""
+        return self.profile.profile.role in HEATING_ROLES
+
+    @property
+    def is_simulated(self) -> bool:
+        """True if the device has no port: it is simulated in this process, or the caller gives its connection."""
+        return self.is_given or self.config.url.startswith(SIMULATED)
+
+    @property
+    def unit_id(self) -> int:
+        """The unit id in the rig file, or the factory setting of the device if the file has none."""
+        return self.profile.unit_id if self.config.unit_id is None else self.config.unit_id
+
+    @property
+    def source_type(self) -> type[HeaterBoard | BenchSupply | TCLab]:
+        """The class of heat source for this device."""
+        if not self.profile.has_registers:
+            return TCLab
+        return HeaterBoard if self.profile.profile.role == "heater" else BenchSupply
+
+    def measures(self, quantity: str) -> bool:
+        """Return True if the rig takes `quantity` from this device; ConfigError if the device cannot measure it."""
+        has_register = getattr(self.profile.roles, quantity) is not None
+        if self.config.measures is None:
+            return has_register
+        if quantity in self.config.measures and not has_register:
+            raise ConfigError(
+                f"the profile '{self.config.profile}' has no {quantity} register",
+                where=self.where,
+                cure=f'remove "{quantity}" from `measures` of this device',
+            )
+        return quantity in self.config.measures
+
+    @property
+    def source_measures(self) -> frozenset[str]:
+        """The quantities that the rig takes from this heat source, besides current and voltage."""
+        own = self.source_type.measures
+        return own if self.config.measures is None else own.intersection(self.config.measures)
