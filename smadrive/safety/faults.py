@@ -28,7 +28,7 @@ class Fault(Enum):
             "device needs a lower rate_hz or a larger stale_after_s"
         ),
     )
-    DEVICE_FAULT = (4, "the device latched a fault of its own", "remove the cause of the device's fault, then clear it")
+    DEVICE_FAULT = (4, "the device latched a fault of its own", "remove the cause of the device's fault")
     CURRENT_MISMATCH = (5, "the measured current is not the commanded one", "check the wire's clamps and the supply")
     UNEXPECTED_HEATING = (
         6,
