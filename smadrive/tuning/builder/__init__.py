@@ -1,5 +1,5 @@
-"""The model builder process: it changes and checks models, and builds controllers. In the loop this would
-delay the ticks.
+"""The model builder process: it changes and checks models, and builds controllers. The loop
+does not do this work itself, because the work would delay its ticks.
 
 It may import control, hysteresis, rig, `tuning.tuning` and `tuning.link`; never the session, the pages or a device.
 """

@@ -21,9 +21,9 @@ from smadrive.wire.heat_balance import HeatBalance
 
 @dataclass(frozen=True)
 class BuildRequest:
-    """The request to make `change` in `tuning`, and to build the controller that then tracks `reference`.
+    """The request to apply `change` to `tuning`, and to build a controller that tracks `reference`.
 
-    `change` is None for a tuning that stays as it is. `reference` is None while the heater is off. `config` is the rig
+    `change` is None if the tuning stays as it is. `reference` is None while the heater is off. `config` is the rig
     file, `balance` the heat balance of the wire.
     """
 

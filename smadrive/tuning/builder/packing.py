@@ -1,4 +1,4 @@
-"""Build requests and results as bytes. Loop and builder trust each other's pickles, and no pickle of another process.
+"""Build requests and results as bytes. The loop and the builder unpickle no bytes of a third process.
 
 A pickle leaves out what the receiver already has:
 
@@ -79,7 +79,8 @@ def unpack_request(content: bytes, cache: ModelCache) -> BuildRequest:
 def pack_result(result: BuildResult, request: BuildRequest) -> bytes:
     """Return the result of `request` as bytes.
 
-    A new model is pickled separately, because looking up each number of the model in the request would take long.
+    A new model is pickled separately, because it would take long to search the request for each
+    number of the model.
     """
     shared = _shared(request)
     models = [result.tuning.model] if isinstance(result, Built) else []

@@ -109,7 +109,7 @@ class States:
         return [_sent(page, text) for page in self._sockets]
 
     async def report_changes(self) -> None:
-        """Report a heartbeat to the control process, and a changed state to the pages."""
+        """Send a heartbeat to the control process. If the state has changed, send the state to all pages."""
         self._channel.beat_front()
         await asyncio.gather(*self.report())
 

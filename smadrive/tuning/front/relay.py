@@ -43,7 +43,7 @@ BUSY = (
 
 
 class Places:
-    """Counts actions that run at the same time, at most `limit`. The caller checks `are_taken` before each action."""
+    """Counts the actions that run now. The caller begins no action while `are_taken` is True."""
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
@@ -51,12 +51,12 @@ class Places:
 
     @property
     def are_taken(self) -> bool:
-        """True if `limit` actions run."""
+        """True if `limit` actions, or more, run now."""
         return self.taken >= self.limit
 
     @contextmanager
     def one(self) -> Iterator[None]:
-        """Count one more action during the `with` block."""
+        """Count one more action until the `with` block ends. This method does not check `limit`."""
         self.taken += 1
         try:
             yield
@@ -65,7 +65,7 @@ class Places:
 
 
 class Relay:
-    """The connection to the page process, which listens on the Unix socket at `path`."""
+    """Sends requests to the page process. The page process listens on the Unix socket at `path`."""
 
     def __init__(self, path: str, channel: PageEnd) -> None:
         self._path = path
@@ -86,7 +86,7 @@ class Relay:
         return None
 
     async def sent(self, request: HTTPServerRequest, fields: Mapping[str, str]) -> IOStream:
-        """Send the request with the header `fields` to the page process, and return the connection to it.
+        """Send the request with the header `fields` to the page process. Return the connection for the reply.
 
         StreamClosedError when no page process listens.
         """
@@ -102,7 +102,7 @@ class PageHandler(GatedHandler):
     """GET /: a page, built by the page process; 503 while the page process is busy or being started."""
 
     async def get(self) -> None:
-        """Pass the request on to the page process, and its reply back."""
+        """Send the request to the page process, and the reply to the browser. Without a reply, send 503."""
         relay: Relay = self.settings["relay"]
         page = None if relay.is_busy else await relay.page(self.request)
         if page is None:

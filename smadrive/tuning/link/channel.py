@@ -196,9 +196,9 @@ class PageEnd(Channel):
         return self._count("rows_written")
 
     def since(self, number: int) -> tuple[int, Rows]:
-        """Return the number to pass to the next call, and the rows from row `number` on, as an array (rows, columns).
+        """Return the number for the next call, and all rows since row `number` as an array (rows, columns).
 
-        Rows that have been overwritten are left out.
+        The array does not hold the rows that newer rows have overwritten.
         """
         written = self.written
         numbers = np.arange(max(number, written - CAPACITY + 1), written)

@@ -16,7 +16,8 @@ import zmq
 class MessageSocket:
     """One end of the connection at `address`, which is `ipc://PATH`. A context manager.
 
-    A message is a list of parts. If messages are unpickled, no other user may have access to the folder of PATH.
+    A message is a list of parts. If the receiver unpickles the messages, only the user of the
+    program may have access to the folder of PATH.
     """
 
     def __init__(self, address: str, *, listens: bool) -> None:
@@ -50,7 +51,7 @@ class MessageSocket:
             return None
 
     def wait(self, fd: int) -> bool:
-        """Wait until a message arrives or `fd` becomes readable. Return True if `fd` is readable."""
+        """Wait until a message arrives or `fd` becomes readable. Return False if only a message has arrived."""
         poller = zmq.Poller()
         poller.register(self._socket, zmq.POLLIN)
         poller.register(fd, zmq.POLLIN)
