@@ -1,4 +1,4 @@
-"""Build requests and results as bytes. The loop and the builder unpickle no bytes of a third process.
+"""Build requests and results as bytes. The loop and the builder unpickle only bytes from each other.
 
 A pickle leaves out what the receiver already has:
 

@@ -96,8 +96,8 @@ class Channel:
 
 
 class ControlEnd(Channel):
-    """The control process's side of the channel, a context manager. It never waits, and nothing that a page sends
-    makes it fail.
+    """The control process's side of the channel, a context manager. Its methods never wait, and no message of a page
+    makes them fail.
 
     `offs` is the OFF count at the last call of `off_requested`, `published` the latest status.
     """
