@@ -47,7 +47,10 @@ _PACKAGES = ("smadrive", "numpy", "scipy", "h5py", "pymodbus", "pyserial")
 
 
 class TickRecorder(Recorder):
-    """Records the ticks of a loop: a row for each tick, and an event when the faults change or a limit first acts."""
+    """Records the ticks of a loop: a row for each tick, and events.
+
+    An event is written when the faults change, and when a limit acts for the first time.
+    """
 
     def __init__(self, path: Path, metadata: Mapping[str, str], rows: int) -> None:
         super().__init__(path, tuple(COLUMNS), metadata, rows)
@@ -116,7 +119,10 @@ def record_controller(path: Path, rig: Rig, wire: IdentifiedWire, name: str, dur
 
 
 def record_session(path: Path, rig: Rig, wire: IdentifiedWire, **notes: str) -> TickRecorder:
-    """Create the log of a tuning session that begins with `wire`, and return its recorder. `notes`: more metadata."""
+    """Create the log of a tuning session that begins with `wire`, and return its recorder.
+
+    `notes` are further metadata.
+    """
     return _open(path, rig, {"kind": KIND, "wire": wire.text(), **notes}, inf)
 
 

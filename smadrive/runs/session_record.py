@@ -43,7 +43,7 @@ class PutInForce(NamedTuple):
 
 
 class Span(NamedTuple):
-    """A time in which the session was in one mode."""
+    """An interval of time in which the session was in one mode."""
 
     from_s: float
     to_s: float

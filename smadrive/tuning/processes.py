@@ -168,13 +168,13 @@ class BuilderProcess(SupervisedProcess):
             super().__exit__(kind, error, trace)
 
     def begin(self, request: BuildRequest) -> None:
-        """See ModelBuilder. A request that is sent during a restart waits for the new process."""
+        """Send a request to the child (see ModelBuilder). During a restart, the request waits for the new process."""
         self._number += 1
         self._request, self._deaths_before = request, self.deaths
         self._link.send(b"%d" % self._number, pack_request(request))
 
     def result(self) -> BuildResult | None:
-        """See ModelBuilder. If the child died after `begin` and no result has arrived, the result is a failure."""
+        """Return the result, None until it has arrived (see ModelBuilder); a failure if the child has died since `begin`."""
         if self._request is None:
             return None
         result = self._received(self._request)

@@ -25,7 +25,7 @@ ADAPTED = "adaptation"
 
 @dataclass(frozen=True)
 class Adapted:
-    """The change to the model that `adaptation` has learnt when the build request is sent."""
+    """A change to the rules that `adaptation` has learnt by the time at which the build request is sent."""
 
     adaptation: Adaptation
 

@@ -23,7 +23,7 @@ NAME_LENGTH = 28
 
 
 class Quantity(NamedTuple):
-    """A row of the table of metrics: name, attribute of `ComparedMetrics`, unit, factor and digits of the text."""
+    """A row of the table of metrics: name, attribute of `ComparedMetrics`, unit, decimal places and factor."""
 
     name: str
     attribute: str
@@ -48,7 +48,7 @@ QUANTITIES = (
 
 @dataclass(frozen=True)
 class ComparedMetrics(RunMetrics):
-    """The metrics of a run, and the span of its measured displacement, NaN without one."""
+    """The metrics of a run, and the span of its displacement in mm, which is NaN if no displacement was measured."""
 
     stroke_mm: float = nan
 

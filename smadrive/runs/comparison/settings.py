@@ -63,7 +63,7 @@ def flat(value: Any, key: str = "") -> Iterator[tuple[str, str]]:
 
 
 def set_values(value: Any) -> Iterator[tuple[str, str]]:
-    """Yield (path, value) like `flat`, without the values that were left out (null in JSON)."""
+    """Yield (path, value) like `flat`, without the values that are null in JSON."""
     return ((name, text) for name, text in flat(value) if text != "null")
 
 
@@ -140,7 +140,11 @@ def _wire(log: Log) -> Iterator[tuple[str, str]]:
 
 
 def counted(rows: dict[str, tuple[str, ...]]) -> dict[str, tuple[str, ...]]:
-    """Replace more than `MOST_VALUES` values of models by the number of values that differ from the first run."""
+    """Return the settings with at most `MOST_VALUES` values of models.
+
+    If there are more, one row takes their place: it has, for each run, the number of values that differ from those of
+    the first run.
+    """
     of_models = [texts for name, texts in rows.items() if name.startswith(MODEL)]
     if len(of_models) <= MOST_VALUES:
         return rows

@@ -51,7 +51,7 @@ class CycleMetrics:
     temperature_max_c: float
 
     def event_text(self) -> str:
-        """Return the text of the event."""
+        """Return the metrics as the text of an event of the log."""
         values = (
             f"stroke {self.stroke_mm:.4g} mm",
             f"RMS error {self.rms_percent:.3g} %",
@@ -91,7 +91,10 @@ def cycling_of(log: Log) -> Cycling | None:
 
 
 def cycles_of(log: Log) -> list[CycleMetrics]:
-    """Return the metrics of each complete cycle, including the previous parts; none if no reference repeats."""
+    """Return the metrics of each complete cycle, including the previous parts.
+
+    The list is empty if the run repeats no reference.
+    """
     cycling = cycling_of(log)
     if cycling is None or not log.column("time_s").size:
         return []

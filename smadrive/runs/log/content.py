@@ -95,10 +95,10 @@ def _checked(entry: h5py.Group, layout: int) -> Content:
     start_time, version = _text(entry["start_time"]), _version(entry["program_name"])
     end_time, columns, events = _end_time(entry), _columns(entry), _raw_events(entry)
     if sums.metadata != metadata_sum(start_time, version, columns, metadata):
-        raise DamageError(DIFFERENT, "metadata")
+        raise DamageError(DIFFERENT, place="metadata")
     columns, verified_events = _verified_rows(columns, sums.rows), _verified_events(events, sums.events)
     if sums.end and sums.end != end_sum(end_time, columns["time_s"].size, len(verified_events)):
-        raise DamageError(DIFFERENT, "end of the log")
+        raise DamageError(DIFFERENT, place="end of the log")
     end_time = end_time if sums.end else ""
     return Content(columns, metadata, joined(verified_events), start_time, end_time, version, has_checksums=True)
 
@@ -128,7 +128,7 @@ def _checksums(group: h5py.Group) -> _Checksums:
 def _columns(entry: h5py.Group) -> Columns:
     columns = {name: _values(column, VALUE) for name, column in entry["data"].items()}
     if "time_s" not in columns:
-        raise DamageError("the column is missing", "time_s")
+        raise DamageError("the column is missing", place="time_s")
     return columns
 
 
@@ -143,9 +143,9 @@ def _verified_rows(columns: Columns, sums: Sums) -> Columns:
     verified = _first_rows(columns, rows)
     block = np.column_stack([verified[name] for name in sorted(verified)])
     if (bad := first_bad(sums[:rows], row_sums(block, 0))) is not None:
-        raise DamageError(DIFFERENT, f"sample {bad + 1}")
+        raise DamageError(DIFFERENT, place=f"sample {bad + 1}")
     if np.count_nonzero(np.isfinite(columns["time_s"][rows:])) > MOST_OPEN_ROWS:
-        raise DamageError("the checksums are missing from here on", f"sample {rows + 1}")
+        raise DamageError("the checksums are missing from here on", place=f"sample {rows + 1}")
     return verified
 
 
@@ -158,7 +158,7 @@ def _verified_events(events: _RawEvents, sums: Sums) -> Events:
     pairs = zip(events.times_s.tolist(), padded, strict=False)
     expected = np.array([event_sum(time_s, text, n) for n, (time_s, text) in enumerate(pairs)], SUM)
     if (bad := first_bad(sums[:count], expected)) is not None:
-        raise DamageError(DIFFERENT, f"event {bad + 1}")
+        raise DamageError(DIFFERENT, place=f"event {bad + 1}")
     return events.first(count)
 
 
@@ -166,7 +166,7 @@ def _written(sums: Sums, what: str) -> int:
     """Return the number of written checksums of `what`. DamageError when a checksum between them is missing."""
     count = int(np.count_nonzero(sums))
     if not sums[:count].all():
-        raise DamageError("checksums are missing", what)
+        raise DamageError("checksums are missing", place=what)
     return count
 
 

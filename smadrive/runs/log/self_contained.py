@@ -49,7 +49,7 @@ def _opened(group: h5py.Group, name: str, place: str) -> object:
     except TypeError:  # a user-defined link
         link = None
     if not isinstance(link, h5py.HardLink):
-        raise ForeignContentError(f"{place} is a link to another place")
+        raise ForeignContentError(f"{place} is a link, and a log has no such links")
     return group[name]
 
 

@@ -25,7 +25,7 @@ def heap_text(handle: int, offset: int | None) -> bytes:
     struct.error when the heap is damaged.
     """
     if offset is None:
-        raise ValueError("a text has no place in the file")
+        raise ValueError("the file holds no bytes for a text")
     length, address, index = _REFERENCE.unpack(os.pread(handle, _REFERENCE.size, offset))
     collection = _collection(handle, address)
     place = _COLLECTION.size

@@ -104,7 +104,7 @@ class SupervisedProcess:
         """Send the parameters, and wait for the line of the child. OSError or ValueError when the line is missing."""
         stdin, stdout = self._process.stdin, self._process.stdout
         if stdin is None or stdout is None:
-            raise ValueError("no standard input and output")
+            raise ValueError("the child process has no standard input or output")
         stdin.write(json.dumps(self._parameters) + "\n")
         stdin.flush()
         give_up_s = time.monotonic() + START_WITHIN_S

@@ -121,7 +121,7 @@ def events_html(events: list[tuple[float, str]]) -> str:
 
 
 def scores_html(comparison: dict[str, Any]) -> str:
-    """Return the slots A and B, each with its tuning, its score and a mark if it drives."""
+    """Return the slots A and B, each with its tuning and its score; the slot that drives the wire is marked."""
     cells = []
     for slot in ("A", "B"):
         mean_percent, cycles = comparison["scores"][slot]

@@ -65,7 +65,7 @@ def _rig_text(rig_file: Path, model_file: Path, feedback: dict[str, float], sour
             where=rig_file,
             value=error.value,
             limit=error.limit,
-            cure="restore it, then save again",
+            cure="restore the rig file, then save again",
         ) from None
     document = tomlkit.parse(rig_file.read_text(encoding="utf-8-sig"))
     document["model"] = model_file.name

@@ -71,7 +71,7 @@ class AdaptationRunner:
         return WireObserver(wire, self._period_s, self._noise_c, abs(tuning.model.scale))
 
     def update(self, tick: Tick, tuning: Tuning, *, is_heating: bool) -> str | None:
-        """Learn from a tick if the heater is on. Return the reason if the adaptation has ended, otherwise None."""
+        """Learn from a tick if the heater is on. Return why the adaptation has ended, None while it goes on."""
         wire_c = self._wire_c(tick.measurement)
         if self._adaptation is None or not is_heating:
             return None

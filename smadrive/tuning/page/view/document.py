@@ -35,7 +35,7 @@ def fill(doc: Document, roots: Iterable[Any], numbers: LiveNumbers, rig: str, *,
 
 
 def text_block(name: str) -> Div:
-    """Return an empty text, which the template places by its name."""
+    """Return an empty block of text, which the template places by its name."""
     style = (HERE / "panel.css").read_text(encoding="utf-8")
     return Div(name=name, sizing_mode="stretch_width", margin=0, stylesheets=[style])
 

@@ -27,7 +27,7 @@ Ends = tuple[float, float]
 
 
 def error_axis(errors: NDArray[np.float64], present: Ends) -> Ends:
-    """Return the ends of the axis for the visible errors, in percent. `present` are the ends until now.
+    """Return the ends of the axis for the visible errors, in percent. `present` are its present ends.
 
     Errors that are not finite are left out.
     """

@@ -41,7 +41,7 @@ def following_axis(shortest: float) -> Range:
 class TimePlots:
     """The figures over time. The template page.html places them by their names.
 
-    `displacement_axis` and `temperature_axis` are the axes of these values.
+    `displacement_axis` and `temperature_axis` are the vertical axes of their figures.
     """
 
     def __init__(

@@ -28,7 +28,7 @@ Answer = tuple[AnyRequest, str | None]
 
 
 class ChangeQueue:
-    """The jobs that wait, and the job that is being built. `path` is `ReferenceCatalogue.path`."""
+    """The jobs that wait, and the job that is being built. `path` returns a reference by its name."""
 
     def __init__(
         self, tunings: Tunings, builder: ModelBuilder, path: Path, config: RigConfig, balance: HeatBalance

@@ -71,7 +71,7 @@ class Job(ABC):
             tunings.put(built, live)
 
     def replaces(self, waiting: Job) -> bool:
-        """Return True if this job sets the same number as `waiting`, which then need not be done."""
+        """Return True if this job sets the same number as the job `waiting`, so that `waiting` can be dropped."""
         new, old = self.request, waiting.request
         return isinstance(new, SetValue) and isinstance(old, SetValue) and new.key == old.key
 
