@@ -149,7 +149,7 @@ class BusFaults:
         self._plan(replies, for_s, code=code)
 
     def defer(self, code: ExceptionCode, after_s: Delay, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Exception `code` arrives first, the real reply `after_s` later, as from a gateway that waits too short."""
+        """Exception `code` arrives first, the real reply `after_s` later, as from a gateway that does not wait long enough."""
 
         def twice(reply: Message) -> list[Delivery]:
             return [(0.0, reply.reply(reply.exception_pdu(code)).frame), (after_s, reply.frame)]
@@ -207,7 +207,7 @@ class BusFaults:
     def answer(self, request: Message, carry_out: Callable[[bytes], bytes], time_s: float) -> list[Delivery]:
         """Return the deliveries that answer `request` at `time_s`, altered by the present fault.
 
-        `carry_out` turns the PDU of the request into the PDU of the reply. Under `refuse` it is not called.
+        `carry_out` turns the PDU of the request into the PDU of the reply. `refuse` answers without it.
         """
         self.before_reply()
         fault = self._next(time_s)

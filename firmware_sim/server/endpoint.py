@@ -47,7 +47,7 @@ class Endpoint(Protocol):
         ...
 
     def receive(self, descriptor: int) -> Received | None:
-        """Return the bytes that have arrived at `descriptor`, or None: also when a client came or left."""
+        """Return the bytes that have arrived at `descriptor`; None if no byte arrived, but a client came or left."""
         ...
 
     def close(self) -> None:

@@ -19,7 +19,7 @@ SHORTEST_MM, SHORTEST_K = 0.1, 5.0
 
 
 class WatchPage:
-    """The bokeh document of one client. All clients see the same samples, also those from before the page was opened."""
+    """The bokeh document of one client. Every client sees all samples, also those from before its page was opened."""
 
     def __init__(self, doc: Document, clients: ClientRegistry, history: SampleHistory) -> None:
         self._clients = clients
