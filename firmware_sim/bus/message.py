@@ -40,7 +40,7 @@ class Message(Protocol):
         ...
 
     def corrupted(self, random: float) -> bytes:
-        """Return the frame with one flipped bit. `random`, a number from 0 to 1, selects the bit if there is a choice."""
+        """Return the frame with one flipped bit. `random`, from 0 to 1, selects the bit if there is a choice."""
         ...
 
     @property

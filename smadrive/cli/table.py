@@ -37,7 +37,7 @@ def fitted_table(header: Sequence[str], rows: Sequence[Sequence[str]], texts: se
 
 
 def list_lines(header: Sequence[str], rows: Sequence[Sequence[str]]) -> Iterator[str]:
-    """Yield the table as lines: one for a row of two columns, else one for the first cell and one for each other."""
+    """Yield the table as lines: a row of two columns is one line, a longer row has one line for each cell."""
     for first, *others in rows:
         if len(others) == 1:
             yield f"{first}: {others[0]}"

@@ -1,4 +1,4 @@
-"""The values of options as a user mistypes them: each mistake is an error with its cure.
+"""Checks of the values of options: each mistyped value is an error with its cure.
 
 typer's own messages name the type of a value, but not what the user must write instead.
 """
@@ -39,7 +39,7 @@ def checked_conversion(param: Any) -> Callable[[Any, Any], Any]:
 
 
 def check_text(where: str, text: str, annotation: object) -> None:
-    """Raise ConfigError if `text` is not one of the names of an enumeration, or not a number, as `annotation` needs."""
+    """Raise ConfigError if `text` is not a value of the type `annotation`: a name of an enumeration, or a number."""
     if isinstance(annotation, type) and issubclass(annotation, Enum):
         names = [str(member.value) for member in annotation]
         raise ConfigError("unknown", where=where, value=text, cure=suggestion_or_list(text, names))
@@ -48,7 +48,7 @@ def check_text(where: str, text: str, annotation: object) -> None:
 
 
 def check_number(where: str, text: str) -> float:
-    """Return the finite number in `text`. ConfigError when it is none."""
+    """Return the finite number in `text`. ConfigError for any other text."""
     corrected = with_decimal_point(text)
     if corrected is not None:
         raise ConfigError("a number has a decimal comma", where=where, value=text, cure=f"write {corrected}")

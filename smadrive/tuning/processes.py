@@ -174,7 +174,7 @@ class BuilderProcess(SupervisedProcess):
         self._link.send(b"%d" % self._number, pack_request(request))
 
     def result(self) -> BuildResult | None:
-        """Return the result, or None until it arrives (see ModelBuilder). The result is a failure if the child has died."""
+        """Return the result, or None until it arrives (see ModelBuilder); a failure if the child has died."""
         if self._request is None:
             return None
         result = self._received(self._request)

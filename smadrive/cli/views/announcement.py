@@ -34,7 +34,7 @@ def announced(output: Output, log_file: Path, what: str, clock: Clock, watch: Wa
 
 @contextmanager
 def log_named_at_interruption(log_file: Path, what: str, rest: str = "") -> Iterator[None]:
-    """Add a note with the log that was written to an interruption of the `with` block; `rest` completes the note."""
+    """If the `with` block is interrupted, add a note to the interruption: the name of the log, and then `rest`."""
     try:
         yield
     except (SystemExit, KeyboardInterrupt, StoppedError) as interruption:
