@@ -149,7 +149,7 @@ class BusFaults:
         self._plan(replies, for_s, code=code)
 
     def defer(self, code: ExceptionCode, after_s: Delay, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Exception `code` arrives first, the real reply `after_s` later, as from a gateway with too short a timeout."""
+        """Exception `code` arrives first, the real reply `after_s` later, as from an impatient gateway."""
 
         def twice(reply: Message) -> list[Delivery]:
             return [(0.0, reply.reply(reply.exception_pdu(code)).frame), (after_s, reply.frame)]
