@@ -19,11 +19,12 @@ from smadrive.hysteresis.model_file import parse_model
 from smadrive.tuning.page.client_registry import WATCHES, ClientRegistry
 from smadrive.tuning.page.controls import Controls
 from smadrive.tuning.page.fit import Fitter
-from smadrive.tuning.page.panel import LoopTiming, banner_html, chips_html, events_html, scores_html
+from smadrive.tuning.page.panel import banner_html, chips_html, events_html, scores_html
 from smadrive.tuning.page.rules_table import LAWS
 from smadrive.tuning.page.save import save_tuning
-from smadrive.tuning.page.view.document import FRAME_MS, TIMING_FRAMES, fill, show_text, text_block
+from smadrive.tuning.page.view.document import FRAME_MS, fill, show_text, text_block
 from smadrive.tuning.page.view.live_numbers import LiveNumbers, tracking_numbers
+from smadrive.tuning.page.view.live_samples import LiveSamples
 from smadrive.tuning.page.view.plots import Plots
 from smadrive.tuning.page.view.sample_history import SampleHistory
 from smadrive.tuning.page.view.time_plots import POINTS
@@ -64,18 +65,17 @@ class Page:
         self._controls = Controls(self._act, status["references"])
         self._texts = {name: text_block(name) for name in ("chips", "banner", "events", "scores")}
         self._view = TimeView(self._plots, history)
-        self._numbers = LiveNumbers(1.0 / status["rate_hz"], lambda row: tracking_numbers(row, self._plots.stroke_mm))
+        period_s = 1.0 / status["rate_hz"]
+        numbers = LiveNumbers(period_s, lambda row: tracking_numbers(row, self._plots.stroke_mm))
+        self._samples = LiveSamples(clients.channel, self._plots, self._view, numbers, period_s)
         self._note = ""
-        self._timing = LoopTiming(1.0 / status["rate_hz"])
-        self._timing_text = ""
-        self._seen = max(0, clients.channel.written - POINTS)
-        self._seen_on_plane = self._seen
+        self._seen_on_plane = max(0, clients.channel.written - POINTS)
         self._shown: dict[str, Any] = {}
         self._frame = 0
         self._show_model(status["tuning"])  # before the first rows: errors are drawn in percent of the model's stroke
         self._bound_knobs(status["tuning"])
         parts = self._plots.figures, self._controls.roots, self._view.buttons.values(), self._texts.values()
-        fill(doc, chain.from_iterable(parts), self._numbers, status["rig"], controls=True)
+        fill(doc, chain.from_iterable(parts), numbers, status["rig"], controls=True)
         clients.enter(self._client)
         self._draw()
         doc.add_periodic_callback(self._draw, FRAME_MS)
@@ -83,15 +83,7 @@ class Page:
 
     def _draw(self) -> None:
         self._controls.events.set_offs(self._clients.channel.offs)
-        self._seen, rows = self._clients.channel.since(self._seen)
-        self._numbers.update(rows)
-        self._view.update(self._clients.status)  # before the new rows move the window that the user may have dragged
-        if rows.size:
-            if self._view.follows:
-                self._plots.add(rows)
-            self._timing.add(rows)
-        if self._frame % TIMING_FRAMES == 0:
-            self._timing_text = str(self._timing)
+        self._samples.draw(self._clients.status)
         if self._frame % STATE_FRAMES == 0:
             self._draw_state()
         self._frame += 1
@@ -107,7 +99,8 @@ class Page:
         self._show_knobs(status["tuning"])
         self._controls.enable(controls, status=status)
         show_text(
-            self._texts["chips"], chips_html(status, self._timing_text, late=self._timing.missed > 0, controls=controls)
+            self._texts["chips"],
+            chips_html(status, self._samples.timing, late=self._samples.is_late, controls=controls),
         )
         show_text(self._texts["banner"], banner_html(status, self._note))
         self._texts["banner"].visible = bool(self._texts["banner"].text)

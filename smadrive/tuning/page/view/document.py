@@ -16,9 +16,6 @@ HERE = Path(__file__).parent
 FRAME_MS = 300
 """A page draws the content of the channel with this period."""
 
-TIMING_FRAMES = 7
-"""The text of the loop timing changes once in this number of frames: a new text makes the browser lay out the page."""
-
 
 def fill(doc: Document, roots: Iterable[Any], numbers: LiveNumbers, rig: str, *, controls: bool) -> None:
     """Add the roots, the numbers and the template to a document; `rig` is the name in its title.
