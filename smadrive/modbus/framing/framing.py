@@ -50,7 +50,7 @@ class Framing(Protocol):
         ...
 
     def skip(self, data: bytes) -> None:
-        """Take `data` that arrived before a request, so that no part of `data` is taken for the reply."""
+        """Drop `data`, which arrived before a request, so that no part of `data` counts as the reply."""
         ...
 
     def intact(self, reply: bytes) -> bool:

@@ -20,7 +20,7 @@ FRAME_MS = 300
 def fill(doc: Document, roots: Iterable[Any], numbers: LiveNumbers, rig: str, *, controls: bool) -> None:
     """Add the roots, the numbers and the template to a document; `rig` is the name in its title.
 
-    With `controls` it is the tuning page, otherwise the page of `smadrive watch`, which has no controls.
+    If `controls` is True, the document is the tuning page, otherwise the page of `smadrive watch`.
     """
     for root in (*roots, numbers.model):
         doc.add_root(root)
