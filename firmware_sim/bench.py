@@ -8,8 +8,8 @@
 
 The caller moves time: `advance_to` runs the bench in ticks of 10 ms. The same config, seed and calls give the same
 results, to the last bit, at any speed. Only the serial number of a device is random at every start, unless the config
-gives one. So a driver does not take a simulated device for another simulated device or for a real one. Faults are
-methods: of `device` and `device.faults` (its bus), of `sensors.faults`, `plant.faults` and `plant.ageing`.
+gives one. So a driver can distinguish a simulated device from other devices. A fault is a method of `device`, of
+`device.faults` (faults of the bus), of `sensors.faults`, of `plant.faults` (heater circuit) or of `plant.ageing`.
 """
 
 from __future__ import annotations
@@ -105,7 +105,7 @@ class SimulatedBench:
             self._tick(min(TICK_S, remaining_s))
 
     def follow_script(self, script: FaultScript) -> None:
-        """Apply the faults of `script` from now on; ConfigError for a fault that this bench does not have."""
+        """Apply the faults of `script` from now on. ConfigError for a fault that this bench does not have."""
         self._timeline = Timeline(scheduled(script, self.known_faults()), self.log_event)
         self._timeline.advance_to(self.time_s)
         if script.random is not None:

@@ -19,7 +19,7 @@ A Preisach plane has cells of 0.25 K, so the number of its cells grows with the 
 
 
 class Wire(Section):
-    """The lumped wire. `mass_kg` is needed besides the heat capacity, because the latent heat is per mass."""
+    """The wire as one lumped mass. The latent heat is in J/kg, so the wire needs `mass_kg` too."""
 
     heat_capacity_j_per_k: float = Field(gt=0)
     loss_w_per_k: float = Field(gt=0)
@@ -50,10 +50,11 @@ class Component(Branches):
 
 
 class Transformation(Branches):
-    """The hysteresis of the phase: a Duhem model of one or two Gaussians per branch, or a Preisach plane.
+    """The hysteresis of the wire: a Duhem model with one or two Gaussians per branch, or a Preisach plane.
 
-    `correlation` belongs to a Preisach plane: the correlation of the temperatures at which a grain turns to austenite
-    and back. The larger it is, the less the width of the hysteresis differs between grains.
+    Only a Preisach plane has a `correlation`. Each grain of the wire turns to austenite at one temperature, and back to
+    martensite at a lower temperature. `correlation` is the correlation of these two temperatures over all grains. With
+    a larger correlation, the widths of the grains' hysteresis differ less.
     """
 
     kind: Literal["duhem", "two-component", "preisach"] = "duhem"
@@ -98,7 +99,7 @@ class Thermocouple(Section):
 
 
 class Displacement(Section):
-    """The displacement sensor. Without this table the bench has no such sensor."""
+    """The displacement sensor. Without this table the bench has no displacement sensor."""
 
     noise_mm: float = Field(ge=0)
 
@@ -163,7 +164,7 @@ class SimConfig(Section):
 
 
 def load_sim(name_or_path: str | Path) -> SimConfig:
-    """Load the simulated bench at a path that ends in .toml, or the shipped bench with this name.
+    """Load a SIM.toml and return its content. `name_or_path` is a path that ends in .toml, or a shipped name.
 
     ConfigError names file, key and cure.
     """

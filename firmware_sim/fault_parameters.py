@@ -1,4 +1,4 @@
-"""The types of the parameters of faults. A fault script is validated against them."""
+"""The types of the parameters of faults. They also define which values a fault script may contain."""
 
 from __future__ import annotations
 

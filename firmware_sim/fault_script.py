@@ -1,18 +1,18 @@
 """FAULTS.toml: the faults of a simulated bench, each at its time.
 
-    [[faults]]              # at the time at_s of the bench, the method `name` is called with the other keys
-    at_s = 12.0
-    name = "delay"
-    delay_s = 0.3
+    [[faults]]              # one fault
+    at_s = 12.0             # the time of the bench at which the fault begins
+    name = "delay"          # the method of the bench that begins the fault
+    delay_s = 0.3           # this key and the next key are parameters of the method
     replies = 5             # or for_s = 2.0
 
-    [random]                # random faults besides those above, from the simulator's seed
-    share = 0.1             # fraction of the replies
+    [random]                # random faults of the bus, in addition; the seed is the simulator's seed
+    share = 0.1             # fraction of the replies with a fault
     slowest_s = 0.5         # the longest delay, pause or absence
-    copies = true           # also copies of replies after the next request, which plain RTU cannot detect
-    lag = true              # also replies that each repeat the previous one, which neither RTU nor TCP can detect
+    copies = true           # a copy of a reply may arrive after the next request; plain RTU cannot detect this copy
+    lag = true              # replies may repeat the reply before them; RTU and Modbus TCP cannot detect this
 
-Names and keys are the names and parameters of the methods, so a script can cause the same faults as a test.
+A test calls the same methods, so a script can cause the same faults as a test.
 """
 
 from __future__ import annotations
@@ -93,9 +93,9 @@ def load_script(path: Path) -> FaultScript:
 
 
 def scheduled(script: FaultScript, methods: Mapping[str, FaultMethod]) -> list[ScheduledFault]:
-    """Return the faults of the script as calls of `methods`, which has the methods of the bench by name.
+    """Return the faults of the script. `methods` has every method of the bench that begins a fault, by name.
 
-    ConfigError for an unknown name or key; the error suggests the nearest known one.
+    ConfigError for an unknown name or key. The error suggests the known name or key with the most similar spelling.
     """
     return [_scheduled(f"[[faults]] {number}", entry, methods) for number, entry in enumerate(script.faults, 1)]
 

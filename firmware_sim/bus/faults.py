@@ -4,9 +4,10 @@
                  short_count, refuse, defer, split, early, stale
     the line     noise (random bytes), vanish (the port is gone, and comes back)
 
-A fault of replies lasts for a number of `replies`, or for `for_s` seconds from now. A reply gets the first planned
-fault that still lasts. A request is carried out even when its reply is lost or corrupted, but not when `refuse` answers
-it. The device answers in order: a reply does not arrive before an earlier, late reply.
+A fault of replies lasts for a number of `replies`, or for `for_s` seconds from now. Planned faults act in
+their order: a reply gets only the first fault that is not over yet. The device carries out a request even when the
+reply is lost or corrupted. Only under `refuse` it does not carry out the request. Replies arrive in the order of their
+requests, so a late reply also delays the replies after it.
 """
 
 from __future__ import annotations
@@ -101,11 +102,11 @@ class BusFaults:
         self._plan(replies, for_s, carry=lambda _frame: [])
 
     def delay(self, delay_s: Seconds, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Replies arrive `delay_s` late. A later reply does not arrive before them."""
+        """Replies arrive `delay_s` late. Replies stay in order, so a late reply also delays the replies after it."""
         self._plan(replies, for_s, carry=lambda frame: [(delay_s, frame)])
 
     def duplicate(self, after_s: Delay = 0.0, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Replies arrive twice, the second copy `after_s` after the first. With 0 both copies arrive in one piece."""
+        """Every reply arrives twice, the second time `after_s` later. With 0 both copies arrive in one piece."""
 
         def twice(frame: bytes) -> list[Delivery]:
             return [(0.0, frame), (after_s, frame)] if after_s else [(0.0, 2 * frame)]
@@ -113,10 +114,10 @@ class BusFaults:
         self._plan(replies, for_s, carry=twice)
 
     def corrupt(self, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """A bit of the reply flips.
+        """One bit of the reply flips.
 
-        On RTU it is a bit of the CRC, on Modbus TCP a bit of the header (because TCP protects its payload), and in a
-        line of text any bit.
+        In an RTU frame, a bit of the CRC flips. In a Modbus TCP frame, a bit of the header flips. In a line of text,
+        any bit can flip.
         """
         self._plan(replies, for_s, lambda reply: [(0.0, reply.corrupted(self._random.random()))])
 
@@ -145,7 +146,7 @@ class BusFaults:
         self._plan(replies, for_s, lambda reply: [(0.0, reply.short_count.frame)])
 
     def refuse(self, code: ExceptionCode, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """Requests are not carried out; they get exception `code`."""
+        """The device does not carry out the request. The reply is the exception `code`."""
         self._plan(replies, for_s, code=code)
 
     def defer(self, code: ExceptionCode, after_s: Delay, replies: Replies = 1, for_s: Seconds | None = None) -> None:
@@ -157,7 +158,7 @@ class BusFaults:
         self._plan(replies, for_s, twice)
 
     def early(self, after_s: Delay, replies: Replies = 1, for_s: Seconds | None = None) -> None:
-        """An unsolicited copy follows the reply after `after_s`; on Modbus TCP it has the next transaction number."""
+        """A copy of the reply arrives `after_s` later. On Modbus TCP the copy has the next transaction number."""
         self._plan(replies, for_s, lambda reply: [(0.0, reply.frame), (after_s, reply.next_transaction.frame)])
 
     def split(self, pause_s: Seconds, pieces: Pieces = 2, replies: Replies = 1, for_s: Seconds | None = None) -> None:
@@ -176,7 +177,8 @@ class BusFaults:
     def combine_planned(self) -> None:
         """Combine the last two planned faults into one.
 
-        The first fault alters the reply, the second fault alters the frames of the altered reply.
+        The first fault alters the content of the reply. The second fault alters how the bytes of the reply arrive. The
+        combined fault lasts as long as the first fault.
         """
         second, first = self._planned.pop(), self._planned.pop()
         self._planned.append(

@@ -1,4 +1,4 @@
-"""Slows a pseudo-terminal or a socket down to a real serial line, on which each character takes time.
+"""Delays replies on a pseudo-terminal or a socket by the time that a real serial line needs.
 
     arrival of the reply = time of the request + time of its characters + 3.5 characters of silence
                            + response time of the device + time of the reply's characters
@@ -26,7 +26,7 @@ class SlowLine:
         self._reply_end_s = 0.0
 
     def receive(self, data: bytes, time_s: float) -> list[Delivery]:
-        """Return the deliveries that answer `data`, sent at `time_s`, each at the arrival of its last character."""
+        """Return the replies to `data`, which was sent at `time_s`, with the arrival time of their last character."""
         self._request_end_s = max(self._request_end_s, time_s) + len(data) * self._character_s
         late_s = self._request_end_s - time_s + self._silence_s
         deliveries = []

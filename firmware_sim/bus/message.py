@@ -32,7 +32,7 @@ class Message(Protocol):
         ...
 
     def reply(self, pdu: bytes) -> Self:
-        """The reply to this request with the content `pdu`."""
+        """Return the reply to this request. The reply has the content `pdu`."""
         ...
 
     def exception_pdu(self, code: int) -> bytes:
@@ -60,7 +60,7 @@ class Message(Protocol):
 
     @property
     def next_transaction(self) -> Self:
-        """The same reply with the number of the next request, if frames are numbered."""
+        """The same reply with the next transaction number. Frames without numbers stay unchanged."""
         ...
 
 
@@ -84,7 +84,7 @@ class ModbusMessage(NamedTuple):
         return self.unit_id == rtu.BROADCAST and self.number is None
 
     def reply(self, pdu: bytes) -> Self:
-        """The reply to this request with the content `pdu`."""
+        """Return the reply to this request. The reply has the content `pdu`."""
         return type(self)(self.unit_id, pdu, self.number)
 
     def exception_pdu(self, code: int) -> bytes:
@@ -92,7 +92,7 @@ class ModbusMessage(NamedTuple):
         return bytes((self.pdu[0] | 0x80, code))
 
     def corrupted(self, _random: float) -> bytes:
-        """Return the frame with a flipped bit that a client can detect: in the CRC or in the protocol identifier."""
+        """Return the frame with one flipped bit in the CRC or in the protocol identifier. A client can detect it."""
         flipped = bytearray(self.frame)
         flipped[-1 if self.number is None else 3] ^= 1
         return bytes(flipped)
@@ -104,7 +104,7 @@ class ModbusMessage(NamedTuple):
 
     @property
     def wrong_function(self) -> Self:
-        """The same words under another function code (04 for 03, 16 for 23)."""
+        """The same words with another function code, such as 04 instead of 03, or 16 instead of 23."""
         return self._replace(pdu=bytes((self.pdu[0] ^ 7,)) + self.pdu[1:])
 
     @property
@@ -118,7 +118,7 @@ class ModbusMessage(NamedTuple):
 
     @property
     def next_transaction(self) -> Self:
-        """The same reply under the next transaction number."""
+        """The same reply with the next transaction number. An RTU reply stays unchanged."""
         return self if self.number is None else self._replace(number=(self.number + 1) & 0xFFFF)
 
 
@@ -138,7 +138,7 @@ class TextMessage(NamedTuple):
         return False
 
     def reply(self, pdu: bytes) -> Self:
-        """The reply to this request with the content `pdu`."""
+        """Return the reply to this request. The reply has the content `pdu`."""
         return self._replace(pdu=pdu)
 
     def exception_pdu(self, _code: int) -> bytes:

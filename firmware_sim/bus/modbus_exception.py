@@ -1,4 +1,4 @@
-"""The exception codes of the Modbus standard, and the exception that carries one."""
+"""The exception codes of the Modbus standard, and the Python exception that carries such a code."""
 
 from __future__ import annotations
 

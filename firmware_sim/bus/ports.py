@@ -1,10 +1,13 @@
 """The ports of devices: RTU frames on a line, Modbus TCP frames in a connection, or lines of text.
 
-An RTU request to an absent unit, with a wrong CRC, or to all devices (broadcast) gets no reply; all devices carry out a
-broadcast. On a Modbus TCP connection to a single device, requests to the units 0 and 255 also reach this device, and a
-request to an absent unit gets exception 11, as from a gateway. Modbus TCP frames with a protocol identifier other than
-0 are dropped. After an impossible length all pending bytes are dropped, because the stream is not Modbus. A line of
-text ends with CR or LF, or when the board's buffer is full.
+RTU: a request to an absent unit gets no reply, and a request with a wrong CRC gets no reply. All devices carry out a
+broadcast (a request to unit 0), and none of them replies.
+
+Modbus TCP: a request to an absent unit gets exception 11, as from a gateway. If the connection leads to a single
+device, this device also answers requests to the units 0 and 255. The port drops a frame whose protocol identifier is
+not 0. After an impossible length the port drops all pending bytes, because the stream is not Modbus.
+
+Text: a line ends with CR or LF, or when the board's buffer is full.
 """
 
 from __future__ import annotations

@@ -17,8 +17,9 @@ LAGGING = range(2, 30)  # number of successive replies that each repeat the prev
 class RandomBusFaults:
     """Plans a fault before each reply with probability `share`; no delay is longer than `slowest_s`.
 
-    `copies` adds copies of replies that arrive after the next request; a client of plain RTU cannot detect them. `lag`
-    adds series of replies that each repeat the previous reply; neither RTU nor Modbus TCP can detect these.
+    With `copies`, a copy of a reply may also arrive after the next request. A client of plain RTU cannot detect this
+    copy. With `lag`, a series of replies may also each repeat the previous reply. A client cannot detect this on RTU
+    or on Modbus TCP.
     """
 
     def __init__(

@@ -2,7 +2,7 @@
 
 RTU marks the end of a frame by silence, which an operating system does not preserve. So the length of a frame is
 derived from its function, and the CRC confirms the frame. After a wrong CRC the search continues one byte later. The
-bytes of an incomplete frame are kept until the rest of the frame arrives; a pause of `FRAME_PAUSE_S` drops them.
+bytes of an incomplete frame are kept until the rest of the frame arrives; after a pause of 50 ms they are dropped.
 """
 
 from __future__ import annotations

@@ -3,8 +3,8 @@
     idle --arm key--> armed --enable = 0--> idle
       any fault (from idle or armed) --> fault --clear key, cause gone--> idle
 
-Current flows only while armed. A fault, and every transition out of `armed`, sets current and enable to zero. Only
-arming, and a sequence number that differs from the previous one, feed the watchdog.
+Current flows only while armed. A fault, and every transition out of `armed`, sets current and enable to zero. Two
+events feed the watchdog: arming, and a sequence number that differs from the previous sequence number.
 """
 
 from __future__ import annotations
@@ -90,7 +90,7 @@ class BoardFirmware:
         self._set_current()
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Raise ModbusException for a limit above the board's own limit, and for arming in any state but idle."""
+        """Raise ModbusException for a limit above the board's own limit, and for arming when the board is not idle."""
         too_hot = values.get("temperature_max", 0.0) > self._board.temperature_max_c
         too_much = values.get("current_max", 0.0) > self._supply_limit_a
         if too_hot or too_much:
@@ -99,7 +99,7 @@ class BoardFirmware:
             raise ModbusException(DEVICE_FAILURE)
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Carry out a write of these roles; one request may write several roles."""
+        """Carry out a write request. `values` has the written values by role."""
         if values.get("sequence", self.sequence) != self.sequence:
             self.sequence = int(values["sequence"])
             self._unfed_s = 0.0

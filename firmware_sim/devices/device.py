@@ -53,8 +53,8 @@ class SimulatedDevice:
     def answer(self, request: Message, time_s: float) -> list[Delivery]:
         """Carry out a request, and return the deliveries of the reply. A broadcast has no reply.
 
-        Like a real device, the simulated device ignores requests while it starts, and in its minimum gap after a
-        request.
+        Like a real device, the simulated device ignores requests while it starts. After each request it also ignores
+        requests for the time `min_gap_ms` of its profile.
         """
         if time_s < self._deaf_until_s - 1e-9:
             return []
@@ -65,7 +65,7 @@ class SimulatedDevice:
         return self.faults.answer(request, self.responder.answer, time_s)
 
     def transport(self, clock: Clock | None = None) -> InProcessTransport:
-        """Return a connection to this device alone, in this process; see Line."""
+        """Return a connection to this device alone, in this process. `clock` is described at `Line.transport`."""
         return self.line.transport(clock)
 
     def power_cycle(self) -> None:
@@ -97,8 +97,8 @@ class Line:
     def new_port(self, *, numbered: bool) -> Port:
         """Return a new port to the same devices.
 
-        The port takes lines of text for a board without registers, else Modbus TCP frames if `numbered`, else RTU
-        frames.
+        If the device has no registers, the port takes lines of text. Otherwise the port takes Modbus TCP frames with
+        `numbered`, and RTU frames without it.
         """
         if not self._profile.has_registers:
             return TextPort(self.devices[0].answer)
@@ -110,7 +110,7 @@ class Line:
         return self.port.receive(data, time_s)
 
     def transport(self, clock: Clock | None = None) -> InProcessTransport:
-        """Return a connection in this process, on `clock`. Without a clock, waiting advances the time of the bench."""
+        """Return a connection in this process. It waits on `clock`; without `clock`, waiting advances the bench."""
         line = self._profile.serial_settings()
         transport = InProcessTransport(self, clock or BenchClock(self._bench), None if line is None else line.baudrate)
         for device in self.devices:

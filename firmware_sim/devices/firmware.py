@@ -34,15 +34,15 @@ class RegisterFirmware(Firmware, Protocol):
     """A firmware that reads and shows values by role. It does not know the register map."""
 
     def check(self, values: Mapping[str, float]) -> None:
-        """Raise ModbusException when the firmware rejects a write of these roles."""
+        """Raise ModbusException when the firmware rejects the write of `values`, which has the values by role."""
         ...
 
     def write(self, values: Mapping[str, float]) -> None:
-        """Carry out a write of these roles; one request may write several roles."""
+        """Carry out a write request. `values` has the written values by role."""
         ...
 
     def quantities(self) -> Mapping[str, Quantity]:
-        """Return the values that the registers show, by role."""
+        """Return the values that the registers show, by role. None marks a missing reading."""
         ...
 
 

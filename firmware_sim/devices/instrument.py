@@ -1,4 +1,4 @@
-"""A measuring device. It shows temperature and displacement of the wire, as far as it has registers for them."""
+"""A measuring device. It shows the temperature and the displacement of the wire, if it has registers for them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from firmware_sim.sensors.sensors import Sensors
 
 
 class InstrumentFirmware:
-    """Converts every `update_s`, and shows the readings of the last conversion. It does not heat."""
+    """Reads the sensors every `update_s`, and shows these readings until the next time. It does not heat."""
 
     current_a = 0.0
     voltage_max_v = 0.0
@@ -20,12 +20,12 @@ class InstrumentFirmware:
         self.restart()
 
     def restart(self) -> None:
-        """Power up, and convert at once."""
+        """Power up, and read the sensors at once."""
         self._since_s = 0.0
         self._shown = self._converted()
 
     def tick(self, dt_s: float) -> None:
-        """Convert when `update_s` has passed."""
+        """Let `dt_s` pass. Read the sensors when `update_s` has passed since they were last read."""
         self._since_s += dt_s
         if self._since_s >= self._update_s - 1e-9:
             self.restart()

@@ -1,8 +1,8 @@
-"""The register bank of a simulated device: any profile, filled and read by role.
+"""The registers of a simulated device, as its profile describes them. The firmware reads and writes them by role.
 
-A write is checked as a whole before any part takes effect, so a request with an exception reply changes nothing. The
-rules of the profile apply here too: some registers hold the decimals or the unit of others, and some devices have a
-lock that a write must open first.
+The bank checks a whole write before it stores any part, so a request with an exception reply changes nothing. The rules
+of the profile apply here too. Some registers hold the decimals or the unit of other registers. Some devices have a
+lock register: a client must write this register before it writes others.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _NO_REGISTER = -1
 
 
 class RegisterCell:
-    """One register of a bank, stored in the `words` of its table. Plain attributes keep each exchange fast."""
+    """One register of a bank. Its words are part of the list `words`, which holds all words of its table."""
 
     def __init__(self, name: str, role: str | None, register: Register, words: list[int]) -> None:
         self.name = name
@@ -45,7 +45,7 @@ class RegisterCell:
         return tuple(self._words[self.first : self.end])
 
     def store(self, words: Sequence[int]) -> None:
-        """Store `words`. ValueError for a wrong number of words, which would move all later registers."""
+        """Store `words`. ValueError if their number is not the size of the register."""
         if len(words) != self.size:
             raise ValueError(f"register '{self.name}' has {self.size} words, {len(words)} were stored")
         self._words[self.first : self.end] = words
@@ -54,7 +54,7 @@ class RegisterCell:
 class Write(NamedTuple):
     """A write of one register: its words, and their value.
 
-    `context` holds the values of the registers that determine its scale.
+    `context` holds the values of the other registers that determine the scale of this register.
     """
 
     cell: RegisterCell
@@ -97,7 +97,7 @@ class RegisterBank:
         return set(self._tables)
 
     def publish(self, quantities: Mapping[str, Quantity], table: str, first: int, count: int) -> None:
-        """Store `quantities` in the registers of their roles, within a range that is about to be read."""
+        """Store `quantities` by role, in those registers that begin within `count` words from `first`."""
         published, end = self._published, first + count
         for role, cell in self._shown.get(table, ()):
             if first <= cell.first < end and role in quantities:
@@ -125,7 +125,7 @@ class RegisterBank:
             raise ModbusException(ILLEGAL_ADDRESS)
 
     def checked(self, table: str, first: int, words: Sequence[int]) -> list[Write]:
-        """Split `words` into writes of whole registers and return them. ModbusException when a write is not allowed."""
+        """Return `words` as writes of whole registers. ModbusException when a write is not allowed."""
         writes: list[Write] = []
         at = 0
         while at < len(words):
@@ -146,7 +146,7 @@ class RegisterBank:
         return writes
 
     def by_role(self, writes: Sequence[Write]) -> dict[str, float]:
-        """Return the values of those writes that go to registers with a role."""
+        """Return the written values by role, without the registers that have no role."""
         return {cell.role: value for cell, _, value, _ in writes if cell.role is not None}
 
     def store(self, writes: Sequence[Write]) -> None:

@@ -1,11 +1,12 @@
 """A recorded bus served as devices: every unit of the trace answers as in the recording, after the same time.
 
-A request gets the recorded replies to the same request in their order. After the last reply, this reply is repeated. A
-request without a reply in the recording gets no reply, and a corrupt reply is sent corrupt. A request that is not in
-the recording gets no reply, and an event line names this request.
+If a request was recorded several times, the unit sends the recorded replies in their order. It then repeats the last
+recorded reply. A request without a recorded reply gets no reply. A corrupt recorded reply is sent as it was recorded. A
+request that is not in the recording gets no reply, and an event line names this request.
 
 Two exchanges (FC23) count as the same request even if they write different words, because a driver begins its sequence
-at a random number. If the recorded reply repeats a written word, the reply repeats the word of the present request.
+numbers at a random number. If the recorded reply repeats a word that the recorded request wrote, the sent reply repeats
+the word that the present request writes at this position.
 """
 
 from __future__ import annotations
@@ -35,8 +36,8 @@ MAX_DELAY_S = 3600.0
 class RecordedReply(NamedTuple):
     """A reply and its delay after the request.
 
-    `data` is empty if no reply was recorded; `pdu` is None for a corrupt frame. `echoes` has the offset of every
-    repeated word in the reply, and its offset in the request.
+    `data` is the recorded frame, empty if no reply was recorded. `pdu` is None for a corrupt frame. `echoes` has a pair
+    for every word of the request that the reply repeats: its offset in the reply, and its offset in the request.
     """
 
     after_s: float
@@ -45,7 +46,7 @@ class RecordedReply(NamedTuple):
     echoes: tuple[tuple[int, int], ...] = ()
 
     def pdu_for(self, request: bytes) -> bytes:
-        """Return the PDU of the reply to `request`, with the words that the reply repeats."""
+        """Return the PDU of the reply. The words that the reply repeats are taken from `request`."""
         reply = bytearray(self.pdu or b"")
         for in_reply, in_request in self.echoes:
             reply[in_reply : in_reply + 2] = request[in_request : in_request + 2]
@@ -83,7 +84,7 @@ class Replay:
         return self.port.receive(data, time_s)
 
     def transport(self, clock: Clock) -> InProcessTransport:
-        """Return a connection to the recorded devices in this process, on `clock`."""
+        """Return a connection to the recorded devices, in this process. It takes the time from `clock`."""
         return InProcessTransport(self, clock, None if self.numbered else 115200)
 
     def _log_unknown(self, request: ModbusMessage) -> None:

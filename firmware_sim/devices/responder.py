@@ -1,8 +1,9 @@
 """The server side of Modbus according to the standard: the PDU of a request in, the PDU of the reply out.
 
-Exceptions are checked in the order of the standard: function, quantity, address, value, device. FC23 checks both of its
-ranges before it writes. A function is unknown if the profile excludes it; FC4 and the functions for bits are also
-unknown if the profile has no table for them. FC8 (loop back) is always known.
+The responder checks a request in the order of the standard: function, quantity, address, value, device. FC23 checks the
+range that it reads and the range that it writes before it writes. The device supports the functions that the profile
+lists. FC4 also needs an input table in the profile, and the functions for bits need a table of coils or of discrete
+inputs. FC8 (loop back) is always supported.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ class ResponderCounters:
 
 
 class Responder:
-    """Answers requests from the register bank. Reads show values of `firmware`, and writes command `firmware`."""
+    """Answers Modbus requests. A read request shows values of `firmware`. A write request commands `firmware`."""
 
     def __init__(self, bank: RegisterBank, firmware: RegisterFirmware, timing: DeviceTiming) -> None:
         self.counters = ResponderCounters()
@@ -59,7 +60,7 @@ class Responder:
         self._functions[_LOOP_BACK] = self._loop_back
 
     def answer(self, pdu: bytes) -> bytes:
-        """Return the PDU of the reply to the request `pdu`: its result, or an exception."""
+        """Return the PDU of the reply to the request `pdu`. The reply is the result of the request, or an exception."""
         function, data = pdu[0], pdu[1:]
         self.counters.requests += 1
         try:

@@ -1,10 +1,10 @@
 """A bench supply. It limits current and voltage (some supplies only the current), and has no watchdog.
 
 A supply is a hazard for a wire: it continues to heat when the driver is silent, it measures no temperature, and a
-failure of the wire shows only in its readings. The driver must handle these hazards. A supply with the registers `ovp`
-and `ocp` has protections: if the set or measured voltage or current is higher, the output is switched off, and the
-protection is latched. A write of 0 to the register `faults` resets the protection if this register is writable;
-otherwise the panel or a power-up resets the protection.
+failure of the wire shows only in its readings. The driver must handle these hazards. A supply with the roles `ovp`
+and `ocp` has protections. If the set or measured voltage is higher than `ovp`, or the current is higher than `ocp`, the
+supply switches its output off and latches the protection. If the register of the role `faults` is writable, a write of
+0 to this register resets the protection. Otherwise the panel or a power-up resets the protection.
 """
 
 from __future__ import annotations

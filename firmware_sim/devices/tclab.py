@@ -1,11 +1,12 @@
 """The firmware of a TCLab board. The wire is its first heater, and both thermometers are on the wire.
 
-The board switches a voltage on and off, so fast that only the mean heat matters. The duty is a multiple of 1/255:
+The board switches a voltage U on and off, so fast that only the mean heat matters. The duty is the fraction of the time
+with the voltage on. The command Q1 (0 to 100 %) and the largest pulse width P1 (0 to 255) set the duty:
 
-    duty = floor(Q1 · P1 / 100) / 255          heat = duty · U² / R
+    duty = floor(Q1 · P1 / 100) / 255          heat = duty · U² / R          R: resistance of the wire
 
-As on the real board there is no supervision: no watchdog and no limit, and an open or shorted sensor reads as an end of
-the converter's range. An unknown command switches both heaters off.
+Like the real board, this firmware has no watchdog and no limit. An open or shorted sensor reads as the lower or upper
+end of the converter's range. An unknown command switches both heaters off.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ SAMPLES = 10
 
 
 class TCLabFirmware:
-    """Firmware and request handler in one class. The board switches `supply_v` to a load of `load_ohm()`."""
+    """Firmware and request handler in one class. The board applies `supply_v` in pulses to a load of `load_ohm()`."""
 
     voltage_max_v = inf
 

@@ -1,10 +1,10 @@
 """A wire that changes while it works: its transformation moves in temperature, and its stroke fades.
 
-    ξ follows T - shift, and displacement = (1 - fade) · stroke · ξ
+    displacement = (1 - fade) · stroke · ξ          ξ: austenite fraction at the temperature T - shift
 
-shift and fade grow linearly over a given time.
+The temperature shift (K) and the fade of the stroke (a fraction) change linearly over a given time.
 
-Cycles under load do this to a wire (functional fatigue): the driver's model of the wire becomes outdated.
+Cycles under load age a real wire in this way (functional fatigue). The driver's model then no longer fits the wire.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Ageing:
         self._fade_per_s = 0.0
 
     def age_wire(self, shift_c: float, over_s: Positive, fade: Fraction = 0.0) -> None:
-        """Move shift and fade linearly to the totals `shift_c` and `fade` (a share of the stroke) within `over_s`."""
+        """Change the shift to `shift_c` (K) and the fade to `fade` (0 to 1), both linearly within `over_s`."""
         self._left_s = over_s
         self._shift_per_s = (shift_c - self.shift_c) / over_s
         self._fade_per_s = (fade - self.fade) / over_s

@@ -1,17 +1,20 @@
 """Simulated benches for Flexinol actuator wire of any diameter on sale, from published data.
 
 The vendor's table gives the resistance, and the current that contracts the wire in one second. Morgan's correlation
-for thin cylinders in still air (Advances in Heat Transfer 11, 1975) gives the heat loss, with air at film temperature:
+for thin cylinders in still air (Advances in Heat Transfer 11, 1975) gives the heat loss h in W/(m² K):
 
     h = Nu k/d          Nu = C Ra^n          Ra = g β (T - T_amb) d³/(ν α)
 
-Thin wires need two corrections. First, the sleeve of still air around a wire of radius r, out to r e^(2/Nu), warms and
-cools with the wire. At 0.025 mm the sleeve stores more than half as much heat as the wire. Second, the loss cannot
-exceed the heat of the vendor's current, because this current contracts the wire. At 0.025 and 0.05 mm this limit is
-lower than the loss of the correlation.
+Nu and Ra are the Nusselt and Rayleigh numbers, C and n Morgan's constants, d the diameter, T the wire temperature. The
+air at film temperature (T + T_amb)/2 has conductivity k, expansion β, viscosity ν and diffusivity α.
 
-Measured transformation temperatures in °C at the stress s in MPa: μ₊ = 77.6 + 0.1233 s, μ₋ = 55.5 + 0.1352 s. The
-temperatures of HT wire are 20 K higher.
+Thin wires need two corrections. First, still air surrounds a wire of radius r out to the radius r e^(2/Nu). This sleeve
+of air warms and cools with the wire. At 0.025 mm it stores more than half as much heat as the wire. Second, the
+vendor's current contracts the wire, so the loss cannot exceed the heat of this current. At 0.025 and 0.05 mm this limit
+is lower than the loss of the correlation.
+
+The centres of the heating branch (μ₊) and of the cooling branch (μ₋) were measured in °C at the stress s in MPa:
+μ₊ = 77.6 + 0.1233 s, μ₋ = 55.5 + 0.1352 s. The temperatures of HT wire are 20 K higher.
 """
 
 from __future__ import annotations
@@ -67,7 +70,7 @@ TABLE = {
 
 
 def flexinol(diameter_mm: float, length_m: float = 0.3, alloy: Literal["LT", "HT"] = "LT") -> SimConfig:
-    """Return a bench with a wire of this diameter, length and alloy, loaded with 100 MPa by a weight.
+    """Return the config of a bench. A weight loads the wire of this diameter, length and alloy with 100 MPa.
 
     ConfigError for a diameter that is not sold.
     """
@@ -115,14 +118,14 @@ def flexinol(diameter_mm: float, length_m: float = 0.3, alloy: Literal["LT", "HT
 
 
 class StillAir(NamedTuple):
-    """Heat loss to the air, and heat capacity of the air sleeve around the wire, both per metre and kelvin."""
+    """Heat loss to the air in W/(m K), and heat capacity of the air around the wire in J/(m K)."""
 
     loss_w_per_m_k: float
     sleeve_j_per_m_k: float
 
 
 def still_air(diameter_m: float, excess_k: float) -> StillAir:
-    """Return the heat loss of a wire `excess_k` above ambient by free convection, and its air sleeve."""
+    """Return the heat loss by free convection, and the air sleeve, of a wire that is `excess_k` above ambient."""
     film_k = 273.15 + AMBIENT_C + excess_k / 2
     conductivity = 0.0241 * (film_k / 273.15) ** 0.81
     viscosity = 13.3e-6 * (film_k / 273.15) ** 1.75

@@ -2,9 +2,10 @@
 
     (m c + m L dξ/dT) dT/dt = I² R(ξ) - h A (T - T_amb)        R = R_cold (1 + r ξ)        stroke · ξ = displacement
 
-The austenite fraction ξ follows T with a hysteresis (transformation.py). Within a substep dξ/dT and R count as
-constant, and the balance is solved exactly. Substeps of at most 10 ms and about 1 K keep the error far below the
-sensors' noise.
+m c is the heat capacity, L the latent heat, T the wire temperature, I the current, h A the heat loss per kelvin, and R
+the resistance, which changes by the fraction r. The austenite fraction ξ follows T with a hysteresis
+(transformation.py). Within a substep dξ/dT and R are taken as constant, and the balance is solved exactly. Substeps of
+at most 10 ms and about 1 K keep the error far below the sensors' noise.
 """
 
 from __future__ import annotations

@@ -3,14 +3,15 @@
     a grain turns to austenite when v rises above α, and back when v falls below β          α > β
     ξ = the share of grains that are austenite          E(a, b) = the share of grains with α ≤ a and β ≥ b
 
-While v rises from a minimum m, the grains with α ≤ v and β ≥ m turn to austenite. While v falls from a maximum M, the
-grains with β ≥ v and α ≤ M turn back. So ξ follows from the latest reversal (Preisach 1935, Everett 1955):
+The input v is the wire temperature in °C, corrected for the stress. While v rises from a minimum m, the grains with
+α ≤ v and β ≥ m turn to austenite. While v falls from a maximum M, the grains with β ≥ v and α ≤ M turn back. So ξ
+follows from the latest reversal, where ξ was ξ_m or ξ_M (Preisach 1935, Everett 1955):
 
     rising   ξ = ξ_m + E(v, m)          falling   ξ = ξ_M - E(M, v)
 
-When the input passes an earlier reversal, this reversal and all later ones are deleted, so minor loops close exactly. A
-Duhem model, whose only state is ξ, has no such memory. Here (α, β) have a joint Gaussian density on a grid, without
-grains that have almost no hysteresis. Within a cell the density is constant, so E is bilinear.
+When the input passes an earlier reversal, the plane forgets this reversal and all later reversals. So minor loops close
+exactly. A Duhem model does not remember reversals, because ξ is its only state. Here (α, β) have a joint Gaussian
+density on a grid. Grains with α - β below 4 K are left out. Within a cell the density is constant, so E is bilinear.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ NARROWEST_K = 4.0  # α - β of a grain, at least
 
 
 class Reversal(NamedTuple):
-    """A reversal of the input: the input and the phase at the reversal, and the reversal before this one."""
+    """A reversal of the input: the input v in °C, the austenite fraction `phase`, and the previous reversal."""
 
     v: float
     phase: float
@@ -36,7 +37,7 @@ class Reversal(NamedTuple):
 
 
 class PreisachState(NamedTuple):
-    """The present input and phase. Since `reversal` the input has been rising (`rising` is True) or falling."""
+    """The present input v in °C and austenite fraction. The input has been rising or falling since `reversal`."""
 
     v: float
     phase: float
@@ -45,7 +46,7 @@ class PreisachState(NamedTuple):
 
 
 class Preisach:
-    """The Preisach plane of a transformation. Its methods get a state, and never change it."""
+    """The Preisach plane of a transformation. Its methods do not change the state that they get."""
 
     def __init__(self, plane: Transformation) -> None:
         up = _edges(plane.mu_heating_c, plane.sigma_heating_c)
@@ -56,7 +57,7 @@ class Preisach:
         self._coldest = Reversal(self._down_c, 0.0, None)
 
     def start(self, v: float) -> PreisachState:
-        """Return the state of a wire that was heated from a much lower temperature to `v`."""
+        """Return the state of a wire whose input was raised from a much lower value to `v`, in °C."""
         return PreisachState(v, self._share(v, self._coldest.v), rising=True, reversal=self._coldest)
 
     def phase(self, state: PreisachState) -> float:
@@ -64,7 +65,7 @@ class Preisach:
         return state.phase
 
     def slope(self, state: PreisachState, v: float, rising: bool) -> float:
-        """Return dξ/dv for an input that rises or falls from `v`."""
+        """Return the slope of the austenite fraction, in 1/K, for an input that rises or falls from `v`."""
         reversal_v = state.reversal.v if rising == state.rising else state.v
         if rising:
             row, next_row, _, j, t = self._cell(v, reversal_v)
@@ -73,7 +74,7 @@ class Preisach:
         return ((1 - s) * (row[j] - row[j + 1]) + s * (next_row[j] - next_row[j + 1])) / CELL_K
 
     def moved(self, state: PreisachState, v0: float, v1: float) -> PreisachState:
-        """Return the state after the input moved monotonically from `v0` to `v1`."""
+        """Return the state after the input changed monotonically from `v0` to `v1`, in °C."""
         if v1 == v0:
             return state
         rising = v1 > v0

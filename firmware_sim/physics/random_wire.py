@@ -1,11 +1,13 @@
-"""Random plants around a nominal plant: the scatter of wires of one type, and of the rigs that people build.
+"""Random wires around a nominal wire. They scatter like wires of one type in rigs that different people build.
 
     μ ±5 K (each branch)   σ ±25 % (each branch)   stroke ±10 %   m c, h A, latent heat ±25 %   R ±5 %
     thermocouple lag 50 to 250 ms, noise 0.1 K
 
-The values are uniform and independent. The kind of hysteresis does not depend on the nominal wire: on average, of five
-wires three get one Gaussian per branch, one gets a second component between its branches (as from an R-phase), and one
-gets a Preisach plane. Branches that cross in the working range are not physical, and are drawn again.
+μ and σ are the centre and the width of a branch, m c is the heat capacity, h A the heat loss per kelvin, R the
+resistance. The values are uniform and independent. The kind of hysteresis does not depend on the nominal wire. On
+average, three of five wires get one Gaussian per branch, one wire gets a second component between its branches (as from
+an R-phase), and one wire gets a Preisach plane. If the branches cross in the working range, which is not physical, new
+branches are drawn.
 """
 
 from __future__ import annotations
@@ -24,9 +26,9 @@ REACH = 4.5  # standard deviations beyond both branches: the transformation is c
 
 
 def random_wire(nominal: SimConfig, seed: int, kind: HysteresisKind | None = None) -> SimConfig:
-    """Return the plant of this seed around `nominal`. Without `kind` the kind of hysteresis is random.
+    """Return the config of a bench like `nominal`, with a random wire. Without `kind` its hysteresis is random too.
 
-    The same arguments give the same plant.
+    The same arguments give the same wire.
     """
     random = Random(seed)
 

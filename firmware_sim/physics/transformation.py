@@ -1,13 +1,13 @@
-"""The phase transformation of a wire under stress: the austenite fraction, by temperature and history.
+"""The phase transformation of a wire under stress: the austenite fraction ξ from temperature T and history.
 
-The stress s shifts the temperatures of the transformation (Clausius-Clapeyron), so that the input of the hysteresis
-is v instead of T:
+The stress s raises the temperatures of the transformation by s/C_A when heating and by s/C_M when cooling
+(Clausius-Clapeyron; C_A and C_M in MPa/K). So the input of the hysteresis is v instead of T:
 
     heating   v = T - s/C_A          cooling   v = T - s/C_M          s = (preload + stiffness · stroke · ξ) / area
 
-With a dead weight s is constant. With a spring, which the contracting wire stretches, ξ depends on v, and v depends on
-ξ. Because s rises with v, the equation v + s(ξ(v))/C = T has one solution. Newton's method finds it with the slope
-dξ/dv.
+With a dead weight s is constant. With a spring, the contracting wire stretches the spring, so ξ depends on v, and v
+depends on ξ. Because s rises with v, the equation v + s(ξ(v))/C = T has exactly one solution, where C is C_A or C_M.
+Newton's method finds this solution with the slope dξ/dv.
 """
 
 from __future__ import annotations
@@ -27,10 +27,13 @@ StateT = TypeVar("StateT")
 
 
 class Hysteresis(Protocol[StateT]):
-    """An operator from an input v, in °C, to a phase fraction. Its methods get a state, and never change it."""
+    """A map from the history of an input v, in °C, to the austenite fraction.
+
+    Its methods do not change the state that they get.
+    """
 
     def start(self, v: float) -> StateT:
-        """Return the state of a wire that was heated from a much lower temperature to `v`."""
+        """Return the state of a wire whose input was raised from a much lower value to `v`, in °C."""
         ...
 
     def phase(self, state: StateT) -> float:
@@ -38,16 +41,16 @@ class Hysteresis(Protocol[StateT]):
         ...
 
     def slope(self, state: StateT, v: float, rising: bool) -> float:
-        """Return dξ/dv for an input that rises or falls from `v`."""
+        """Return the slope of the austenite fraction, in 1/K, for an input that rises or falls from `v`."""
         ...
 
     def moved(self, state: StateT, v0: float, v1: float) -> StateT:
-        """Return the state after the input moved monotonically from `v0` to `v1`."""
+        """Return the state after the input changed monotonically from `v0` to `v1`, in °C."""
         ...
 
 
 class Duhem:
-    """A Duhem model. Its state is the phase itself."""
+    """A Duhem model. Its state is the austenite fraction."""
 
     def __init__(self, branches: Transformation) -> None:
         model = DuhemModel.mixture(
@@ -58,7 +61,7 @@ class Duhem:
         self._target = model.engine.target
 
     def start(self, v: float) -> float:
-        """Return the state on the heating branch at `v`."""
+        """Return the austenite fraction on the heating branch at the input `v`, in °C."""
         return self._target(v, rising=True)
 
     def phase(self, state: float) -> float:
@@ -69,7 +72,7 @@ class Duhem:
 class LoadedTransformation:
     """The transformation of a wire under a bias load.
 
-    Without `bias`, the temperatures in the config hold under load.
+    Without `bias`, the transformation temperatures in the config are those of the loaded wire.
     """
 
     def __init__(self, transformation: Transformation, bias: Bias | None, stroke_mm: float, ambient_c: float) -> None:
@@ -81,7 +84,7 @@ class LoadedTransformation:
         self.phase = self._hysteresis.phase(self._state)
 
     def slope(self, *, rising: bool) -> float:
-        """Return the present dξ/dT for a rising or falling temperature."""
+        """Return the present slope dξ/dT, in 1/K, for a rising or falling temperature."""
         shift = self._heating if rising else self._cooling
         v = self._temperature_c - (shift.unstretched_k + shift.per_phase_k * self.phase)
         slope = self._hysteresis.slope(self._state, v, rising)

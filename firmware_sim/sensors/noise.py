@@ -10,7 +10,7 @@ BLOCK = 512
 class Noise:
     """An endless series of Gaussian numbers with standard deviation 1. The same seed gives the same numbers.
 
-    It is not a generator function, because an interruption (Ctrl-C) in the middle of a generator function would end it.
+    The series is not a Python generator, because Ctrl-C inside a generator would end the generator.
     """
 
     def __init__(self, seed: int) -> None:

@@ -2,7 +2,7 @@
 
     thermocouple   open, short (which the converter detects); bridge, reverse, freeze, stop_conversions, drift, spike
     displacement   stick, spike
-    sense          lose_current, lose_voltage (of the device that heats: NaN in a float register)
+    sense          lose_current, lose_voltage (the device that heats measures NaN)
 
 Each fault lasts for `for_s` seconds, or until the sensor is mended. A new fault of a sensor ends its previous one.
 """
@@ -60,12 +60,12 @@ class SensorFault:
             self.end()
 
     def shown(self, right: float, previous: float, cold_junction_c: float = 0.0) -> float:
-        """Return the reading that the sensor shows instead of the `right` reading, after it has shown `previous`."""
+        """Return the reading that the sensor shows. `right` is the right reading, `previous` the last shown reading."""
         return right if self.alter is None else self.alter(SensorSample(right, previous, cold_junction_c), self._age_s)
 
 
 class SensorFaults:
-    """The faults of `thermocouple`, `displacement`, and the sense of `current` and `voltage`."""
+    """The faults of the thermocouple, of the displacement sensor, and of the measured current and voltage."""
 
     def __init__(self, seed: int) -> None:
         """`seed` seeds the spikes."""
@@ -108,7 +108,7 @@ class SensorFaults:
         self.thermocouple.begin("drifting", for_s, lambda sample, age_s: sample.right + rate_c_per_s * age_s)
 
     def spike_thermocouple(self, height_c: float, share: Share = 0.05, for_s: Seconds | None = None) -> None:
-        """A share of the conversions is off by `height_c`."""
+        """The fraction `share` of the conversions reads `height_c` too high."""
         self.thermocouple.begin("spiking", for_s, self._spikes(height_c, share))
 
     def mend_thermocouple(self) -> None:
@@ -120,7 +120,7 @@ class SensorFaults:
         self.displacement.begin("stuck", for_s, lambda sample, _age_s: sample.previous)
 
     def spike_displacement(self, height_mm: float, share: Share = 0.05, for_s: Seconds | None = None) -> None:
-        """A share of the readings is off by `height_mm`."""
+        """The fraction `share` of the readings is `height_mm` too high."""
         self.displacement.begin("spiking", for_s, self._spikes(height_mm, share))
 
     def mend_displacement(self) -> None:

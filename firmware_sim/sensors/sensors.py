@@ -35,15 +35,15 @@ class Sensors:
 
     @property
     def unreadable(self) -> str | None:
-        """The fault that the converter detects: "open", "short", or None.
+        """The thermocouple fault that the converter detects, "open" or "short". None if it detects no fault.
 
-        While such a fault lasts, the converter shows no value.
+        While it detects a fault, the converter shows no value.
         """
         name = self.faults.thermocouple.name
         return name if name in ("open", "short") else None
 
     def advance(self, wire_before_c: float, dt_s: float) -> None:
-        """Follow the plant, which has just advanced by `dt_s`. Before, the wire temperature was `wire_before_c`."""
+        """Follow the plant, which has just advanced by `dt_s` from the wire temperature `wire_before_c`."""
         self.faults.advance(dt_s)
         self._lag(wire_before_c, self._plant.temperature_c, dt_s)
         self.cold_junction_c += self._drift_c_per_h * dt_s / 3600

@@ -1,7 +1,7 @@
 """The interface of an endpoint, which is a pseudo-terminal or a TCP port where clients reach a simulated device.
 
-An endpoint lists the descriptors to wait for. Bytes from a descriptor belong to a connection, which sends the replies.
-An endpoint can be closed and opened again, like an adapter that is unplugged and plugged in.
+An endpoint lists the file descriptors on which requests can arrive. Each client has a connection, which sends the
+replies. An endpoint can be closed and opened again, like an adapter that is unplugged and plugged in.
 """
 
 from __future__ import annotations

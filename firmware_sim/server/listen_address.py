@@ -1,4 +1,4 @@
-"""Listen addresses: from an option or a sim file to an open endpoint."""
+"""Listen addresses, which an option or a sim file gives, and the endpoints that are opened at them."""
 
 from __future__ import annotations
 
@@ -43,10 +43,11 @@ def open_endpoint(
     *,
     line_speed: bool,
 ) -> Endpoint:
-    """Open an endpoint at `address`, with ports from `new_port(numbered)`; `numbered` is True for Modbus TCP frames.
+    """Open an endpoint at `address` and return it.
 
-    `settings` are the settings of the serial line; with `line_speed` characters are no faster than its baud rate. `log`
-    gets a line when clients are rejected. ConfigError when the endpoint cannot be opened.
+    `new_port(numbered)` makes its ports; `numbered` is True for Modbus TCP frames. `settings` are the settings of the
+    serial line. With `line_speed`, replies arrive no faster than the baud rate allows. `log` gets a line when clients
+    are rejected. ConfigError when the endpoint cannot be opened.
     """
     if address.kind == "tcp":
         if line_speed:

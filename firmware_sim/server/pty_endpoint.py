@@ -18,8 +18,8 @@ _CHUNK = 512
 class PtyEndpoint:
     """A pseudo-terminal in raw mode. The object is the endpoint and also its only connection.
 
-    This process keeps the far end open, so clients may come and go. With a link, the terminal has a permanent name;
-    without a link, its name may change when the terminal is opened again.
+    This process keeps the client's end open too, so clients may come and go. A symbolic link gives the terminal a
+    permanent name. Without a link, the name may change when the terminal is opened again.
     """
 
     def __init__(self, link: Path | None, port: Port) -> None:
@@ -47,7 +47,7 @@ class PtyEndpoint:
         self.url = f"serial://{path}"
 
     def descriptors(self) -> list[int]:
-        """Return the descriptor of the end that this process reads; none while the endpoint is closed."""
+        """Return the descriptor of the end that this process reads. The list is empty while the endpoint is closed."""
         return list(self._ends[:1])
 
     def connections(self) -> Sequence[EndpointConnection]:
@@ -55,7 +55,7 @@ class PtyEndpoint:
         return (self,)
 
     def receive(self, descriptor: int) -> Received | None:
-        """Return the bytes that have arrived, or None."""
+        """Return the bytes that have arrived, or None if no byte has arrived."""
         try:
             return Received(self, os.read(descriptor, _CHUNK)) if descriptor in self._ends else None
         except BlockingIOError:

@@ -1,4 +1,4 @@
-"""Waiting for readable descriptors with `poll`, which has no limit of descriptor numbers (`select`: 1024)."""
+"""Waiting for readable descriptors with `poll`. Unlike `select`, it also takes descriptors above 1023."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections.abc import Iterable
 
 
 def readable(descriptors: Iterable[int], timeout_s: float | None) -> list[int]:
-    """Return the descriptors that are readable within `timeout_s`. Without a timeout (None), wait for the first.
+    """Return the readable descriptors. Wait for at most `timeout_s` until one is readable; None waits forever.
 
-    `poll` counts in whole milliseconds. The function sleeps for the remaining fraction, so that a reply is in time.
+    `poll` counts in whole milliseconds. The function sleeps for the rest of the time, so that no reply is late.
     """
     poll = select.poll()
     for descriptor in descriptors:

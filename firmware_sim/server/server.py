@@ -1,8 +1,9 @@
 """The loop of the served process: it moves bytes between endpoints and a simulation, and advances the time.
 
 In real time the simulation follows the machine's monotonic clock. In lockstep time a parent process writes the time to
-standard input, one number per line, and gets the line back when the simulation has reached this time. So a test or a
-demo with the real protocol on a real port is repeatable, and as fast as the machine can compute.
+standard input, in seconds, one number per line. The server writes the line to standard output when the simulation has
+reached this time. So a test or a demo with the real protocol on a real port is repeatable, and runs as fast as the
+machine can compute.
 """
 
 from __future__ import annotations
@@ -77,7 +78,7 @@ class Server:
                 self._take_request(endpoints[descriptor], descriptor)
 
     def run_lockstep(self) -> None:
-        """Follow the times on standard input until its end."""
+        """Run the simulation to each time that arrives on standard input. Return when standard input ends."""
         buffer = _LineBuffer()
         stdin = sys.stdin.fileno()
         while True:

@@ -1,7 +1,8 @@
 """A simulated device on a TCP port: up to `MAX_CLIENTS` clients, each with its own stream of frames.
 
-A client beyond this limit is accepted and closed at once, so that the client notices the rejection. This needs a
-descriptor even when the process has none left, so the endpoint keeps one in reserve.
+The endpoint accepts a client beyond this limit and closes the connection at once, so that the client notices the
+rejection. Accepting needs a free file descriptor. So the endpoint keeps one descriptor in reserve, for a process that
+has used all others.
 """
 
 from __future__ import annotations
@@ -66,7 +67,7 @@ class TcpEndpoint:
         return list(self._connections.values())
 
     def receive(self, descriptor: int) -> Received | None:
-        """Return the bytes of a client, or None if none have arrived.
+        """Return the bytes of a client, or None if no byte has arrived.
 
         A new client is accepted, and a client that has left is removed.
         """
