@@ -25,7 +25,7 @@ WireLike = IdentifiedWire | PathText
 
 
 class ScriptController(Protocol):
-    """A controller of the user: one command for each measurement; `time_s` counts from the start of the run."""
+    """A controller of the user. It returns one command per measurement; `time_s` counts from the start of the run."""
 
     def update(self, time_s: float, measurement: Measurement, dt_s: float) -> Command:
         """Return the command for the coming period of `dt_s`."""
@@ -63,7 +63,7 @@ def step_of_arguments(duration_s: float, current_a: float | None, temperature_c:
 
 
 def cycling_of_argument(reference: Reference, repeat: int | None) -> Cycling | None:
-    """Return the plan to repeat the reference `repeat` times, None for one run. ConfigError for any other value."""
+    """Return the plan of `repeat` cycles, or None if `repeat` is None. ConfigError if `repeat` is not a count >= 1."""
     if repeat is None:
         return None
     cycles = whole_number(repeat, "repeat", "cycles", 1)
@@ -81,7 +81,7 @@ def new_log(log: PathText | None, kind: Literal["excitation", "heat", "run"]) ->
 
 
 def path_text(value: object, name: str, wanted: str) -> PathText:
-    """Return `value` if it is a path or a text. ConfigError for another type; the cure names what is `wanted`."""
+    """Return `value` if it is a path or a text. ConfigError for another type, with the cure "pass `wanted`"."""
     if isinstance(value, str | os.PathLike):
         return value
     raise ConfigError("of the wrong type", where=name, value=type(value).__qualname__, cure=f"pass {wanted}")

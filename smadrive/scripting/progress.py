@@ -42,7 +42,7 @@ def progress_text(title: str, progress: RunProgress) -> str:
 
 
 def share_done(progress: RunProgress) -> float:
-    """Return the share of the run that is over, 0 to 1; 0 for a run without an end."""
+    """Return the elapsed fraction of the run, 0 to 1; 0 for a run without an end."""
     return min(progress.tick.time_s / progress.duration_s, 1.0) if isfinite(progress.duration_s) else 0.0
 
 

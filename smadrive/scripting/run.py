@@ -194,7 +194,7 @@ class Run:
 
 
 def read_log(path: str | os.PathLike[str]) -> Run:
-    """Return the run that was recorded in a log (.h5). DataError when it is missing, damaged or not a log.
+    """Return the run that was recorded in a log (.h5). DataError when the file is missing, damaged or not a log.
 
     run = smadrive.read_log("run.h5")
     """

@@ -42,11 +42,11 @@ class Wire(IdentifiedWire):
     axes: tuple[str, str] = ("wire temperature / °C", "displacement / mm")
 
     def plot(self) -> PlotFigure:
-        """Return a matplotlib figure of the loop: record and model, or only the model for a loaded wire."""
+        """Return a matplotlib figure of the loop. It shows record and model; for a loaded wire, only the model."""
         return model_figure(self.model) if self.fit is None else loop_figure(self.fit, self.axes)
 
     def save(self, path: str | os.PathLike[str]) -> None:
-        """Write the wire's file (.json), with the time of writing. DataError when it cannot be written."""
+        """Write the wire to a file (.json), with the time of writing. DataError when the file cannot be written."""
         check_output(Path(path), MODEL)
         super().save(Path(path))
 
@@ -99,7 +99,7 @@ def _check_options(kind: object, sets: object, columns: tuple[object, object]) -
     if sets is not None:
         whole_number(sets, "sets", "fuzzy sets", *SETS)
         if kind != "tsfuzzy":
-            cure = 'leave it out, or pass kind="tsfuzzy"'
+            cure = 'leave sets out, or pass kind="tsfuzzy"'
             raise ConfigError("only a T-S fuzzy model has fuzzy sets", where="sets", value=sets, cure=cure)
     for where, name in zip(("input", "output"), columns, strict=True):
         if not isinstance(name, str):

@@ -95,8 +95,8 @@ class LoopClient:
     def call(self, request: Any, show: Show = show_nothing) -> Any:
         """Send a request. Return its result or raise its error. `show` gets the progress of a run.
 
-        KeyboardInterrupt after an interruption, when the process has confirmed the heater off. LoopProcessError when
-        the process has died. ControllerError when a controller cannot be transferred.
+        KeyboardInterrupt is raised after an interruption, when the process has confirmed that the heater is off.
+        LoopProcessError if the process has died. ControllerError if a controller cannot be pickled.
         """
         message = pickled(request)
         with self._one_call, CountedInterrupts() as interrupts:
@@ -111,7 +111,7 @@ class LoopClient:
         return reply.value
 
     def end(self) -> None:
-        """End the process, which switches off before it ends; kill it when it does not end. Nothing is raised."""
+        """Ask the process to switch the heater off and to end. If it has not ended after `ENDS_WITHIN_S`, kill it."""
         if os.getpid() != self._script:  # a forked process of the script
             return
         self._send(END)

@@ -66,7 +66,7 @@ class TrackRequest:
 
 @dataclass(frozen=True)
 class DriveRequest:
-    """Run the user's controller on an identified wire. Without `duration_s`, the attribute of the controller counts."""
+    """Run the user's controller on a wire for `duration_s`, or, if None, for the `duration_s` of the controller."""
 
     log_file: Path
     controller: Any

@@ -35,7 +35,7 @@ class OwnController:
 
     @property
     def name(self) -> str:
-        """The class of the controller."""
+        """The name of the controller's class."""
         return type(self.controller).__qualname__
 
     @property
@@ -58,7 +58,9 @@ class OwnController:
         numbers = Command(*(self._number(name, value) for name, value in command._asdict().items()))
         if not isfinite(numbers.commanded_a):
             what = "the commanded current is not a finite number"
-            raise ControllerError(what, where=self.name, value=numbers.commanded_a, cure="check its computation")
+            raise ControllerError(
+                what, where=self.name, value=numbers.commanded_a, cure="check how update computes the current"
+            )
         return numbers
 
     def _number(self, name: str, value: object) -> float:
@@ -66,7 +68,7 @@ class OwnController:
         try:
             return float(value)  # type: ignore[arg-type]
         except (TypeError, ValueError):
-            what = f"{name} of its command is not a number"
+            what = f"{name} of the command is not a number"
             raise ControllerError(what, where=self.name, value=_shown(value), cure="return numbers") from None
 
 

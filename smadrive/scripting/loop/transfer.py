@@ -37,7 +37,7 @@ def _pickled_by_name(request: Any) -> bytes:
     try:
         message: bytes = cloudpickle.dumps(request)
     except Exception as error:
-        cure = "open files, ports and threads in its update, not before"
+        cure = "open files, ports and threads inside update, not before"
         raise ControllerError("cannot be transferred", where="controller", value=str(error), cure=cure) from error
     return message
 
