@@ -46,6 +46,12 @@ def test_nothing_is_cut_off_at_any_window_width(page_of_each_width, live):
         live.wait(lambda page=page: page.locator("#off").bounding_box()["y"] < 40)
 
 
+def test_plots_and_controls_fill_a_narrow_window(page_of_each_width, live):
+    for width, page in page_of_each_width([390, 700]):
+        for card in (page.locator(".plot").first, page.locator(".run")):
+            live.wait(lambda card=card, width=width: card.bounding_box()["width"] > 0.9 * width)
+
+
 OVERLAPS = """() => {
     const places = [...document.querySelectorAll("header > *, .number, .card")].map(
         element => [element, element.getBoundingClientRect()]);
