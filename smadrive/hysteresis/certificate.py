@@ -14,17 +14,10 @@ Monotone      The slope is affine in w: w rises on heating where w < S(v), and f
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Iterable
-
-    from smadrive.hysteresis.branch import Branch, BranchEngine
-    from smadrive.numerics.arrays import FloatArray
-
-_ROUNDING = 1e-9
+ROUNDING = 1e-9
 MOST_TURNED = 0.2  # share of the travel; a saturated wire reverses by a tenth, because it expands with heat
 
 
@@ -53,7 +46,7 @@ class Certificate:
     @property
     def monotone(self) -> bool:
         """True if the inverse is unique for every state between the major branches."""
-        return self.invertible_share > 1 - _ROUNDING
+        return self.invertible_share > 1 - ROUNDING
 
     @property
     def holds(self) -> bool:
@@ -75,57 +68,3 @@ class Certificate:
     def forgetting_travel(self, factor: float) -> float:
         """Return the travel of v that reduces the effect of an unknown initial state to `factor`, in the unit of v."""
         return float(np.log(1 / factor) / self.contraction_rate) if self.contracting else float("inf")
-
-
-def certify(engine: BranchEngine, laws: Iterable[tuple[FloatArray, FloatArray]] | None = None) -> Certificate:
-    """Return the certificate of a tabulated model.
-
-    `laws` are (a, b) of the heating and of the cooling rules. Without them, a and b at the nodes of the table are used.
-    """
-    (a_heating, b_heating), (a_cooling, b_cooling) = laws or (_law(engine.heating), _law(engine.cooling))
-    up, down = engine.heating.exponent, engine.cooling.exponent
-    return Certificate(
-        contraction_rate=float(min(-a_heating.max(), a_cooling.min())),
-        loop_contraction=float(np.exp(min(up[-1] - up[0] + down[0] - down[-1], 700.0))),
-        bounded=_within(b_heating, -a_heating) and _within(-b_cooling, a_cooling),
-        invertible_share=_invertible_share(engine),
-        turned_share=_turned_share(engine),
-    )
-
-
-def _law(branch: Branch) -> tuple[FloatArray, FloatArray]:
-    return branch.rate, branch.target_slope - branch.rate * branch.target
-
-
-def _within(drive: FloatArray, rate: FloatArray) -> bool:
-    """Return True if 0 ≤ drive ≤ rate everywhere, up to rounding."""
-    return bool(np.all(drive >= -_ROUNDING * np.abs(rate)) and np.all(drive <= rate + _ROUNDING * np.abs(rate)))
-
-
-def _invertible_share(engine: BranchEngine) -> float:
-    low = np.minimum(engine.heating.target, engine.cooling.target)
-    high = np.maximum(engine.heating.target, engine.cooling.target)
-    bottom, top = invertible_band(engine)
-    good = np.clip(np.minimum(high, top) - np.maximum(low, bottom), 0.0, None)
-    slack = _ROUNDING * (engine.upper - engine.lower)
-    area = float(np.trapezoid(high - low, engine.nodes))
-    return min(1.0, (float(np.trapezoid(good, engine.nodes)) + slack) / area) if area > 0 else 1.0
-
-
-def _turned_share(engine: BranchEngine) -> float:
-    heating, cooling = engine.heating.target, engine.cooling.target
-    travel = float(max(np.ptp(heating), np.ptp(cooling)))
-    back = max(float(np.max(np.maximum.accumulate(branch) - branch)) for branch in (heating, cooling))
-    return back / travel if travel > 0 else 0.0
-
-
-def invertible_band(engine: BranchEngine) -> tuple[FloatArray, FloatArray]:
-    """Return R(v) and S(v) at the nodes of the table, both (nodes,).
-
-    Between R and S the state rises on heating and falls on cooling.
-    """
-    (a_heating, b_heating), (a_cooling, b_cooling) = _law(engine.heating), _law(engine.cooling)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        top = np.where(a_heating < 0, -b_heating / a_heating, np.where(b_heating >= 0, np.inf, -np.inf))
-        bottom = np.where(a_cooling > 0, -b_cooling / a_cooling, np.where(b_cooling >= 0, -np.inf, np.inf))
-    return bottom, top

@@ -17,18 +17,20 @@ from typing import Self
 import numpy as np
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis.branch import Branch
-from smadrive.hysteresis.certificate import Certificate, certify
+from smadrive.hysteresis.branch.certify import certify
+from smadrive.hysteresis.branch.engine import Branch
+from smadrive.hysteresis.branch.model import BranchModel
+from smadrive.hysteresis.branch.tabulate import integrate_rate, quadrature_points, tabulate
+from smadrive.hysteresis.certificate import Certificate
 from smadrive.hysteresis.mixture import GaussianMixture, MixtureLogs
-from smadrive.hysteresis.model import HysteresisModel, check_output_map
-from smadrive.hysteresis.tabulate import integrate_rate, quadrature_points, tabulate
+from smadrive.hysteresis.model import check_output_map
 from smadrive.numerics.arrays import FloatArray
 
 _SATURATED = 9.0  # standard deviations beyond every component, where the state is constant
 _NO_KINKS = np.empty(0)
 
 
-class DuhemModel(HysteresisModel):
+class DuhemModel(BranchModel):
     """A Duhem model whose branches h± are mixtures of Gaussian distributions.
 
     Raises ModelError when the branches cross inside `input_range` or do not overlap it.

@@ -3,12 +3,14 @@
     w  normalised state in [0, 1], the transformed fraction          y = offset + scale · w    (scale may be negative)
     v  input. The state follows the heating law while v rises, and the cooling law while v falls.
 
-Inside `input_range` the branch engine is exact. Outside, the wire counts as fully transformed: the input is clamped to
-the range, the state is constant and the slope is zero. So a wrong reading of a sensor cannot make the model diverge.
+Inside `input_range` a step is exact for any distance. Outside, the wire counts as fully transformed: the input is
+clamped to the range, the state is constant and the slope is zero. So a wrong reading of a sensor cannot make the model
+diverge.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Sequence
 from math import isfinite
 from typing import TYPE_CHECKING, NamedTuple
@@ -25,8 +27,8 @@ from smadrive.numerics.scalars import real_number
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    from smadrive.hysteresis.branch import BranchEngine
     from smadrive.hysteresis.certificate import Certificate
+    from smadrive.hysteresis.turning_points import Memory
 
 
 LOOP_POINTS = 200
@@ -34,29 +36,77 @@ LOOP_POINTS = 200
 
 
 class HysteresisState(NamedTuple):
-    """Input v, output y and normalised state w of one wire."""
+    """Input v, output y and normalised state w of one wire.
+
+    `memory` is None for a model without memory; otherwise it holds the turning points of v (see memory/model.py).
+    """
 
     v: float
     y: float
     w: float
+    memory: Memory | None = None
 
 
-class HysteresisModel:
-    """Base of DuhemModel and TSFuzzyDuhem. A subclass defines `admissible` and `certificate`, and builds the engine."""
+class HysteresisModel(ABC):
+    """Base of all hysteresis models. `input_range` is the range of v, and y = offset + scale · w."""
 
-    def __init__(self, engine: BranchEngine, scale: float, offset: float, input_range: tuple[float, float]) -> None:
-        self.engine = engine
+    def __init__(self, scale: float, offset: float, input_range: tuple[float, float]) -> None:
         self.scale = scale
         self.offset = offset
         self.input_range = input_range
 
+    @abstractmethod
     def admissible(self, v: float) -> tuple[float, float]:
         """Return the smallest and the largest state w that the model can have at input v."""
-        raise NotImplementedError
 
+    @abstractmethod
     def certificate(self) -> Certificate:
         """Return the proven properties of this model: contraction, boundedness, invertible band."""
-        raise NotImplementedError
+
+    @abstractmethod
+    def branch(self, v: FloatArray, *, rising: bool) -> FloatArray:
+        """Return the state w on a branch of the major loop at the inputs `v`: heating if `rising`, else cooling."""
+
+    @abstractmethod
+    def branch_slope(self, v: FloatArray, *, rising: bool) -> FloatArray:
+        """Return dw/dv on a branch of the major loop at the inputs `v`: heating if `rising`, else cooling."""
+
+    @abstractmethod
+    def reach(self, state: HysteresisState, w: float) -> tuple[float, float]:
+        """Return the input that takes the wire from `state` to the state `w`, and the state that it gives.
+
+        The input moves in one direction. If no input of the range gives `w`, the result is the end of the range.
+        """
+
+    @abstractmethod
+    def corrected(self, state: HysteresisState, v: float, y: float) -> HysteresisState:
+        """Return `state` with input and output replaced by estimates v and y. The model makes no step.
+
+        An output that the model cannot have at v is replaced by the nearest possible one.
+        """
+
+    @abstractmethod
+    def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:
+        """Return `state` with its input replaced by an estimate v, and with the output that belongs to it.
+
+        The model makes no step, so no turning point is added. `direction` is that of the last move of the input.
+        """
+
+    @abstractmethod
+    def _on_branch(self, v: float) -> HysteresisState:
+        """Return the state on the heating branch."""
+
+    @abstractmethod
+    def _between(self, v: float, w: float) -> HysteresisState:
+        """Return the state w at input v, where w is admissible."""
+
+    @abstractmethod
+    def _moved(self, state: HysteresisState, v: float) -> HysteresisState:
+        """Return the state after the input has moved monotonically to v, a finite number."""
+
+    @abstractmethod
+    def _trajectory(self, v: FloatArray, start: HysteresisState, out: FloatArray) -> None:
+        """Write the states w along the path `v` (samples,) to `out`. The path begins in the state `start`."""
 
     def simulate(self, v: ArrayLike, y0: ArrayLike | None = None) -> FloatArray:
         """Return the outputs y along an input path `v`, shape (samples,) or (samples, wires).
@@ -69,15 +119,15 @@ class HysteresisModel:
         columns = path.reshape(len(path), -1)
         starts = self._start_states(columns[0], y0)
         states = np.empty(columns.shape, order="F")
-        for wire, w_start in enumerate(starts):
-            self.engine.trajectory(np.ascontiguousarray(columns[:, wire]), w_start, states[:, wire])
+        for wire, start in enumerate(starts):
+            self._trajectory(np.ascontiguousarray(columns[:, wire]), start, states[:, wire])
         states *= self.scale
         states += self.offset
         return states.reshape(path.shape)
 
-    def _start_states(self, v0: FloatArray, y0: ArrayLike | None) -> list[float]:
+    def _start_states(self, v0: FloatArray, y0: ArrayLike | None) -> list[HysteresisState]:
         if y0 is None:
-            return [self.initial_state(v).w for v in v0.tolist()]
+            return [self.initial_state(v) for v in v0.tolist()]
         outputs = finite_array("initial output y0", np.atleast_1d(float_array("initial output y0", y0)))
         if outputs.size not in (1, len(v0)):
             cure = "pass one number or one per wire"
@@ -85,7 +135,7 @@ class HysteresisModel:
                 "not one value per wire", where="y0", value=f"{outputs.size} values, {len(v0)} wires", cure=cure
             )
         outputs = np.broadcast_to(outputs.ravel(), (len(v0),))
-        return [self.initial_state(v, y).w for v, y in zip(v0.tolist(), outputs.tolist(), strict=True)]
+        return [self.initial_state(v, y) for v, y in zip(v0.tolist(), outputs.tolist(), strict=True)]
 
     def initial_state(self, v0: float, y: float | None = None) -> HysteresisState:
         """Return the state at input v0 with output y; without y the state on the heating branch.
@@ -99,12 +149,12 @@ class HysteresisModel:
         ):
             raise DataError("not finite", where=where, value=(v0, y))
         v0 = float(v0)
-        if y is None:
-            w = self.engine.target(v0, rising=True)
-        else:
-            low, high = self.admissible(v0)
-            w = min(max(float((y - self.offset) / self.scale), low), high)
-        return HysteresisState(v0, self.offset + self.scale * w, w)
+        return self._on_branch(v0) if y is None else self._between(v0, self._admitted(v0, y))
+
+    def _admitted(self, v: float, y: float) -> float:
+        """Return the state w of the output y, or the nearest state that the model can have at input v."""
+        low, high = self.admissible(v)
+        return min(max(float((y - self.offset) / self.scale), low), high)
 
     def step(self, state: HysteresisState, v1: float) -> HysteresisState:
         """Return the state after the input has moved monotonically from state.v to v1, exact for any distance.
@@ -114,8 +164,11 @@ class HysteresisModel:
         v1 = float(v1)
         if not isfinite(v1):
             raise DataError("not finite", where="input of the step", value=v1)
-        w = self.engine.move(state.w, state.v, v1)
-        return HysteresisState(v1, self.offset + self.scale * w, w)
+        return self._moved(state, v1)
+
+    @abstractmethod
+    def slope(self, state: HysteresisState, direction: int) -> float:
+        """Return dy/dv at the state, for an input that rises (direction > 0) or falls."""
 
     def facts(self) -> list[tuple[str, str]]:
         """Return the main properties of the model for display, as pairs of a name and a text."""
@@ -135,10 +188,6 @@ class HysteresisModel:
 
     def _repr_html_(self) -> str:
         return card("Hysteresis model", self.facts(), loop_plot(self))
-
-    def slope(self, state: HysteresisState, direction: int) -> float:
-        """Return dy/dv = scale · (a w + b) at the state, for an input that rises (direction > 0) or falls."""
-        return self.scale * self.engine.slope(state.w, state.v, direction > 0)
 
 
 def loop_plot(model: HysteresisModel, input_name: str = "input", output_name: str = "output") -> str:

@@ -8,28 +8,36 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from smadrive.errors import CertificateError, ModelError
 from smadrive.files.atomic import replacing
+from smadrive.files.json_fields import CURE, Fields
 from smadrive.files.kinds import MODEL, check_kind
 from smadrive.files.number_text import shortened
 from smadrive.files.spelling import missing_file_cure
 from smadrive.hysteresis.duhem import DuhemModel
 from smadrive.hysteresis.fuzzy import FuzzySets, GaussianSets, TrapezoidSets, TriangularSets
+from smadrive.hysteresis.memory.model import TSFuzzyPreisach
+from smadrive.hysteresis.memory.plane import PreisachPlane
 from smadrive.hysteresis.mixture import GaussianMixture
 from smadrive.hysteresis.model import HysteresisModel
 from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
 
-SCHEMA_VERSION = 1
+SCHEMA_VERSION = 2
+"""The version that is written. Version 1 has no memory, and is read as well."""
+
 MOST_BYTES = 1 << 20
 """The largest model file, bytes. A model of 200 sets takes about 20,000 bytes."""
 
-CURE = "give a model file, which `smadrive identify` or save_model writes"
 UNCERTIFIED_CURE = "identify the wire again, or pass allow_uncertified=True only to simulate the model"
+IdentifiedModel = DuhemModel | TSFuzzyDuhem | TSFuzzyPreisach
+"""The models that have a file format."""
+
 _LAWS = ("a_heating", "b_heating", "a_cooling", "b_cooling")
 
 
@@ -47,7 +55,7 @@ def save_model(
         partial.write_text(text, encoding="utf-8")
 
 
-def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
+def load_model(path: str | os.PathLike[str], *, allow_uncertified: bool = False) -> IdentifiedModel:
     """Load a model from a file.
 
     Raises ModelError for a malformed file, and CertificateError for an uncertified model unless `allow_uncertified`.
@@ -98,7 +106,7 @@ def model_text(model: HysteresisModel, provenance: Mapping[str, Any], *, place: 
         raise ModelError(what, where=f"{place}: provenance", cure=cure) from error
 
 
-def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> DuhemModel | TSFuzzyDuhem:
+def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> IdentifiedModel:
     """Return the model in the text of a file; errors name `place`. Raises the errors of `load_model`."""
     try:
         fields = Fields(place, json.loads(text))
@@ -108,8 +116,8 @@ def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> Du
     except RecursionError:
         raise ModelError("nested too deeply for a model file", where=place, cure=CURE) from None
     schema = fields.value("schema")
-    if schema != SCHEMA_VERSION:
-        where, cure = f"{place}: schema", f"identify the wire again: this smadrive reads version {SCHEMA_VERSION}"
+    if schema not in range(1, SCHEMA_VERSION + 1):
+        where, cure = f"{place}: schema", f"identify the wire again: this smadrive reads up to version {SCHEMA_VERSION}"
         raise ModelError("unknown version", where=where, value=shortened(schema), cure=cure)
     model = _build(fields)
     certificate = model.certificate()
@@ -122,6 +130,8 @@ def parse_model(text: str, *, place: str, allow_uncertified: bool = False) -> Du
 def _describe(model: HysteresisModel) -> dict[str, Any]:
     if isinstance(model, DuhemModel):
         return {"kind": "duhem", "heating": _mixture_json(model.heating), "cooling": _mixture_json(model.cooling)}
+    if isinstance(model, TSFuzzyPreisach):
+        return {**_describe(model.local), "memory": _memory_json(model)}
     if isinstance(model, TSFuzzyDuhem):
         laws = (*model.heating_law, *model.cooling_law)
         return {
@@ -129,12 +139,22 @@ def _describe(model: HysteresisModel) -> dict[str, Any]:
             "sets": _sets_json(model.sets),
             **{k: v.tolist() for k, v in zip(_LAWS, laws, strict=True)},
         }
-    cure = "save a DuhemModel or a TSFuzzyDuhem"
+    cure = "save a DuhemModel, a TSFuzzyDuhem or a TSFuzzyPreisach"
     raise ModelError("no file format for this type", value=type(model).__name__, cure=cure)
 
 
 def _mixture_json(mixture: GaussianMixture) -> dict[str, Any]:
     return {"weights": list(mixture.weights), "means": list(mixture.means), "sigmas": list(mixture.sigmas)}
+
+
+def _memory_json(model: TSFuzzyPreisach) -> dict[str, Any]:
+    plane = model.plane
+    return {
+        "share": model.share,
+        "up_thresholds": plane.up_thresholds.tolist(),
+        "down_thresholds": plane.down_thresholds.tolist(),
+        "mass": plane.mass.ravel().tolist(),
+    }
 
 
 def _sets_json(sets: FuzzySets) -> dict[str, Any]:
@@ -149,56 +169,7 @@ def _sets_json(sets: FuzzySets) -> dict[str, Any]:
     return {**shape, "centres": list(sets.centres)}
 
 
-class Fields:
-    """A JSON object and its place in the file. Every ModelError of this class names file and key."""
-
-    def __init__(self, place: str, document: Any) -> None:
-        """Take a JSON object; errors name `place`. ModelError when `document` is not an object."""
-        if not isinstance(document, dict):
-            raise ModelError("not a JSON object", where=place, value=type(document).__name__, cure=CURE)
-        self.place, self.document = place, document
-
-    def value(self, key: str) -> Any:
-        """Return the value at `key`, of any type. ModelError when the key is missing."""
-        if key not in self.document:
-            raise ModelError("missing", where=f"{self.place}: {key}", cure=CURE)
-        return self.document[key]
-
-    def number(self, key: str) -> float:
-        """Return the number at `key`. ModelError for any other value."""
-        value = self.value(key)
-        if not _is_finite(value):
-            raise self._wrong(key, "not a finite number")
-        return float(value)
-
-    def numbers(self, key: str) -> tuple[float, ...]:
-        """Return the list of numbers at `key`. ModelError for any other value."""
-        values = self.value(key)
-        if not isinstance(values, list) or not all(map(_is_finite, values)):
-            raise self._wrong(key, "not a list of finite numbers")
-        return tuple(map(float, values))
-
-    def texts(self, key: str) -> tuple[str, ...]:
-        """Return the list of texts at `key`. ModelError for any other value."""
-        values = self.value(key)
-        if not isinstance(values, list) or not all(isinstance(value, str) for value in values):
-            raise self._wrong(key, "not a list of texts")
-        return tuple(values)
-
-    def _wrong(self, key: str, what: str) -> ModelError:
-        return ModelError(what, where=f"{self.place}: {key}", value=shortened(self.document[key]))
-
-    def inner(self, key: str) -> Fields:
-        """Return the object at `key`. ModelError for any other value."""
-        return Fields(f"{self.place}: {key}", self.value(key))
-
-
-def _is_finite(value: Any) -> bool:
-    """Return True if a JSON value is a number within the range of a float. JSON integers may be larger."""
-    return isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= sys.float_info.max
-
-
-def _build(fields: Fields) -> DuhemModel | TSFuzzyDuhem:
+def _build(fields: Fields) -> IdentifiedModel:
     ends = fields.numbers("input_range")
     if len(ends) != 2:
         where, cure = f"{fields.place}: input_range", "give the lower and the upper end"
@@ -213,13 +184,23 @@ def _build(fields: Fields) -> DuhemModel | TSFuzzyDuhem:
         if kind == "tsfuzzy":
             laws = {key: fields.numbers(key) for key in _LAWS}
             sets = _sets(fields.inner("sets"))
-            return TSFuzzyDuhem(sets, **laws, scale=scale, offset=offset, input_range=input_range)
+            rules = TSFuzzyDuhem(sets, **laws, scale=scale, offset=offset, input_range=input_range)
+            return _with_memory(rules, fields.inner("memory")) if "memory" in fields.document else rules
     except ModelError as error:
         if not error.where.startswith(fields.place):
             error.where = f"{fields.place}: {error.where}"
         raise
     where = f"{fields.place}: kind"
     raise ModelError("unknown kind", where=where, value=shortened(kind), cure="write 'duhem' or 'tsfuzzy'")
+
+
+def _with_memory(rules: TSFuzzyDuhem, fields: Fields) -> TSFuzzyPreisach:
+    up, down, mass = (np.array(fields.numbers(key)) for key in ("up_thresholds", "down_thresholds", "mass"))
+    shape = len(up) - 1, len(down) - 1
+    if min(shape) < 1 or len(mass) != shape[0] * shape[1]:
+        where = f"{fields.place}: mass"
+        raise ModelError("not one number per cell", where=where, value=len(mass), limit=f"{shape[0]} × {shape[1]}")
+    return TSFuzzyPreisach(rules, PreisachPlane(up, down, mass.reshape(shape)), fields.number("share"))
 
 
 def _mixture(fields: Fields) -> GaussianMixture:

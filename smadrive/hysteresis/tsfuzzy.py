@@ -13,11 +13,13 @@ from typing import TYPE_CHECKING, Self
 import numpy as np
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis.branch import Branch
-from smadrive.hysteresis.certificate import Certificate, certify
+from smadrive.hysteresis.branch.certify import certify
+from smadrive.hysteresis.branch.engine import Branch
+from smadrive.hysteresis.branch.model import BranchModel
+from smadrive.hysteresis.branch.tabulate import cell_maps, integrate_rate, march, quadrature_points, tabulate
+from smadrive.hysteresis.certificate import Certificate
 from smadrive.hysteresis.fuzzy import FuzzySets, Rule
-from smadrive.hysteresis.model import HysteresisModel, check_output_map
-from smadrive.hysteresis.tabulate import cell_maps, integrate_rate, march, quadrature_points, tabulate
+from smadrive.hysteresis.model import check_output_map
 from smadrive.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:
@@ -32,7 +34,7 @@ Law = tuple[FloatArray, FloatArray]
 """The consequents a and b of the rules of one direction, both (sets,)."""
 
 
-class TSFuzzyDuhem(HysteresisModel):
+class TSFuzzyDuhem(BranchModel):
     """A model with two rules per fuzzy set of v: one for rising input, one for falling input.
 
     a_heating, b_heating, a_cooling and b_cooling have one number per set, in 1/(unit of v). ModelError for another

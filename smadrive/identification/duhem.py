@@ -18,7 +18,7 @@ from scipy.optimize import isotonic_regression
 from scipy.special import ndtri_exp, softmax
 
 from smadrive.errors import IdentificationError, ModelError
-from smadrive.hysteresis.branch import BranchEngine
+from smadrive.hysteresis.branch.engine import BranchEngine
 from smadrive.hysteresis.duhem import DuhemModel, duhem_branches, grid_logs
 from smadrive.hysteresis.mixture import MOST_COMPONENTS, GaussianMixture, MixtureLogs
 from smadrive.identification.quality.caveats import undetermined

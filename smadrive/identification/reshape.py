@@ -20,14 +20,18 @@ from typing import NamedTuple
 import numpy as np
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis import DuhemModel, GaussianMixture, TSFuzzyDuhem
-from smadrive.hysteresis.branch import Branch
+from smadrive.hysteresis import (
+    DuhemModel,
+    GaussianMixture,
+    IdentifiedModel,
+    PreisachPlane,
+    TSFuzzyDuhem,
+    TSFuzzyPreisach,
+)
 from smadrive.hysteresis.fuzzy import FuzzySets
 from smadrive.hysteresis.tsfuzzy import Law, MembershipGrid
 from smadrive.identification.tsfuzzy.monotone import monotone
 from smadrive.numerics.arrays import FloatArray
-
-Model = DuhemModel | TSFuzzyDuhem
 
 _INVERTIBLE = 0.999
 """Slopes are corrected if `Certificate.invertible_share` is below this value. A smaller error is not worth the time."""
@@ -73,15 +77,15 @@ class _Rules(NamedTuple):
     cooling_law: Law
 
 
-def shape_of(model: Model) -> BranchShape:
+def shape_of(model: IdentifiedModel) -> BranchShape:
     """Return the shape of the major loop of a model."""
-    engine = model.engine
-    mu_heating, sigma_heating = _moments(engine.nodes, engine.heating)
-    mu_cooling, sigma_cooling = _moments(engine.nodes, engine.cooling)
+    nodes = (model.local if isinstance(model, TSFuzzyPreisach) else model).engine.nodes
+    mu_heating, sigma_heating = _moments(nodes, model.branch(nodes, rising=True))
+    mu_cooling, sigma_cooling = _moments(nodes, model.branch(nodes, rising=False))
     return BranchShape(mu_heating, mu_cooling, sigma_heating, sigma_cooling, model.scale)
 
 
-def reshaped(model: Model, shape: BranchShape) -> Model:
+def reshaped(model: IdentifiedModel, shape: BranchShape) -> IdentifiedModel:
     """Return `model` with its branches moved to `shape`. ModelError for a shape that is impossible or out of range."""
     _check(model, shape)
     now = shape_of(model)
@@ -91,6 +95,8 @@ def reshaped(model: Model, shape: BranchShape) -> Model:
     if isinstance(model, DuhemModel):
         mixtures = _moved_mixture(model.heating, heating), _moved_mixture(model.cooling, cooling)
         return DuhemModel(*mixtures, shape.scale, model.offset, model.input_range)
+    if isinstance(model, TSFuzzyPreisach):
+        return _moved_with_memory(model, heating, cooling, shape.scale)
     reached = _moments_of_rules(_moved_rules(model, heating, cooling), model.engine.nodes)
     _check_widths(*(sigma for _, sigma in reached))
     heating, cooling = (  # corrected by the error that the coarse grid of rules made
@@ -101,7 +107,26 @@ def reshaped(model: Model, shape: BranchShape) -> Model:
     return moved if moved.certificate().invertible_share > _INVERTIBLE else monotone(moved)
 
 
-def _check(model: Model, shape: BranchShape) -> None:
+def _moved_with_memory(model: TSFuzzyPreisach, heating: _Move, cooling: _Move, scale: float) -> TSFuzzyPreisach:
+    """Return the model with rules and plane moved alike; the up-thresholds belong to heating, the others to cooling."""
+    now = shape_of(model.local)
+    rules = reshaped(
+        model.local,
+        BranchShape(
+            float(heating.forth(np.array(now.mu_heating))),
+            float(cooling.forth(np.array(now.mu_cooling))),
+            now.sigma_heating * heating.stretch,
+            now.sigma_cooling * cooling.stretch,
+            scale,
+        ),
+    )
+    plane = model.plane
+    moved = PreisachPlane(heating.forth(plane.up_thresholds), cooling.forth(plane.down_thresholds), plane.mass)
+    assert isinstance(rules, TSFuzzyDuhem)
+    return TSFuzzyPreisach(rules, moved, model.share)
+
+
+def _check(model: IdentifiedModel, shape: BranchShape) -> None:
     lower, upper = model.input_range
     for name, value in shape._asdict().items():
         if name.startswith("mu") and not lower < value < upper:
@@ -124,9 +149,9 @@ def _check_widths(*sigmas: float) -> None:
         raise ModelError(what, where="rules", cure=cure)
 
 
-def _moments(nodes: FloatArray, branch: Branch) -> tuple[float, float]:
+def _moments(nodes: FloatArray, branch: FloatArray) -> tuple[float, float]:
     """Return mean and standard deviation of v, weighted with the slope of the branch; NaN and 0 if it does not rise."""
-    rise, middle = np.diff(branch.target), (nodes[1:] + nodes[:-1]) / 2
+    rise, middle = np.diff(branch), (nodes[1:] + nodes[:-1]) / 2
     if not rise.sum() > 0.0:
         return nan, 0.0
     mean = float(middle @ rise / rise.sum())
@@ -156,4 +181,4 @@ def _moments_of_rules(rules: _Rules, nodes: FloatArray) -> list[tuple[float, flo
     `nodes` may be the grid of another model. This is accurate enough, and four times as fast as a new grid.
     """
     branches = MembershipGrid(rules.sets, nodes).closed_branches(rules.heating_law, rules.cooling_law)
-    return [_moments(nodes, branch) for branch in branches]
+    return [_moments(nodes, branch.target) for branch in branches]

@@ -11,7 +11,7 @@ from smadrive.control.controllers.temperature import Controller, TemperatureCont
 from smadrive.control.controllers.tracking import TrackingController, TrackingSettings
 from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.references.reference import Reference
-from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
+from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
 from smadrive.rig.config import RigConfig
 from smadrive.wire.heat_balance import HeatBalance
@@ -47,7 +47,7 @@ def step_controller(config: RigConfig, step: ManualStep, balance: HeatBalance) -
 def tracking_controller(
     config: RigConfig,
     reference: Reference,
-    model: DuhemModel | TSFuzzyDuhem,
+    model: IdentifiedModel,
     balance: HeatBalance,
     inverse: DisplacementInverse,
 ) -> TrackingController:

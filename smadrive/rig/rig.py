@@ -21,7 +21,7 @@ from smadrive.devices.profile.profile import load_profile
 from smadrive.devices.state.latch import TripLatch
 from smadrive.devices.stopping.listener import StopListener
 from smadrive.errors import ConfigError, SafetyError
-from smadrive.hysteresis import DuhemModel, HysteresisModel, TSFuzzyDuhem
+from smadrive.hysteresis import HysteresisModel, IdentifiedModel
 from smadrive.identification.excitation import Excitation, nested_reversals
 from smadrive.measurement import Measurement
 from smadrive.modbus.transports.transport import Transport
@@ -137,7 +137,7 @@ class Rig:
     def track(
         self,
         reference: Reference,
-        model: DuhemModel | TSFuzzyDuhem,
+        model: IdentifiedModel,
         balance: HeatBalance,
         inverse: DisplacementInverse,
         record: Record,

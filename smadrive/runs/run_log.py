@@ -18,7 +18,7 @@ from smadrive.control.controllers.step import ManualStep
 from smadrive.control.feedforward.displacement import DisplacementInverse, HysteresisInverse
 from smadrive.control.loop import Tick
 from smadrive.control.references.reference import Reference
-from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
+from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
 from smadrive.measurement import Measurement
 from smadrive.rig.rig import Rig
@@ -98,7 +98,7 @@ def record_tracking(
     path: Path,
     rig: Rig,
     reference: Reference,
-    model: DuhemModel | TSFuzzyDuhem,
+    model: IdentifiedModel,
     balance: HeatBalance,
     inverse: DisplacementInverse,
     **notes: str,

@@ -9,10 +9,10 @@ import numpy as np
 from smadrive.control.references.reference import Reference
 from smadrive.errors import CertificateError, ConfigError, ModelError
 from smadrive.files.config import validate
-from smadrive.hysteresis import DuhemModel, InverseFeedforward, TSFuzzyDuhem
+from smadrive.hysteresis import DuhemModel, IdentifiedModel, InverseFeedforward, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.hysteresis.model_file import model_text, parse_model
 from smadrive.identification.adaptation import Adaptation
-from smadrive.identification.reshape import BranchShape, Model, reshaped, shape_of
+from smadrive.identification.reshape import BranchShape, reshaped, shape_of
 from smadrive.rig.config import FeedbackConfig, LimitsConfig
 from smadrive.tuning.link.requests import SetFeedback, SetModel, SetRule, SetShape
 from smadrive.wire.wire_model import travel_mm
@@ -41,15 +41,15 @@ class Tuning:
     `caveats` are reasons to distrust the model. They stay until another model is fitted or loaded.
     """
 
-    model: Model
-    unmoved: Model
+    model: IdentifiedModel
+    unmoved: IdentifiedModel
     shape: BranchShape
     feedback: FeedbackConfig
     change: str
     caveats: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, model: Model, feedback: FeedbackConfig, change: str, caveats: tuple[str, ...] = ()) -> Tuning:
+    def of(cls, model: IdentifiedModel, feedback: FeedbackConfig, change: str, caveats: tuple[str, ...] = ()) -> Tuning:
         """Return a tuning of `model`, whose branches have not been moved."""
         return cls(model, model, shape_of(model), feedback, change, caveats)
 
@@ -113,12 +113,18 @@ class Tuning:
             )
 
 
-def _with_rule(model: Model, change: SetRule) -> TSFuzzyDuhem:
+def _with_rule(model: IdentifiedModel, change: SetRule) -> TSFuzzyDuhem | TSFuzzyPreisach:
     if isinstance(model, DuhemModel):
         raise ModelError(
             "a Duhem model has no rules",
             cure="move its branches, or identify the wire by `smadrive identify --kind tsfuzzy`",
         )
+    if isinstance(model, TSFuzzyPreisach):
+        return TSFuzzyPreisach(_changed_rules(model.local, change), model.plane, model.share)
+    return _changed_rules(model, change)
+
+
+def _changed_rules(model: TSFuzzyDuhem, change: SetRule) -> TSFuzzyDuhem:
     sets = len(model.sets.centres)
     if change.index >= sets:
         raise ModelError("the model has no rule with this index", where="index", value=change.index, limit=sets - 1)

@@ -16,9 +16,10 @@ from typing import Any
 from smadrive.display.ascii_text import ascii_text
 from smadrive.display.card import card
 from smadrive.errors import ModelError
-from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem, save_model
+from smadrive.files.json_fields import Fields
+from smadrive.hysteresis import IdentifiedModel, save_model
 from smadrive.hysteresis.model import loop_plot
-from smadrive.hysteresis.model_file import Fields, model_text, parse_model, read_model
+from smadrive.hysteresis.model_file import model_text, parse_model, read_model
 from smadrive.wire.heat_balance import PARAMETERS, BalanceSource, HeatBalance
 from smadrive.wire.wire_model import WireModel, travel_mm
 
@@ -34,7 +35,7 @@ class IdentifiedWire:
     source         the record from which it was identified
     """
 
-    model: DuhemModel | TSFuzzyDuhem
+    model: IdentifiedModel
     heat_balance: HeatBalance | None = None
     caveats: tuple[str, ...] = ()
     metrics: Mapping[str, float] = field(default_factory=dict)

@@ -12,7 +12,7 @@ from __future__ import annotations
 from math import ceil
 from typing import NamedTuple
 
-from smadrive.hysteresis import DuhemModel, HysteresisModel, HysteresisState, TSFuzzyDuhem
+from smadrive.hysteresis import HysteresisModel, HysteresisState, IdentifiedModel
 from smadrive.wire.heat_balance import HeatBalance
 
 SHORT_WAY_C = 0.1
@@ -45,7 +45,7 @@ class WireModel:
     from the state w of the hysteresis model, because a model may use only a part of the range [0, 1] of w.
     """
 
-    def __init__(self, model: DuhemModel | TSFuzzyDuhem, balance: HeatBalance) -> None:
+    def __init__(self, model: IdentifiedModel, balance: HeatBalance) -> None:
         self.model = model
         self.balance = balance
         self.cold_mm, hot_mm = travel_mm(model)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from pathlib import Path
 
 from smadrive.display.card import count_text
-from smadrive.hysteresis import TSFuzzyDuhem
+from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.duhem import DuhemFit
 from smadrive.identification.wire import AnyFit
 from smadrive.runs.figures.fit_plots import loop_figure, residual_figure
@@ -54,6 +54,8 @@ def _metrics(fit: AnyFit) -> Tiles:
 
 
 def _parameters(fit: AnyFit) -> list[PagePart]:
+    if isinstance(fit.model, TSFuzzyPreisach):
+        return [*_rules(fit.model.local), Listing("The rules with memory", fit.model.rules_text())]
     if isinstance(fit.model, TSFuzzyDuhem):
         return _rules(fit.model)
     return _duhem_parameters(fit) if isinstance(fit, DuhemFit) else []

@@ -40,6 +40,10 @@ SLOPES = 9
 """Number of slopes for which the gain is solved, from zero to the steepest of the model."""
 
 
+POINTS = 2000
+"""Number of inputs at which the slope of the branches is examined."""
+
+
 class Correction(NamedTuple):
     """The corrections that are added to wire temperature, thermocouple temperature, unexplained power and phase."""
 
@@ -122,6 +126,7 @@ def _gain(transition: Array, reads: Array, process: Array, noise: Array) -> Arra
 
 def _steepest(wire: WireModel) -> float:
     """Return the largest slope of the phase on the branches of the major loop, in 1/K."""
-    engine = wire.model.engine
-    steepest = float(max(engine.heating.target_slope.max(), engine.cooling.target_slope.max()))
-    return steepest * abs(wire.model.scale / wire.travel_mm)
+    model = wire.model
+    inputs = np.linspace(*model.input_range, POINTS)
+    steepest = max(float(model.branch_slope(inputs, rising=rising).max()) for rising in (True, False))
+    return steepest * abs(model.scale / wire.travel_mm)

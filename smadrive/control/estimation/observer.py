@@ -89,22 +89,30 @@ class WireObserver:
         slope = self._wire.phase_per_k(expected.hysteresis, expected.play.direction or 1)
         read_c = reading_c - expected.thermocouple_c if isfinite(reading_c) else 0.0
         if not isfinite(displacement_mm):
-            return self._corrected(expected, self._gains.by_reading(slope, read_c))
+            correction = self._gains.by_reading(slope, read_c)
+            return self._corrected(expected, correction, self._shifted(expected, correction))
         seen = (displacement_mm - expected.hysteresis.y) / self._wire.travel_mm
-        return self._corrected(expected, self._gains.by_both(slope, read_c, seen))
+        correction = self._gains.by_both(slope, read_c, seen)
+        v, y = expected.hysteresis.v + correction.temperature_c, self._wire.travel_mm * correction.phase
+        hysteresis = self._model.corrected(expected.hysteresis, v, expected.hysteresis.y + y)
+        return self._corrected(expected, correction, hysteresis)
 
-    def _corrected(self, expected: WireEstimate, correction: Correction) -> WireEstimate:
-        """Return the estimate with the correction of (T, T_tc, d, ξ) added.
+    def _shifted(self, expected: WireEstimate, correction: Correction) -> HysteresisState:
+        """Return the state of the hysteresis at the corrected temperature. The phase follows the temperature."""
+        v = expected.hysteresis.v + correction.temperature_c
+        return self._model.shifted(expected.hysteresis, v, expected.play.direction or 1)
+
+    def _corrected(self, expected: WireEstimate, correction: Correction, hysteresis: HysteresisState) -> WireEstimate:
+        """Return the estimate with the correction of (T, T_tc, d) added, and with the corrected `hysteresis`.
 
         The input of the hysteresis model moves with the temperature, but the model makes no step: the correction of
         the phase already contains the effect of the temperature.
         """
-        wire_c, thermocouple_c, power_w, phase = correction
-        v, y, _ = expected.hysteresis
+        wire_c, thermocouple_c, power_w, _ = correction
         return WireEstimate(
             expected.temperature_c + wire_c,
             expected.thermocouple_c + thermocouple_c,
-            self._model.initial_state(v + wire_c, y + self._wire.travel_mm * phase),
+            hysteresis,
             expected.disturbance_w + power_w,
             Play(expected.play.position + wire_c, expected.play.direction),
         )

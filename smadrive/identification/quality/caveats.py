@@ -32,10 +32,10 @@ def misses_record(rms_percent: float) -> tuple[str, ...]:
 def bridges_gaps(model: HysteresisModel, record: Record) -> tuple[str, ...]:
     """Return a caveat for each branch with a large step of the output between two neighbouring inputs of the record."""
     found = []
-    for name, rising, branch in (("rising", True, model.engine.heating), ("falling", False, model.engine.cooling)):
+    for name, rising in (("rising", True), ("falling", False)):
         reached = np.flatnonzero(record.rising == rising)
         visited = np.unique(record.v[np.concatenate([reached, np.maximum(reached - 1, 0)])])
-        steps = np.abs(np.diff(np.interp(visited, model.engine.nodes, branch.target))) * abs(model.scale)
+        steps = np.abs(np.diff(model.branch(visited, rising=rising))) * abs(model.scale)
         widest = int(np.argmax(steps))
         percent = 100 * steps[widest] / record.output_span
         if percent > _BRIDGED:

@@ -19,9 +19,16 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from smadrive.hysteresis.branch import Branch, BranchEngine
+from smadrive.hysteresis.branch.engine import Branch, BranchEngine
+from smadrive.hysteresis.branch.tabulate import (
+    WEIGHTS,
+    cell_maps,
+    integrate_rate,
+    march,
+    quadrature_points,
+    uniform_grid,
+)
 from smadrive.hysteresis.fuzzy import hat_weights
-from smadrive.hysteresis.tabulate import WEIGHTS, cell_maps, integrate_rate, march, quadrature_points, uniform_grid
 from smadrive.hysteresis.tsfuzzy import Law
 from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.interpolation_matrix import InterpolationMatrix

@@ -16,9 +16,8 @@ from collections import OrderedDict
 from collections.abc import Callable, Sequence
 from typing import Any
 
-from smadrive.hysteresis import DuhemModel, TSFuzzyDuhem
+from smadrive.hysteresis import IdentifiedModel
 from smadrive.hysteresis.model_file import model_text, parse_model
-from smadrive.identification.reshape import Model
 from smadrive.tuning.builder.build import BuildRequest, BuildResult, Built
 
 KEPT_MODELS = 16
@@ -29,15 +28,15 @@ class ModelCache:
     """The models that were used last, by their texts. Parsing a text is slow: it computes the model's tables."""
 
     def __init__(self) -> None:
-        self._models: OrderedDict[str, Model] = OrderedDict()
+        self._models: OrderedDict[str, IdentifiedModel] = OrderedDict()
 
-    def keep(self, model: Model) -> None:
+    def keep(self, model: IdentifiedModel) -> None:
         """Keep a model. If there are too many, the model that was used longest ago is dropped."""
         self._models[_text(model)] = model
         while len(self._models) > KEPT_MODELS:
             self._models.popitem(last=False)
 
-    def model(self, text: str) -> Model:
+    def model(self, text: str) -> IdentifiedModel:
         """Return the model that `text` describes. The text is parsed only if its model is not kept."""
         if text not in self._models:
             self.keep(parse_model(text, place="the tuning in force", allow_uncertified=True))
@@ -67,7 +66,7 @@ class _Unpickler(pickle.Unpickler):
 
 def pack_request(request: BuildRequest) -> bytes:
     """Return a request as bytes."""
-    return _pickled(request, lambda thing: _text(thing) if isinstance(thing, DuhemModel | TSFuzzyDuhem) else None)
+    return _pickled(request, lambda thing: _text(thing) if isinstance(thing, IdentifiedModel) else None)
 
 
 def unpack_request(content: bytes, cache: ModelCache) -> BuildRequest:
@@ -112,5 +111,5 @@ def _places(things: Sequence[object]) -> Callable[[object], int | None]:
     return lambda thing: places.get(id(thing))
 
 
-def _text(model: Model) -> str:
+def _text(model: IdentifiedModel) -> str:
     return model_text(model, {}, place="model")

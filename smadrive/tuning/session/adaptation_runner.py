@@ -17,7 +17,7 @@ from math import isfinite, nan
 from smadrive.control.estimation.observer import WireEstimate, WireObserver
 from smadrive.control.loop import Tick
 from smadrive.errors import ConfigError
-from smadrive.hysteresis import TSFuzzyDuhem
+from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.adaptation import Adaptation
 from smadrive.measurement import Measurement
 from smadrive.tuning.tuning import ADAPTED, Tuning
@@ -56,6 +56,9 @@ class AdaptationRunner:
             raise ConfigError(
                 "the adaptation has ended, and the rules from before the fault are not in force yet", cure="try again"
             )
+        if on and isinstance(tuning.model, TSFuzzyPreisach):
+            cure = "identify the wire without memory, by `smadrive identify --memory 0`"
+            raise ConfigError("the adaptation cannot change a model with memory", cure=cure)
         if on and not isinstance(tuning.model, TSFuzzyDuhem):
             raise ConfigError(
                 "a Duhem model has no rules to adapt", cure="identify the wire by `smadrive identify --kind tsfuzzy`"

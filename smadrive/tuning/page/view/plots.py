@@ -8,8 +8,7 @@ import numpy as np
 from bokeh.models import ColumnDataSource, Range1d, Span
 from bokeh.plotting import figure
 
-from smadrive.hysteresis import TSFuzzyDuhem
-from smadrive.identification.reshape import Model
+from smadrive.hysteresis import IdentifiedModel, TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.tuning.link.samples import Rows
 from smadrive.tuning.page.view.error_axis import error_axis
 from smadrive.tuning.page.view.figures import lines, plain_figure
@@ -45,7 +44,7 @@ class Plots(TimePlots):
         self._plane_c = Range1d(15.0, 1.02 * temperature_max_c)
         self._drawn_to = np.full(2, np.nan)
         self._error_range = Range1d(-1.0, 1.0)
-        self._model: Model | None = None
+        self._model: IdentifiedModel | None = None
         self._travel_mm: tuple[float, float] | None = None
         self.figures += [self._error(), self._plane(), self._firing()]
 
@@ -54,14 +53,11 @@ class Plots(TimePlots):
         """The columns of the data source."""
         return (*DRAWN, "error_percent")
 
-    def show_model(self, model: Model, travel_mm: tuple[float, float]) -> None:
+    def show_model(self, model: IdentifiedModel, travel_mm: tuple[float, float]) -> None:
         """Draw the branches of a new model, and fit the displacement axes to `travel_mm`, the ends of its travel."""
         self._model, self._travel_mm = model, travel_mm
         v = np.linspace(*model.input_range, BRANCH_POINTS)
-        branches = [
-            [model.offset + model.scale * model.engine.target(float(x), rising=rising) for x in v]
-            for rising in (True, False)
-        ]
+        branches = [model.offset + model.scale * model.branch(v, rising=rising) for rising in (True, False)]
         self._branches.data = {"v": v, "heating": branches[0], "cooling": branches[1]}
         low_mm, high_mm = min(travel_mm), max(travel_mm)
         margin_mm = 0.06 * (high_mm - low_mm)
@@ -111,12 +107,13 @@ class Plots(TimePlots):
             return
         self._state.data = {"v": [wire_c], "y": [reached_mm]}
         self._draw_loop(rows[:, [COLUMN["estimated_c"], COLUMN["displacement_mm"]]])
-        if isinstance(self._model, TSFuzzyDuhem):
-            centres = [f"{centre:.1f}" for centre in self._model.sets.centres]
+        rules = self._model.local if isinstance(self._model, TSFuzzyPreisach) else self._model
+        if isinstance(rules, TSFuzzyDuhem):
+            centres = [f"{centre:.1f}" for centre in rules.sets.centres]
             if self._fired.x_range.factors != centres:
                 self._fired.x_range.factors = centres
             colour = HEATING if wire_c >= _wire_c(before) else COOLING
-            strengths = self._model.sets.weights(np.array([wire_c]))[0]
+            strengths = rules.sets.weights(np.array([wire_c]))[0]
             self._rules.data = {"set": centres, "strength": strengths, "colour": [colour] * len(centres)}
 
     def _draw_loop(self, path: Rows) -> None:

@@ -19,7 +19,7 @@ import numpy as np
 from scipy.linalg.lapack import dtbtrs
 
 from smadrive.errors import ModelError
-from smadrive.hysteresis.branch import Branch, BranchEngine
+from smadrive.hysteresis.branch.engine import Branch, BranchEngine
 from smadrive.numerics.arrays import FloatArray
 
 if TYPE_CHECKING:

@@ -14,6 +14,7 @@ Outside the grid the state is constant, because the input is clamped to [lower, 
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -25,8 +26,7 @@ from smadrive.numerics.arrays import FloatArray
 
 _CHUNK = 8192  # samples evaluated at once: the working set stays in the cache
 _Row = tuple[float, float, float, float, float, float, float, float, float]
-_Bin = tuple[float, _Row, _Row]
-"""One uniform cell: position of its extra node (inf without one), table row below and table row beyond this node."""
+_Bin = tuple[float, _Row, _Row]  # position of the extra node (inf without one), rows below and beyond this node
 
 
 @dataclass(frozen=True, slots=True)
@@ -190,6 +190,26 @@ class BranchEngine:
         node, p0, p1, p2, p3, l0, l1, l2, l3 = below if v1 < split else beyond
         t = v1 - node
         return ((p3 * t + p2) * t + p1) * t + p0 + excess * exp(((l3 * t + l2) * t + l1) * t + l0 - exponent)
+
+    def section(self, w: float, v: float, rising: bool) -> Callable[[float], tuple[float, float]]:
+        """Return the function that gives the state and its slope at any input in [lower, upper].
+
+        w is the state at v, and the input moves monotonically from v, upward if `rising`.
+        """
+        v = self.clamp(v)
+        node, p0, p1, p2, p3, l0, l1, l2, l3 = self.row(v, rising)
+        t = v - node
+        excess = w - (((p3 * t + p2) * t + p1) * t + p0)
+        exponent = ((l3 * t + l2) * t + l1) * t + l0
+
+        def at(v1: float) -> tuple[float, float]:
+            node, p0, p1, p2, p3, l0, l1, l2, l3 = self.row(v1, rising)
+            t = v1 - node
+            decayed = excess * exp(((l3 * t + l2) * t + l1) * t + l0 - exponent)
+            slope = (3 * p3 * t + 2 * p2) * t + p1 + decayed * ((3 * l3 * t + 2 * l2) * t + l1)
+            return ((p3 * t + p2) * t + p1) * t + p0 + decayed, slope
+
+        return at
 
     def slope(self, w: float, v: float, rising: bool) -> float:
         """Return dw/dv = P' + a (w - P) at one input; it is zero outside the grid."""

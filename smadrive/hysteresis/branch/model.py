@@ -1,0 +1,83 @@
+"""Models whose state w follows one law per branch, dw/dv = a(v) w + b(v), and depends on nothing else.
+
+The inverse solves P(v1) + (w0 - P(v0)) exp(Λ(v1) - Λ(v0)) = w1. The first guess is the exact solution for constant a
+and b, Δv = ln((a w1 + b)/(a w0 + b))/a.
+"""
+
+from __future__ import annotations
+
+from math import log
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from smadrive.hysteresis.branch.root import find_input
+from smadrive.hysteresis.model import HysteresisModel, HysteresisState
+
+if TYPE_CHECKING:
+    from smadrive.hysteresis.branch.engine import BranchEngine
+    from smadrive.numerics.arrays import FloatArray
+
+
+class BranchModel(HysteresisModel):
+    """Base of DuhemModel and TSFuzzyDuhem. A subclass defines `admissible` and `certificate`, and builds the engine."""
+
+    def __init__(self, engine: BranchEngine, scale: float, offset: float, input_range: tuple[float, float]) -> None:
+        super().__init__(scale, offset, input_range)
+        self.engine = engine
+
+    def branch(self, v: FloatArray, *, rising: bool) -> FloatArray:
+        """See HysteresisModel."""
+        inside = np.clip(np.asarray(v, dtype=np.float64), self.engine.lower, self.engine.upper)
+        return self.engine.evaluate(inside, np.full(inside.shape, rising))[0]
+
+    def branch_slope(self, v: FloatArray, *, rising: bool) -> FloatArray:
+        """See HysteresisModel."""
+        branch = self.engine.heating if rising else self.engine.cooling
+        return np.asarray(np.interp(v, self.engine.nodes, branch.target_slope, left=0.0, right=0.0))
+
+    def slope(self, state: HysteresisState, direction: int) -> float:
+        """See HysteresisModel; dy/dv = scale · (a w + b)."""
+        return self.scale * self.engine.slope(state.w, state.v, direction > 0)
+
+    def corrected(self, state: HysteresisState, v: float, y: float) -> HysteresisState:  # noqa: ARG002
+        """See HysteresisModel."""
+        return self.initial_state(v, y)
+
+    def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:
+        """See HysteresisModel. The output follows the present slope; a slope of the wrong sign counts as zero."""
+        slope = self.scale * max(self.engine.slope(state.w, state.v, direction > 0), 0.0)
+        return self.initial_state(v, state.y + slope * (v - state.v))
+
+    def _on_branch(self, v: float) -> HysteresisState:
+        w = self.engine.target(v, rising=True)
+        return HysteresisState(v, self.offset + self.scale * w, w)
+
+    def _between(self, v: float, w: float) -> HysteresisState:
+        return HysteresisState(v, self.offset + self.scale * w, w)
+
+    def _moved(self, state: HysteresisState, v: float) -> HysteresisState:
+        w = self.engine.move(state.w, state.v, v)
+        return HysteresisState(v, self.offset + self.scale * w, w)
+
+    def _trajectory(self, v: FloatArray, start: HysteresisState, out: FloatArray) -> None:
+        self.engine.trajectory(v, start.w, out)
+
+    def reach(self, state: HysteresisState, w: float) -> tuple[float, float]:
+        """See HysteresisModel."""
+        rising = w > state.w
+        section = self.engine.section(state.w, state.v, rising)
+        near, far = self.engine.clamp(state.v), self.engine.upper if rising else self.engine.lower
+        if near == far:
+            return near, state.w
+        guess = _first_guess(self.engine.local_law(near, rising=rising), near, state.w, w, far)
+        return find_input(section, w, near, far, guess, rising=rising)
+
+
+def _first_guess(law: tuple[float, float], v0: float, w0: float, w1: float, far: float) -> float:
+    a, b = law
+    start, end = a * w0 + b, a * w1 + b
+    if a == 0 or start <= 0 or end <= 0:
+        return far
+    guess = v0 + log(end / start) / a
+    return guess if min(v0, far) < guess < max(v0, far) else far

@@ -1,0 +1,233 @@
+"""T-S fuzzy Duhem rules with memory: rules and a Preisach plane in parallel.
+
+    w = (1 - share) x + share p          dx = (a(v) x + b(v)) dv          dp = e(v, v_r) dv
+
+x follows the rules of a T-S fuzzy Duhem model (see tsfuzzy.py), which know the input and its direction. p is the state
+of a Preisach plane (see plane.py): its rules have the last turning point v_r as a third premise. With the share 0 the
+model is a T-S fuzzy Duhem model, with the share 1 a Preisach plane. A wire that is a mixture of both has exactly this
+structure: x forgets its turning points exponentially, and p returns to them exactly.
+
+Along a section v_r is constant, so the exact step of x and the difference of two values of the Everett function give w
+at any distance. Both parts are monotone and lie in [0, 1], and so is w.
+
+The state (v, w) alone does not determine x and p. `initial_state` therefore assumes the history of a first-order
+reversal curve: from the hot end of the range down to one turning point, then up to v. Exactly one such curve passes
+through each point between the branches.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.optimize import brentq
+
+from smadrive.errors import ModelError
+from smadrive.hysteresis.branch.certify import turned_share
+from smadrive.hysteresis.branch.root import Section, find_input
+from smadrive.hysteresis.certificate import Certificate
+from smadrive.hysteresis.memory.plane import PreisachPlane
+from smadrive.hysteresis.memory.trajectory import plane_states
+from smadrive.hysteresis.model import HysteresisModel, HysteresisState
+from smadrive.hysteresis.turning_points import MOST_TURNS, Memory, Turns, pieces, reversed_at
+from smadrive.numerics.arrays import FloatArray
+from smadrive.numerics.scalars import real_number
+
+if TYPE_CHECKING:
+    from smadrive.hysteresis.fuzzy import Rule
+    from smadrive.hysteresis.memory.plane import MemoryRule
+    from smadrive.hysteresis.tsfuzzy import TSFuzzyDuhem
+
+_ROUNDING = 1e-12
+
+
+class TSFuzzyPreisach(HysteresisModel):
+    """A T-S fuzzy Duhem model `rules` and a Preisach plane in parallel; scale, offset and range are those of `rules`.
+
+    `share` is the share of the plane in w, more than 0 and at most 1. ModelError for another share, and for thresholds
+    outside the range.
+    """
+
+    def __init__(self, rules: TSFuzzyDuhem, plane: PreisachPlane, share: float) -> None:
+        super().__init__(rules.scale, rules.offset, rules.input_range)
+        if not 0 < real_number(share, "memory: share", ModelError) <= 1:
+            cure = "give the TSFuzzyDuhem alone if the wire has no memory"
+            raise ModelError("must be more than 0 and at most 1", where="memory: share", value=share, cure=cure)
+        lower, upper = self.input_range
+        ends = sorted((*plane.up_thresholds[[0, -1]].tolist(), *plane.down_thresholds[[0, -1]].tolist()))
+        if ends[0] < lower or ends[-1] > upper:
+            raise ModelError("outside input_range", where="thresholds", value=(ends[0], ends[-1]), limit=(lower, upper))
+        self.local, self.plane, self.share = rules, plane, float(share)
+        self._engine, self._rest = rules.engine, 1.0 - float(share)
+
+    @property
+    def rules(self) -> tuple[Rule | MemoryRule, ...]:
+        """All rules: those of x, then those of p. A rule of p whose consequent is 0 is left out."""
+        return self.local.rules + self.plane.rules
+
+    def rules_text(self) -> str:
+        """Return the rules as IF-THEN sentences, one per line, after a line that says how x and p make w."""
+        return "\n".join([f"w = {self._rest:.6g} x + {self.share:.6g} p", *map(str, self.rules)])
+
+    def admissible(self, v: float) -> tuple[float, float]:
+        """See HysteresisModel: every state in [0, 1] is possible for the rules, those between its branches for p."""
+        low, high = self.plane.branch(v, rising=True), self.plane.branch(v, rising=False)
+        return self.share * low, self._rest + self.share * high
+
+    def certificate(self) -> Certificate:
+        """Return the certificate of the rules. Its `turned_share` is that of the whole model.
+
+        The plane is monotone and bounded. It does not contract: one sweep over the range wipes out all its memory.
+        """
+        nodes = self._engine.nodes
+        branches = [self.branch(nodes, rising=rising) for rising in (True, False)]
+        return replace(self.local.certificate(), turned_share=turned_share(*branches))
+
+    def branch(self, v: FloatArray, *, rising: bool) -> FloatArray:
+        """See HysteresisModel."""
+        inputs = np.clip(np.asarray(v, dtype=np.float64), *self.input_range)
+        plane = self.plane.branches(inputs, rising=rising)
+        return np.asarray(self._rest * self.local.branch(inputs, rising=rising) + self.share * plane)
+
+    def branch_slope(self, v: FloatArray, *, rising: bool) -> FloatArray:
+        """See HysteresisModel."""
+        turn = self.input_range[0 if rising else 1]
+        plane = [self.plane.slope(float(one), turn, rising=rising) for one in np.ravel(v)]
+        slope = self._rest * self.local.branch_slope(v, rising=rising) + self.share * np.reshape(plane, np.shape(v))
+        return np.asarray(slope)
+
+    def slope(self, state: HysteresisState, direction: int) -> float:
+        """See HysteresisModel."""
+        memory, rising = _memory(state), direction > 0
+        turn = memory.turns[-1] if rising == memory.rising else state.v
+        local = self._engine.slope(memory.local, state.v, rising)
+        return self.scale * (self._rest * local + self.share * self.plane.slope(state.v, turn, rising=rising))
+
+    def _state(self, v: float, local: float, plane: float, turns: Turns, dropped: int = 0) -> HysteresisState:
+        w = self._rest * local + self.share * plane
+        return HysteresisState(v, self.offset + self.scale * w, w, Memory(local, plane, turns, dropped))
+
+    def _clamp(self, v: float) -> float:
+        lower, upper = self.input_range
+        return min(max(v, lower), upper)
+
+    def _on_branch(self, v: float) -> HysteresisState:
+        inside = self._clamp(v)
+        local, plane = self._engine.target(inside, rising=True), self.plane.branch(inside, rising=True)
+        return self._state(v, local, plane, self.input_range[:1])
+
+    def _between(self, v: float, w: float) -> HysteresisState:
+        inside = self._clamp(v)
+        (x_up, p_up), (x_down, p_down) = (
+            (self._engine.target(inside, rising=rising), self.plane.branch(inside, rising=rising))
+            for rising in (True, False)
+        )
+        bottom, top = (self._rest * x + self.share * p for x, p in ((x_up, p_up), (x_down, p_down)))
+        place = min(max((w - bottom) / (top - bottom), 0.0), 1.0) if top - bottom > _ROUNDING else 0.0
+        plane = p_up + place * (p_down - p_up)
+        local = min(max((w - self.share * plane) / self._rest, 0.0), 1.0) if self._rest > 0 else x_up
+        return self._state(v, local, plane, self._history(inside, plane))
+
+    def _history(self, v: float, p: float) -> Turns:
+        """Return the turning points of the first-order reversal curve of the plane through (v, p)."""
+        lower, upper = self.input_range
+
+        def excess(turn: float) -> float:
+            return self.plane.branch(turn, rising=False) + self.plane.share(v, turn) - p
+
+        if excess(lower) >= -_ROUNDING:
+            return (lower,)
+        if excess(v) <= _ROUNDING:
+            return lower, upper
+        return lower, upper, float(brentq(excess, lower, v, xtol=1e-12))
+
+    def _moved(self, state: HysteresisState, v: float) -> HysteresisState:
+        memory, v0, v1 = _memory(state), self._clamp(state.v), self._clamp(v)
+        if v1 == v0:
+            return HysteresisState(v, state.y, state.w, memory)
+        local, plane, turns, dropped = memory
+        rising = v1 > v0
+        if rising != memory.rising:
+            dropped += 2 * (len(turns) >= MOST_TURNS)
+            turns = reversed_at(turns, v0)
+        parts, turns = pieces(turns, v1)
+        start = v0
+        for turn, end in parts:
+            plane += self._change(turn, start, end, rising)
+            start = end
+        plane = min(max(plane, self.plane.branch(v1, rising=True)), self.plane.branch(v1, rising=False))
+        return self._state(v, self._engine.move(local, v0, v1), plane, turns, dropped)
+
+    def _change(self, turn: float, start: float, end: float, rising: bool) -> float:
+        """Return the change of p while the input moves from `start` to `end` on the section that began at `turn`."""
+        if rising:
+            return self.plane.share(end, turn) - self.plane.share(start, turn)
+        return self.plane.share(turn, start) - self.plane.share(turn, end)
+
+    def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:
+        """See HysteresisModel. The shift follows the present section, also backwards, and makes no turning point."""
+        memory, v0, v1 = _memory(state), self._clamp(state.v), self._clamp(v)
+        turn, rising = memory.turns[-1], memory.rising
+        if v1 == v0 or (v1 > v0) == rising:
+            return self._moved(state, v)
+        if len(memory.turns) == 1 or (v1 >= turn if rising else v1 <= turn):
+            local, _ = self._engine.section(memory.local, v0, rising)(v1)
+            plane = memory.plane + self._change(turn, v0, v1, rising)
+            return self._state(v, local, plane, memory.turns, memory.dropped)
+        at_turn = self.shifted(state, turn, direction)
+        before = _memory(at_turn)._replace(turns=memory.turns[:-1])
+        return self._moved(at_turn._replace(memory=before), v)
+
+    def corrected(self, state: HysteresisState, v: float, y: float) -> HysteresisState:
+        """See HysteresisModel. Rules and plane take the same correction, as far as each can have it."""
+        shifted = self.shifted(state, v, 1)
+        local, plane, turns, dropped = _memory(shifted)
+        error, inside = (y - self.offset) / self.scale - shifted.w, self._clamp(v)
+        low, high = (self.plane.branch(inside, rising=rising) for rising in (True, False))
+        plane = min(max(plane + error, low), high)
+        return self._state(v, min(max(local + error, 0.0), 1.0), plane, turns, dropped)
+
+    def reach(self, state: HysteresisState, w: float) -> tuple[float, float]:
+        """See HysteresisModel."""
+        memory, v = _memory(state), self._clamp(state.v)
+        rising = w > state.w
+        far = self.input_range[1 if rising else 0]
+        if v == far:
+            return v, state.w
+        turns = memory.turns if rising == memory.rising else reversed_at(memory.turns, v)
+        local, plane = self._engine.section(memory.local, v, rising), memory.plane
+        for turn, end in pieces(turns, far)[0]:
+            section = self._section(local, plane, turn, v, rising)
+            if end == far or (section(end)[0] >= w) == rising:
+                return find_input(section, w, v, end, end, rising=rising)
+            plane += self._change(turn, v, end, rising)
+            v = end
+        raise AssertionError("the last piece ends at the end of the range")
+
+    def _section(self, local: Section, plane: float, turn: float, start: float, rising: bool) -> Section:
+        """Return the function that gives w and dw/dv at an input of the section that began at `turn`.
+
+        `plane` is the state p at the input `start` of this section, and `local` gives x and its slope.
+        """
+
+        def at(v: float) -> tuple[float, float]:
+            x, x_slope = local(v)
+            p = plane + self._change(turn, start, v, rising)
+            slope = self.plane.slope(v, turn, rising=rising)
+            return self._rest * x + self.share * p, self._rest * x_slope + self.share * slope
+
+        return at
+
+    def _trajectory(self, v: FloatArray, start: HysteresisState, out: FloatArray) -> None:
+        self._engine.trajectory(v, _memory(start).local, out)
+        out *= self._rest
+        out += self.share * plane_states(self.plane, np.clip(v, *self.input_range), _memory(start))
+
+
+def _memory(state: HysteresisState) -> Memory:
+    """Return the memory of a state. ModelError for a state of a model without memory."""
+    if state.memory is None:
+        cure = "begin with initial_state() of this model"
+        raise ModelError("belongs to a model without memory", where="state", value=state, cure=cure)
+    return state.memory

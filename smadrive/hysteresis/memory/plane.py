@@ -1,0 +1,170 @@
+"""The Preisach plane: relays with two thresholds, as a table of the Everett function.
+
+A relay with the thresholds (α, β), α ≥ β, switches on when v rises above α, and off when v falls below β. The plane has
+a mass of relays in each cell of a grid, uniform within the cell. Its state p is the mass of the relays that are on. On
+a section that begins at a turning point, p changes by the Everett function, the mass of a triangle of the plane:
+
+    E(a, b) = mass of the relays with α ≤ a and β ≥ b          bilinear in a and b within each cell of the grid
+    rising from the turning point m    p = p_m + E(v, m)       falling from the turning point M    p = p_M - E(M, v)
+
+So the slope of p is constant within a cell of v, and linear in the turning point (Preisach 1935, Everett 1955). This is
+a rule base with the last turning point as a third premise:
+
+    IF v is in a cell of α AND v rises AND the last turning point is about a threshold β THEN dp = b dv, b = ∂E/∂v
+
+A cell lies in the plane only if all its relays have α ≥ β. So E(v, v) = 0, and a loop that closes leads back to its
+turning point.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from smadrive.errors import ModelError
+from smadrive.files.number_text import shortened
+from smadrive.numerics.arrays import FloatArray, float_array
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+MOST_THRESHOLDS = 200
+"""The largest number of thresholds on each axis. A wire needs at most 40."""
+
+_ROUNDING = 1e-9
+
+
+class MemoryRule(NamedTuple):
+    """One rule of p. Its premise is a cell of v, the direction (+1 or -1) and the last turning point `turn`."""
+
+    lower: float
+    upper: float
+    direction: int
+    turn: float
+    b: float
+
+    def __str__(self) -> str:
+        motion = "rises" if self.direction > 0 else "falls"
+        where = f"v is from {self.lower:.6g} to {self.upper:.6g} AND v {motion}"
+        return f"IF {where} AND the last turning point is about {self.turn:.6g} THEN dp = {self.b:.6g} dv"
+
+
+class PreisachPlane:
+    """The mass of the relays, `mass` (up_thresholds - 1, down_thresholds - 1), in the cells between the thresholds.
+
+    The thresholds are ascending and have the unit of v. The masses are not negative, and their sum is 1. ModelError for
+    other values, and for a mass in a cell with α < β.
+    """
+
+    def __init__(self, up_thresholds: ArrayLike, down_thresholds: ArrayLike, mass: ArrayLike) -> None:
+        self.up_thresholds = _thresholds("up_thresholds", up_thresholds)
+        self.down_thresholds = _thresholds("down_thresholds", down_thresholds)
+        self.mass = _masses(mass, self.up_thresholds, self.down_thresholds)
+        everett = np.zeros((len(self.up_thresholds), len(self.down_thresholds)))
+        everett[1:, :-1] = np.cumsum(np.cumsum(self.mass[:, ::-1], axis=1)[:, ::-1], axis=0)
+        self.everett = everett
+        self._rows: list[list[float]] = everett.tolist()
+        self._up: list[float] = self.up_thresholds.tolist()
+        self._down: list[float] = self.down_thresholds.tolist()
+        self._last_up, self._last_down = len(self._up) - 2, len(self._down) - 2
+
+    @property
+    def rules(self) -> tuple[MemoryRule, ...]:
+        """The rules whose consequent is not 0, those for rising input first."""
+        found = []
+        for direction, cells, turns, table in (
+            (1, self._up, self._down, np.diff(self.everett, axis=0)),
+            (-1, self._down, self._up, -np.diff(self.everett, axis=1).T),
+        ):
+            slopes = table / np.diff(cells)[:, None]
+            for cell, place in np.argwhere(slopes > 0).tolist():
+                b = float(slopes[cell, place])
+                found.append(MemoryRule(cells[cell], cells[cell + 1], direction, turns[place], b))
+        return tuple(found)
+
+    def share(self, a: float, b: float) -> float:
+        """Return E(a, b)."""
+        up, down = self._up, self._down
+        if a <= up[0] or b >= down[-1]:
+            return 0.0
+        i = min(bisect_right(up, a) - 1, self._last_up)
+        j = max(bisect_right(down, b) - 1, 0)
+        s = min((a - up[i]) / (up[i + 1] - up[i]), 1.0)
+        t = max((b - down[j]) / (down[j + 1] - down[j]), 0.0)
+        row, above = self._rows[i], self._rows[i + 1]
+        low = row[j] + t * (row[j + 1] - row[j])
+        return low + s * (above[j] + t * (above[j + 1] - above[j]) - low)
+
+    def shares(self, a: FloatArray, b: FloatArray) -> FloatArray:
+        """Return E(a, b) for arrays of one shape."""
+        i, s = _place(self.up_thresholds, a)
+        j, t = _place(self.down_thresholds, b)
+        table, columns = self.everett.ravel(), self.everett.shape[1]
+        corner = i * columns + j
+        low = (1 - t) * table.take(corner) + t * table.take(corner + 1)
+        high = (1 - t) * table.take(corner + columns) + t * table.take(corner + columns + 1)
+        return np.asarray((1 - s) * low + s * high)
+
+    def slope(self, v: float, turn: float, *, rising: bool) -> float:
+        """Return dp/dv at v on a section that began at the turning point `turn`."""
+        up, down = self._up, self._down
+        if rising:
+            if not up[0] <= v <= up[-1] or turn >= down[-1]:
+                return 0.0
+            i = min(bisect_right(up, v) - 1, self._last_up)
+            width = up[i + 1] - up[i]
+            return (self.share(up[i + 1], turn) - self.share(up[i], turn)) / width
+        if not down[0] <= v <= down[-1] or turn <= up[0]:
+            return 0.0
+        j = min(bisect_right(down, v) - 1, self._last_down)
+        width = down[j + 1] - down[j]
+        return (self.share(turn, down[j]) - self.share(turn, down[j + 1])) / width
+
+    def branch(self, v: float, *, rising: bool) -> float:
+        """Return p on a branch of the major loop: heating if `rising`, otherwise cooling."""
+        return self.share(v, self._down[0]) if rising else 1.0 - self.share(self._up[-1], v)
+
+    def branches(self, v: FloatArray, *, rising: bool) -> FloatArray:
+        """Return p on a branch of the major loop at the inputs `v`."""
+        if rising:
+            return self.shares(v, np.full_like(v, self._down[0]))
+        return np.asarray(1.0 - self.shares(np.full_like(v, self._up[-1]), v))
+
+
+def _place(thresholds: FloatArray, v: FloatArray) -> tuple[np.ndarray, FloatArray]:
+    """Return the cell of each input, and its place in the cell from 0 to 1. Inputs are clamped to the grid."""
+    cell = np.clip(np.searchsorted(thresholds, v, side="right") - 1, 0, len(thresholds) - 2)
+    place = (v - thresholds.take(cell)) / (thresholds.take(cell + 1) - thresholds.take(cell))
+    return cell, np.clip(place, 0.0, 1.0)
+
+
+def _thresholds(name: str, values: ArrayLike) -> FloatArray:
+    thresholds = float_array(name, values)
+    where = f"Preisach plane: {name}"
+    if thresholds.ndim != 1 or not 2 <= len(thresholds) <= MOST_THRESHOLDS:
+        raise ModelError("wrong number of thresholds", where=where, value=thresholds.shape, limit=(2, MOST_THRESHOLDS))
+    steps = np.diff(thresholds)
+    if not (np.isfinite(steps).all() and (steps > 0).all()):
+        value = shortened(thresholds.tolist())
+        raise ModelError("must be finite, and each larger than the one before", where=where, value=value)
+    return thresholds
+
+
+def in_plane(up_thresholds: FloatArray, down_thresholds: FloatArray) -> np.ndarray:
+    """Return True for each cell whose relays all have α ≥ β, shape (up_thresholds - 1, down_thresholds - 1)."""
+    return np.asarray(up_thresholds[:-1, None] >= down_thresholds[None, 1:])
+
+
+def _masses(values: ArrayLike, up: FloatArray, down: FloatArray) -> FloatArray:
+    where, mass = "Preisach plane: mass", float_array("mass", values)
+    if mass.shape != (len(up) - 1, len(down) - 1):
+        raise ModelError("not one number per cell", where=where, value=mass.shape, limit=(len(up) - 1, len(down) - 1))
+    if not np.isfinite(mass).all() or (mass < 0).any():
+        raise ModelError("negative or not finite", where=where, value=float(np.nanmin(mass)))
+    if abs(float(mass.sum()) - 1) > _ROUNDING:
+        raise ModelError("must have the sum 1", where=where, value=float(mass.sum()))
+    if mass[~in_plane(up, down)].any():
+        raise ModelError("is not 0 in a cell with an up-threshold below its down-threshold", where=where)
+    return mass

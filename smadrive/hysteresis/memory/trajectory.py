@@ -1,0 +1,65 @@
+"""The states of a Preisach plane along a whole input path: one vector expression for all samples.
+
+The stack of turning points is followed once for each monotone section of the path. Between two events of the stack, p
+is a constant plus or minus a value of the Everett function.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from smadrive.hysteresis.memory.plane import PreisachPlane
+from smadrive.hysteresis.turning_points import Memory, pieces, reversed_at
+from smadrive.numerics.arrays import FloatArray
+
+
+def plane_states(plane: PreisachPlane, v: FloatArray, start: Memory) -> FloatArray:
+    """Return the state p of `plane` at every sample of the path `v` (samples,), which begins in the state `start`."""
+    moves = np.flatnonzero(np.diff(v)) + 1
+    path = v[np.concatenate([[0], moves])]
+    samples = np.searchsorted(moves, np.arange(len(v)), side="right")
+    return _moving_states(plane, path, start)[samples]
+
+
+def _moving_states(plane: PreisachPlane, path: FloatArray, start: Memory) -> FloatArray:
+    """Return the states along a path whose input changes at every sample."""
+    states = np.full(len(path), start.plane)
+    if len(path) == 1:
+        return states
+    rising = path[1:] > path[:-1]
+    corners = np.concatenate([[0], np.flatnonzero(rising[1:] != rising[:-1]) + 1, [len(rising)]])
+    first, turn, base = _events(plane, path, corners, rising[corners[:-1]], start)
+    lengths = np.diff([*first, len(path)])
+    turns, bases = np.repeat(turn, lengths), np.repeat(base, lengths)
+    inputs = path[1:]
+    sign = np.where(rising, 1.0, -1.0)
+    states[1:] = bases + sign * plane.shares(np.where(rising, inputs, turns), np.where(rising, turns, inputs))
+    return states
+
+
+def _events(
+    plane: PreisachPlane, path: FloatArray, corners: np.ndarray, rising: np.ndarray, start: Memory
+) -> tuple[list[int], list[float], list[float]]:
+    """Return the first sample, the turning point and the constant of p of each part between two events of the stack."""
+    p, turns, upward = start.plane, start.turns, start.rising
+    first: list[int] = []
+    turn: list[float] = []
+    base: list[float] = []
+    corner_inputs, ends = path[corners].tolist(), corners.tolist()
+    for section, up in enumerate(rising.tolist()):
+        begin, end = corner_inputs[section], corner_inputs[section + 1]
+        if up != upward:
+            turns, upward = reversed_at(turns, begin), up
+        parts, turns = pieces(turns, end)
+        upward = len(turns) % 2 == 1 if len(turns) == 1 else up
+        inside, sample = path[ends[section] + 1 : ends[section + 1] + 1], ends[section] + 1
+        for at, reached in parts:
+            constant = p - plane.share(begin, at) if up else p + plane.share(at, begin)
+            first.append(sample)
+            turn.append(at)
+            base.append(constant)
+            p = constant + plane.share(reached, at) if up else constant - plane.share(at, reached)
+            begin = reached
+            passed = np.searchsorted(inside, reached, "right") if up else np.searchsorted(-inside, -reached, "right")
+            sample = ends[section] + 1 + int(passed)
+    return first, turn, base
