@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import asdict
 from enum import StrEnum
+from math import isfinite
 from pathlib import Path
 from typing import Annotated
 
@@ -16,8 +17,9 @@ from smadrive.errors import ConfigError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL, PAGE
 from smadrive.hysteresis.certificate import MOST_TURNED, Certificate
+from smadrive.identification.memory.fit import MOST_TURNING_POINT_SETS, MemoryFit
 from smadrive.identification.thermal import ThermalFit
-from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, AnyFit
+from smadrive.identification.wire import DUHEM_COMPONENTS, FUZZY_SETS, AnyFit, FitSettings
 from smadrive.runs.record_fit import INPUT, OUTPUT, fit_file
 
 
@@ -44,6 +46,14 @@ def main(
             min=1, max=6, help=f"Gaussians per branch of a Duhem model (--kind duhem); by default {DUHEM_COMPONENTS}."
         ),
     ] = None,
+    memory: Annotated[
+        int | None,
+        typer.Option(
+            min=1,
+            max=MOST_TURNING_POINT_SETS,
+            help="Sets of the last turning point (--kind tsfuzzy), 1 is no memory; by default held-out loops decide.",
+        ),
+    ] = None,
     input_column: Annotated[str, typer.Option("--input", help="Column of the input (CSV).")] = INPUT,
     output_column: Annotated[str, typer.Option("--output", help="Column of the output (CSV).")] = OUTPUT,
     plot: Annotated[Path | None, typer.Option(help="Page (HTML) to write, with loop, residuals and rules.")] = None,
@@ -58,17 +68,15 @@ def main(
     if sets is not None and kind is not Kind.tsfuzzy:
         cure = "leave it out, or use --components"
         raise ConfigError("only a T-S fuzzy model has fuzzy sets", where="--sets", value=sets, cure=cure)
+    if memory is not None and kind is not Kind.tsfuzzy:
+        cure = "leave it out, or use --kind tsfuzzy"
+        raise ConfigError("only a T-S fuzzy model can have memory", where="--memory", value=memory, cure=cure)
     check_output(model_file, MODEL, data)
     if plot is not None:
         check_output(plot, PAGE, data)
     with output.progress(f"fitting {data.name}"):
-        result = fit_file(
-            data,
-            (input_column, output_column),
-            kind.value,
-            sets or FUZZY_SETS,
-            components=components or DUHEM_COMPONENTS,
-        )
+        settings = FitSettings(kind.value, sets or FUZZY_SETS, memory, components or DUHEM_COMPONENTS)
+        result = fit_file(data, (input_column, output_column), settings)
     fit, thermal = result.fit, result.thermal
     replaced = model_file.exists()
     result.wire(str(data)).save(model_file)
@@ -91,6 +99,7 @@ def fit_result(fit: AnyFit, kind: str, model_file: Path) -> dict[str, object]:
     return {
         "kind": kind,
         "rules": _rules(fit),
+        "memory": _memory(fit),
         "rms_percent": fit.rms_percent,
         "max_percent": fit.max_percent,
         "model_file": str(model_file),
@@ -103,11 +112,32 @@ def _rules(fit: AnyFit) -> int:
     return len(getattr(fit.model, "rules", ()))
 
 
+def _memory(fit: AnyFit) -> dict[str, object] | None:
+    """Return how the memory of a T-S fuzzy model was chosen; None for a Duhem model. Unknown errors are None."""
+    if not isinstance(fit, MemoryFit):
+        return None
+    choice = fit.memory
+    errors = {"held_out_with_percent": choice.with_percent, "held_out_without_percent": choice.without_percent}
+    return {"sets": choice.sets, **{name: error if isfinite(error) else None for name, error in errors.items()}}
+
+
+def _memory_rows(fit: AnyFit) -> list[tuple[str, str, str]]:
+    if not isinstance(fit, MemoryFit):
+        return []
+    choice = fit.memory
+    rows = [("memory", str(choice.sets) if choice.sets > 1 else "none", "sets of the last turning point")]
+    if isfinite(choice.with_percent):
+        rows.append(("held out, with", f"{choice.with_percent:.2f} %", "RMS on loops that the fit did not see"))
+        rows.append(("held out, without", f"{choice.without_percent:.2f} %", "the same without memory"))
+    return rows
+
+
 def _print_fit(output: Output, fit: AnyFit, thermal: ThermalFit | None, caveats: Iterable[str]) -> None:
     rows = [
         ("RMS error", f"{fit.rms_percent:.3f} %", "of the output span"),
         ("max error", f"{fit.max_percent:.3f} %", "of the output span"),
         *([("rules", str(_rules(fit)), "")] if _rules(fit) else []),
+        *_memory_rows(fit),
         *certificate_rows(fit.certificate),
     ]
     if thermal is not None:

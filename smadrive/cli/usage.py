@@ -53,7 +53,7 @@ PLACEHOLDERS = {
     **dict.fromkeys(("log_file", "model_file", "output_file", "report_file", "plot", "csv", "model", "resume"), "FILE"),
     **dict.fromkeys(("folder", "output_dir", "trace"), "FOLDER"),
     **dict.fromkeys(("input_column", "output_column"), "COLUMN"),
-    **dict.fromkeys(("sets", "components", "seed", "start", "port", "repeat"), "NUMBER"),
+    **dict.fromkeys(("sets", "memory", "components", "seed", "start", "port", "repeat"), "NUMBER"),
     "units": "IDS",
     "current_a": "A",
     "temperature_c": "C",

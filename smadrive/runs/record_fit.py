@@ -13,7 +13,7 @@ from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import LOG, TABLE
 from smadrive.identification.column_units import time_doubts, unit_doubts
 from smadrive.identification.thermal import ThermalFit
-from smadrive.identification.wire import DUHEM_COMPONENTS, AnyFit, Kind, identify_hysteresis, identify_wire
+from smadrive.identification.wire import AnyFit, FitSettings, identify_hysteresis, identify_wire
 from smadrive.runs.log.reader import Log, read_log
 from smadrive.runs.run_metadata import excitation_caveats, excitation_record, nominal_balance
 from smadrive.wire.identified_wire import IdentifiedWire
@@ -40,23 +40,21 @@ class RecordFit:
         return IdentifiedWire(self.fit.model, balance, self.caveats, self.fit.metrics, source)
 
 
-def fit_file(
-    path: Path, columns: tuple[str, str], kind: Kind, sets: int, *, components: int = DUHEM_COMPONENTS
-) -> RecordFit:
+def fit_file(path: Path, columns: tuple[str, str], settings: FitSettings) -> RecordFit:
     """Fit the record in a log, or the two `columns` of a CSV file.
 
     DataError for another kind of file, ConfigError for other columns of a log.
     """
     if LOG.has_ending(path):
         check_log_columns(path, columns)
-        return fit_log(read_log(path), kind, sets, components=components)
+        return fit_log(read_log(path), settings)
     if not TABLE.has_ending(path):
         raise DataError(
             "neither a log nor a CSV", where=path, cure="give the log (.h5) of `smadrive excite`, or a .csv"
         )
     table = read_table(path)
     v, y = (table.column(name) for name in columns)
-    fit = fit_columns(v, y, columns, kind, sets, components=components)
+    fit = fit_columns(v, y, columns, settings)
     if "time_s" not in table.cells:
         return fit
     return replace(fit, caveats=(*time_doubts(table.column("time_s"), columns[0], v), *fit.caveats))
@@ -72,9 +70,9 @@ def check_log_columns(path: Path, columns: tuple[str, str]) -> None:
             raise ConfigError("the columns of a log cannot be chosen", where=path, value=name, limit=fitted, cure=cure)
 
 
-def fit_log(log: Log, kind: Kind, sets: int, *, components: int = DUHEM_COMPONENTS) -> RecordFit:
+def fit_log(log: Log, settings: FitSettings) -> RecordFit:
     """Fit heat balance and hysteresis to the log of an excitation."""
-    wire = identify_wire(excitation_record(log), nominal_balance(log), kind=kind, sets=sets, components=components)
+    wire = identify_wire(excitation_record(log), nominal_balance(log), settings)
     caveats = (*log.caveats, *excitation_caveats(log), *wire.hysteresis.caveats)
     return RecordFit(wire.hysteresis, wire.thermal, caveats, ("wire temperature, °C", "displacement, mm"))
 
@@ -83,12 +81,9 @@ def fit_columns(
     v: NDArray[np.float64],
     y: NDArray[np.float64],
     names: tuple[str, str],
-    kind: Kind,
-    sets: int,
-    *,
-    components: int = DUHEM_COMPONENTS,
+    settings: FitSettings,
 ) -> RecordFit:
     """Fit the hysteresis of output `y` on input `v`; the columns' `names` contain their units."""
-    fit = identify_hysteresis(v, y, kind, sets, components)
+    fit = identify_hysteresis(v, y, settings)
     doubts = (*unit_doubts(names[0], v), *unit_doubts(names[1], y))
     return RecordFit(fit, None, (*doubts, *fit.caveats), names)

@@ -14,7 +14,8 @@ from smadrive.errors import ConfigError, DataError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import MODEL
 from smadrive.files.spelling import suggestion_or_list
-from smadrive.identification.wire import FUZZY_SETS, AnyFit, Kind
+from smadrive.identification.memory.fit import MOST_TURNING_POINT_SETS
+from smadrive.identification.wire import FUZZY_SETS, AnyFit, FitSettings, Kind
 from smadrive.numerics.arrays import paired_vectors
 from smadrive.numerics.scalars import whole_number
 from smadrive.runs.figures.fit_plots import loop_figure, model_figure
@@ -57,6 +58,7 @@ def identify(
     *,
     kind: Kind = "tsfuzzy",
     sets: int | None = None,
+    memory: int | None = None,
     input: str = INPUT,  # noqa: A002 (as the option of the command is called)
     output: str = OUTPUT,
 ) -> Wire:
@@ -69,14 +71,15 @@ def identify(
 
     `input` and `output` choose other columns of a CSV file or a table. A table is any object with columns by name, such
     as a DataFrame, a dict or an xarray.Dataset. `kind` is "tsfuzzy" or "duhem", `sets` the number of fuzzy sets of a
-    T-S fuzzy model, by default 11.
+    T-S fuzzy model, by default 11. `memory` is the number of sets of the last turning point, from 3 to 40; 1 is no
+    memory. By default loops of the record that are held out of the fit decide.
 
     ConfigError for an option that the kind or the record does not have. DataError for a record that cannot be used,
     IdentificationError for a record that does not determine the model.
     """
-    _check_options(kind, sets, (input, output))
-    count = FUZZY_SETS if sets is None else sets
-    record, source = _fitted(data, displacement_mm, (input, output), kind, count)
+    _check_options(kind, sets, memory, (input, output))
+    settings = FitSettings(kind, FUZZY_SETS if sets is None else sets, memory)
+    record, source = _fitted(data, displacement_mm, (input, output), settings)
     wire = record.wire(source)
     axes = ("wire temperature / °C", "displacement / mm") if record.thermal is not None else record.axes
     return Wire(wire.model, wire.heat_balance, wire.caveats, wire.metrics, wire.source, record.fit, axes)
@@ -93,7 +96,7 @@ def load_wire(path: str | os.PathLike[str]) -> Wire:
     return Wire(wire.model, wire.heat_balance, wire.caveats, wire.metrics, wire.source)
 
 
-def _check_options(kind: object, sets: object, columns: tuple[object, object]) -> None:
+def _check_options(kind: object, sets: object, memory: object, columns: tuple[object, object]) -> None:
     if kind not in KINDS:
         raise ConfigError("unknown", where="kind", value=repr(kind), cure=suggestion_or_list(str(kind), KINDS))
     if sets is not None:
@@ -101,25 +104,30 @@ def _check_options(kind: object, sets: object, columns: tuple[object, object]) -
         if kind != "tsfuzzy":
             cure = 'leave sets out, or pass kind="tsfuzzy"'
             raise ConfigError("only a T-S fuzzy model has fuzzy sets", where="sets", value=sets, cure=cure)
+    if memory is not None:
+        whole_number(memory, "memory", "sets of the last turning point", 1, MOST_TURNING_POINT_SETS)
+        if kind != "tsfuzzy":
+            cure = 'leave memory out, or pass kind="tsfuzzy"'
+            raise ConfigError("only a T-S fuzzy model can have memory", where="memory", value=memory, cure=cure)
     for where, name in zip(("input", "output"), columns, strict=True):
         if not isinstance(name, str):
             cure = "pass the name of a column"
             raise ConfigError("of the wrong type", where=where, value=type(name).__qualname__, cure=cure)
 
 
-def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], kind: Kind, sets: int) -> tuple[RecordFit, str]:
+def _fitted(data: Any, displacement_mm: Any, columns: tuple[str, str], settings: FitSettings) -> tuple[RecordFit, str]:
     """Return the fit, and the name of its record."""
     if displacement_mm is not None:
         v, y = paired_vectors(data, displacement_mm)
-        return fit_columns(v, y, columns, kind, sets), ""
+        return fit_columns(v, y, columns, settings), ""
     if isinstance(data, Run):
         check_log_columns(data.log_file, columns)
-        return fit_log(data.log, kind, sets), str(data.log_file)
+        return fit_log(data.log, settings), str(data.log_file)
     if isinstance(data, str | os.PathLike):
-        return fit_file(Path(data), columns, kind, sets), str(data)
+        return fit_file(Path(data), columns, settings), str(data)
     if hasattr(data, "keys") and hasattr(data, "__getitem__"):
         v, y = paired_vectors(*(_column(data, name) for name in columns))
-        return fit_columns(v, y, columns, kind, sets), ""
+        return fit_columns(v, y, columns, settings), ""
     cure = "pass a run, the path of a log or CSV file, a table with columns by name, or two arrays"
     raise ConfigError("no record", where="data", value=type(data).__qualname__, cure=cure)
 

@@ -29,7 +29,7 @@ from smadrive.control.references.reference import Reference
 from smadrive.control.references.shapes import chirp, sine, steps, trapezoid
 from smadrive.errors import SmadriveError
 from smadrive.identification.excitation import ExcitationRecord
-from smadrive.identification.wire import identify_hysteresis, identify_wire
+from smadrive.identification.wire import FitSettings, identify_hysteresis, identify_wire
 from smadrive.rig.config import load_rig
 from smadrive.rig.controllers import tracking_settings
 from smadrive.rig.rig import Rig
@@ -75,7 +75,7 @@ def identified(sim: SimConfig, seed: int, *, baselines: bool) -> Wire:
     temperature_c, balance = fit.thermal.wire_temperature_c, fit.thermal.balance
     models = {CONTROLLERS[0]: WireModel(fit.hysteresis.model, balance)}
     if baselines:
-        duhem = identify_hysteresis(temperature_c, record.displacement_mm, "duhem", 0)
+        duhem = identify_hysteresis(temperature_c, record.displacement_mm, FitSettings("duhem"))
         models[CONTROLLERS[1]] = WireModel(duhem.model, balance)
     return Wire(sim, models, StaticMap(temperature_c, record.displacement_mm))
 

@@ -69,13 +69,19 @@ def identify_tsfuzzy(
     when the record does not determine a loop or the sets are unusable.
     """
     record = prepare(v, y, dead_band)
+    model, y0 = fit_rules(record, sets, fit_centres=fit_centres)
+    return judge(model, record, y0)
+
+
+def fit_rules(record: Record, sets: int | Sequence[float], *, fit_centres: bool = True) -> tuple[TSFuzzyDuhem, float]:
+    """Fit rules without memory to a prepared record. Return the model, and its output at the first sample."""
     placements = _placements(record, sets, fit_centres=fit_centres)
     prior = Prior(_plainest_duhem(record), record)
     problems = [RuleProblem.near(record, prior, centres, fit_centres) for centres in placements]
     tries = [(problem, problem.solve(problem.start, *_TRY)) for problem in problems]
     problem, best = min(tries, key=lambda pair: pair[1].cost)
     solution = _monotone(_validated(_polished(_Solution(problem, best.x))))
-    return judge(solution.deepest[0], record, solution.y0)
+    return solution.deepest[0], solution.y0
 
 
 class _Solution:

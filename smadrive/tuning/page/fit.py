@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from smadrive.errors import IdentificationError
 from smadrive.hysteresis import HysteresisModel
 from smadrive.identification.record import prepare
-from smadrive.identification.wire import Kind, identify_hysteresis
+from smadrive.identification.wire import FitSettings, identify_hysteresis
 from smadrive.tuning.link.samples import COLUMNS, Rows
 from smadrive.wire.identified_wire import IdentifiedWire, parse_wire
 from smadrive.wire.wire_model import travel_mm
@@ -145,11 +145,13 @@ def fit_wire(wire_c: Array, reached_mm: Array, wire: str) -> IdentifiedWire:
     """
     in_force = parse_wire(wire, place="the wire in force")
     document = json.loads(wire)
-    kind: Kind = document["kind"]
-    sets = len(document["sets"]["centres"]) if kind == "tsfuzzy" else 0
+    settings = FitSettings(document["kind"])
+    if settings.kind == "tsfuzzy":
+        memory = None if "memory" in document else 1
+        settings = settings._replace(sets=len(document["sets"]["centres"]), memory=memory)
     completing_c, expected_mm = _completing(in_force.model, wire_c, reached_mm)
     fit = identify_hysteresis(
-        np.concatenate((wire_c, completing_c)), np.concatenate((reached_mm, expected_mm)), kind, sets
+        np.concatenate((wire_c, completing_c)), np.concatenate((reached_mm, expected_mm)), settings
     )
     measured_percent = 100.0 * fit.residual[: wire_c.size] / fit.output_span
     return IdentifiedWire(fit.model, in_force.heat_balance, (*_drifts(measured_percent), *fit.caveats))

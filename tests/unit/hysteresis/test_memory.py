@@ -107,7 +107,9 @@ def test_a_section_solves_the_differential_equation(share):
                 share * plane_slope + (1 - share) * model.local.engine.slope(now[0], v, True),
             ]
 
-        way = solve_ivp(law, (left, right), [x, w], "DOP853", t_eval=np.unique([*inside, right]), rtol=1e-12, atol=1e-13)
+        way = solve_ivp(
+            law, (left, right), [x, w], "DOP853", t_eval=np.unique([*inside, right]), rtol=1e-12, atol=1e-13
+        )
         found += way.y[1][: len(inside)].tolist()
         x, w = way.y[:, -1]
     exact = [model.step(start, v).w for v in ends]

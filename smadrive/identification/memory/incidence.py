@@ -1,0 +1,80 @@
+"""How much each cell of a Preisach plane contributes to p along a path: p is linear in the masses of the cells.
+
+    p_k = Σ_cells on_k,cell · mass_cell          on: the share of the relays of the cell that are on at sample k
+
+On a section that began at the turning point r, p changes by the Everett function E, which is bilinear in each cell of
+the grid (see hysteresis/memory/plane.py). So the path gives one row of weights per sample over the nodes of E. Each
+node of E is the sum of the masses above it, so two cumulative sums turn the weights of the nodes into those of the
+cells.
+"""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+
+from smadrive.hysteresis.turning_points import Turns, pieces, reversed_at
+from smadrive.numerics.arrays import FloatArray
+
+
+class Grid:
+    """The thresholds of a plane, and which of its cells may have a mass, `cells` (up - 1, down - 1)."""
+
+    def __init__(self, up: FloatArray, down: FloatArray, cells: np.ndarray) -> None:
+        self.up, self.down, self.cells = up, down, cells
+        self._nodes = len(up), len(down)
+
+    def shares_on(self, v: FloatArray, turns: Turns) -> FloatArray:
+        """Return the share of the relays of each cell that are on, shape (samples, cells with a mass).
+
+        `v` (samples,) is the path, and `turns` are the turning points before its first sample.
+        """
+        weights = self._state_weights(float(v[0]), turns)
+        rows = np.empty((len(v), weights.size))
+        rows[0] = weights
+        upward, inputs = len(turns) % 2 == 1, v.tolist()
+        for sample, (start, end) in enumerate(pairwise(inputs), start=1):
+            if end != start:
+                if (end > start) != upward:
+                    turns, upward = reversed_at(turns, start), end > start
+                parts, turns = pieces(turns, end)
+                begin = start
+                for turn, reached in parts:
+                    self._add(weights, turn, begin, -1.0, upward)
+                    self._add(weights, turn, reached, 1.0, upward)
+                    begin = reached
+            rows[sample] = weights
+        return self._of_cells(rows)
+
+    def _state_weights(self, v: float, turns: Turns) -> FloatArray:
+        """Return the weights of the nodes of E in the state p at v, after `turns`."""
+        weights = np.zeros(self._nodes[0] * self._nodes[1])
+        for count, (turn, end) in enumerate(zip(turns, (*turns[1:], v), strict=True), start=1):
+            self._add(weights, turn, end, 1.0, count % 2 == 1)
+        return weights
+
+    def _add(self, weights: FloatArray, turn: float, v: float, sign: float, rising: bool) -> None:
+        """Add sign · (E(v, turn) if `rising`, else -E(turn, v)) to the weights of the nodes."""
+        i, s = _place(self.up, v if rising else turn)
+        j, t = _place(self.down, turn if rising else v)
+        corner = i * self._nodes[1] + j
+        sign = sign if rising else -sign
+        weights[corner] += sign * (1 - s) * (1 - t)
+        weights[corner + 1] += sign * (1 - s) * t
+        weights[corner + self._nodes[1]] += sign * s * (1 - t)
+        weights[corner + self._nodes[1] + 1] += sign * s * t
+
+    def _of_cells(self, rows: FloatArray) -> FloatArray:
+        """Return the weights of the cells from those of the nodes: E[i, j] is the mass of the cells k < i, l ≥ j."""
+        nodes = rows.reshape(len(rows), *self._nodes)
+        above = np.cumsum(nodes[:, ::-1, :], axis=1)[:, -2::-1, :]  # Σ over i > k
+        both = np.cumsum(above, axis=2)[:, :, :-1]  # Σ over j ≤ l
+        return np.asarray(both[:, self.cells])
+
+
+def _place(thresholds: FloatArray, v: float) -> tuple[int, float]:
+    last = len(thresholds) - 2
+    cell = min(max(int(np.searchsorted(thresholds, v, side="right")) - 1, 0), last)
+    place = (v - thresholds[cell]) / (thresholds[cell + 1] - thresholds[cell])
+    return cell, min(max(float(place), 0.0), 1.0)

@@ -1,0 +1,113 @@
+"""A wire as a mixture of a Duhem model and a Preisach plane: how its output divides between them.
+
+    y = bottom + θ x(v; μ₊, μ₋, σ₊, σ₋) + Σ_cells on_cell m_cell             θ ≥ 0, m ≥ 0
+
+Only the parameters of the Duhem part enter nonlinearly. For each trial of them the masses follow from non-negative
+least squares, so the search has six unknowns (variable projection). In its derivatives, masses that are zero stay zero.
+
+A signed plane could imitate almost every Duhem model on a record; masses that are not negative cannot. So they, and the
+four parameters of the Duhem part, let the record decide about θ.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import least_squares
+
+from smadrive.hysteresis import GaussianMixture
+from smadrive.hysteresis.branch.engine import BranchEngine
+from smadrive.hysteresis.duhem import duhem_branches, grid_logs
+from smadrive.identification.memory.plane_fit import PlaneProblem
+from smadrive.numerics.arrays import FloatArray
+
+_CELLS = 192  # table of a trial model
+_STEEPEST = 1e3  # rate of a trial model per input span, where its branches touch
+_TRIALS = 30
+_STEP = 1e-4
+_STARTS = (0.3, 0.8)  # θ, as a share of the output span
+_LEAST_GAP, _NARROWEST, _WIDEST = 0.02, 0.003, 0.3  # of the input span
+
+
+@dataclass(frozen=True, slots=True)
+class Mixture:
+    """The result: the output of the Duhem part at each sample, and the masses of the plane; `misfit` is the cost."""
+
+    duhem: FloatArray
+    masses: FloatArray
+    misfit: float
+
+
+class _Search:
+    """Residuals and derivatives over x = (bottom, θ, μ₊, μ₊ - μ₋, ln σ₊, ln σ₋).
+
+    Inputs are measured in spans from the lower end of the range.
+    """
+
+    def __init__(self, problem: PlaneProblem, v: FloatArray, y: FloatArray, input_range: tuple[float, float]) -> None:
+        self._problem, self._y = problem, y
+        self._v = (v - input_range[0]) / (input_range[1] - input_range[0])
+        self._nodes = np.linspace(0.0, 1.0, _CELLS + 1)
+        self._latest = np.empty(0), np.empty(0)
+
+    def duhem(self, x: FloatArray) -> FloatArray:
+        """Return the output of the Duhem part, the bottom included."""
+        means, sigmas = (x[2], x[2] - x[3]), np.exp(x[4:])
+        heating, cooling = (
+            grid_logs(GaussianMixture((1.0,), (float(mu),), (float(sigma),)), self._nodes)
+            for mu, sigma in zip(means, sigmas, strict=True)
+        )
+        engine = BranchEngine(self._nodes, _CELLS, *duhem_branches(heating, cooling, self._nodes, _STEEPEST))
+        start = engine.target(float(self._v[0]), rising=bool(self._v[0] < 0.5))
+        return np.asarray(x[0] + x[1] * engine.trajectory(self._v, start))
+
+    def masses(self, x: FloatArray) -> FloatArray:
+        if not np.array_equal(self._latest[0], x):
+            self._latest = x.copy(), self._problem.masses(self._y - self.duhem(x))
+        return self._latest[1]
+
+    def residuals(self, x: FloatArray) -> FloatArray:
+        return self._problem.residuals(self._y - self.duhem(x), self.masses(x))
+
+    def jacobian(self, x: FloatArray) -> FloatArray:
+        active = self.masses(x) > 0
+        now = self.duhem(x)
+        changes = []
+        for number in range(len(x)):
+            moved = x.copy()
+            moved[number] += _STEP
+            changes.append((self.duhem(moved) - now) / _STEP)
+        return -self._problem.unexplained(np.column_stack(changes), active)
+
+
+def fit_mixture(
+    problem: PlaneProblem, v: FloatArray, y: FloatArray, input_range: tuple[float, float], start: FloatArray
+) -> Mixture:
+    """Return the mixture that explains the outputs `y` (samples,) on the path `v` best; y is in output spans.
+
+    `start` holds μ₊, μ₋, σ₊ and σ₋ of a Duhem fit in the unit of v.
+    """
+    search = _Search(problem, v, y, input_range)
+    lower, span = input_range[0], input_range[1] - input_range[0]
+    heating, cooling = (start[:2] - lower) / span
+    sigmas = np.log(np.clip(start[2:] / span, 1.1 * _NARROWEST, 0.9 * _WIDEST))
+    low = np.array([-np.inf, 0.0, -1.0, _LEAST_GAP, np.log(_NARROWEST), np.log(_NARROWEST)])
+    high = np.array([np.inf, 2.0, 2.0, 1.0, np.log(_WIDEST), np.log(_WIDEST)])
+    tries = []
+    for theta in _STARTS:
+        guess = np.array([float(y.min()), theta, heating, max(heating - cooling, 1.1 * _LEAST_GAP), *sigmas])
+        tries.append(
+            least_squares(
+                search.residuals,
+                guess,
+                search.jacobian,
+                bounds=(low, high),
+                x_scale=[0.1, 0.1, 0.02, 0.02, 0.2, 0.2],
+                max_nfev=_TRIALS,
+                xtol=1e-5,
+                ftol=1e-5,
+            )
+        )
+    best = min(tries, key=lambda one: float(one.cost))
+    return Mixture(search.duhem(best.x), search.masses(best.x), float(best.cost))

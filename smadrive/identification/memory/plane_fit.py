@@ -1,0 +1,114 @@
+"""Least-squares fit of the masses of a Preisach plane, with masses that are not negative and a prior for silent cells.
+
+    minimise  Σ_k n_k (y_k - bottom - Σ_cells on_k,cell m_cell)² + λ² Σ_neighbours (m/A - m'/A')² A A'        m ≥ 0
+
+n_k is the number of samples behind y_k, A the area of a cell. The second sum compares the densities m/A of neighbouring
+cells: cells that no sample determines get the density of their neighbours. The problem is convex (non-negative least
+squares). It is reduced once to a triangular system, so that every other right side costs little.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.optimize import nnls
+
+from smadrive.hysteresis.memory.plane import in_plane
+from smadrive.identification.memory.incidence import Grid
+from smadrive.identification.record import Record
+from smadrive.numerics.arrays import FloatArray
+
+_OUTERMOST = 5e-4  # share of the travel outside the inner thresholds, at either end
+_ITERATIONS = 30  # of the non-negative least squares, for each cell
+
+
+def grid_of(record: Record, thresholds: int) -> Grid:
+    """Return a grid of `thresholds` up-thresholds and as many down-thresholds, where the output of a record changes.
+
+    Between two thresholds the output changes by equal amounts.
+    """
+    up, down = (_quantiles(record, thresholds, rising=rising) for rising in (True, False))
+    return Grid(up, down, in_plane(up, down))
+
+
+def _quantiles(record: Record, thresholds: int, *, rising: bool) -> FloatArray:
+    v, change = record.v, np.diff(record.mean_y)
+    chosen = (np.diff(v) > 0) == rising
+    middle, travel = 0.5 * (v[1:] + v[:-1])[chosen], np.abs(change)[chosen]
+    order = np.argsort(middle)
+    passed = np.cumsum(travel[order]) / travel.sum()
+    shares = np.linspace(_OUTERMOST, 1 - _OUTERMOST, thresholds - 2)
+    inner = np.interp(shares, passed, middle[order])
+    least = 1e-3 * (record.input_range[1] - record.input_range[0])
+    inner = inner[np.concatenate([[True], np.diff(inner) > least])]
+    lower, upper = record.input_range
+    first, last = inner[0] - (inner[1] - inner[0]), inner[-1] + (inner[-1] - inner[-2])
+    return np.unique(np.clip([first, *inner, last], lower, upper))
+
+
+@dataclass(frozen=True, slots=True)
+class PlaneProblem:
+    """The reduced problem: `orthogonal` (samples and pairs, cells) and `triangular` (cells, cells) are its QR factors.
+
+    `weights` (samples,) are the square roots of n_k.
+    """
+
+    orthogonal: FloatArray
+    triangular: FloatArray
+    weights: FloatArray
+
+    @classmethod
+    def of(cls, shares_on: FloatArray, weights: FloatArray, grid: Grid, smoothness: float) -> PlaneProblem:
+        """Return the problem for the path with `shares_on` (samples, cells), and the square roots of n_k, `weights`."""
+        prior = smoothness * np.sqrt(weights @ weights) * _neighbours(grid)
+        q, r = np.linalg.qr(np.vstack([shares_on * weights[:, None], prior]))
+        return cls(q, r, weights)
+
+    def masses(self, output: FloatArray) -> FloatArray:
+        """Return the masses of the cells that explain `output` (samples,) best."""
+        right = self.orthogonal[: len(output)].T @ (output * self.weights)
+        return np.asarray(nnls(self.triangular, right, maxiter=_ITERATIONS * len(right))[0])
+
+    def with_bottom(self, output: FloatArray) -> tuple[float, FloatArray]:
+        """Return the bottom and the masses that explain `output` (samples,) best. The bottom is the output at p = 0."""
+        constant = self._padded(np.ones(len(output)))
+        padded = self._padded(output)
+        columns = np.column_stack([self.orthogonal @ self.triangular, constant, -constant])
+        q, r = np.linalg.qr(columns)
+        found = nnls(r, q.T @ padded, maxiter=_ITERATIONS * len(r))[0]
+        return float(found[-2] - found[-1]), np.asarray(found[:-2])
+
+    def residuals(self, output: FloatArray, masses: FloatArray) -> FloatArray:
+        """Return the weighted residuals of samples and prior, (samples and pairs,)."""
+        return self._padded(output) - self.orthogonal @ (self.triangular @ masses)
+
+    def unexplained(self, changes: FloatArray, active: np.ndarray) -> FloatArray:
+        """Return the part of `changes` (samples, unknowns) of the output that the `active` masses cannot explain.
+
+        The shape is (samples and pairs, unknowns).
+        """
+        basis = self.orthogonal @ np.linalg.qr(self.triangular[:, active])[0]
+        padded = self._padded(changes)
+        return np.asarray(padded - basis @ (basis.T @ padded))
+
+    def _padded(self, output: FloatArray) -> FloatArray:
+        padded = np.zeros((len(self.orthogonal), *output.shape[1:]))
+        padded[: len(output)] = (output.T * self.weights).T
+        return padded
+
+
+def _neighbours(grid: Grid) -> FloatArray:
+    """Return one row for each pair of neighbouring cells: the difference of their densities, times √(A A')."""
+    number = np.full(grid.cells.shape, -1)
+    number[grid.cells] = np.arange(grid.cells.sum())
+    area = np.outer(np.diff(grid.up), np.diff(grid.down))
+    pairs = []
+    for one, other in ((np.s_[:-1, :], np.s_[1:, :]), (np.s_[:, :-1], np.s_[:, 1:])):
+        both = grid.cells[one] & grid.cells[other]
+        pairs.append(np.column_stack([number[one][both], number[other][both], np.sqrt(area[other] / area[one])[both]]))
+    first, second, ratio = np.vstack(pairs).T
+    rows, count = np.zeros((len(first), int(grid.cells.sum()))), np.arange(len(first))
+    rows[count, first.astype(int)] = ratio
+    rows[count, second.astype(int)] = -1 / ratio
+    return rows

@@ -1,0 +1,95 @@
+"""The choice of memory by held-out loops, on wires whose memory is known."""
+
+import numpy as np
+import pytest
+
+from smadrive.errors import IdentificationError
+from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
+from smadrive.identification.memory.fit import identify_memory
+
+from .conftest import COLD, DUHEM, MixedWire, errors_on_unseen_loops, nested_loops, path, reversal_curves
+
+
+def test_a_duhem_wire_has_no_memory(rng):
+    v = nested_loops(rng)
+    fit = identify_memory(v, DUHEM.simulate(v))
+    assert type(fit.model) is TSFuzzyDuhem
+    assert fit.memory.sets == 1
+    assert fit.memory.doubts == ()
+
+
+def test_half_of_a_wire_has_memory(rng):
+    wire, v = MixedWire(0.5, 0.4, rng), nested_loops(rng)
+    fit = identify_memory(v, 4.0 - 3.0 * wire.simulate(v))
+    assert isinstance(fit.model, TSFuzzyPreisach)
+    assert fit.model.share == pytest.approx(0.5, abs=0.1)
+    assert fit.model.scale < 0
+    assert fit.certificate.holds
+    assert fit.memory.with_percent < 0.4 * fit.memory.without_percent
+    errors = errors_on_unseen_loops(fit.model, _Scaled(wire), rng, 5)
+    assert np.median(errors[:, 0]) < 3 * 0.5
+
+
+class _Scaled:
+    def __init__(self, wire):
+        self.wire = wire
+
+    def simulate(self, v):
+        return 4.0 - 3.0 * self.wire.simulate(v)
+
+
+def test_a_given_number_of_sets_is_used(rng):
+    wire, v = MixedWire(0.0, 0.4, rng), reversal_curves(samples=1500)
+    fit = identify_memory(v, wire.simulate(v), memory=16)
+    assert isinstance(fit.model, TSFuzzyPreisach)
+    assert len(fit.model.plane.up_thresholds) <= 16
+    assert fit.memory.sets == 16
+    assert identify_memory(v, wire.simulate(v), memory=1).memory.sets == 1
+
+
+def test_too_few_loops_are_told(rng):
+    wire, v = MixedWire(0.0, 0.0, rng), path([COLD, 110.0, 50.0, 90.0, 60.0, 80.0, 50.0], 900)
+    fit = identify_memory(v, wire.simulate(v))
+    assert type(fit.model) is TSFuzzyDuhem
+    assert len(fit.memory.doubts) == 1
+    assert set(fit.memory.doubts) <= set(fit.caveats)
+
+
+@pytest.mark.parametrize("memory", [0, 2, 3, 41, 2.5])
+def test_an_impossible_number_of_sets_is_refused(rng, memory):
+    v = nested_loops(rng, samples=600)
+    with pytest.raises(IdentificationError):
+        identify_memory(v, DUHEM.simulate(v), memory=memory)
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize(("noise_c", "noise", "bounds"), [(0.0, 0.0, (0.6, 1.5, 5.0)), (0.1, 0.002, (0.8, 1.8, 6.0))])
+def test_unseen_loops_of_preisach_wires(noise_c, noise, bounds):
+    rng, medians, worst = np.random.default_rng(5), [], []
+    for _ in range(10):
+        wire, v = MixedWire(0.0, rng.uniform(0.0, 0.9), rng), reversal_curves()
+        y = wire.simulate(v) + noise * rng.standard_normal(len(v))
+        fit = identify_memory(v + noise_c * rng.standard_normal(len(v)), y)
+        errors = errors_on_unseen_loops(fit.model, wire, rng, 30)
+        medians.append(np.median(errors[:, 0]))
+        worst.append(errors.max(axis=0))
+    rms_worst, worst_of_all = np.max(worst, axis=0)
+    print(f"unseen loops: median {np.median(medians):.2f}, worst {rms_worst:.2f}, largest {worst_of_all:.2f} %")
+    assert np.median(medians) <= bounds[0]
+    assert rms_worst <= bounds[1]
+    assert worst_of_all <= bounds[2]
+
+
+@pytest.mark.exhaustive
+@pytest.mark.parametrize("theta", [0.25, 0.5, 0.75])
+def test_unseen_loops_of_mixtures(theta):
+    rng, medians, worst = np.random.default_rng(6), [], []
+    for _ in range(4):
+        wire, v = MixedWire(theta, rng.uniform(0.0, 0.9), rng), nested_loops(rng)
+        fit = identify_memory(v, wire.simulate(v))
+        errors = errors_on_unseen_loops(fit.model, wire, rng, 30)
+        medians.append(np.median(errors[:, 0]))
+        worst.append(errors[:, 0].max())
+    print(f"unseen loops, {theta:.0%} Duhem: median {np.median(medians):.2f}, worst {np.max(worst):.2f} %")
+    assert np.median(medians) <= 0.8
+    assert np.max(worst) <= 2.0
