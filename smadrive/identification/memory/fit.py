@@ -190,16 +190,19 @@ class _Plane:
         self.shares_on = self.grid.shares_on(record.v, turns)
         self.problem = PlaneProblem.of(self.shares_on, np.sqrt(record.count), self.grid, SMOOTHNESS)
 
-    def model(self, rules: TSFuzzyDuhem, masses: FloatArray) -> TSFuzzyPreisach:
-        """Return the model that adds `masses`, in the unit of y, to the rules."""
+    def model(self, rules: TSFuzzyDuhem, output: tuple[float, float], masses: FloatArray) -> TSFuzzyPreisach:
+        """Return the model that adds `masses`, in the unit of y, to the rules.
+
+        `output` holds scale and offset of the part of the rules.
+        """
         mass = np.zeros(self.grid.cells.shape)
         mass[self.grid.cells] = masses / masses.sum()
         plane = PreisachPlane(self.grid.up, self.grid.down, mass / mass.sum())
         added = self.sign * float(masses.sum())
-        whole = TSFuzzyDuhem.from_laws(
-            rules.sets, rules.heating_law, rules.cooling_law, rules.scale + added, rules.offset, rules.input_range
-        )
-        return TSFuzzyPreisach(whole, plane, added / (rules.scale + added))
+        scale, offset = output[0] + added, output[1]
+        laws = rules.heating_law, rules.cooling_law
+        whole = TSFuzzyDuhem.from_laws(rules.sets, *laws, scale, offset, rules.input_range)
+        return TSFuzzyPreisach(whole, plane, added / scale)
 
 
 def _plane_alone(record: Record, sets: int) -> tuple[Model, float]:
@@ -208,10 +211,7 @@ def _plane_alone(record: Record, sets: int) -> tuple[Model, float]:
     duhem = fit_duhem(record, components=1).model
     centres = TriangularSets(tuple(np.linspace(*record.input_range, 11).tolist()))
     rules = TSFuzzyDuhem.from_duhem(duhem, centres)
-    nothing = TSFuzzyDuhem.from_laws(
-        centres, rules.heating_law, rules.cooling_law, 1e-300 * plane.sign, plane.sign * bottom, record.input_range
-    )
-    model = plane.model(nothing, masses)
+    model = plane.model(rules, (0.0, plane.sign * bottom), masses)
     return model, float(model.initial_state(float(record.v[0]), float(record.mean_y[0])).y)
 
 
@@ -232,5 +232,5 @@ def _both(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float]
     if masses.sum() < _LEAST_SHARE * span:
         return fit_rules(record)
     rules, _ = fit_rules(prepare(record.v, sign * span * mixture.duhem, 0.0))
-    model = fine.model(rules, masses)
+    model = fine.model(rules, (rules.scale, rules.offset), masses)
     return model, float(model.initial_state(float(record.v[0]), float(record.mean_y[0])).y)

@@ -52,10 +52,11 @@ def data(tmp_path):
 
 def test_identify_simulate_and_invert_work_on_files(data):
     found = succeed("identify", "wire.csv", "--output", "strain", "-o", "model.json", cwd=data)
-    assert {"kind", "rules", "rms_percent", "max_percent", "model_file", "certificate"} <= found.keys()
+    assert {"kind", "rules", "memory", "rms_percent", "max_percent", "model_file", "certificate"} <= found.keys()
     assert found["rules"] == 22
     assert found["rms_percent"] < 1.0
     assert found["certificate"]["holds"] is True
+    assert found["memory"]["sets"] == 1
 
     plotted = succeed(
         "identify",
