@@ -1,33 +1,27 @@
 """How much memory a record supports: candidates are compared on loops that are held out of the fit.
 
-There are three candidates: rules without memory, a Preisach plane alone, and both in parallel. Every fifth loop of the
-record is held out. It keeps its place in the path of the input, because the state of the wire depends on the whole
-path, but its outputs are hidden from the fit. Memory must reduce the error on these loops clearly, because a plane has
-hundreds of masses; and both parts together must be clearly better than the plane alone. The chosen candidate is then
-fitted to the whole record.
-
-The rules of a mixture are fitted to the output of its Duhem part, as without memory.
+There are three candidates: rules without memory, a Preisach plane alone, and both in parallel. Each is fitted twice,
+and each time another third of the loops is held out. These loops keep their places in the path of the input, because
+the state of the wire depends on the whole path, but their outputs are hidden from the fit. Memory must reduce the error
+on these loops clearly, because a plane has hundreds of masses; and both parts together must be clearly better than the
+plane alone. The chosen candidate is then fitted to the whole record.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from math import nan
+from math import nan, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from smadrive.errors import IdentificationError
-from smadrive.hysteresis import PreisachPlane, TriangularSets, TSFuzzyDuhem, TSFuzzyPreisach
-from smadrive.identification.duhem import fit_duhem
-from smadrive.identification.memory.incidence import Grid
-from smadrive.identification.memory.mixture import fit_mixture
-from smadrive.identification.memory.plane_fit import PlaneProblem, grid_of
+from smadrive.hysteresis import TSFuzzyDuhem
+from smadrive.identification.memory.candidates import FitRules, Model, plane_alone, rules_and_plane
 from smadrive.identification.quality.fit import Fit, judge
 from smadrive.identification.record import Record, prepare
 from smadrive.identification.tsfuzzy.fit import fit_rules
-from smadrive.numerics.arrays import FloatArray
 from smadrive.numerics.scalars import whole_number
 
 if TYPE_CHECKING:
@@ -36,21 +30,15 @@ if TYPE_CHECKING:
 MOST_TURNING_POINT_SETS = 40
 """The largest number of sets of the last turning point."""
 
-COARSE = 28
-"""Thresholds of the plane while its share beside the rules is sought."""
-
-SMOOTHNESS = 0.002
-"""Weight of the prior of the densities."""
-
-HELD_OUT = 5
-"""One of so many loops is held out."""
+THIRDS = (1, 2)
+"""The thirds of the loops that are held out in turn. The first third is always fitted: it has the major loop."""
 
 LEAST_LOOPS = 6
 """Loops of a record that can tell whether the wire has memory."""
 
-_CLEARLY_BETTER = 0.6  # largest held-out error of a richer candidate, as a share of that of the plainer one
-_MATERIAL = 0.1  # % of the output span by which memory must reduce the held-out error
-_LEAST_SHARE = 0.03  # of the Duhem part of a mixture
+_MEMORY_PAYS = 0.8  # largest held-out error with memory, as a share of that without
+_BOTH_PAY, _BOTH_PAY_ONE_SIDED = 0.8, 0.35  # largest error of rules and plane, as a share of that of the plane alone
+_INSIDE = 0.1  # of the input span: a heating curve that begins further above the cold end begins inside the loop
 _UNSEEN = 1e-6  # weight of a sample that is held out
 
 NOTHING_LEFT = 0.2
@@ -58,11 +46,6 @@ NOTHING_LEFT = 0.2
 
 FEWEST_TURNING_POINT_SETS = 4
 """The smallest number of sets of the last turning point of a model with memory."""
-
-FitRules = Callable[[Record], tuple[TSFuzzyDuhem, float]]
-"""A function that fits rules without memory to a record, and returns the model with the output at the first sample."""
-
-Model = TSFuzzyDuhem | TSFuzzyPreisach
 
 
 def identify_memory(
@@ -146,13 +129,10 @@ def choose(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float
 
     `sets` is the number of sets of the last turning point for the candidates with memory.
     """
-    hidden = loops_of(record) % HELD_OUT == HELD_OUT - 1
-    training = replace(record, count=np.where(hidden, _UNSEEN, record.count))
     candidates = _candidates(sets, fit_rules)
-    errors = [_held_out(record, hidden, *fit(training)) for fit in candidates]
-    without, plane, both = errors
-    memory, best = (1, plane) if plane <= both / _CLEARLY_BETTER else (2, both)
-    chosen = memory if best < _CLEARLY_BETTER * without and without - best > _MATERIAL else 0
+    without, plane, both = (_held_out(record, fit) for fit in candidates)
+    memory, best = (2, both) if both < _both_pay(record) * plane else (1, plane)
+    chosen = memory if best < _MEMORY_PAYS * without else 0
     return *candidates[chosen](record), MemoryChoice(sets if chosen else 1, best, without)
 
 
@@ -161,76 +141,36 @@ def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, 
     _, *candidates = _candidates(sets, fit_rules)
     fits = [fit(record) for fit in candidates]
     plane, both = (record.misfit(*fit) for fit in fits)
-    return *fits[0 if plane <= both / _CLEARLY_BETTER else 1], MemoryChoice(sets, nan, nan)
+    return *fits[1 if both < _both_pay(record) * plane else 0], MemoryChoice(sets, nan, nan)
 
 
-def _candidates(sets: int, fit_rules: FitRules) -> tuple[Callable[[Record], tuple[Model, float]], ...]:
+def _both_pay(record: Record) -> float:
+    """Return the largest error of rules and plane, as a share of that of the plane alone, at which both are chosen.
+
+    If every heating curve begins at the cold end, the record shows no heating curve inside the loop. A plane alone then
+    explains nearly every record, and both need stronger evidence.
+    """
+    rises, (lower, upper) = np.diff(record.v) > 0, record.input_range
+    begins = np.flatnonzero(rises[1:] & ~rises[:-1]) + 1
+    inside = (record.v[begins] > lower + _INSIDE * (upper - lower)).any()
+    return _BOTH_PAY if inside else _BOTH_PAY_ONE_SIDED
+
+
+def _candidates(sets: int, rules: FitRules) -> tuple[Callable[[Record], tuple[Model, float]], ...]:
     return (
-        fit_rules,
-        lambda record: _plane_alone(record, sets),
-        lambda record: _both(record, sets, fit_rules),
+        rules,
+        lambda record: plane_alone(record, sets),
+        lambda record: rules_and_plane(record, sets, rules),
     )
 
 
-def _held_out(record: Record, hidden: np.ndarray, model: Model, y0: float) -> float:
-    """Return the RMS error on the hidden cells, % of the output span."""
-    error = (model.simulate(record.v, y0) - record.mean_y)[hidden] / record.output_span
-    count = record.count[hidden]
-    return float(100 * np.sqrt(count @ error**2 / count.sum()))
-
-
-class _Plane:
-    """The masses of a plane on a grid, as they are fitted: not normalised, and negative if the output falls."""
-
-    def __init__(self, record: Record, thresholds: int) -> None:
-        self.grid: Grid = grid_of(record, thresholds)
-        lower, upper = record.input_range
-        turns = (lower,) if record.v[0] < 0.5 * (lower + upper) else (lower, upper)
-        self.sign = 1.0 if np.corrcoef(record.v, record.mean_y)[0, 1] > 0 else -1.0
-        self.shares_on = self.grid.shares_on(record.v, turns)
-        self.problem = PlaneProblem.of(self.shares_on, np.sqrt(record.count), self.grid, SMOOTHNESS)
-
-    def model(self, rules: TSFuzzyDuhem, output: tuple[float, float], masses: FloatArray) -> TSFuzzyPreisach:
-        """Return the model that adds `masses`, in the unit of y, to the rules.
-
-        `output` holds scale and offset of the part of the rules.
-        """
-        mass = np.zeros(self.grid.cells.shape)
-        mass[self.grid.cells] = masses / masses.sum()
-        plane = PreisachPlane(self.grid.up, self.grid.down, mass / mass.sum())
-        added = self.sign * float(masses.sum())
-        scale, offset = output[0] + added, output[1]
-        laws = rules.heating_law, rules.cooling_law
-        whole = TSFuzzyDuhem.from_laws(rules.sets, *laws, scale, offset, rules.input_range)
-        return TSFuzzyPreisach(whole, plane, added / scale)
-
-
-def _plane_alone(record: Record, sets: int) -> tuple[Model, float]:
-    plane = _Plane(record, sets)
-    bottom, masses = plane.problem.with_bottom(plane.sign * record.mean_y)
-    duhem = fit_duhem(record, components=1).model
-    centres = TriangularSets(tuple(np.linspace(*record.input_range, 11).tolist()))
-    rules = TSFuzzyDuhem.from_duhem(duhem, centres)
-    model = plane.model(rules, (0.0, plane.sign * bottom), masses)
-    return model, float(model.initial_state(float(record.v[0]), float(record.mean_y[0])).y)
-
-
-def _both(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float]:
-    """Return rules and a plane in parallel; the plane alone if the rules have no part in it."""
-    coarse = _Plane(record, min(sets, COARSE))
-    sign, span = coarse.sign, record.output_span
-    duhem = fit_duhem(record, components=1).model
-    (mu_up, sigma_up), (mu_down, sigma_down) = (
-        (mixture.means[0], mixture.sigmas[0]) for mixture in (duhem.heating, duhem.cooling)
-    )
-    start = np.array([mu_up, mu_down, sigma_up, sigma_down])
-    mixture = fit_mixture(coarse.problem, record.v, sign * record.mean_y / span, record.input_range, start)
-    if float(np.ptp(mixture.duhem)) < _LEAST_SHARE:
-        return _plane_alone(record, sets)
-    fine = _Plane(record, sets)
-    masses = fine.problem.masses(sign * record.mean_y - span * mixture.duhem)
-    if masses.sum() < _LEAST_SHARE * span:
-        return fit_rules(record)
-    rules, _ = fit_rules(prepare(record.v, sign * span * mixture.duhem, 0.0))
-    model = fine.model(rules, (rules.scale, rules.offset), masses)
-    return model, float(model.initial_state(float(record.v[0]), float(record.mean_y[0])).y)
+def _held_out(record: Record, fit: Callable[[Record], tuple[Model, float]]) -> float:
+    """Return the RMS error of a candidate on the loops that it did not see, % of the output span."""
+    loops, squares, samples = loops_of(record), 0.0, 0.0
+    for third in THIRDS:
+        hidden = loops % 3 == third
+        model, y0 = fit(replace(record, count=np.where(hidden, _UNSEEN, record.count)))
+        error = (model.simulate(record.v, y0) - record.mean_y)[hidden] / record.output_span
+        squares += float(record.count[hidden] @ error**2)
+        samples += float(record.count[hidden].sum())
+    return 100 * sqrt(squares / samples)

@@ -18,7 +18,7 @@ from smadrive.hysteresis.turning_points import Turns, pieces, reversed_at
 from smadrive.numerics.arrays import FloatArray
 
 
-class Grid:
+class PlaneGrid:
     """The thresholds of a plane, and which of its cells may have a mass, `cells` (up - 1, down - 1)."""
 
     def __init__(self, up: FloatArray, down: FloatArray, cells: np.ndarray) -> None:

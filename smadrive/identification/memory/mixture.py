@@ -11,8 +11,6 @@ four parameters of the Duhem part, let the record decide about θ.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 from scipy.optimize import least_squares
 
@@ -26,17 +24,8 @@ _CELLS = 192  # table of a trial model
 _STEEPEST = 1e3  # rate of a trial model per input span, where its branches touch
 _TRIALS = 30
 _STEP = 1e-4
-_STARTS = (0.3, 0.8)  # θ, as a share of the output span
+_START = 0.5  # θ, as a share of the output span
 _LEAST_GAP, _NARROWEST, _WIDEST = 0.02, 0.003, 0.3  # of the input span
-
-
-@dataclass(frozen=True, slots=True)
-class Mixture:
-    """The result: the output of the Duhem part at each sample, and the masses of the plane; `misfit` is the cost."""
-
-    duhem: FloatArray
-    masses: FloatArray
-    misfit: float
 
 
 class _Search:
@@ -81,10 +70,12 @@ class _Search:
         return -self._problem.unexplained(np.column_stack(changes), active)
 
 
-def fit_mixture(
+def duhem_part(
     problem: PlaneProblem, v: FloatArray, y: FloatArray, input_range: tuple[float, float], start: FloatArray
-) -> Mixture:
-    """Return the mixture that explains the outputs `y` (samples,) on the path `v` best; y is in output spans.
+) -> FloatArray:
+    """Return the output of the Duhem part of the mixture that explains the outputs `y` on the path `v` best.
+
+    The result, `y` and `v` have the shape (samples,). The result and `y` are in output spans.
 
     `start` holds μ₊, μ₋, σ₊ and σ₋ of a Duhem fit in the unit of v.
     """
@@ -94,20 +85,15 @@ def fit_mixture(
     sigmas = np.log(np.clip(start[2:] / span, 1.1 * _NARROWEST, 0.9 * _WIDEST))
     low = np.array([-np.inf, 0.0, -1.0, _LEAST_GAP, np.log(_NARROWEST), np.log(_NARROWEST)])
     high = np.array([np.inf, 2.0, 2.0, 1.0, np.log(_WIDEST), np.log(_WIDEST)])
-    tries = []
-    for theta in _STARTS:
-        guess = np.array([float(y.min()), theta, heating, max(heating - cooling, 1.1 * _LEAST_GAP), *sigmas])
-        tries.append(
-            least_squares(
-                search.residuals,
-                guess,
-                search.jacobian,
-                bounds=(low, high),
-                x_scale=[0.1, 0.1, 0.02, 0.02, 0.2, 0.2],
-                max_nfev=_TRIALS,
-                xtol=1e-5,
-                ftol=1e-5,
-            )
-        )
-    best = min(tries, key=lambda one: float(one.cost))
-    return Mixture(search.duhem(best.x), search.masses(best.x), float(best.cost))
+    guess = np.array([float(y.min()), _START, heating, max(heating - cooling, 1.1 * _LEAST_GAP), *sigmas])
+    best = least_squares(
+        search.residuals,
+        guess,
+        search.jacobian,
+        bounds=(low, high),
+        x_scale=[0.1, 0.1, 0.02, 0.02, 0.2, 0.2],
+        max_nfev=_TRIALS,
+        xtol=1e-5,
+        ftol=1e-5,
+    )
+    return search.duhem(best.x)

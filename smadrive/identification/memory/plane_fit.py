@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import nnls
 
 from smadrive.hysteresis.memory.plane import in_plane
-from smadrive.identification.memory.incidence import Grid
+from smadrive.identification.memory.incidence import PlaneGrid
 from smadrive.identification.record import Record
 from smadrive.numerics.arrays import FloatArray
 
@@ -23,13 +23,13 @@ _OUTERMOST = 5e-4  # share of the travel outside the inner thresholds, at either
 _ITERATIONS = 30  # of the non-negative least squares, for each cell
 
 
-def grid_of(record: Record, thresholds: int) -> Grid:
+def grid_of(record: Record, thresholds: int) -> PlaneGrid:
     """Return a grid of `thresholds` up-thresholds and as many down-thresholds, where the output of a record changes.
 
     Between two thresholds the output changes by equal amounts.
     """
     up, down = (_quantiles(record, thresholds, rising=rising) for rising in (True, False))
-    return Grid(up, down, in_plane(up, down))
+    return PlaneGrid(up, down, in_plane(up, down))
 
 
 def _quantiles(record: Record, thresholds: int, *, rising: bool) -> FloatArray:
@@ -59,7 +59,7 @@ class PlaneProblem:
     weights: FloatArray
 
     @classmethod
-    def of(cls, shares_on: FloatArray, weights: FloatArray, grid: Grid, smoothness: float) -> PlaneProblem:
+    def of(cls, shares_on: FloatArray, weights: FloatArray, grid: PlaneGrid, smoothness: float) -> PlaneProblem:
         """Return the problem for the path with `shares_on` (samples, cells), and the square roots of n_k, `weights`."""
         prior = smoothness * np.sqrt(weights @ weights) * _neighbours(grid)
         q, r = np.linalg.qr(np.vstack([shares_on * weights[:, None], prior]))
@@ -72,11 +72,13 @@ class PlaneProblem:
 
     def with_bottom(self, output: FloatArray) -> tuple[float, FloatArray]:
         """Return the bottom and the masses that explain `output` (samples,) best. The bottom is the output at p = 0."""
-        constant = self._padded(np.ones(len(output)))
-        padded = self._padded(output)
-        columns = np.column_stack([self.orthogonal @ self.triangular, constant, -constant])
-        q, r = np.linalg.qr(columns)
-        found = nnls(r, q.T @ padded, maxiter=_ITERATIONS * len(r))[0]
+        constant, padded = self._padded(np.ones(len(output))), self._padded(output)
+        along = self.orthogonal.T @ constant
+        across = constant - self.orthogonal @ along
+        length = float(np.linalg.norm(across))
+        columns = np.block([[self.triangular, along[:, None]], [np.zeros((1, len(along))), np.array([[length]])]])
+        right = np.append(self.orthogonal.T @ padded, across @ padded / length)
+        found = nnls(np.column_stack([columns, -columns[:, -1]]), right, maxiter=_ITERATIONS * len(right))[0]
         return float(found[-2] - found[-1]), np.asarray(found[:-2])
 
     def residuals(self, output: FloatArray, masses: FloatArray) -> FloatArray:
@@ -98,7 +100,7 @@ class PlaneProblem:
         return padded
 
 
-def _neighbours(grid: Grid) -> FloatArray:
+def _neighbours(grid: PlaneGrid) -> FloatArray:
     """Return one row for each pair of neighbouring cells: the difference of their densities, times √(A A')."""
     number = np.full(grid.cells.shape, -1)
     number[grid.cells] = np.arange(grid.cells.sum())

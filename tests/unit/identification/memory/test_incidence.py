@@ -7,7 +7,7 @@ from smadrive.hysteresis import PreisachPlane
 from smadrive.hysteresis.memory.plane import in_plane
 from smadrive.hysteresis.memory.trajectory import plane_states
 from smadrive.hysteresis.turning_points import Memory
-from smadrive.identification.memory.incidence import Grid
+from smadrive.identification.memory.incidence import PlaneGrid
 from smadrive.identification.memory.plane_fit import PlaneProblem
 
 from .conftest import nested_loops
@@ -24,7 +24,7 @@ def plane(rng):
 
 def test_the_state_is_linear_in_the_masses(plane, rng):
     v = np.concatenate([[20.0], rng.uniform(15.0, 135.0, 400), [90.0, 90.0, 60.0]])
-    on = Grid(UP, DOWN, CELLS).shares_on(v, (15.0,))
+    on = PlaneGrid(UP, DOWN, CELLS).shares_on(v, (15.0,))
     p = plane_states(plane, v, Memory(0.0, plane.share(20.0, 15.0), (15.0,)))
     np.testing.assert_allclose(on @ plane.mass[CELLS], p, rtol=0, atol=1e-13)
     assert on.min() > -1e-12
@@ -33,7 +33,7 @@ def test_the_state_is_linear_in_the_masses(plane, rng):
 
 def test_masses_are_recovered(plane, rng):
     v = nested_loops(rng)
-    grid = Grid(UP, DOWN, CELLS)
+    grid = PlaneGrid(UP, DOWN, CELLS)
     on = grid.shares_on(v, (20.0,))
     problem = PlaneProblem.of(on, np.ones(len(v)), grid, smoothness=1e-7)
     bottom, masses = problem.with_bottom(0.3 + 2.0 * on @ plane.mass[CELLS])
@@ -42,7 +42,7 @@ def test_masses_are_recovered(plane, rng):
 
 
 def test_unseen_cells_get_the_density_of_their_neighbours(plane):
-    grid = Grid(UP, DOWN, CELLS)
+    grid = PlaneGrid(UP, DOWN, CELLS)
     v = np.concatenate([np.linspace(20.0, 110.0, 91), np.linspace(110.0, 48.0, 63)])
     on = grid.shares_on(v, (20.0,))
     masses = PlaneProblem.of(on, np.ones(len(v)), grid, smoothness=1e-3).masses(on @ plane.mass[CELLS])

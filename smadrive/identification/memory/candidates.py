@@ -1,0 +1,94 @@
+"""Models with memory, fitted to a record: a Preisach plane alone, or rules and a plane in parallel.
+
+The rules of a mixture are fitted to the output of its Duhem part, as without memory.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from smadrive.hysteresis import PreisachPlane, TriangularSets, TSFuzzyDuhem, TSFuzzyPreisach
+from smadrive.identification.duhem import fit_duhem
+from smadrive.identification.memory.incidence import PlaneGrid
+from smadrive.identification.memory.mixture import duhem_part
+from smadrive.identification.memory.plane_fit import PlaneProblem, grid_of
+from smadrive.identification.record import Record, prepare
+from smadrive.numerics.arrays import FloatArray
+
+COARSE = 28
+"""Thresholds of the plane while the output of the rules beside it is sought."""
+
+SMOOTHNESS = 0.002
+"""Weight of the prior of the densities."""
+
+_LEAST_SHARE = 0.03  # of the Duhem part of a mixture
+
+FitRules = Callable[[Record], tuple[TSFuzzyDuhem, float]]
+"""A function that fits rules without memory to a record, and returns the model with the output at the first sample."""
+
+Model = TSFuzzyDuhem | TSFuzzyPreisach
+
+
+class _Plane:
+    """The masses of a plane on a grid, as they are fitted: not normalised, and negative if the output falls."""
+
+    def __init__(self, record: Record, thresholds: int) -> None:
+        self.grid: PlaneGrid = grid_of(record, thresholds)
+        lower, upper = record.input_range
+        turns = (lower,) if record.v[0] < 0.5 * (lower + upper) else (lower, upper)
+        self.sign = 1.0 if np.corrcoef(record.v, record.mean_y)[0, 1] > 0 else -1.0
+        self.shares_on = self.grid.shares_on(record.v, turns)
+        self.problem = PlaneProblem.of(self.shares_on, np.sqrt(record.count), self.grid, SMOOTHNESS)
+
+    def model(self, rules: TSFuzzyDuhem, output: tuple[float, float], masses: FloatArray) -> TSFuzzyPreisach:
+        """Return the model that adds `masses`, in the unit of y, to the rules.
+
+        `output` holds scale and offset of the part of the rules.
+        """
+        mass = np.zeros(self.grid.cells.shape)
+        mass[self.grid.cells] = masses / masses.sum()
+        plane = PreisachPlane(self.grid.up, self.grid.down, mass / mass.sum())
+        added = self.sign * float(masses.sum())
+        scale, offset = output[0] + added, output[1]
+        laws = rules.heating_law, rules.cooling_law
+        whole = TSFuzzyDuhem.from_laws(rules.sets, *laws, scale, offset, rules.input_range)
+        return TSFuzzyPreisach(whole, plane, added / scale)
+
+
+def plane_alone(record: Record, sets: int) -> tuple[Model, float]:
+    """Return a Preisach plane with `sets` thresholds on each axis, and its output at the first sample."""
+    plane = _Plane(record, sets)
+    bottom, masses = plane.problem.with_bottom(plane.sign * record.mean_y)
+    duhem = fit_duhem(record, components=1).model
+    centres = TriangularSets(tuple(np.linspace(*record.input_range, 11).tolist()))
+    rules = TSFuzzyDuhem.from_duhem(duhem, centres)
+    model = plane.model(rules, (0.0, plane.sign * bottom), masses)
+    return model, float(model.initial_state(float(record.v[0]), float(record.mean_y[0])).y)
+
+
+def rules_and_plane(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float]:
+    """Return rules and a plane in parallel, and their output at the first sample.
+
+    If one of the parts is negligible, the model is the other part alone.
+    """
+    coarse = _Plane(record, min(sets, COARSE))
+    sign, span = coarse.sign, record.output_span
+    duhem = fit_duhem(record, components=1).model
+    (mu_up, sigma_up), (mu_down, sigma_down) = (
+        (branch.means[0], branch.sigmas[0]) for branch in (duhem.heating, duhem.cooling)
+    )
+    start = np.array([mu_up, mu_down, sigma_up, sigma_down])
+    duhem_output = duhem_part(coarse.problem, record.v, sign * record.mean_y / span, record.input_range, start)
+    if float(np.ptp(duhem_output)) < _LEAST_SHARE:
+        return plane_alone(record, sets)
+    fine = _Plane(record, sets)
+    masses = fine.problem.masses(sign * record.mean_y - span * duhem_output)
+    if masses.sum() < _LEAST_SHARE * span:
+        return fit_rules(record)
+    part = prepare(record.v, sign * span * duhem_output, 0.0)
+    rules, _ = fit_rules(replace(part, input_range=record.input_range))
+    model = fine.model(rules, (rules.scale, rules.offset), masses)
+    return model, float(model.initial_state(float(record.v[0]), float(record.mean_y[0])).y)
