@@ -57,7 +57,7 @@ class AdaptationRunner:
                 "the adaptation has ended, and the rules from before the fault are not in force yet", cure="try again"
             )
         if on and isinstance(tuning.model, TSFuzzyPreisach):
-            cure = "identify the wire without memory, by `smadrive identify --memory 0`"
+            cure = "identify the wire without memory, by `smadrive identify --memory 1`"
             raise ConfigError("the adaptation cannot change a model with memory", cure=cure)
         if on and not isinstance(tuning.model, TSFuzzyDuhem):
             raise ConfigError(
