@@ -37,6 +37,7 @@ LEAST_LOOPS = 6
 """Loops of a record that can tell whether the wire has memory."""
 
 _MEMORY_PAYS = 0.8  # largest held-out error with memory, as a share of that without
+_HOPELESS = 2.0  # a plane alone whose held-out error is so many times that of the rules is no part of the wire
 _BOTH_PAY, _BOTH_PAY_ONE_SIDED = 0.8, 0.35  # largest error of rules and plane, as a share of that of the plane alone
 _INSIDE = 0.1  # of the input span: a heating curve that begins further above the cold end begins inside the loop
 _UNSEEN = 1e-6  # weight of a sample that is held out
@@ -130,7 +131,10 @@ def choose(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float
     `sets` is the number of sets of the last turning point for the candidates with memory.
     """
     candidates = _candidates(sets, fit_rules)
-    without, plane, both = (_held_out(record, fit) for fit in candidates)
+    without, plane = (_held_out(record, fit) for fit in candidates[:2])
+    if plane > _HOPELESS * without:
+        return *candidates[0](record), MemoryChoice(1, plane, without)
+    both = _held_out(record, candidates[2])
     memory, best = (2, both) if both < _both_pay(record) * plane else (1, plane)
     chosen = memory if best < _MEMORY_PAYS * without else 0
     return *candidates[chosen](record), MemoryChoice(sets if chosen else 1, best, without)

@@ -73,7 +73,9 @@ def identify_tsfuzzy(
     return judge(model, record, y0)
 
 
-def fit_rules(record: Record, sets: int | Sequence[float], *, fit_centres: bool = True) -> tuple[TSFuzzyDuhem, float]:
+def fit_rules(
+    record: Record, sets: int | Sequence[float] = 11, *, fit_centres: bool = True
+) -> tuple[TSFuzzyDuhem, float]:
     """Fit rules without memory to a prepared record. Return the model, and its output at the first sample."""
     placements = _placements(record, sets, fit_centres=fit_centres)
     prior = Prior(_plainest_duhem(record), record)
