@@ -14,6 +14,7 @@ import typer
 from smadrive.cli.identify import fit_result
 from smadrive.cli.output import AsJson, Output, make_empty_folder
 from smadrive.cli.run import HEADER, table_row
+from smadrive.cli.views.announcement import announce_excitation
 from smadrive.cli.views.demo_report import write_demo_report
 from smadrive.cli.views.run_view import watched
 from smadrive.clock import Clock
@@ -115,6 +116,7 @@ class _Session:
 
     def excite(self) -> Log:
         path, excitation = self.folder / "excitation.h5", self.rig.excitation(self._temperature_c())
+        announce_excitation(self.output, excitation)
         with (
             record_excitation(path, self.rig, excitation, seed=str(self.seed)) as recorder,
             self._watched(recorder, "exciting", excitation.duration_s) as record,

@@ -16,10 +16,12 @@ from smadrive.display.card import count_text
 from smadrive.errors import TripError
 from smadrive.files.atomic import check_output
 from smadrive.files.kinds import LOG
+from smadrive.identification.excitation import Excitation
 from smadrive.rig.config import load_rig
 from smadrive.rig.rig import Rig
-from smadrive.runs.experiments import excite
+from smadrive.runs.experiments import excite, plan_excitation
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.run_metadata import excitation_of
 from smadrive.runs.run_metrics import tripped_loop_metrics
 
 
@@ -34,25 +36,30 @@ def main(
     check_output(log_file, LOG)
     try:
         with log_named_at_interruption(log_file, "the experiment"), Rig(load_rig(rig), trace_folder=trace) as open_rig:
-            metrics = _excite(log_file, open_rig, output)
+            excitation = plan_excitation(open_rig)
+            metrics = _excite(log_file, open_rig, excitation, output)
     except TripError as trip:
         try:
-            _print_metrics(log_file, tripped_loop_metrics(read_log(log_file)), output, tripped=str(trip))
+            log = read_log(log_file)
+            _print_metrics(log_file, tripped_loop_metrics(log), excitation_of(log), output, tripped=str(trip))
         finally:
             raise trip  # also when the output cannot be written
-    _print_metrics(log_file, metrics, output, tripped=None)
+    _print_metrics(log_file, metrics, excitation, output, tripped=None)
 
 
-def _excite(log_file: Path, rig: Rig, output: Output) -> LoopMetrics:
+def _excite(log_file: Path, rig: Rig, excitation: Excitation, output: Output) -> LoopMetrics:
     """Excite the wire, record the run in `log_file`, and show it. Return the metrics of the loop.
 
     TripError after a trip.
     """
     watch = shown("exciting", rig.config.limits.current_max_a, quiet=output.quiet)
-    return excite(log_file, rig, announced(output, log_file, "the experiment", rig.clock, watch))
+    announced_watch = announced(output, log_file, "the experiment", rig.clock, watch, excitation)
+    return excite(log_file, rig, excitation, announced_watch)
 
 
-def _print_metrics(log_file: Path, metrics: LoopMetrics, output: Output, *, tripped: str | None) -> None:
+def _print_metrics(
+    log_file: Path, metrics: LoopMetrics, excitation: Excitation, output: Output, *, tripped: str | None
+) -> None:
     samples, missed = count_text(metrics.ticks, "sample"), count_text(metrics.missed_deadlines, "missed deadline")
     ended = "the heater is off" if tripped is None else "then the run tripped"
     output.say(f"{log_file}: {samples}, {missed}; {ended}")
@@ -63,5 +70,8 @@ def _print_metrics(log_file: Path, metrics: LoopMetrics, output: Output, *, trip
             "trips": metrics.trips,
             "log_file": str(log_file),
             "tripped": tripped,
+            "plan": excitation.plan,
+            "reversal_curves": excitation.reversal_curves,
+            "duration_s": excitation.duration_s,
         }
     )

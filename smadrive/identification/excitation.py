@@ -1,12 +1,11 @@
-"""The temperature path of an identification experiment.
+"""The temperature path of an identification experiment, and its record.
 
-A major loop alone does not determine both parameters a and b of a rule, because w is a function of v on each of its
-branches. So after two major loops the path makes inner loops, which shrink towards the middle: first from the lowest
-temperature, then from the highest. So heating and cooling curves start from every depth of transformation.
+The plans in `excitation_plans.py` choose the turning points of the path.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -43,19 +42,20 @@ class ExcitationRecord:
 
 @dataclass(frozen=True)
 class Excitation:
-    """A piecewise linear temperature path through `turning_points_c` at constant rate.
+    """A piecewise linear temperature path through `turning_points_c` at constant rate, and the name of its plan.
 
     Where the wire cools more slowly than `rate_c_per_s`, the controller holds the path until the wire follows.
     """
 
     turning_points_c: tuple[float, ...]
     rate_c_per_s: float
+    plan: str = "nested"
 
     def __post_init__(self) -> None:
         """Raise ConfigError for a rate that is not positive, and for a path that lasts longer than `LONGEST_S`."""
         if not self.rate_c_per_s > 0:
             raise ConfigError("must be positive", where="excitation.rate_c_per_s", value=self.rate_c_per_s)
-        travel_k = sum(abs(after - before) for before, after in pairwise(self.turning_points_c))
+        travel_k = path_length_k(self.turning_points_c)
         if travel_k > LONGEST_S * self.rate_c_per_s:
             raise ConfigError(
                 f"lasts too long: {travel_k:.0f} K at rate_c_per_s = {self.rate_c_per_s:g}",
@@ -76,6 +76,12 @@ class Excitation:
         """Length of the path, s, without the time for which the controller holds it."""
         return float(self.times_s[-1])
 
+    @property
+    def reversal_curves(self) -> int:
+        """The number of curves that begin inside the major loop."""
+        inner = self.turning_points_c[1:]
+        return sum(min(inner) < point_c < max(inner) for point_c in inner)
+
     def temperature_c(self, time_s: float) -> float:
         """Return the setpoint at `time_s` after the start. After the end of the path the last turning point holds."""
         return self._path_c.at(time_s)
@@ -83,6 +89,11 @@ class Excitation:
     @cached_property
     def _path_c(self) -> PiecewiseLinear:
         return PiecewiseLinear(self.times_s.tolist(), self.turning_points_c)
+
+
+def path_length_k(turning_points_c: Iterable[float]) -> float:
+    """Return the length of the path through `turning_points_c`, K."""
+    return sum(abs(after - before) for before, after in pairwise(turning_points_c))
 
 
 def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a: float, found: Measurement) -> None:
@@ -120,24 +131,3 @@ def check_may_excite(excitation: Excitation, balance: HeatBalance, current_max_a
             limit=f"{cools_c_per_s:.2g} K/s",
             cure=f"raise low_c to {reached_c:.0f}, or lower rate_c_per_s",
         )
-
-
-def nested_reversals(
-    low_c: float, high_c: float, rate_c_per_s: float, start_c: float, *, major_loops: int = 2, reversals: int = 5
-) -> Excitation:
-    """Return the path of an excitation: `major_loops` full loops, then shrinking inner loops.
-
-    The path enters the inner loops first from `low_c`, then from `high_c`, each time with `reversals` loops. It starts
-    at `start_c`, the present temperature of the wire. ConfigError unless `high_c` exceeds `low_c`.
-    """
-    if not high_c > low_c:
-        raise ConfigError("must exceed low_c", where="excitation.high_c", value=high_c, limit=low_c)
-    points = [start_c, *[high_c, low_c] * major_loops]
-    middle_c = 0.5 * (low_c + high_c)
-    shrinking = [(high_c - middle_c) * (reversals - n) / (reversals + 1) for n in range(reversals)]
-    for half_c in shrinking:
-        points += [middle_c + half_c, middle_c - half_c]
-    points += [low_c, high_c]
-    for half_c in shrinking:
-        points += [middle_c - half_c, middle_c + half_c]
-    return Excitation((*points, high_c, low_c), rate_c_per_s)

@@ -51,11 +51,27 @@ class LimitsConfig(Section):
 
 
 class ExcitationConfig(Section):
-    """The identification experiment: its lowest and highest temperature, and its rate."""
+    """The identification experiment: its lowest and highest temperature, its rate, and its plan.
+
+    plan          `nested` for shrinking inner loops, `forc` for first-order reversal curves
+    reversals     nested: inner loops of each of the two sets; forc: falling curves
+    duration_s    time for the path in s, instead of `reversals`: the path has as many reversals as fit
+    """
 
     low_c: float
     high_c: float
     rate_c_per_s: float = Field(gt=0)
+    plan: Literal["nested", "forc"] = "nested"
+    reversals: int | None = Field(default=None, ge=2, le=40)
+    duration_s: float | None = Field(default=None, gt=0, le=86_400)
+
+    @model_validator(mode="after")
+    def _one_size(self) -> Self:
+        if self.reversals is not None and self.duration_s is not None:
+            raise ValueError(
+                f"reversals = {self.reversals} and duration_s = {self.duration_s:g} exclude each other: give one"
+            )
+        return self
 
 
 class FeedbackConfig(Section):

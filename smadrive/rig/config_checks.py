@@ -28,6 +28,7 @@ from smadrive.control.controllers.step import ManualStep
 from smadrive.devices.heater import DERATE_C
 from smadrive.errors import ConfigError
 from smadrive.rig.config import RigConfig
+from smadrive.rig.controllers import excitation_path
 from smadrive.wire.data_sheet import WireDataSheet
 from smadrive.wire.heat_balance import HeatBalance
 
@@ -129,6 +130,12 @@ def _check_voltage(config: RigConfig, balance: HeatBalance, held_a: float) -> No
             limit=f"{least_v:.2g} to {most_v:.2g} V",
             cure=f"set voltage_max_v to about {1.25 * needed_v:.2g} V. Is the limit in volts?",
         )
+
+
+def check_excitation_time(config: RigConfig, wire: WireDataSheet) -> None:
+    """Raise ConfigError if the identification experiment of a cold wire does not fit into its `duration_s`."""
+    if config.excitation.duration_s is not None:
+        excitation_path(config.excitation, wire.ambient_c)
 
 
 def check_step(step: ManualStep, config: RigConfig, wire: WireDataSheet) -> tuple[str, ...]:

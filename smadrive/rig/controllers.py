@@ -13,12 +13,29 @@ from smadrive.control.feedforward.displacement import DisplacementInverse
 from smadrive.control.references.reference import Reference
 from smadrive.hysteresis import IdentifiedModel
 from smadrive.identification.excitation import Excitation
-from smadrive.rig.config import RigConfig
+from smadrive.identification.excitation_plans import planned_excitation
+from smadrive.rig.config import ExcitationConfig, RigConfig
 from smadrive.wire.heat_balance import HeatBalance
 from smadrive.wire.wire_model import WireModel
 
 EXCITATION_SLOWER = 2.0
 """Before the wire is identified, the temperature loop is slower by this factor."""
+
+
+def excitation_path(config: ExcitationConfig, start_c: float) -> Excitation:
+    """Return the path of the identification experiment for a wire at `start_c`.
+
+    ConfigError if the experiment is impossible in its `duration_s`.
+    """
+    return planned_excitation(
+        config.plan,
+        config.low_c,
+        config.high_c,
+        config.rate_c_per_s,
+        min(start_c, config.high_c),
+        reversals=config.reversals,
+        duration_s=config.duration_s,
+    )
 
 
 def excitation_controller(config: RigConfig, excitation: Excitation, balance: HeatBalance) -> TemperatureController:

@@ -22,13 +22,13 @@ from smadrive.devices.state.latch import TripLatch
 from smadrive.devices.stopping.listener import StopListener
 from smadrive.errors import ConfigError, SafetyError
 from smadrive.hysteresis import HysteresisModel, IdentifiedModel
-from smadrive.identification.excitation import Excitation, nested_reversals
+from smadrive.identification.excitation import Excitation
 from smadrive.measurement import Measurement
 from smadrive.modbus.transports.transport import Transport
 from smadrive.rig.assembly import open_devices
 from smadrive.rig.config import RigConfig
-from smadrive.rig.config_checks import check_limits, check_same_wire
-from smadrive.rig.controllers import excitation_controller, tracking_controller
+from smadrive.rig.config_checks import check_excitation_time, check_limits, check_same_wire
+from smadrive.rig.controllers import excitation_controller, excitation_path, tracking_controller
 from smadrive.rig.plan import plan_rig
 from smadrive.rig.supervision import supervisor
 from smadrive.safety.faults import CLEAR
@@ -64,6 +64,7 @@ class Rig:
         self._where = f"rig '{config.name}'"
         self.data_sheet = load_data_sheet(config.wire)
         check_limits(config, self.data_sheet)
+        check_excitation_time(config, self.data_sheet)
         self.nominal_balance = self.data_sheet.heat_balance()
         self._clock = clock
         self._transports = transports or {}
@@ -126,8 +127,7 @@ class Rig:
 
     def excitation(self, start_c: float) -> Excitation:
         """Return the identification experiment of the rig file. The wire is at `start_c` (°C) now."""
-        plan = self.config.excitation
-        return nested_reversals(plan.low_c, plan.high_c, plan.rate_c_per_s, min(start_c, plan.high_c))
+        return excitation_path(self.config.excitation, start_c)
 
     def excite(self, excitation: Excitation, record: Record) -> LoopMetrics:
         """Run the identification experiment, and pass every tick to `record`. Return the metrics of the loop."""

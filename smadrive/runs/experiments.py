@@ -23,7 +23,7 @@ from smadrive.errors import ProtocolError, TransportError
 from smadrive.files.csv_table import read_table
 from smadrive.files.kinds import TABLE
 from smadrive.hysteresis import HysteresisModel
-from smadrive.identification.excitation import check_may_excite
+from smadrive.identification.excitation import Excitation, check_may_excite
 from smadrive.measurement import Measurement
 from smadrive.rig.config_checks import check_step
 from smadrive.rig.controllers import step_controller, tracking_settings
@@ -71,11 +71,19 @@ class PlannedTracking:
     cycling: Cycling | None = None
 
 
-def excite(log_file: Path, rig: Rig, watch: Watch) -> LoopMetrics:
-    """Run the identification experiment of `rig` and record it in `log_file`. TripError after a trip."""
+def plan_excitation(rig: Rig) -> Excitation:
+    """Return the identification experiment of `rig` from its present temperature. Nothing is heated.
+
+    ConfigError when the experiment is impossible.
+    """
     measured = rig.measure()
     excitation = rig.excitation(measured.temperature_c)
     check_may_excite(excitation, rig.nominal_balance, rig.config.limits.current_max_a, measured)
+    return excitation
+
+
+def excite(log_file: Path, rig: Rig, excitation: Excitation, watch: Watch) -> LoopMetrics:
+    """Run an identification experiment and record it in `log_file`. TripError after a trip."""
     with (
         record_excitation(log_file, rig, excitation) as recorder,
         watch(recorder, excitation.duration_s) as record,

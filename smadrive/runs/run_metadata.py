@@ -97,7 +97,9 @@ def wire_of(log: Log) -> IdentifiedWire:
 
 
 def _excitation(values: dict[str, Any]) -> Excitation:
-    return Excitation(tuple(map(float, values["turning_points_c"])), float(values["rate_c_per_s"]))
+    """Return the excitation. A log of version 0.1 does not name the plan, which was `nested` there."""
+    points = tuple(map(float, values["turning_points_c"]))
+    return Excitation(points, float(values["rate_c_per_s"]), str(values.get("plan", "nested")))
 
 
 def _reference(values: dict[str, Any]) -> Reference:

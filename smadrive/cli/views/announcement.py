@@ -9,7 +9,9 @@ from pathlib import Path
 
 from smadrive.cli.output import Output
 from smadrive.clock import Clock, VirtualClock
+from smadrive.display.card import count_text
 from smadrive.errors import StoppedError
+from smadrive.identification.excitation import Excitation
 from smadrive.rig.rig import Record
 from smadrive.runs.experiments import Watch
 from smadrive.runs.run_log import TickRecorder
@@ -22,14 +24,24 @@ def announce(output: Output, log_file: Path, what: str, duration_s: float, clock
     output.say(f"{log_file}: {what} {lasts}")
 
 
-def announced(output: Output, log_file: Path, what: str, clock: Clock, watch: Watch) -> Watch:
-    """Return `watch` (the display of an experiment), preceded by the announcement."""
+def announced(
+    output: Output, log_file: Path, what: str, clock: Clock, watch: Watch, excitation: Excitation | None = None
+) -> Watch:
+    """Return `watch` (the display of an experiment), preceded by the announcement, and by that of an excitation."""
 
     def both(recorder: TickRecorder, duration_s: float) -> AbstractContextManager[Record]:
         announce(output, log_file, what, duration_s, clock)
+        if excitation is not None:
+            announce_excitation(output, excitation)
         return watch(recorder, duration_s)
 
     return both
+
+
+def announce_excitation(output: Output, excitation: Excitation) -> None:
+    """Print plan, number of reversal curves and duration of an identification experiment."""
+    curves = count_text(excitation.reversal_curves, "reversal curve")
+    output.say(f"excitation: plan {excitation.plan}, {curves}, {excitation.duration_s:.0f} s")
 
 
 @contextmanager

@@ -18,7 +18,7 @@ from smadrive.control.loop import LoopMetrics
 from smadrive.errors import ControllerError, StoppedError
 from smadrive.real_time import use_real_time_scheduling
 from smadrive.rig.rig import Rig
-from smadrive.runs.experiments import drive, excite, heat, plan_tracking, track
+from smadrive.runs.experiments import drive, excite, heat, plan_excitation, plan_tracking, track
 from smadrive.scripting.loop.messages import (
     AnyScriptRequest,
     ClearFaultsRequest,
@@ -92,7 +92,7 @@ def carried_out(request: AnyScriptRequest, rig: Rig, link: ScriptLink) -> Any:
         case MeasureRequest():
             return rig.measure()
         case ExciteRequest(log_file=log_file):
-            return _counts(excite(log_file, rig, link.watch))
+            return _counts(excite(log_file, rig, plan_excitation(rig), link.watch))
         case HeatRequest(log_file=log_file, step=step):
             return _counts(heat(log_file, rig, step, link.watch))
         case TrackRequest(log_file=log_file, reference=reference, wire=wire, smooth=smooth, cycling=cycling):

@@ -17,6 +17,7 @@ from smadrive.control.references.shapes import SHAPES
 from smadrive.hysteresis import DuhemModel, save_model
 from smadrive.hysteresis.certificate import Certificate
 from smadrive.runs.log.reader import read_log
+from smadrive.runs.run_metadata import excitation_of
 from smadrive.safety.shutdown import CONFIRMED
 
 ROOT = Path(__file__).parents[3]
@@ -223,6 +224,23 @@ def test_tripped_excitation_prints_its_metrics_until_the_trip_and_the_trip(limit
     assert (result["trips"], result["ticks"]) == (1, read_log(tmp_path / "short.h5").column("time_s").size)
     assert result["tripped"].startswith("fault 11:")
     assert result["tripped"] in done.stderr
+    assert (result["plan"], result["reversal_curves"]) == ("nested", 20)
+
+
+def test_excitation_is_announced_with_plan_curves_and_duration(tmp_path):
+    planned = 'rate_c_per_s = 6.0\nplan = "forc"\nduration_s = 300.0'
+    (tmp_path / "forc.toml").write_text(rig_text("rate_c_per_s = 6.0", planned, rig="in-process"))
+    done = smadrive("excite", "forc.toml", "-o", "forc.h5", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    excitation = excitation_of(read_log(tmp_path / "forc.h5"))
+    assert excitation.plan == "forc"
+    assert excitation.duration_s <= 300.0
+    announced = done.stdout.splitlines()[1]
+    assert re.findall(r"forc|\d+", announced) == [
+        "forc",
+        str(excitation.reversal_curves),
+        f"{excitation.duration_s:.0f}",
+    ]
 
 
 def test_run_warns_that_only_tune_adapts_the_rules(track, tmp_path):

@@ -8,7 +8,7 @@ import pytest
 from smadrive.control.controllers.feedback import PIGains
 from smadrive.control.controllers.temperature import LAGS_C, STALLS_S, TemperatureController
 from smadrive.errors import IdentificationError
-from smadrive.identification.excitation import nested_reversals
+from smadrive.identification.excitation_plans import nested_reversals
 from smadrive.measurement import Measurement
 from smadrive.wire.heat_balance import HeatBalance
 

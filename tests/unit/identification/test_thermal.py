@@ -8,7 +8,8 @@ import pytest
 
 from smadrive.errors import ConfigError, IdentificationError
 from smadrive.hysteresis import DuhemModel
-from smadrive.identification.excitation import ExcitationRecord, check_may_excite, nested_reversals
+from smadrive.identification.excitation import ExcitationRecord, check_may_excite
+from smadrive.identification.excitation_plans import nested_reversals
 from smadrive.identification.thermal import FIT, identify_thermal
 from smadrive.measurement import Measurement
 from smadrive.wire.heat_balance import HeatBalance

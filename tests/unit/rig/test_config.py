@@ -146,6 +146,32 @@ def test_slow_rig_has_a_slower_temperature_loop(folder):
     assert load_rig(edited(folder, rate_hz=5.0, limits={"watchdog_s": 1.0})).feedback.closed_loop_s == 0.5
 
 
+def test_excitation_is_nested_unless_the_file_sets_its_plan(folder):
+    excitation = load_rig(edited(folder)).excitation
+    assert (excitation.plan, excitation.reversals, excitation.duration_s) == ("nested", None, None)
+    excitation = load_rig(edited(folder, excitation={"plan": "forc", "duration_s": 600.0})).excitation
+    assert (excitation.plan, excitation.reversals, excitation.duration_s) == ("forc", None, 600.0)
+
+
+@pytest.mark.parametrize(
+    ("excitation", "key"),
+    [
+        ({"plan": "spiral"}, r"excitation\.plan"),
+        ({"plans": "forc"}, r"excitation\.plans: .*'plan'"),
+        ({"duration": 600.0}, r"excitation\.duration: .*'duration_s'"),
+        ({"duration_s": 0.0}, r"excitation\.duration_s"),
+        ({"duration_s": 86_401.0}, r"excitation\.duration_s"),
+        ({"duration_s": "600"}, r"duration_s"),
+        ({"reversals": 1}, r"excitation\.reversals"),
+        ({"reversals": 41}, r"excitation\.reversals"),
+        ({"reversals": 5, "duration_s": 600.0}, "reversals = 5 and duration_s = 600 .*: give one"),
+    ],
+)
+def test_wrong_plan_of_the_excitation_is_an_error_with_its_key(folder, excitation, key):
+    with pytest.raises(ConfigError, match=key):
+        load_rig(edited(folder, excitation=excitation))
+
+
 def test_off_reads_the_addresses_of_a_rig_file_with_other_errors(folder):
     config = load_off_config(edited(folder, rate_hz="fast", limits={"temperature_max_c": "hot"}))
     assert [device.name for device in config.devices] == ["board"]

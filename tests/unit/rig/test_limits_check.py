@@ -64,6 +64,16 @@ def test_implausible_limit_is_an_error_with_value_and_limit(limits, excitation, 
     assert error.cure
 
 
+@pytest.mark.parametrize("plan", ["nested", "forc"])
+def test_excitation_that_does_not_fit_into_its_time_is_an_error_before_a_port_is_opened(plan):
+    with pytest.raises(ConfigError) as caught:
+        Rig(rig_with({}, {"plan": plan, "duration_s": 100.0}))
+    assert (caught.value.where, caught.value.value) == ("excitation.duration_s", "100 s")
+    shortest_s = float(caught.value.cure.split()[-1])
+    rig = Rig(rig_with({}, {"plan": plan, "duration_s": shortest_s}))
+    assert shortest_s - 1.0 < rig.excitation(rig.data_sheet.ambient_c).duration_s <= shortest_s
+
+
 @pytest.mark.parametrize(
     ("limits", "hint"),
     [

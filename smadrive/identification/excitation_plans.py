@@ -1,0 +1,155 @@
+"""The plans of the identification experiment, and the number of their reversals that fits into a time.
+
+**nested**. A major loop alone does not determine both parameters a and b of a rule, because w is a function of v on
+each of its branches. So after two major loops the path makes inner loops, which shrink towards the middle: first from
+the lowest temperature, then from the highest. So heating and cooling curves start from every depth of transformation.
+
+**forc**. After the major loop the path makes first-order reversal curves: it heats from low_c to M_k and cools back to
+low_c. While a Preisach wire cools from M_k, it follows its Everett function E (Mayergoyz 1986):
+
+    falling   w(v) = w(M_k) - E(M_k, v)          rising   w(v) = w(m_k) + E(v, m_k)
+
+So two neighbouring falling curves determine the cells of the Preisach plane between their reversals. But all falling
+curves begin on one heating branch, and a Duhem rule for heating is not determined there. So rising curves follow: from
+high_c to m_k, and back. They are fewer, because the falling curves determine most of the plane. A wire transforms at
+higher temperatures while it heats than while it cools. So M_k leaves out the lowest part of the range (`FOOT_SHARE`),
+and m_k leaves out the highest part. Each set covers the part of the plane that the other set leaves out.
+
+The falling curves come first, then the rising curves; they do not alternate. A falling curve begins and ends at low_c,
+a rising curve at high_c. Each rising curve between two falling curves would take a major loop more, and a major loop
+takes longer than a curve. With two sets, the way between them and the way back are a second major loop; it shows the
+drift since the first. Within a set, the path takes every second reversal temperature on the way up, and the others on
+the way down. So a drift does not look like an effect of M_k, and half a set still covers the range.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import takewhile
+from math import ceil, isfinite
+from typing import NamedTuple
+
+from smadrive.errors import ConfigError
+from smadrive.identification.excitation import Excitation, path_length_k
+
+FOOT_SHARE = 0.25
+"""This part of the range, at its foot for M_k and at its head for m_k, has no reversals."""
+
+FALLING_PER_RISING = 3
+"""The number of falling curves for each rising curve."""
+
+MOST_REVERSALS = 40
+"""The largest number of reversals that is planned for a time. More reversals are closer than the wire is controlled."""
+
+
+class ExcitationPlan(NamedTuple):
+    """A plan: its turning points from low_c, high_c, start_c and a number of reversals.
+
+    turning_points_c    returns the turning points
+    usual               number of reversals, if neither the number nor a time is given
+    fewest              smallest number of reversals that is planned for a time
+    """
+
+    turning_points_c: Callable[[float, float, float, int], tuple[float, ...]]
+    usual: int
+    fewest: int
+
+
+def planned_excitation(
+    plan: str,
+    low_c: float,
+    high_c: float,
+    rate_c_per_s: float,
+    start_c: float,
+    *,
+    reversals: int | None = None,
+    duration_s: float | None = None,
+) -> Excitation:
+    """Return the path of `plan`, with `reversals` or with as many reversals as fit into `duration_s`.
+
+    The path starts at `start_c`, the present temperature of the wire. With neither number it has the usual number of
+    reversals. ConfigError unless `high_c` exceeds `low_c`, and if the smallest path lasts longer than `duration_s`.
+    """
+    _check_range(low_c, high_c)
+    turning_points_c, usual, _ = PLANS[plan]
+    if duration_s is not None:
+        timed_from_c = start_c if isfinite(start_c) else low_c  # a thermocouple fault is not an error of the plan
+        reversals = _most_reversals(PLANS[plan], low_c, high_c, timed_from_c, rate_c_per_s, duration_s)
+    points = turning_points_c(low_c, high_c, start_c, usual if reversals is None else reversals)
+    return Excitation(points, rate_c_per_s, plan)
+
+
+def nested_reversals(
+    low_c: float, high_c: float, rate_c_per_s: float, start_c: float, *, major_loops: int = 2, reversals: int = 5
+) -> Excitation:
+    """Return the path of an excitation: `major_loops` full loops, then shrinking inner loops.
+
+    The path enters the inner loops first from `low_c`, then from `high_c`, each time with `reversals` loops. It starts
+    at `start_c`, the present temperature of the wire. ConfigError unless `high_c` exceeds `low_c`.
+    """
+    _check_range(low_c, high_c)
+    return Excitation(_nested(low_c, high_c, start_c, reversals, major_loops), rate_c_per_s, "nested")
+
+
+def _check_range(low_c: float, high_c: float) -> None:
+    if not high_c > low_c:
+        raise ConfigError("must exceed low_c", where="excitation.high_c", value=high_c, limit=low_c)
+
+
+def _most_reversals(
+    plan: ExcitationPlan, low_c: float, high_c: float, start_c: float, rate_c_per_s: float, duration_s: float
+) -> int:
+    """Return the largest number of reversals whose path lasts at most `duration_s`. ConfigError if none does."""
+
+    def lasts_s(reversals: int) -> float:
+        return path_length_k(plan.turning_points_c(low_c, high_c, start_c, reversals)) / rate_c_per_s
+
+    numbers = range(plan.fewest, MOST_REVERSALS + 1)
+    fitting = list(takewhile(lambda number: lasts_s(number) <= duration_s, numbers))
+    if not fitting:
+        shortest_s = lasts_s(plan.fewest)
+        raise ConfigError(
+            f"too short for {plan.fewest} reversals, the fewest of this plan",
+            where="excitation.duration_s",
+            value=f"{duration_s:g} s",
+            limit=f"at least {ceil(shortest_s)} s at rate_c_per_s = {rate_c_per_s:g}",
+            cure=f"raise duration_s to {ceil(shortest_s)}",
+        )
+    return fitting[-1]
+
+
+def _nested(low_c: float, high_c: float, start_c: float, reversals: int, major_loops: int = 2) -> tuple[float, ...]:
+    points = [start_c, *[high_c, low_c] * major_loops]
+    middle_c = 0.5 * (low_c + high_c)
+    shrinking = [(high_c - middle_c) * (reversals - n) / (reversals + 1) for n in range(reversals)]
+    for half_c in shrinking:
+        points += [middle_c + half_c, middle_c - half_c]
+    points += [low_c, high_c]
+    for half_c in shrinking:
+        points += [middle_c - half_c, middle_c + half_c]
+    return (*points, high_c, low_c)
+
+
+def _first_order(low_c: float, high_c: float, start_c: float, reversals: int) -> tuple[float, ...]:
+    inner_k = (1.0 - FOOT_SHARE) * (high_c - low_c)
+    points = [start_c, high_c, low_c]
+    for depth in _up_and_down(_depths(reversals)[::-1]):
+        points += [high_c - inner_k * depth, low_c]
+    points.append(high_c)
+    for depth in _up_and_down(_depths(ceil(reversals / FALLING_PER_RISING))[::-1]):
+        points += [low_c + inner_k * depth, high_c]
+    return (*points, low_c)
+
+
+def _depths(count: int) -> list[float]:
+    """Return `count` evenly spaced shares between 0 and 1, without these ends."""
+    return [n / (count + 1) for n in range(1, count + 1)]
+
+
+def _up_and_down(values: Sequence[float]) -> list[float]:
+    """Return every second value in order, then the others in reverse order."""
+    return [*values[::2], *values[1::2][::-1]]
+
+
+PLANS = {"nested": ExcitationPlan(_nested, 5, 2), "forc": ExcitationPlan(_first_order, 15, 5)}
+"""The plans by their names in the rig file."""
