@@ -92,8 +92,8 @@ def _chosen(record: Record, fit_these: FitRules) -> tuple[Model, float, MemoryCh
 def _too_few_loops(record: Record, misfit_percent: float) -> str:
     loops = int(loops_of(record)[-1]) + 1
     return (
-        f"the rules leave {misfit_percent:.2g} % RMS, and {loops} loops are too few to tell whether the wire remembers "
-        f"its turning points: record {LEAST_LOOPS} loops or more"
+        f"the rules leave {misfit_percent:.2g} % RMS, and the record has {loops} of the {LEAST_LOOPS} loops that are "
+        "needed to tell whether the wire remembers its turning points: record more inner loops"
     )
 
 
