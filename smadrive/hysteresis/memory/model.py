@@ -134,7 +134,7 @@ class TSFuzzyPreisach(HysteresisModel):
         lower, upper = self.input_range
 
         def excess(turn: float) -> float:
-            return self.plane.branch(turn, rising=False) + self.plane.share(v, turn) - p
+            return self.plane.branch(turn, rising=False) + self.plane.everett(v, turn) - p
 
         if excess(lower) >= -_ROUNDING:
             return (lower,)
@@ -162,8 +162,8 @@ class TSFuzzyPreisach(HysteresisModel):
     def _change(self, turn: float, start: float, end: float, rising: bool) -> float:
         """Return the change of p while the input moves from `start` to `end` on the section that began at `turn`."""
         if rising:
-            return self.plane.share(end, turn) - self.plane.share(start, turn)
-        return self.plane.share(turn, start) - self.plane.share(turn, end)
+            return self.plane.everett(end, turn) - self.plane.everett(start, turn)
+        return self.plane.everett(turn, start) - self.plane.everett(turn, end)
 
     def shifted(self, state: HysteresisState, v: float, direction: int) -> HysteresisState:
         """See HysteresisModel. The shift follows the present section, also backwards, and makes no turning point."""

@@ -55,17 +55,17 @@ class PreisachPlane:
     """The mass of the relays, `mass` (up_thresholds - 1, down_thresholds - 1), in the cells between the thresholds.
 
     The thresholds are ascending and have the unit of v. The masses are not negative, and their sum is 1. ModelError for
-    other values, and for a mass in a cell with α < β.
+    other values, and for a mass in a cell with α < β. `table` holds E at the thresholds.
     """
 
     def __init__(self, up_thresholds: ArrayLike, down_thresholds: ArrayLike, mass: ArrayLike) -> None:
         self.up_thresholds = _thresholds("up_thresholds", up_thresholds)
         self.down_thresholds = _thresholds("down_thresholds", down_thresholds)
         self.mass = _masses(mass, self.up_thresholds, self.down_thresholds)
-        everett = np.zeros((len(self.up_thresholds), len(self.down_thresholds)))
-        everett[1:, :-1] = np.cumsum(np.cumsum(self.mass[:, ::-1], axis=1)[:, ::-1], axis=0)
-        self.everett = everett
-        self._rows: list[list[float]] = everett.tolist()
+        table = np.zeros((len(self.up_thresholds), len(self.down_thresholds)))
+        table[1:, :-1] = np.cumsum(np.cumsum(self.mass[:, ::-1], axis=1)[:, ::-1], axis=0)
+        self.table = table
+        self._rows: list[list[float]] = table.tolist()
         self._up: list[float] = self.up_thresholds.tolist()
         self._down: list[float] = self.down_thresholds.tolist()
         self._last_up, self._last_down = len(self._up) - 2, len(self._down) - 2
@@ -75,8 +75,8 @@ class PreisachPlane:
         """The rules whose consequent is not 0, those for rising input first."""
         found = []
         for direction, cells, turns, table in (
-            (1, self._up, self._down, np.diff(self.everett, axis=0)),
-            (-1, self._down, self._up, -np.diff(self.everett, axis=1).T),
+            (1, self._up, self._down, np.diff(self.table, axis=0)),
+            (-1, self._down, self._up, -np.diff(self.table, axis=1).T),
         ):
             slopes = table / np.diff(cells)[:, None]
             for cell, place in np.argwhere(slopes > 0).tolist():
@@ -84,7 +84,7 @@ class PreisachPlane:
                 found.append(MemoryRule(cells[cell], cells[cell + 1], direction, turns[place], b))
         return tuple(found)
 
-    def share(self, a: float, b: float) -> float:
+    def everett(self, a: float, b: float) -> float:
         """Return E(a, b)."""
         up, down = self._up, self._down
         if a <= up[0] or b >= down[-1]:
@@ -97,14 +97,14 @@ class PreisachPlane:
         low = row[j] + t * (row[j + 1] - row[j])
         return low + s * (above[j] + t * (above[j + 1] - above[j]) - low)
 
-    def shares(self, a: FloatArray, b: FloatArray) -> FloatArray:
+    def everett_values(self, a: FloatArray, b: FloatArray) -> FloatArray:
         """Return E(a, b) for arrays of one shape."""
         i, s = _place(self.up_thresholds, a)
         j, t = _place(self.down_thresholds, b)
-        table, columns = self.everett.ravel(), self.everett.shape[1]
+        values, columns = self.table.ravel(), self.table.shape[1]
         corner = i * columns + j
-        low = (1 - t) * table.take(corner) + t * table.take(corner + 1)
-        high = (1 - t) * table.take(corner + columns) + t * table.take(corner + columns + 1)
+        low = (1 - t) * values.take(corner) + t * values.take(corner + 1)
+        high = (1 - t) * values.take(corner + columns) + t * values.take(corner + columns + 1)
         return np.asarray((1 - s) * low + s * high)
 
     def slope(self, v: float, turn: float, *, rising: bool) -> float:
@@ -115,22 +115,22 @@ class PreisachPlane:
                 return 0.0
             i = min(bisect_right(up, v) - 1, self._last_up)
             width = up[i + 1] - up[i]
-            return (self.share(up[i + 1], turn) - self.share(up[i], turn)) / width
+            return (self.everett(up[i + 1], turn) - self.everett(up[i], turn)) / width
         if not down[0] <= v <= down[-1] or turn <= up[0]:
             return 0.0
         j = min(bisect_right(down, v) - 1, self._last_down)
         width = down[j + 1] - down[j]
-        return (self.share(turn, down[j]) - self.share(turn, down[j + 1])) / width
+        return (self.everett(turn, down[j]) - self.everett(turn, down[j + 1])) / width
 
     def branch(self, v: float, *, rising: bool) -> float:
         """Return p on a branch of the major loop: heating if `rising`, otherwise cooling."""
-        return self.share(v, self._down[0]) if rising else 1.0 - self.share(self._up[-1], v)
+        return self.everett(v, self._down[0]) if rising else 1.0 - self.everett(self._up[-1], v)
 
     def branches(self, v: FloatArray, *, rising: bool) -> FloatArray:
         """Return p on a branch of the major loop at the inputs `v`."""
         if rising:
-            return self.shares(v, np.full_like(v, self._down[0]))
-        return np.asarray(1.0 - self.shares(np.full_like(v, self._up[-1]), v))
+            return self.everett_values(v, np.full_like(v, self._down[0]))
+        return np.asarray(1.0 - self.everett_values(np.full_like(v, self._up[-1]), v))
 
 
 def _place(thresholds: FloatArray, v: FloatArray) -> tuple[np.ndarray, FloatArray]:

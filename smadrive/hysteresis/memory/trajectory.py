@@ -33,7 +33,7 @@ def _moving_states(plane: PreisachPlane, path: FloatArray, start: Memory) -> Flo
     turns, bases = np.repeat(turn, lengths), np.repeat(base, lengths)
     inputs = path[1:]
     sign = np.where(rising, 1.0, -1.0)
-    states[1:] = bases + sign * plane.shares(np.where(rising, inputs, turns), np.where(rising, turns, inputs))
+    states[1:] = bases + sign * plane.everett_values(np.where(rising, inputs, turns), np.where(rising, turns, inputs))
     return states
 
 
@@ -54,11 +54,11 @@ def _events(
         upward = len(turns) % 2 == 1 if len(turns) == 1 else up
         inside, sample = path[ends[section] + 1 : ends[section + 1] + 1], ends[section] + 1
         for at, reached in parts:
-            constant = p - plane.share(begin, at) if up else p + plane.share(at, begin)
+            constant = p - plane.everett(begin, at) if up else p + plane.everett(at, begin)
             first.append(sample)
             turn.append(at)
             base.append(constant)
-            p = constant + plane.share(reached, at) if up else constant - plane.share(at, reached)
+            p = constant + plane.everett(reached, at) if up else constant - plane.everett(at, reached)
             begin = reached
             passed = np.searchsorted(inside, reached, "right") if up else np.searchsorted(-inside, -reached, "right")
             sample = ends[section] + 1 + int(passed)
