@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from smadrive.errors import IdentificationError
-from smadrive.hysteresis import TSFuzzyDuhem
+from smadrive.hysteresis import TSFuzzyDuhem, TSFuzzyPreisach
 from smadrive.identification.memory.candidates import FitRules, Model, plane_alone, rules_and_plane
 from smadrive.identification.quality.fit import Fit, judge
 from smadrive.identification.record import Record, prepare
@@ -137,7 +137,8 @@ def choose(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float
     both = _held_out(record, candidates[2])
     memory, best = (2, both) if both < _both_pay(record) * plane else (1, plane)
     chosen = memory if best < _MEMORY_PAYS * without else 0
-    return *candidates[chosen](record), MemoryChoice(sets if chosen else 1, best, without)
+    model, y0 = candidates[chosen](record)
+    return model, y0, MemoryChoice(_sets_of(model, sets), best, without)
 
 
 def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
@@ -145,7 +146,13 @@ def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, 
     _, *candidates = _candidates(sets, fit_rules)
     fits = [fit(record) for fit in candidates]
     plane, both = (record.misfit(*fit) for fit in fits)
-    return *fits[1 if both < _both_pay(record) * plane else 0], MemoryChoice(sets, nan, nan)
+    model, y0 = fits[1 if both < _both_pay(record) * plane else 0]
+    return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan)
+
+
+def _sets_of(model: Model, sets: int) -> int:
+    """Return the number of sets of the last turning point: 1 if the fit found no memory."""
+    return sets if isinstance(model, TSFuzzyPreisach) else 1
 
 
 def _both_pay(record: Record) -> float:

@@ -51,6 +51,13 @@ def test_a_given_number_of_sets_is_used(rng):
     assert identify_memory(v, wire.simulate(v), memory=1).memory.sets == 1
 
 
+def test_memory_that_is_not_there_is_not_claimed(rng):
+    v = nested_loops(rng, samples=900)
+    fit = identify_memory(v, DUHEM.simulate(v), memory=8)
+    assert fit.memory.sets == (8 if isinstance(fit.model, TSFuzzyPreisach) else 1)
+    assert not isinstance(fit.model, TSFuzzyPreisach) or fit.model.share < 0.1
+
+
 def test_too_few_loops_are_told(rng):
     wire, v = MixedWire(0.0, 0.0, rng), path([COLD, 110.0, 50.0, 90.0, 60.0, 80.0, 50.0], 900)
     fit = identify_memory(v, wire.simulate(v))
@@ -67,33 +74,27 @@ def test_an_impossible_number_of_sets_is_refused(rng, memory):
 
 
 @pytest.mark.exhaustive
+@pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize(("noise_c", "noise", "bounds"), [(0.0, 0.0, (0.6, 1.5, 5.0)), (0.1, 0.002, (0.8, 1.8, 6.0))])
-def test_unseen_loops_of_preisach_wires(noise_c, noise, bounds):
-    rng, medians, worst = np.random.default_rng(5), [], []
-    for _ in range(10):
-        wire, v = MixedWire(0.0, rng.uniform(0.0, 0.9), rng), reversal_curves()
-        y = wire.simulate(v) + noise * rng.standard_normal(len(v))
-        fit = identify_memory(v + noise_c * rng.standard_normal(len(v)), y)
-        errors = errors_on_unseen_loops(fit.model, wire, rng, 30)
-        medians.append(np.median(errors[:, 0]))
-        worst.append(errors.max(axis=0))
-    rms_worst, worst_of_all = np.max(worst, axis=0)
-    print(f"unseen loops: median {np.median(medians):.2f}, worst {rms_worst:.2f}, largest {worst_of_all:.2f} %")
-    assert np.median(medians) <= bounds[0]
-    assert rms_worst <= bounds[1]
-    assert worst_of_all <= bounds[2]
+def test_unseen_loops_of_preisach_wires(seed, noise_c, noise, bounds):
+    rng = np.random.default_rng(seed)
+    wire, v = MixedWire(0.0, rng.uniform(0.0, 0.9), rng), reversal_curves()
+    y = wire.simulate(v) + noise * rng.standard_normal(len(v))
+    fit = identify_memory(v + noise_c * rng.standard_normal(len(v)), y)
+    errors = errors_on_unseen_loops(fit.model, wire, rng, 30)
+    rms, largest = errors.max(axis=0)
+    print(f"unseen loops: median {np.median(errors[:, 0]):.2f}, worst {rms:.2f}, largest {largest:.2f} %")
+    assert np.median(errors[:, 0]) <= bounds[0]
+    assert rms <= bounds[1]
+    assert largest <= bounds[2]
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("theta", [0.25, 0.5, 0.75])
+@pytest.mark.parametrize("theta", [0.5, 0.75])
 def test_unseen_loops_of_mixtures(theta):
-    rng, medians, worst = np.random.default_rng(6), [], []
-    for _ in range(4):
-        wire, v = MixedWire(theta, rng.uniform(0.0, 0.9), rng), nested_loops(rng)
-        fit = identify_memory(v, wire.simulate(v))
-        errors = errors_on_unseen_loops(fit.model, wire, rng, 30)
-        medians.append(np.median(errors[:, 0]))
-        worst.append(errors[:, 0].max())
-    print(f"unseen loops, {theta:.0%} Duhem: median {np.median(medians):.2f}, worst {np.max(worst):.2f} %")
-    assert np.median(medians) <= 0.8
-    assert np.max(worst) <= 2.0
+    rng = np.random.default_rng(6)
+    wire, v = MixedWire(theta, rng.uniform(0.0, 0.9), rng), nested_loops(rng)
+    errors = errors_on_unseen_loops(identify_memory(v, wire.simulate(v)).model, wire, rng, 30)
+    print(f"unseen loops, {theta:.0%} Duhem: median {np.median(errors[:, 0]):.2f}, worst {errors[:, 0].max():.2f} %")
+    assert np.median(errors[:, 0]) <= 0.8
+    assert errors[:, 0].max() <= 2.0
