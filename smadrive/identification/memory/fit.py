@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from math import nan, sqrt
+from math import inf, nan, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -38,8 +38,12 @@ LEAST_LOOPS = 6
 
 _MEMORY_PAYS = 0.8  # largest held-out error with memory, as a share of that without
 _HOPELESS = 2.0  # a plane alone whose held-out error is so many times that of the rules is no part of the wire
-_BOTH_PAY, _BOTH_PAY_ONE_SIDED = 0.8, 0.35  # largest error of rules and plane, as a share of that of the plane alone
-_INSIDE = 0.1  # of the input span: a heating curve that begins further above the cold end begins inside the loop
+_BOTH_PAY = 0.8  # largest error of rules and plane, as a share of that of the plane alone
+_INSIDE = 0.1  # of the output span: a heating curve that begins further from the cold end begins inside the loop
+_ONE_SIDED = (
+    "every heating curve of the record begins at the cold end, so the model assumes that the wire returns to all its "
+    "turning points: record heating curves inside the loop, too"
+)
 _UNSEEN = 1e-6  # weight of a sample that is held out
 
 NOTHING_LEFT = 0.2
@@ -134,11 +138,13 @@ def choose(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float
     without, plane = (_held_out(record, fit) for fit in candidates[:2])
     if plane > _HOPELESS * without:
         return *candidates[0](record), MemoryChoice(1, plane, without)
-    both = _held_out(record, candidates[2])
-    memory, best = (2, both) if both < _both_pay(record) * plane else (1, plane)
+    inside = _shows_heating_inside(record)
+    both = _held_out(record, candidates[2]) if inside else inf
+    memory, best = (2, both) if both < _BOTH_PAY * plane else (1, plane)
     chosen = memory if best < _MEMORY_PAYS * without else 0
     model, y0 = candidates[chosen](record)
-    return model, y0, MemoryChoice(_sets_of(model, sets), best, without)
+    doubts = () if inside or not chosen else (_ONE_SIDED,)
+    return model, y0, MemoryChoice(_sets_of(model, sets), best, without, doubts)
 
 
 def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, float, MemoryChoice]:
@@ -146,7 +152,7 @@ def with_memory(record: Record, sets: int, fit_rules: FitRules) -> tuple[Model, 
     _, *candidates = _candidates(sets, fit_rules)
     fits = [fit(record) for fit in candidates]
     plane, both = (record.misfit(*fit) for fit in fits)
-    model, y0 = fits[1 if both < _both_pay(record) * plane else 0]
+    model, y0 = fits[1 if _shows_heating_inside(record) and both < _BOTH_PAY * plane else 0]
     return model, y0, MemoryChoice(_sets_of(model, sets), nan, nan)
 
 
@@ -155,16 +161,15 @@ def _sets_of(model: Model, sets: int) -> int:
     return sets if isinstance(model, TSFuzzyPreisach) else 1
 
 
-def _both_pay(record: Record) -> float:
-    """Return the largest error of rules and plane, as a share of that of the plane alone, at which both are chosen.
+def _shows_heating_inside(record: Record) -> bool:
+    """Return True if a heating curve of the record begins inside the loop.
 
-    If every heating curve begins at the cold end, the record shows no heating curve inside the loop. A plane alone then
-    explains nearly every record, and both need stronger evidence.
+    If every heating curve begins at the cold end, a plane alone explains nearly every record. The record then cannot
+    tell how its output divides between rules and plane.
     """
-    rises, (lower, upper) = np.diff(record.v) > 0, record.input_range
+    rises, cold_y = np.diff(record.v) > 0, record.mean_y[np.argmin(record.v)]
     begins = np.flatnonzero(rises[1:] & ~rises[:-1]) + 1
-    inside = (record.v[begins] > lower + _INSIDE * (upper - lower)).any()
-    return _BOTH_PAY if inside else _BOTH_PAY_ONE_SIDED
+    return bool((np.abs(record.mean_y[begins] - cold_y) > _INSIDE * record.output_span).any())
 
 
 def _candidates(sets: int, rules: FitRules) -> tuple[Callable[[Record], tuple[Model, float]], ...]:

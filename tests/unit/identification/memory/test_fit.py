@@ -74,22 +74,6 @@ def test_an_impossible_number_of_sets_is_refused(rng, memory):
 
 
 @pytest.mark.exhaustive
-@pytest.mark.parametrize("seed", range(5))
-@pytest.mark.parametrize(("noise_c", "noise", "bounds"), [(0.0, 0.0, (0.6, 1.5, 5.0)), (0.1, 0.002, (0.8, 1.8, 6.0))])
-def test_unseen_loops_of_preisach_wires(seed, noise_c, noise, bounds):
-    rng = np.random.default_rng(seed)
-    wire, v = MixedWire(0.0, rng.uniform(0.0, 0.9), rng), reversal_curves()
-    y = wire.simulate(v) + noise * rng.standard_normal(len(v))
-    fit = identify_memory(v + noise_c * rng.standard_normal(len(v)), y)
-    errors = errors_on_unseen_loops(fit.model, wire, rng, 30)
-    rms, largest = errors.max(axis=0)
-    print(f"unseen loops: median {np.median(errors[:, 0]):.2f}, worst {rms:.2f}, largest {largest:.2f} %")
-    assert np.median(errors[:, 0]) <= bounds[0]
-    assert rms <= bounds[1]
-    assert largest <= bounds[2]
-
-
-@pytest.mark.exhaustive
 @pytest.mark.parametrize("theta", [0.5, 0.75])
 def test_unseen_loops_of_mixtures(theta):
     rng = np.random.default_rng(6)
