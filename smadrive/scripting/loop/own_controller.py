@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextlib import AbstractContextManager, nullcontext
-from math import isfinite, isnan
+from math import isfinite
 from typing import Any
 
 from smadrive.control.controllers.temperature import Command
 from smadrive.errors import ConfigError, ControllerError
 from smadrive.measurement import Measurement
+from smadrive.numerics.scalars import real_number
 from smadrive.scripting.loop.messages import ScriptEndedError
 
 RETURN_A_COMMAND = "return smadrive.Command(commanded_a=…) from update"
@@ -65,11 +66,7 @@ class OwnController:
 
     def _number(self, name: str, value: object) -> float:
         """Return a part of a command as a float. ControllerError when it is not a number."""
-        try:
-            return float(value)  # type: ignore[arg-type]
-        except (TypeError, ValueError):
-            what = f"{name} of the command is not a number"
-            raise ControllerError(what, where=self.name, value=_shown(value), cure="return numbers") from None
+        return real_number(value, f"{self.name}, {name} of the command", ControllerError)
 
 
 def check_controller(controller: object, duration_s: object) -> None:
@@ -96,8 +93,8 @@ def check_controller(controller: object, duration_s: object) -> None:
 
 def _is_duration(value: Any) -> bool:
     try:
-        return float(value) > 0 and not isnan(value)
-    except (TypeError, ValueError):
+        return real_number(value, "duration_s") > 0  # false for NaN
+    except ConfigError:
         return False
 
 
